@@ -1,6 +1,5 @@
 """pymoo's population-based algorithms with this package's operators and archive."""
 
-import copy
 import inspect
 
 import numpy as np
@@ -35,26 +34,22 @@ def test_population_stays_what_pymoo_makes_it(museum):
     assert len({i.X[0] for i in result.pop}) == 30  # no duplicates
 
 
-@pytest.mark.parametrize(
-    ("repair", "kind"),
-    [
+@pytest.mark.parametrize("name", ["nsga2", "moead"])
+def test_repairs_count_what_they_did(museum, name):
+    for repair, kind in [
         ("safest-path", SafestPathRepair),
-        ("truncate", TruncateRepair),
         ("penalty", PenaltyOnly),
         (TruncateRepair(), TruncateRepair),
-    ],
-)
-@pytest.mark.parametrize("name", ["nsga2", "moead"])
-def test_repairs_by_name_count_what_they_did(museum, name, repair, kind):
-    algorithm = make_algorithm(name, pop_size=20, repair=copy.deepcopy(repair))
-    result = minimize(BOTOHE(museum, min_survival=0.1), algorithm, ("n_eval", 200), seed=1)
-    museum.evaluate(result.X.ravel())
-    counts = result.algorithm.repair.counts
-    assert type(result.algorithm.repair) is kind
-    assert counts.plans >= 180
-    assert (counts.repaired > 0) == (kind is not PenaltyOnly)
-    assert (counts.arcs_changed > 0) == (kind is not PenaltyOnly)
-    assert 0 < counts.seconds < 10
+    ]:
+        algorithm = make_algorithm(name, pop_size=20, repair=repair)
+        result = minimize(BOTOHE(museum, min_survival=0.1), algorithm, ("n_eval", 200), seed=1)
+        museum.evaluate(result.X.ravel())
+        counts = result.algorithm.repair.counts
+        assert type(result.algorithm.repair) is kind
+        assert counts.plans >= 180
+        assert (counts.repaired > 0) == (kind is not PenaltyOnly)
+        assert (counts.arcs_changed > 0) == (kind is not PenaltyOnly)
+        assert 0 < counts.seconds < 10
 
 
 def test_penalty_is_seen_in_operators_given_as_objects(museum):
@@ -66,18 +61,6 @@ def test_penalty_is_seen_in_operators_given_as_objects(museum):
         result = minimize(BOTOHE(museum), algorithm, ("n_eval", 100), seed=1)
         assert result.problem.allow_invalid
         museum.evaluate(result.X)
-
-
-@pytest.mark.parametrize("name", ["nsga2", "moead"])
-def test_objectives_that_are_no_numbers_are_refused(museum, name):
-    class Broken(BOTOHE):
-        def evaluate_batch(self, batch):
-            F = super().evaluate_batch(batch).copy()
-            F[0, 0] = np.nan
-            return F
-
-    with pytest.raises(Exception, match="Expected evaluate_batch of Broken to give finite F"):
-        minimize(Broken(museum), make_algorithm(name, pop_size=10), ("n_eval", 30), seed=1)
 
 
 def test_moead_wants_one_child_of_each_pair(museum):
@@ -125,17 +108,11 @@ def test_weights_of_operators(museum):
     assert len(minimize(BOTOHE(museum), without, ("n_eval", 50), seed=1).F) > 0
 
 
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"mutation": 3}, "Expected mutation to be a text or a mapping or of type Mutation, got 3"),
-        ({"sampling": {}}, "Expected a sampling of weight above 0"),
-        ({"corners": 1}, "Expected corners to be true or false, got 1"),
-    ],
-)
-def test_parameters_are_checked(parameters, message):
-    with pytest.raises(ValueError, match=message):
-        make_algorithm("nsga2", **parameters)
+def test_parameters_are_checked():
+    with pytest.raises(ValueError, match="mutation to be a text or a mapping or of type Mutation"):
+        make_algorithm("nsga2", mutation=3)
+    with pytest.raises(ValueError, match="Expected a sampling of weight above 0"):
+        make_algorithm("nsga2", sampling={})
 
 
 def test_moead_replaces_by_violation_first(museum):
@@ -151,7 +128,7 @@ def test_moead_replaces_by_violation_first(museum):
     assert broken > 100
 
 
-def test_classes_of_ones_own_need_no_init():
+def test_classes_of_your_own_need_no_init():
     class Plain(PopulationAlgorithm, NSGA2):
         pass
 
@@ -177,9 +154,8 @@ class TestDottedPaths:
     def test_own_parameters_reach_pymoo(self):
         assert make_algorithm("pymoo.algorithms.moo.rvea:RVEA", alpha=3.0).survival.alpha == 3.0
 
-    @pytest.mark.parametrize(
-        ("path", "message"),
-        [
+    def test_what_cannot_be_used_is_refused(self):
+        for path, message in [
             ("pymoo.nowhere:X", "cannot be imported .ModuleNotFoundError"),
             ("pymoo.algorithms.moo.cmopso:CMOPSO", "expected a population-based class of pymoo's"),
             ("pymoo.algorithms.moo.gde3:GDE3", "mates in a way of its own"),
@@ -188,8 +164,6 @@ class TestDottedPaths:
             ("pymoo.algorithms.soo.nonconvex.ga:GA", "it minimises one objective"),
             ("pymoo.algorithms.moo.ctaea:CTAEA", "it never ends where"),
             ("numpy:pi", "it does not state that it makes an Algorithm"),
-        ],
-    )
-    def test_what_cannot_be_used_is_refused(self, path, message):
-        with pytest.raises(ValueError, match=message):
-            make_algorithm(path)
+        ]:
+            with pytest.raises(ValueError, match=message):
+                make_algorithm(path)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.mission import Mission, load_mission
-from botohe_moo.search.colony import AntThreads, Colony, ColonyRule
+from botohe_moo.search.colony import Colony, ColonyRule
 from tests import twins
 from tests.examples import examples
 from tests.strategies import lengths, missions
@@ -40,7 +40,7 @@ def colony(mission, *, n_ants, seed=0, n_threads=1, limits=NO_LIMITS, **changes)
         mission,
         rule(**changes),
         n_ants=n_ants,
-        threads=AntThreads(n_threads),
+        n_threads=n_threads,
         limits=limits,
         random_state=random_state,
     )
@@ -283,7 +283,6 @@ def test_spans_do_not_change_what_ants_build(n_ants, allocation):
     for n_threads in (1, 2, 3, 7):
         ants = colony(mission, n_ants=n_ants, seed=1, n_threads=n_threads, allocation=allocation)
         batches = [ants.construct(n_ants) for _ in range(3)]
-        ants.threads.close()
         built.append([(b.nodes.tobytes(), b.offsets.tobytes()) for b in batches])
     assert built[0] == built[1] == built[2] == built[3]
     assert built[0][0] != built[0][1]

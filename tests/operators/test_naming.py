@@ -172,9 +172,11 @@ def test_names_of_this_package_stay(install):
     assert [kind_of(part) for part in algorithm.mating.mutation.mixture.parts] == ["RuinRecreate"]
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
+def test_what_cannot_be_had_is_one_error(install):
+    others = {"gone": "Gone", "wreck": "Wreck", "odd": "odd", "single": "Single"}
+    install(tide="Tide", wave="Wave", both="Tide", **others)
+    install("sand", both="Wave")
+    for given, message in [
         ({"mutation": {"tid": 1}}, "Expected mutation among tide, .*ruin.*, got 'tid'"),
         ({"mutation": "splice"}, "Expected mutation among .*, got 'splice'"),
         ({"crossover": "tide"}, "'tide': expected a class derived from pymoo's Crossover"),
@@ -187,17 +189,12 @@ def test_names_of_this_package_stay(install):
         ({"mutation": {"tide": 0}}, "Expected a mutation of weight above 0"),
         ({"crossover": {"single": 1, "splice": 1}}, "as many parents and children as each other"),
         ({"mutation": "pymoo.operators.mutation.pm:PM"}, "pymoo's own operators do not work"),
-    ],
-)
-def test_what_cannot_be_had_is_one_error(install, given, message):
-    others = {"gone": "Gone", "wreck": "Wreck", "odd": "odd", "single": "Single"}
-    install(tide="Tide", wave="Wave", both="Tide", **others)
-    install("sand", both="Wave")
-    ((blamed, said),) = algorithm_faults("nsga2", given)
-    assert blamed == next(iter(given))
-    with pytest.raises(ValueError, match=message) as raised:
-        made(**given)
-    assert str(raised.value).endswith(said)
+    ]:
+        ((blamed, said),) = algorithm_faults("nsga2", given)
+        assert blamed == next(iter(given))
+        with pytest.raises(ValueError, match=message) as raised:
+            made(**given)
+        assert str(raised.value).endswith(said)
 
 
 STUDY = """
@@ -215,15 +212,8 @@ seeds: 1
 
 
 @pytest.mark.slow
-def test_they_are_named_on_the_command_line_and_in_studies(install, tmp_path):
+def test_they_are_named_in_studies(install, tmp_path):
     site = install(tide="Tide", swap="Swap")
-    options = ["--algorithm", "nsga2", "--evaluations", "60", "-p", "pop_size=10"]
-    solve = ["solve", "toy", *options, "--out", "found"]
-    done = botohe(*solve, "-p", "mutation={tide: 1, ruin: 1}", site=site, cwd=tmp_path)
-    assert done.status == 0, done.err
-    done = botohe(*solve, "-p", "crossover=tide", site=site, cwd=tmp_path)
-    assert (done.status, done.err.count("\n")) == (2, 1)
-    assert "Crossover 'tide': expected a class derived from pymoo's Crossover." in done.err
     (tmp_path / "reefs.yaml").write_text(STUDY)
     ended = botohe("study", "run", "reefs.yaml", "--out", "done", site=site, cwd=tmp_path)
     assert ended.status == 0, ended.err

@@ -206,7 +206,7 @@ class TestSampling:
 
 
 class Short(PlanMutation, PlanSampling):
-    """An operator of one's own that loses a plan."""
+    """An operator that loses a plan."""
 
     def _draft(self, mission, plans, rng):
         return plans.take(np.arange(len(plans) - 1))
@@ -215,7 +215,7 @@ class Short(PlanMutation, PlanSampling):
         return problem.mission.batch([problem.mission.stay_home()] * (n_samples - 1))
 
 
-def test_operators_of_ones_own_that_lose_plans_are_named(toy):
+def test_operators_that_lose_plans_are_named(toy):
     rng = np.random.default_rng(0)
     plans = GuidedTrailSampling().sample_batch(BOTOHE(toy), 4, rng)
     with pytest.raises(ValueError, match=r"_draft of Short to give 4 drafts, got 3\."):

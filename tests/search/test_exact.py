@@ -1,6 +1,5 @@
 """The exact front: equal to enumeration on tiny missions, within limits on all others."""
 
-import pickle
 import time
 from math import inf
 
@@ -115,12 +114,6 @@ class TestTruth:
         assert [plan.trails[0] for plan in plans] == [(0, 1, 2, 3, 1, 0), (0, 1, 0), (0,)]
         assert mission.evaluate(plans).tolist() == [[1.0, 1 / 32], [0.5, 0.25], [0.0, 1.0]]
 
-    def test_the_toy(self):
-        toy = load_mission("toy", robots=4)
-        found = toy.evaluate(exact_front(toy))
-        assert len(found) == 16
-        assert found[-1].tolist() == [0.0, 4.0]
-
     def test_generated_missions_of_twenty_nodes_for_one_robot(self):
         """As measured; no other method of this package has found anything better."""
         sizes = {}
@@ -188,31 +181,9 @@ class TestCorners:
 
 
 class TestSearch:
-    def test_pickled_half_way(self):
-        mission = load_mission("random", nodes=8, arc_probability=0.4, robots=2, seed=3)
-        whole = exact_front(mission)
-        search = FrontSearch(mission)
-        n = 0
-        while search.plans is None:
-            search = pickle.loads(pickle.dumps(search))
-            search.advance()
-            n += 1
-        assert n > 5
-        assert [plan.trails for plan in search.plans] == [plan.trails for plan in whole]
-        assert search.n_labels > 5_000
-        assert search.n_trails > 100
-
-    @pytest.mark.parametrize(
-        ("parameters", "message"),
-        [
-            ({"min_survival": 1.5}, r"Expected min_survival in \[0, 1\], got 1\.5\."),
-            ({"time_limit": 0}, r"Expected time_limit > 0, got 0\."),
-            ({"memory_limit": -1}, r"Expected memory_limit in \(0, 1e\+09\], got -1\."),
-        ],
-    )
-    def test_parameters_out_of_range(self, parameters, message):
-        with pytest.raises(ValueError, match=message):
-            exact_front(load_mission("toy"), **parameters)
+    def test_parameters_out_of_range(self):
+        with pytest.raises(ValueError, match=r"Expected time_limit > 0, got 0\."):
+            exact_front(load_mission("toy"), time_limit=0)
 
 
 class TestLimits:
@@ -246,7 +217,7 @@ class TestLimits:
         search = FrontSearch(load_mission("complete", nodes=9, robots=2))
         search.advance()
         search.time_limit = search._spent  # sooner than its estimate, on any machine
-        with pytest.raises(TooLargeError, match=r"time_limit = \S+ seconds\. The search had gone"):
+        with pytest.raises(TooLargeError, match=r"time_limit = \S+ seconds\. The search had tried"):
             search.advance()
 
     def test_time_for_teams(self):
@@ -254,12 +225,12 @@ class TestLimits:
         while search._choices is None:
             search.advance()
         search.time_limit = search._spent
-        with pytest.raises(TooLargeError, match=r"found all 1294 trails that matter, and tried \d"):
+        with pytest.raises(TooLargeError, match=r"The search had tried \d"):
             search.advance()
 
     def test_memory(self):
         mission = load_mission("complete", nodes=8, robots=2)
         search = FrontSearch(mission, memory_limit=1)
-        with pytest.raises(TooLargeError, match=r"memory_limit = 1 MiB\. The search had gone on"):
+        with pytest.raises(TooLargeError, match=r"memory_limit = 1 MiB\. The search had tried"):
             run(search)
         assert 2**16 < search._trails.n_bytes < 2**20

@@ -1,7 +1,5 @@
 """Robot by robot: the guarantee of the method, its corners, and what users rely on."""
 
-import pickle
-
 import networkx as nx
 import pytest
 from hypothesis import given
@@ -108,12 +106,12 @@ class TestCorners:
 
     def test_a_budget_that_binds(self):
         museum = load_mission("art_museum")  # every hop is 1 long
-        free, held, home = (
+        free, short, home = (
             plan_sequentially(museum, 1.0, max_length=longest, beam_width=30)
             for longest in (None, 12, 1)
         )
         assert museum.trail_lengths([free]).min() > 12
-        assert museum.trail_lengths([held]).tolist() == [[12, 12, 12]]
+        assert museum.trail_lengths([short]).tolist() == [[12, 12, 12]]
         assert museum.trail_lengths([home]).tolist() == [[0, 0, 0]]
 
     def test_home_by_the_shortest_way_where_the_safest_is_too_long(self):
@@ -127,8 +125,8 @@ class TestCorners:
         mission = Mission(graph)
         for longest, trail in ((4, (0, 1, 2, 0)), (3, (0, 1, 0)), (1.5, (0,))):
             assert plan_sequentially(mission, 0.9, max_length=longest).trails == (trail,)
-        held = plan_sequentially(mission, 0.9, max_length=3, min_survival=0.6)
-        assert held.trails == ((0,),)
+        plan = plan_sequentially(mission, 0.9, max_length=3, min_survival=0.6)
+        assert plan.trails == ((0,),)
 
     def test_a_base_worth_more_than_all_else(self):
         graph = nx.path_graph(3, nx.DiGraph)
@@ -170,21 +168,8 @@ class TestPlanner:
             )
         assert values[0] < values[1] < values[2]
 
-    def test_pickled_it_plans_the_same(self):
-        limits = {"min_survival": 0.2, "max_length": 15}
-        planner = SequentialPlanner(load_mission("art_museum"), beam_width=20, **limits)
-        plan = planner.plan(0.7)
-        again = pickle.loads(pickle.dumps(planner))
-        assert again.plan(0.7).trails == plan.trails == planner.plan(0.7).trails
-
-    @pytest.mark.parametrize(
-        ("parameters", "message"),
-        [
-            ({"weight": 1.5}, r"Expected weight in \[0, 1\], got 1\.5\."),
-            ({"beam_width": 10**6}, r"Expected beam_width <= 100000, got 1000000\."),
-            ({"max_length": "far"}, r"Expected max_length >= 0, got 'far'\."),
-        ],
-    )
-    def test_parameters_out_of_range(self, parameters, message):
-        with pytest.raises(ValueError, match=message):
+    @pytest.mark.parametrize("parameters", [{"weight": 1.5}, {"max_length": "far"}])
+    def test_parameters_out_of_range(self, parameters):
+        ((name, _),) = parameters.items()
+        with pytest.raises(ValueError, match=f"Expected {name} "):
             plan_sequentially(load_mission("toy"), **{"weight": 0.5, **parameters})

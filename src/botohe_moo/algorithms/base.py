@@ -1,4 +1,4 @@
-"""What algorithms have in common that build whole batches of plans and keep an archive."""
+"""Base classes of algorithms: exact budgets, and an archive of all non-dominated plans."""
 
 import inspect
 import math
@@ -37,8 +37,8 @@ class BudgetedAlgorithm(Algorithm):
     def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
         """Prepare to solve ``problem``; without any termination, for 100 000 evaluations.
 
-        pymoo's default would look for convergence in the design space, which trail plans do not
-        have. A ValueError is raised for a termination that allows no evaluation.
+        pymoo's default looks for convergence of the variables, which are numbers there. A
+        ValueError is raised for a termination that allows no evaluation.
         """
         if self.termination is None and kwargs.get("termination") is None:
             kwargs["termination"] = ("n_eval", 100_000)
@@ -49,7 +49,7 @@ class BudgetedAlgorithm(Algorithm):
         return self
 
     def _n_left(self) -> int:
-        """Count the evaluations that the budget still allows."""
+        """Return the number of evaluations that the budget still allows."""
         left = budget(self.termination) - self.evaluator.n_eval
         return max(0, math.ceil(left)) if left < sys.maxsize else sys.maxsize
 
@@ -57,8 +57,8 @@ class BudgetedAlgorithm(Algorithm):
 class ArchiveAlgorithm(BudgetedAlgorithm):
     """A pymoo algorithm whose optimum is an archive of all non-dominated plans it evaluated.
 
-    A subclass builds plans in ``_advance``, one iteration, and hands them to ``_take_in``, which
-    evaluates them, counts them, and puts into the archive what belongs there. ``_n_left`` says how
+    A subclass builds the plans of one iteration in ``_advance`` and hands them to ``_take_in``,
+    which evaluates them, counts them and inserts them into the archive. ``_n_left`` returns how
     many evaluations the budget still allows. pymoo individuals are made when ``opt`` or ``pop`` is
     read.
 
@@ -74,7 +74,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
     Raises
     ------
     TypeError
-        If an option is unknown, or ``sampling`` holds anything but plans.
+        If an option is unknown, or ``sampling`` does not hold plans only.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
 
     is_initialized: bool
     evaluates_in_kernels = False
-    """Whether objectives are computed where no override of the problem's is seen.
+    """Whether objectives are computed in kernels, without the methods of the problem.
 
     Problems that override ``evaluate_batch`` or ``constrain_batch`` are then refused.
     """
@@ -124,8 +124,8 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         Parameters
         ----------
         problem
-            A :class:`BOTOHE`. A TypeError is raised for another one, and for one that overrides
-            what is computed in kernels; a ValueError for equality constraints.
+            A :class:`BOTOHE`. A TypeError is raised for another problem, and for one that overrides
+            what kernels compute; a ValueError for equality constraints.
         **kwargs
             pymoo's own: ``termination``, ``seed``, ... A ValueError is raised for a budget of less
             than one evaluation.
@@ -156,8 +156,8 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
     def advance(self, infills: Population | None = None, **_: Any) -> Result | None:  # noqa: ARG002
         """Run one iteration; pymoo's ``next`` calls this.
 
-        As pymoo's own, but before the end it does not return the current optimum, which would then
-        be made into a population in every iteration.
+        Unlike pymoo's own, it returns the optimum only at the end: to make a population of it in
+        every iteration would take time.
 
         Parameters
         ----------
@@ -181,14 +181,14 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
     def _initialize_advance(self, **_: Any) -> None:
         if self.sampling:
             batch = self.problem.mission.batch(self.sampling)
-            self.problem.mission.evaluate(batch)  # a subclass's own evaluation may check nothing
+            self.problem.mission.evaluate(batch)  # checks the plans, which a subclass may not do
             self._take_in(batch[: self._n_left()])
         self._advance()
 
     def _take_in(self, batch: PlanBatch) -> tuple[FloatArray, OffsetArray]:
-        """Evaluate new plans, and archive those feasible that nothing dominates.
+        """Evaluate plans, and insert the feasible ones into the archive.
 
-        Gives their E[R] and E[S] (n, 2), and the indices of the Pareto set of those feasible.
+        Returns their E[R] and E[S] (n, 2), and the indices of the Pareto set of the feasible ones.
         """
         if not isinstance(batch, PlanBatch):
             raise TypeError(
@@ -207,9 +207,8 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
     def _set_optimum(self) -> None:
         pass  # the archive is the optimum, at all times
 
-    # pymoo assigns pop and opt in its loop. Here both are the archive, as a population that is
-    # made when it is read: termination, display and callbacks see it in every iteration, and an
-    # iteration in which it is not read does not pay for it.
+    # pymoo assigns pop and opt in its loop. Both are the archive, as a population that is made when
+    # it is read: an iteration in which nobody reads it takes no time for it.
 
     @property
     def opt(self) -> Population | None:
@@ -223,15 +222,15 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
 
 
 def settings_of(algorithm: Algorithm, kind: type[Any]) -> dict[str, Any]:
-    """Return the parameters of an algorithm that are fields of a dataclass, by their name."""
+    """Return those parameters of an algorithm that are fields of a dataclass, by name."""
     names = [field.name for field in fields(kind)]
     return {name: getattr(algorithm, name) for name in names if hasattr(algorithm, name)}
 
 
 def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
-    """Refuse options that pymoo's algorithms would swallow.
+    """Raise a TypeError for unknown options, which pymoo's algorithms would ignore.
 
-    The TypeError names this package's class that was given one, not a class derived from it.
+    It names the class of this package that was given one, not a class derived from it.
     """
     mro = type(algorithm).__mro__
     kinds = mro[: mro.index(BudgetedAlgorithm)]
@@ -240,13 +239,13 @@ def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
 
 
 def check_problem(problem: Any) -> None:
-    """Refuse, by a TypeError, what is not a BOTOHE."""
+    """Raise a TypeError if a problem is not a BOTOHE."""
     if not isinstance(problem, BOTOHE):
         raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
 
 
 def refuse_overrides(algorithm: Algorithm, problem: BOTOHE) -> None:
-    """Refuse, by a TypeError, a problem that overrides the evaluation that kernels contain."""
+    """Raise a TypeError if a problem overrides what kernels compute."""
     for method in ("evaluate_batch", "constrain_batch"):
         if overrides(problem, method):
             raise TypeError(
@@ -257,7 +256,7 @@ def refuse_overrides(algorithm: Algorithm, problem: BOTOHE) -> None:
 
 
 def check_n_objectives(algorithm: Algorithm, problem: BOTOHE, n: int | None) -> None:
-    """Refuse, by a TypeError, a problem of another number of objectives; None: of less than two."""
+    """Raise a TypeError if a problem has not ``n`` objectives, or for None, less than two."""
     if problem.n_obj < 2 if n is None else problem.n_obj != n:
         wanted = "two objectives or more" if n is None else f"{n} objectives"
         raise TypeError(
@@ -277,7 +276,7 @@ def generation_limit(termination: Termination) -> float:
 
 
 def _limit(termination: Termination, kind: type, attribute: str) -> float:
-    """Read the limit of a termination of some kind, or of those that one combines."""
+    """Return the limit of a termination of some kind, or of those that it combines."""
     if isinstance(termination, kind):
         limit = getattr(termination, attribute)
         return math.inf if limit is None else float(limit)

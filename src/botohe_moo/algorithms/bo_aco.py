@@ -15,7 +15,13 @@ from botohe_moo._plugins.types import Count, NotNegative, Positive, Probability,
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, settings_of
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
-from botohe_moo.search.colony import Allocation, AntThreads, Colony, ColonyRule, exchange_archives
+from botohe_moo.search.colony import (
+    Allocation,
+    Colony,
+    ColonyRule,
+    exchange_archives,
+    tabulate_pheromone,
+)
 from botohe_moo.search.memetic import IterationSearch
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -23,7 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Evaporation: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
-Pheromone: TypeAlias = Positive | Literal["bounds"]
+InitialPheromone: TypeAlias = Positive | Literal["bounds"]
 Threads: TypeAlias = Annotated[int, Field(ge=1, le=1_024), SameResult()]
 
 
@@ -33,11 +39,11 @@ class BOACO(ArchiveAlgorithm):
     Every iteration (a pymoo generation) each ant builds one trail plan, robot by robot and hop by
     hop. From node v it takes an arc to v' that the trail has not used yet with probability
     proportional to (τ_R η_R)^(1 − λ) (τ_S η_S)^λ, and ends the trail by the base's self-loop.
-    The ants' λ are spread evenly over [0, 1], from all for reward to all for survival. The plans
-    of the iteration's Pareto set and of the archive, the Pareto set over all iterations, deposit
-    pheromone on their arcs in proportion to their E[R] and E[S].
+    The ants' λ are spread evenly over [0, 1], from reward alone to survival alone. Plans of the
+    iteration's Pareto set and of the archive, the Pareto set over all iterations, deposit pheromone
+    on their arcs in proportion to their E[R] and E[S].
 
-    Defaults are the first settings of the paper; :meth:`journal` gives those of its curves.
+    Defaults are the first settings of the paper; :meth:`journal` returns those of its curves.
 
     Parameters
     ----------
@@ -50,23 +56,22 @@ class BOACO(ArchiveAlgorithm):
     pheromone
         Whether pheromone guides the ants; without, τ_R = τ_S = 1.
     allocation
-        How the robots' trails are allocated: ``"sequential"``, one robot's whole trail after
-        another's, or ``"concurrent"``, all robots out at once, which take one hop each in turn
-        until they end their trails. "Earlier" robots are then all others, by their trails so far.
+        ``"sequential"``, one robot's whole trail after another's, or ``"concurrent"``: all robots
+        are out at once, and take one hop each in turn. "Earlier" robots are then all others.
     local_search
-        Share of each iteration's plans that a local search improves: those of its Pareto set first,
-        then others, drawn. What it finds deposits pheromone with the iteration's plans.
+        Share of each iteration's plans that a local search improves: its Pareto set first, then
+        others at random. The plans found deposit pheromone with the iteration's.
     local_search_evaluations
-        Evaluations of the local search for each of those plans, within the same iteration.
+        Evaluations of the local search for each of those plans.
     n_colonies
-        Colonies with pheromone and random numbers of their own, at most ``n_ants``, each with λ
-        over all of [0, 1]. ``archive`` is common, but each colony deposits by its own iteration's
-        Pareto set, and by an archive of plans that it found or was given.
+        Colonies, at most ``n_ants``, each with its own pheromone and random numbers, and λ over all
+        of [0, 1]. A colony deposits by the Pareto set of its own iteration, and by an archive of
+        plans that it found or was given.
     exchange_every
-        After how many iterations each of several colonies is given the archive by which the one
-        before it deposits, the first one the last's; None for never.
+        Iterations between exchanges, in which each colony gets the plans of the one before it;
+        None for never.
     pheromone_per_robot
-        Whether each robot has its own pair of pheromone maps; otherwise the robots share one.
+        Whether each robot has its own pheromone maps.
     initial_pheromone
         Pheromone on every arc at the start; ``"bounds"`` starts τ_R at the mission's total reward
         and τ_S at its number of robots.
@@ -81,32 +86,28 @@ class BOACO(ArchiveAlgorithm):
     exploration
         Every candidate's weight is raised by exploration · (mean weight) / (number of candidates).
     pooled_deposit
-        Whether both Pareto sets deposit as one multiset, divided by its size P, or one after the
+        Whether both Pareto sets deposit as one multiset, divided by its size, or one after the
         other, each divided by its own size.
     max_ties
-        Plans with equal objectives but different trails that the archive keeps. The journal version
-        keeps all; where no arc is dangerous, their number has no bound.
+        Plans with equal objectives that the archive keeps; the journal version keeps all.
     n_threads
         Threads that build plans; the result does not depend on it.
     sampling
-        Trail plans to start from, which deposit pheromone from the first iteration on: an iterable
-        of plans, or ``X`` of another result.
+        Trail plans to start from, which deposit pheromone, too, or ``X`` of another result.
     **options
         pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
 
     Raises
     ------
     TypeError
-        If an option is unknown, the problem is not a :class:`BOTOHE`, or overrides its evaluation
-        where there is a local search.
+        If an option is unknown, or the problem is not a :class:`BOTOHE`.
 
     Attributes
     ----------
     archive : PlanArchive
-        All non-dominated plans found so far (``plans``, ``objectives``). Their pymoo population
-        (``pop`` and ``opt``) is made when it is read.
+        All non-dominated plans found so far (``plans``, ``objectives``).
     colonies : list of Colony
-        The colonies, as soon as there is a problem; ``colony`` is the first of them.
+        The colonies, once there is a problem; ``colony`` is the first one.
 
     Notes
     -----
@@ -117,17 +118,13 @@ class BOACO(ArchiveAlgorithm):
     The allocations are the sequential and the deterministic-concurrent one of Ke, Archetti and
     Feng, "Ants can solve the team orienteering problem", Computers & Industrial Engineering 54(3),
     2008. Several colonies are those of Iredi, Merkle and Middendorf with the same λ in each and
-    pheromone updated by origin, except that a colony's plans need not be in all colonies' common
-    front to deposit; plans go round as in Middendorf, Reischle and Schmeck, "Multi colony ant
-    algorithms", Journal of Heuristics 8(3), 2002. The local search is that of
-    :class:`ParetoLocalSearch`, from the plans of one iteration only; the paper proposes it as
-    future work.
+    pheromone updated by origin, but a plan that another colony's dominates deposits, too. Plans go
+    round as in Middendorf, Reischle and Schmeck, "Multi colony ant algorithms", Journal of
+    Heuristics 8(3), 2002. The local search is that of :class:`ParetoLocalSearch`.
 
-    No budget is overdrawn: the last iteration has as many ants as evaluations are left. Where some
-    node has more arcs in than out, ants draw again when no unused arcs lead home from the node that
-    they chose; where the problem has limits, when no way home is found that keeps them. With a
-    travel budget the safest way home is tried, then the shortest one: a plan is never built in
-    which a robot could only get home by a compromise between both.
+    The last iteration has as many ants as evaluations are left. An ant draws again when no unused
+    arcs lead home within the limits from the node that it chose. With a travel budget it looks for
+    the safest way home, then for the shortest one, never for a compromise between both.
 
     Examples
     --------
@@ -154,7 +151,7 @@ class BOACO(ArchiveAlgorithm):
         n_colonies: Annotated[int, Field(ge=1)] = 1,
         exchange_every: Annotated[int, Field(ge=1)] | None = 10,
         pheromone_per_robot: bool = False,
-        initial_pheromone: Pheromone = 1.0,
+        initial_pheromone: InitialPheromone = 1.0,
         reward_epsilon: Positive = 0.05,
         survival_epsilon: Positive = 0.01,
         unvisited_bonus: NotNegative = 0.0,
@@ -193,13 +190,13 @@ class BOACO(ArchiveAlgorithm):
         cls,
         *,
         evaporation: Evaporation = 0.1,
-        initial_pheromone: Pheromone = "bounds",
+        initial_pheromone: InitialPheromone = "bounds",
         unvisited_bonus: NotNegative = 0.05,
         exploration: NotNegative = 0.01,
         pooled_deposit: bool = False,
         **parameters: Any,
     ) -> Self:
-        """Return the colony with which the paper's journal version made its published curves.
+        """Return the colony that made the curves published in PeerJ Computer Science, 2025.
 
         Parameters
         ----------
@@ -207,10 +204,6 @@ class BOACO(ArchiveAlgorithm):
             As for the class, with that version's values.
         **parameters
             Any other parameter of the class.
-
-        Notes
-        -----
-        Simon, Richley, Overbey and Perez-Lavin, PeerJ Computer Science, 2025.
         """
         return cls(
             evaporation=evaporation,
@@ -225,28 +218,13 @@ class BOACO(ArchiveAlgorithm):
     def pheromone_maps(self) -> pd.DataFrame:
         """The current pheromone on each arc; a RuntimeError is raised before there is a problem.
 
-        One row an arc, with the columns ``tail`` and ``head`` (node labels; the base's self-loop
-        has the base as both), ``reward`` and ``survival`` (the two pheromones), and before them
-        ``colony`` where there are several, and ``robot`` where each has maps of its own.
+        Its columns are ``colony`` if there are several, ``robot`` if each has maps of its own,
+        ``tail`` and ``head`` (node labels; the base's self-loop has twice the base), ``reward`` and
+        ``survival``.
         """
-        import pandas as pd  # half of the time that importing this module would take
-
         if self.problem is None:
             raise RuntimeError("There is no pheromone before the algorithm has a problem.")
-        graph, nodes = self.problem.mission.arrays, self.problem.mission.nodes
-        tails, heads = (
-            pd.Series([nodes[i] for i in [*ends, graph.base]], dtype=object)
-            for ends in (graph.tail, graph.head)
-        )
-        columns = ["colony", "robot", "tail", "head", "reward", "survival"]
-        maps = [
-            pd.DataFrame(dict(zip(columns, [number, robot, tails, heads, *levels.T], strict=True)))
-            for number, colony in enumerate(self.colonies)
-            for robot, levels in enumerate(colony.pheromone)
-        ]
-        several = {"colony": self.n_colonies > 1, "robot": self.pheromone_per_robot}
-        single = [name for name, is_there in several.items() if not is_there]
-        return pd.concat(maps, ignore_index=True).drop(columns=single)
+        return tabulate_pheromone(self.problem.mission, self.colonies)
 
     @property
     def colony(self) -> Colony:
@@ -264,52 +242,36 @@ class BOACO(ArchiveAlgorithm):
             initial_survival_pheromone=survival,
             **settings_of(self, ColonyRule),
         )
+        limits, random_state = problem.planning_limits, self.random_state
+        given: dict[str, Any] = {"limits": limits, "random_state": random_state}
         self._improver: IterationSearch | None = None
         if self.local_search > 0:
+            each = self.local_search_evaluations
             self._improver = IterationSearch(
-                mission,
-                share=self.local_search,
-                evaluations_each=self.local_search_evaluations,
-                limits=problem.planning_limits,
-                random_state=self.random_state,
+                mission, share=self.local_search, evaluations_each=each, **given
             )
-        self._threads = AntThreads(self.n_threads)
+        shares = _shares(self.n_ants, self.n_colonies)
         self.colonies = [
-            Colony(
-                mission,
-                rule,
-                n_ants=share,
-                threads=self._threads,
-                limits=problem.planning_limits,
-                random_state=self.random_state,
-            )
-            for share in _shares(self.n_ants, self.n_colonies)
+            Colony(mission, rule, n_ants=share, n_threads=self.n_threads, **given)
+            for share in shares
         ]
         self._origins: list[PlanArchive] = [self.archive]  # by which the colonies deposit
         if self.n_colonies > 1:
-            self._origins = [
-                PlanArchive(mission.robots, max_ties=self.max_ties) for _ in self.colonies
-            ]
+            max_ties = self.max_ties
+            self._origins = [PlanArchive(mission.robots, max_ties=max_ties) for _ in shares]
 
     def _advance(self, **_: Any) -> None:
-        n_ants = min(self.n_ants, self._n_left())
-        if n_ants == 0:  # the plans to start from have spent the budget
-            return
         if self.n_colonies > 1 and self.n_iter == 1 and len(self.archive):
             for origin in self._origins:  # every colony is given the plans to start from
                 origin.insert(self.archive.plans, self.archive.objectives.copy())
-        shares = _shares(n_ants, self.n_colonies)
+        shares = _shares(min(self.n_ants, self._n_left()), self.n_colonies)
         for colony, origin, share in zip(self.colonies, self._origins, shares, strict=True):
             if self._improver is not None:  # it may have spent what was left
                 share = min(share, self._n_left())
             if share == 0:
                 continue
             batch = colony.construct(share)
-            objectives, members = self._take_in(batch)
-            if self._improver is not None:
-                batch, objectives, members = self._improve(
-                    self._improver, batch, objectives, members
-                )
+            batch, objectives, members = self._improve(batch, *self._take_in(batch))
             if origin is not self.archive:
                 origin.insert(batch.take(members), objectives[members])
             colony.learn(batch, objectives, members, origin)
@@ -317,16 +279,13 @@ class BOACO(ArchiveAlgorithm):
             exchange_archives(self._origins)
 
     def _improve(
-        self,
-        improver: IterationSearch,
-        batch: PlanBatch,
-        objectives: FloatArray,
-        members: OffsetArray,
+        self, batch: PlanBatch, objectives: FloatArray, members: OffsetArray
     ) -> tuple[PlanBatch, FloatArray, OffsetArray]:
-        """Add what a local search makes of an iteration's plans to what is known of them."""
-        improved, gained, n_evaluated = improver.improve(
-            batch, members, self.random_state, self._n_left()
-        )
+        """Return an iteration's plans together with what a local search makes of them, if any."""
+        if self._improver is None:
+            return batch, objectives, members
+        given = batch, members, self.random_state, self._n_left()
+        improved, gained, n_evaluated = self._improver.improve(*given)
         self.evaluator.n_eval += n_evaluated
         if len(improved) == 0:
             return batch, objectives, members
@@ -334,10 +293,7 @@ class BOACO(ArchiveAlgorithm):
         objectives = np.vstack([objectives, gained])
         return whole, objectives, self.archive.insert(whole, objectives)
 
-    def _finalize(self) -> None:
-        self._threads.close()
-
 
 def _shares(n: int, parts: int) -> list[int]:
-    """Split ``n`` into shares that differ by at most 1; with a smaller ``n``, none is larger."""
+    """Split ``n`` into shares that differ by at most 1, the larger ones first."""
     return [n // parts + (part < n % parts) for part in range(parts)]

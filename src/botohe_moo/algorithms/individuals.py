@@ -1,4 +1,4 @@
-"""An archive whose plans pymoo can be given."""
+"""Archives whose plans can be read as a population of pymoo's."""
 
 from collections.abc import Callable, Sequence
 from typing import Self
@@ -16,8 +16,8 @@ from botohe_moo.trails import PlanBatch, TrailPlan
 class PopulationArchive(PlanArchive):
     """An archive that makes pymoo's individuals when they are read.
 
-    Handing pymoo new ones every iteration would cost more than the iteration itself. ``constrain``
-    gives the constraints G of a batch (n, n_ieq_constr).
+    To make them in every iteration would cost more than the iteration itself. ``constrain``
+    returns the constraints G of a batch (n, n_ieq_constr).
     """
 
     def __init__(
@@ -38,17 +38,17 @@ class PopulationArchive(PlanArchive):
         objectives: FloatArray,
         individuals: Sequence[Individual] | None = None,
     ) -> OffsetArray:
-        """Take in what the archive does not dominate, as the archive without a population does.
+        """Insert evaluated plans that the archive does not dominate, as :class:`PlanArchive` does.
 
-        ``individuals`` are the same plans as pymoo knows them, if it does; ``population`` gives
-        these.
+        ``individuals`` are the same plans as pymoo's individuals, if there are any; ``population``
+        then returns these.
         """
         first = self.version
-        members, entered = self._insert(batch, objectives)
-        if len(entered):
+        members, inserted = self._insert(batch, objectives)
+        if len(inserted):
             self._population = None
             if individuals is not None:
-                for number, i in enumerate(entered.tolist(), start=first):
+                for number, i in enumerate(inserted.tolist(), start=first):
                     self._individuals[number] = individuals[i]
         return members
 
@@ -57,45 +57,45 @@ class PopulationArchive(PlanArchive):
         return self
 
     def population(self) -> Population:
-        """Return the plans as pymoo knows them: individuals are made once for every plan."""
+        """Return the plans as pymoo's individuals, which are made once for every plan."""
         if self._population is None:
             known, plans = self._individuals, self.plans
             constraints = [None] * len(plans) if not self._constrain else self._constrain(plans)
             self._individuals = {
                 key: known.get(key) or _individual(plans[i], self.objectives[i], constraints[i])
-                for i, key in enumerate(self._held.ids.tolist())
+                for i, key in enumerate(self._arrays.ids.tolist())
             }
             self._population = Population.create(*self._individuals.values())
         return self._population
 
 
 class ManyObjectiveArchive:
-    """As :class:`PopulationArchive`, of more than two objectives."""
+    """An archive like :class:`PopulationArchive`, for more than two objectives."""
 
     def __init__(self, n_robots: int, *, max_ties: int = 1_000) -> None:
         self.n_robots = n_robots
         self.max_ties = max_ties
-        self._held = Population()
+        self._members = Population()
 
     def __len__(self) -> int:
-        return len(self._held)
+        return len(self._members)
 
     @property
     def objectives(self) -> FloatArray:
-        """What is maximised, of each plan."""
-        return np.asarray(-self._held.get("F"), np.float64)
+        """The objectives of each plan, to be maximised (n, n_objectives)."""
+        return np.asarray(-self._members.get("F"), np.float64)
 
     @property
     def plans(self) -> PlanBatch:
         """The plans, in the order of ``objectives``."""
-        return PlanBatch.from_plans([held.X[0] for held in self._held], self.n_robots)
+        return PlanBatch.from_plans([each.X[0] for each in self._members], self.n_robots)
 
     def insert(
         self, batch: PlanBatch, objectives: FloatArray, individuals: Sequence[Individual]
     ) -> None:
-        """Take in evaluated plans that the archive does not dominate; each plan once."""
+        """Insert evaluated plans that the archive does not dominate, each plan once."""
         del batch, objectives  # pymoo's individuals have both
-        first = {each.X[0]: each for each in [*self._held, *individuals][::-1]}
+        first = {each.X[0]: each for each in [*self._members, *individuals][::-1]}
         candidates = Population.create(*[*first.values()][::-1])
         F = candidates.get("F")
         kept = moocore.is_nondominated(F, keep_weakly=True)
@@ -105,15 +105,15 @@ class ManyObjectiveArchive:
         starts = np.searchsorted(groups[by_group], groups[by_group])
         rank = np.empty(len(F), np.int64)
         rank[by_group] = np.arange(len(F)) - starts
-        self._held = candidates[rank < self.max_ties]
+        self._members = candidates[rank < self.max_ties]
 
     def add(self, infills: Population) -> Self:  # noqa: ARG002
         """Return the archive itself, as :meth:`PopulationArchive.add` does."""
         return self
 
     def population(self) -> Population:
-        """Return the plans as pymoo knows them."""
-        return self._held
+        """Return the plans as pymoo's individuals."""
+        return self._members
 
 
 def _individual(

@@ -32,16 +32,18 @@ class _BoundedTchebicheff(Tchebicheff):
 class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
     """MOEA/D with operators for trail plans.
 
-    The weights are spread evenly; objectives are measured by their bounds, total reward and team
-    size. A feasible plan replaces an infeasible one, and of two infeasible ones that which violates
-    less. This is pymoo's ``ParallelMOEAD``: ``MOEAD`` cannot be pickled within a run.
+    The weights are spread evenly. Objectives are divided by their bounds, total reward and team
+    size. A feasible plan replaces an infeasible one; of two infeasible plans, the one with the
+    smaller violation replaces the other. This is pymoo's ``ParallelMOEAD``, since ``MOEAD`` cannot
+    be pickled within a run.
 
     Parameters
     ----------
     pop_size
         Weights, and plans in the population.
     n_neighbors
-        Weights whose plans mate, and that a child may replace; no more than ``pop_size`` are taken.
+        Neighbouring weights whose plans mate, and whose plan a child may replace; at most
+        ``pop_size``.
     prob_neighbor_mating
         Probability of mating among neighbours rather than all.
     **options
@@ -118,7 +120,7 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
             self._replace(k, child)
 
     def _see_ideal(self) -> None:
-        """Set the ideal point; pymoo's would be that of infeasible plans, too."""
+        """Set the ideal point to that of the archive; pymoo's includes infeasible plans."""
         if len(self.archive):
             self.ideal = -self.archive.objectives.max(axis=0)
 

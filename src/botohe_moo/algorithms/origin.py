@@ -1,4 +1,4 @@
-"""What results of an algorithm depend on: its name, parameters and code."""
+"""The identity of an algorithm, on which its results depend: name, parameters and code."""
 
 import functools
 import hashlib
@@ -22,16 +22,16 @@ _VERSIONED = frozenset({"botohe_moo", "pymoo"})
 
 @dataclass(frozen=True)
 class AlgorithmIdentity:
-    """What results of an algorithm with parameters depend on, however it was written."""
+    """The name and the parameters of an algorithm, the same for all ways to write them."""
 
     name: str  # by which it is registered; ``module:Class`` if not registered
-    parameters: Mapping[str, Any]  # that differ from their defaults
+    parameters: Mapping[str, Any]  # those that differ from their defaults
     neutral: frozenset[str]  # names of parameters that change no result: SameResult
-    effective: Mapping[str, Any]  # what it runs with, as far as known and a text can hold it
+    effective: Mapping[str, Any]  # values of all parameters, if they are known and plain
 
 
 def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIdentity:
-    """Return what results of an algorithm depend on, given parameters that are known to be right.
+    """Return the identity of an algorithm with parameters that have been checked.
 
     Examples
     --------
@@ -41,7 +41,7 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
     """
     factory = find_algorithm(name)
     accepted = accepted_by(factory)
-    # Of a method that takes any keywords only itself knows which defaults its class has then.
+    # A method that takes any keywords may give its class other defaults, which are not stated.
     stated = [p for p in accepted.parameters if p.own and not p.required]
     defaults = {p.name: plain_value(p.default) for p in stated}
     made = call_factory(PLUGINS.source(name), factory, accepted, parameters)
@@ -60,10 +60,9 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
 
 
 def _attributes(made: Any) -> dict[str, Any]:
-    """Read what an algorithm's attributes say of the parameters of its class.
+    """Return the parameters of an algorithm's class and bases that are among its attributes.
 
-    And of its bases, to which a class may hand values, up to the first one of this package or
-    pymoo, which states all of its own.
+    Bases are looked at up to the first one of this package or pymoo, which states all parameters.
     """
     values = getattr(made, "__dict__", {})
     found: dict[str, Any] = {}
@@ -75,21 +74,18 @@ def _attributes(made: Any) -> dict[str, Any]:
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Write values as a text holds them; ``NotImplemented`` for objects and lists of plans."""
+    """Return values as text files hold them, ``NotImplemented`` for objects and lists of plans."""
     plain = {name: plain_value(value) for name, value in values.items()}
     return {k: NotImplemented if isinstance(v, list) else v for k, v in plain.items()}
 
 
 def _same(value: Any, default: Any) -> bool:
-    """Compare plain values: 1 is 1.0, but no flag is a number."""
+    """Return whether plain values are equal: 1 is 1.0, but True is not 1."""
     return isinstance(value, bool) == isinstance(default, bool) and bool(value == default)
 
 
 def _one_name(name: str) -> str:
-    """Return the same name for all spellings of one algorithm: the registered one, if it has one.
-
-    Else it is ``module:Class``, where the class, function or method is defined.
-    """
+    """Return the registered name of an algorithm, or else ``module:Class`` where it is defined."""
     if not is_path(name):
         return name
     found = named(name)
@@ -106,13 +102,13 @@ def _one_name(name: str) -> str:
 def algorithm_origin(
     name: str, parameters: Mapping[str, Any] | None = None, problem: str | None = None
 ) -> dict[str, str | None]:
-    """Return where an algorithm's code is from, to tell results of other code apart.
+    """Return where an algorithm's code comes from; results of other code are not the same.
 
-    There are ``package`` and ``version`` of the distribution that registers it, or of the one that
-    owns its module; None where there is none. ``source`` is the SHA-256 of the files that define
-    it, the operators that ``parameters`` name and ``problem``, ``module:Class`` of a problem of
-    your own, which has further keys; it is None where all of these are of this package or pymoo,
-    which their versions identify. Other modules that the files import are not looked at.
+    ``package`` and ``version`` are those of the distribution that registers the algorithm or owns
+    its module, or None. ``source`` is the SHA-256 of the files that define the algorithm, the
+    operators that ``parameters`` name, and ``problem`` (``module:Class`` of a problem of your own,
+    which adds further keys). It is None if all of these belong to this package or pymoo, which
+    their versions identify. Modules that the files import are not looked at.
     """
     factory = find_algorithm(name)
     path = _one_name(name)
@@ -124,7 +120,7 @@ def algorithm_origin(
         owner = entry.dist
         parts = [(entry.value, factory)]
     if any(isinstance((parameters or {}).get(kind), str | Mapping) for kind in OPERATORS):
-        from botohe_moo.operators.naming import named_operators  # loads all operators
+        from botohe_moo.operators.wiring import named_operators  # loads all operators
 
         parts += named_operators(parameters or {})
     origin = _distribution(owner)
@@ -144,9 +140,9 @@ def _distribution(owner: metadata.Distribution | None) -> dict[str, str | None]:
 
 @functools.cache
 def _distribution_of(module: str) -> metadata.Distribution | None:
-    """Find the distribution that installed a module; None for one that is only on the path."""
+    """Return the distribution that installed a module; None for one that is only on the path."""
     package = module.partition(".")[0]
-    # What is installed for editing lists none of its modules, but often has its package's name.
+    # A distribution installed for editing lists no modules, but often has its package's name.
     for owner in (*metadata.packages_distributions().get(package, ()), package):
         try:
             return metadata.distribution(owner)
@@ -156,7 +152,7 @@ def _distribution_of(module: str) -> metadata.Distribution | None:
 
 
 def _source_digest(parts: Iterable[tuple[str, Any]]) -> str | None:
-    """Digest the files of the modules that name and that define some functions or classes."""
+    """Return the digest of the files of modules that name or define functions and classes."""
     files = []
     for path, factory in parts:
         while isinstance(factory, functools.partial):

@@ -167,8 +167,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
             planner = SequentialPlanner(
                 mission,
+                problem.planning_limits,
                 beam_width=_WIDE_BEAM if wide else _NARROW_BEAM,
-                **problem.planning_limits._asdict(),
             )
             plans += planner.plans(1.0)
         batch = mission.batch(plans)
@@ -214,14 +214,14 @@ class _SearchArchive(PopulationArchive):
     @property
     def objectives(self) -> FloatArray:
         if self._read_version != self._search.version:
-            self._held = self._held._replace(objectives=self._search.objectives())
+            self._arrays = self._arrays._replace(objectives=self._search.objectives())
             self._read_version = self._search.version
         return super().objectives
 
     @property
-    def held(self) -> Archive:
+    def arrays(self) -> Archive:
         self._write()
-        return super().held
+        return super().arrays
 
     @property
     def plans(self) -> PlanBatch:
@@ -248,6 +248,6 @@ class _SearchArchive(PopulationArchive):
         if self._written_version == self._search.version:
             return
         batch, objectives, numbers = self._search.plans()
-        self._held = Archive(objectives, self._held.hashes, numbers, *batch.arrays)
+        self._arrays = Archive(objectives, self._arrays.hashes, numbers, *batch.arrays)
         self._population = None
         self._read_version = self._written_version = self._search.version

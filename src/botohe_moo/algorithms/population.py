@@ -1,4 +1,4 @@
-"""pymoo's population-based algorithms, wired with operators for trail plans and an archive."""
+"""The base of pymoo's population-based algorithms with operators for trail plans."""
 
 import copy
 import functools
@@ -16,12 +16,11 @@ from pymoo.core.duplicate import DuplicateElimination, NoDuplicateElimination
 from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
-from pymoo.core.survival import Survival
 
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import check_keywords, checked
 from botohe_moo._plugins.stated import signature_parameters
-from botohe_moo._plugins.types import Count, Probability
+from botohe_moo._plugins.types import Probability
 from botohe_moo.algorithms.base import (
     PYMOO_OPTIONS,
     BudgetedAlgorithm,
@@ -31,8 +30,7 @@ from botohe_moo.algorithms.base import (
     check_problem,
 )
 from botohe_moo.algorithms.individuals import ManyObjectiveArchive, PopulationArchive
-from botohe_moo.operators.duplicates import PlanDuplicates
-from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
+from botohe_moo.operators.repair import PenaltyOnly, PlanDuplicates, PlanRepair
 from botohe_moo.operators.wiring import (
     DEFAULT_CROSSOVER,
     DEFAULT_MUTATION,
@@ -48,22 +46,21 @@ PopulationSize: TypeAlias = Annotated[int, Field(ge=2, le=1_000_000)]
 
 
 class PopulationAlgorithm(BudgetedAlgorithm):
-    """What this package adds to a population-based algorithm of pymoo's.
+    """A population-based algorithm of pymoo's with operators for trail plans.
 
-    Operators for trail plans, an archive of all non-dominated feasible plans that were evaluated,
-    which is the result, and an exact budget. The population and its selection stay pymoo's.
-
-    To be put before a class of pymoo's: ``class PlanNSGA2(PopulationAlgorithm, NSGA2)``.
+    Its result is an archive of all non-dominated feasible plans that were evaluated, and its budget
+    is exact. The population and its selection stay pymoo's. Write it before a class of pymoo's:
+    ``class PlanNSGA2(PopulationAlgorithm, NSGA2)``.
 
     Parameters
     ----------
     arguments
-        What the pymoo class is made with besides its operators; by default nothing. A class with
-        an ``__init__`` of its own gives them, as below.
+        What the pymoo class is made with besides its operators, as in the example; by default
+        nothing.
     sampling
         Plans to start from: ``guided``, ``random``, a mapping from these to weights, a pymoo
-        sampling, or trail plans, to which guided ones are added where they are too few. All
-        operators may also be named as other packages register them, or as ``module:Class``.
+        sampling, or trail plans; if these are too few, guided ones are added. All operators may
+        also be named as other packages register them, or as ``module:Class``.
     corners
         Whether the corners of the front, everybody at home and the greedy plan for reward alone,
         are among the plans to start from.
@@ -73,9 +70,9 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         ``home``, ``moves``, ``ruin``, ``share``, a mapping from these to weights, or a pymoo
         mutation.
     repair
-        What makes valid plans of the operators' drafts: ``safest-path``, ``truncate`` or
-        ``penalty`` (nothing; faults count as constraint violation), or a :class:`PlanRepair`.
-        Operators that are given as objects have their own.
+        How drafts of operators become valid plans: ``safest-path``, ``truncate``, ``penalty`` (not
+        at all; faults count as constraint violation), or a :class:`PlanRepair`. Operators that are
+        given as objects have repairs of their own.
     prob_crossover, prob_mutation
         Probability of crossing a pair and of changing a child.
     max_ties
@@ -86,7 +83,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     Raises
     ------
     TypeError
-        If an option is unknown, or something else is given in place of an operator.
+        If an option is unknown.
 
     Attributes
     ----------
@@ -174,7 +171,14 @@ class PopulationAlgorithm(BudgetedAlgorithm):
             ),
             "mutation": make_mutation(mutation, prob=prob_mutation, repair=made),
         }
-        super().__init__(**{"output": FrontOutput(), **arguments, **operators, **options})
+        # Copies: the survivals that pymoo's signatures hold remember the fronts of other runs.
+        defaults = {
+            name: copy.deepcopy(parameter.default)
+            for name, parameter in inspect.signature(pymoos[0]).parameters.items()
+            if parameter.default is not parameter.empty
+        }
+        given = {**defaults, "output": FrontOutput(), **arguments, **operators, **options}
+        super().__init__(**given)
         self.archive = PopulationArchive(1)
         self.repair = made
         mine, crossing = type(self).__name__, operators["crossover"]
@@ -197,8 +201,8 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         Parameters
         ----------
         problem
-            What to solve: a :class:`BOTOHE`, or a TypeError is raised; also for one of other than
-            two objectives, if the algorithm has directions for two.
+            A :class:`BOTOHE`. A TypeError is raised for another problem, and for more than two
+            objectives if the algorithm has directions for two.
         **kwargs
             pymoo's options, such as ``termination`` (default: 100 000 evaluations; a ValueError is
             raised for less than one) and ``seed``.
@@ -213,7 +217,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         return super().setup(problem, **kwargs)
 
     def _repairs(self) -> list[object]:
-        """List the repairs of all operators, also of those that were given as objects."""
+        """Return the repairs of all operators, also of those that were given as objects."""
         operators = (self.mating.crossover, self.mating.mutation)
         mixtures = [getattr(operator, "mixture", None) for operator in operators]
         parts = [getattr(m, "parts", (o,)) for m, o in zip(mixtures, operators, strict=True)]
@@ -254,43 +258,15 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         self._least_infeasible = value
 
 
-class PlanGeneticAlgorithm(PopulationAlgorithm):
-    """A population-based algorithm of pymoo's with two sizes and a survival operator.
-
-    To be put before a class of pymoo's, as :class:`PopulationAlgorithm`, whose options it takes.
-
-    Parameters
-    ----------
-    pop_size
-        Plans in the population.
-    n_offsprings
-        Plans that a generation adds; default: as many as the population holds.
-    **options
-        Operators, and pymoo's own options.
-    """
-
-    @checked
-    def __init__(
-        self, *, pop_size: PopulationSize = 100, n_offsprings: Count | None = None, **options: Any
-    ) -> None:
-        sizes = genetic_sizes(pop_size, n_offsprings)
-        super().__init__({**sizes, "survival": self._new_survival()}, **options)
-
-    @staticmethod
-    def _new_survival() -> Survival:
-        """Make a survival for one algorithm: those in pymoo's signatures remember other runs."""
-        raise NotImplementedError
-
-
 def _call(module: str, function: str, /, *args: Any, **kwargs: Any) -> Any:
     """Call a function by its name, as a partial that can be pickled."""
     return getattr(sys.modules[module], function)(*args, **kwargs)
 
 
 def _picklable(selection: Any, kinds: Iterable[type]) -> Any:
-    """Return a tournament that refers to its comparison by name, in a module of the classes.
+    """Return a tournament that finds its comparison by name, in a module of the classes.
 
-    pymoo decorates some of them in a way that pickle cannot follow; a run that cannot be pickled
+    pymoo decorates some comparisons so that they cannot be pickled. A run that cannot be pickled
     cannot be resumed or sent to another process.
     """
     compare = getattr(selection, "func_comp", None)
@@ -301,11 +277,6 @@ def _picklable(selection: Any, kinds: Iterable[type]) -> Any:
                 selection.func_comp = functools.partial(_call, module, name)
                 return selection
     return selection
-
-
-def genetic_sizes(pop_size: int, n_offsprings: int | None) -> dict[str, Any]:
-    """Return the sizes that genetic algorithms of pymoo's take; each has its own other default."""
-    return {"pop_size": pop_size} | ({"n_offsprings": n_offsprings} if n_offsprings else {})
 
 
 def even_weights(n: int) -> FloatArray:

@@ -63,11 +63,11 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
 def algorithm_faults(
     name: str, parameters: Mapping[str, Any] | None = None, *, plain: bool = False
 ) -> list[Fault]:
-    """List everything that keeps :func:`make_algorithm` from making an algorithm.
+    """Return everything that keeps :func:`make_algorithm` from making an algorithm.
 
-    As pairs of a parameter's name, None for the whole, and what is wrong. Where all parameters
-    are of their types, the algorithm is made, to hear what its constructor says. With ``plain``
-    they are from a text file: what can only be a Python object is refused.
+    These are pairs of a parameter's name (None for the whole) and what is wrong. If all parameters
+    are of their types, the algorithm is made, to see what its constructor raises. With ``plain``
+    the parameters are from a text file, and parameters that only take Python objects are refused.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def algorithm_faults(
 
 
 def algorithm_names() -> tuple[str, ...]:
-    """Return the names that :func:`make_algorithm` knows; what cannot be loaded is warned of.
+    """Return the names that :func:`make_algorithm` knows, with warnings for what cannot be loaded.
 
     Examples
     --------
@@ -101,12 +101,12 @@ def algorithm_names() -> tuple[str, ...]:
 
 
 def algorithm_parameters(name: str) -> tuple[Parameter, ...]:
-    """List the parameters that an algorithm states, in the order of its signature."""
+    """Return the parameters that an algorithm states, in the order of its signature."""
     return accepted_by(find_algorithm(name)).parameters
 
 
 def describe_algorithm(name: str) -> str:
-    """Return the summary that an algorithm's docstring begins with; may be empty."""
+    """Return the summary at the beginning of an algorithm's docstring, which may be empty."""
     return summary_of(find_algorithm(name))
 
 
@@ -122,13 +122,13 @@ def _made(
 
 
 def find_algorithm(name: str) -> Callable[..., Any]:
-    """Import what makes an algorithm; a ValueError says why it cannot be had or called."""
+    """Import the factory of an algorithm; a ValueError says why it cannot be loaded or called."""
     if not isinstance(name, str):
         raise ValueError(f"Expected the name of an algorithm, got {name!r}.")
     try:
         if is_path(name):
             found = declared_factory(name, PLUGINS, Algorithm)
-            from botohe_moo.algorithms.wired import wired  # loads all operators
+            from botohe_moo.algorithms.genetic import wired  # loads all operators
 
             return wired(name, found)
         return PLUGINS.load(name)
@@ -138,5 +138,5 @@ def find_algorithm(name: str) -> Callable[..., Any]:
 
 @functools.lru_cache(maxsize=64)  # a grid asks for every combination
 def accepted_by(factory: Callable[..., Any]) -> Accepted:
-    """Find out what a factory can be given: what it states, but for pymoo's own options."""
+    """Return the parameters that a factory states, without pymoo's own options."""
     return accepted_parameters(factory, hidden=_PYMOOS_OWN)

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from botohe_moo.operators.crossover import PlanCrossover as PlanCrossover
     from botohe_moo.operators.crossover import TrailExchange as TrailExchange
     from botohe_moo.operators.crossover import TrailSplice as TrailSplice
-    from botohe_moo.operators.duplicates import PlanDuplicates as PlanDuplicates
     from botohe_moo.operators.mutation import MixedMutation as MixedMutation
     from botohe_moo.operators.mutation import PlanMutation as PlanMutation
     from botohe_moo.operators.mutation import RuinRecreate as RuinRecreate
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from botohe_moo.operators.mutation import ShareTrails as ShareTrails
     from botohe_moo.operators.mutation import TrailMoves as TrailMoves
     from botohe_moo.operators.repair import PenaltyOnly as PenaltyOnly
+    from botohe_moo.operators.repair import PlanDuplicates as PlanDuplicates
     from botohe_moo.operators.repair import PlanRepair as PlanRepair
     from botohe_moo.operators.repair import RepairCounts as RepairCounts
     from botohe_moo.operators.repair import SafestPathRepair as SafestPathRepair

@@ -19,10 +19,10 @@ def check_part(name: str, part: Part | None, kind: type[Part], default: type[Par
 
 
 class Mixture(Generic[Part]):
-    """Several operators, of which each plan gets one, drawn with their weights.
+    """Several operators, one of which is drawn for each plan.
 
-    ``parts`` are operators of the class ``kind``, or a mapping from them to weights above 0;
-    messages call each of them a ``what``.
+    ``parts`` are operators of the class ``kind``, or a mapping from them to weights above 0.
+    Messages call an operator a ``what``.
     """
 
     def __init__(
@@ -44,6 +44,6 @@ class Mixture(Generic[Part]):
         self.weights = np.array([check_number(name, weight, above=0) for weight in weights])
 
     def draw(self, rng: Rng, n: int) -> list[OffsetArray]:
-        """Share out ``n`` plans: for each operator the indices of those that it gets."""
+        """Draw an operator for each of ``n`` plans; return the indices that each operator gets."""
         drawn = rng.choice(len(self.parts), n, p=self.weights / self.weights.sum())
         return [np.flatnonzero(drawn == i) for i in range(len(self.parts))]

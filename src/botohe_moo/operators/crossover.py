@@ -1,6 +1,6 @@
 """Crossovers: children that share the trails of two plans."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -38,6 +38,8 @@ class PlanCrossover(Crossover):
     True
     """
 
+    _kind: ClassVar[int]
+
     @checked
     def __init__(
         self,
@@ -49,8 +51,8 @@ class PlanCrossover(Crossover):
         super().__init__(2, n_offsprings, prob=prob)
         self.plan_repair = check_part("repair", repair, PlanRepair, SafestPathRepair)
 
-    def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:
-        raise NotImplementedError
+    def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:  # noqa: ARG002
+        return np.full(n_pairs, self._kind, np.int64)
 
     def _do(
         self, problem: BOTOHE, X: ObjectArray, *_: Any, random_state: Rng, **__: Any
@@ -59,7 +61,7 @@ class PlanCrossover(Crossover):
         parents, n_pairs, n_robots = mission.batch(X), X.shape[1], mission.robots
         kinds = self._kinds(n_pairs, random_state)
         if n_robots == 1:
-            kinds[:] = SPLICE  # there are no whole trails to share out
+            kinds[:] = SPLICE  # a plan has one trail, and none to share out
         pieces = np.zeros((2 * n_pairs * n_robots, N_PIECES, 2), np.int64)
         cross(
             read_trails(*parents.arrays),
@@ -79,9 +81,9 @@ class PlanCrossover(Crossover):
 class TrailExchange(PlanCrossover):
     """Children that share out whole trails.
 
-    The first gets a random part of the first parent's trails and fills up with trails of the
-    second, drawn at random; the second child gets what is left. A single robot's trails are
-    spliced instead, as in :class:`TrailSplice`.
+    The first child gets a random part of the first parent's trails, and the rest at random from the
+    second parent; the second child gets what is left. The trails of a single robot are spliced, as
+    in :class:`TrailSplice`.
 
     Examples
     --------
@@ -92,16 +94,14 @@ class TrailExchange(PlanCrossover):
     200
     """
 
-    def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:  # noqa: ARG002
-        return np.full(n_pairs, EXCHANGE, np.int64)
+    _kind = EXCHANGE
 
 
 class TrailSplice(PlanCrossover):
-    """Children in which a trail of one parent goes on as a trail of the other.
+    """Children in which a trail of one parent continues as a trail of the other.
 
-    Of each parent one trail is drawn among those that leave the base, and a node that both visit;
-    the children swap what comes after it. Where the two trails share no node but the base, they
-    change places as a whole.
+    Of each parent a trail is drawn among those that leave the base, and a node that both visit. The
+    children swap what comes after it. Trails that share no node but the base are swapped whole.
 
     Examples
     --------
@@ -112,8 +112,7 @@ class TrailSplice(PlanCrossover):
     200
     """
 
-    def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:  # noqa: ARG002
-        return np.full(n_pairs, SPLICE, np.int64)
+    _kind = SPLICE
 
 
 class MixedCrossover(PlanCrossover):

@@ -63,8 +63,7 @@ class PlanMutation(Mutation):
         Parameters
         ----------
         mission, plans
-            A mission, and plans for its team. A PlanError is raised for another number of trails,
-            and for a trail without a node.
+            A mission, and plans for its team, or a PlanError is raised; also for an empty trail.
         random_state
             Where all random numbers come from.
         """
@@ -98,18 +97,17 @@ MOVES = ("insert", "delete", "substitute", "swap", "grab", "delete-segment", "re
 class TrailMoves(PlanMutation):
     """One of the seven moves of the journal paper's simulated annealing, in one robot's trail.
 
-    Insert, delete or substitute a node, swap two, grab a neighbour's reward and come straight back,
-    delete a segment, reverse the trail. A move that would use a missing arc, an arc twice, or
-    insert the base is drawn again, so that valid plans stay valid; plans that are not are left.
-    Where no move drawn could be made, as on missions with one-way arcs, the trail takes a detour:
-    to another node and back along safest paths.
+    ``insert``, ``delete`` or ``substitute`` a node, ``swap`` two, ``grab`` a neighbour's reward and
+    come straight back, ``delete-segment``, or ``reverse`` the trail. A move that would use a
+    missing arc, an arc twice, or insert the base is drawn again. So valid plans stay valid; others
+    are not changed. Where no move can be made, as on missions with one-way arcs, the trail takes a
+    detour to another node and back along safest paths.
 
     Parameters
     ----------
     weights
-        How likely each move is to be drawn, relative: a mapping from ``insert``, ``delete``,
-        ``substitute``, ``swap``, ``grab``, ``delete-segment`` and ``reverse``; a move that is not
-        named is not drawn. By default the last is a tenth as likely as each of the others.
+        How likely each move is drawn, relative to the others: a mapping from names. A move that is
+        not named is not drawn. By default ``reverse`` is a tenth as likely as each of the others.
     every_robot
         Whether every robot's trail is changed, rather than that of one drawn at random.
     max_tries
@@ -161,13 +159,13 @@ class TrailMoves(PlanMutation):
 class RuinRecreate(PlanMutation):
     """Cut a segment out of one robot's trail and put in up to a few other nodes instead.
 
-    The robot and both ends of the cut are drawn uniformly, so is how many nodes are put in, but at
-    least one where nothing would be cut. The repair joins what is left.
+    The robot, both ends of the cut and the number of new nodes are drawn uniformly. There is at
+    least one new node where nothing would be cut. The repair joins what is left.
 
     Parameters
     ----------
     max_via
-        How many nodes are put in at most.
+        The largest number of new nodes.
     **options
         As for :class:`PlanMutation`: ``prob`` and ``repair``.
 
@@ -225,15 +223,15 @@ class SendHome(PlanMutation):
 
 
 class ShareTrails(PlanMutation):
-    """Let one robot take over another's trail, or two robots swap how they go on.
+    """Let one robot copy another's trail, or two robots swap the ends of their trails.
 
-    They swap from a node that both visit; where there is none, from any place of their trails,
-    which the repair joins. With a single robot nothing changes.
+    They swap from a node that both visit. Where there is none, they swap from any place, and the
+    repair joins the parts. With a single robot nothing changes.
 
     Parameters
     ----------
     prob_copy
-        Probability of taking over rather than swapping.
+        Probability of copying rather than swapping.
     **options
         As for :class:`PlanMutation`: ``prob`` and ``repair``.
 

@@ -1,10 +1,12 @@
-"""Repairs: valid trail plans out of arbitrary sequences of nodes."""
+"""Valid and distinct plans: repairs of any sequences of nodes, and leaving out duplicates."""
 
 import time
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from pymoo.core.duplicate import DuplicateElimination
+from pymoo.core.population import Population
 from pymoo.core.repair import Repair
 
 from botohe_moo._base.types import ObjectArray
@@ -19,8 +21,8 @@ from botohe_moo.trails import PlanBatch
 class RepairCounts:
     """What a repair has done so far.
 
-    pymoo lets a mutation or a crossover work on every plan, and then takes the share that ``prob``
-    says: the plans that it drops are counted, too.
+    pymoo lets a mutation or a crossover change every plan, and then keeps a share ``prob`` of the
+    changed ones. Plans that it drops are counted, too.
 
     Attributes
     ----------
@@ -165,3 +167,34 @@ class PenaltyOnly(PlanRepair):
     >>> faults.tolist()
     [2.0]
     """
+
+
+class PlanDuplicates(DuplicateElimination):
+    """Drop plans that have the same multiset of trails as another.
+
+    The order of the robots does not matter. Plans are hashed, which takes linear time; pymoo's own
+    elimination compares every pair.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pymoo.core.population import Population
+    >>> from botohe_moo import TrailPlan
+    >>> from botohe_moo.operators import PlanDuplicates
+    >>> plans = np.empty((2, 1), object)
+    >>> plans[:, 0] = TrailPlan([[0, 1, 0], [0]]), TrailPlan([[0], [0, 1, 0]])  # the same robots
+    >>> len(PlanDuplicates().do(Population.new("X", plans)))
+    1
+    """
+
+    def _do(
+        self, pop: Population, other: Population | None, is_duplicate: ObjectArray
+    ) -> ObjectArray:
+        seen = set() if other is None else {individual.X[0] for individual in other}
+        for i, individual in enumerate(pop):
+            plan = individual.X[0]
+            if plan in seen:
+                is_duplicate[i] = True
+            elif other is None:
+                seen.add(plan)
+        return is_duplicate

@@ -62,8 +62,8 @@ class PlanSampling(Sampling):
 class RandomTrailSampling(PlanSampling):
     """Random trails: every arc that a trail has not used yet is equally likely.
 
-    At base the end of the trail is as likely as each arc. What leads into a dead end, or to where
-    no way home is found within the limits, is not taken.
+    At base the end of the trail is as likely as each arc. An arc is not taken if no way home within
+    the limits is found behind it.
 
     Examples
     --------
@@ -99,26 +99,9 @@ class GuidedTrailSampling(PlanSampling):
 
 
 def _walk(problem: BOTOHE, n_samples: int, rng: Rng, *, heuristic: bool) -> PlanBatch:
-    rule = ColonyRule(
-        evaporation=0.1,
-        heuristic=heuristic,
-        pheromone=False,
-        pheromone_per_robot=False,
-        initial_reward_pheromone=1.0,
-        initial_survival_pheromone=1.0,
-        reward_epsilon=0.05,
-        survival_epsilon=0.01,
-        unvisited_bonus=0.05,
-        exploration=0.01,
-        pooled_deposit=False,
-    )
-    colony = Colony(
-        problem.mission,
-        rule,
-        n_ants=n_samples,
-        limits=problem.planning_limits,
-        random_state=rng,
-    )
+    rule = ColonyRule(heuristic=heuristic, pheromone=False)
+    limits = problem.planning_limits
+    colony = Colony(problem.mission, rule, n_ants=n_samples, limits=limits, random_state=rng)
     return colony.construct(n_samples)
 
 
@@ -128,7 +111,7 @@ class CornerSampling(PlanSampling):
     Parameters
     ----------
     rest
-        Gives the other plans that are wanted; default: :class:`GuidedTrailSampling`.
+        The sampling of the other plans that are wanted; default: :class:`GuidedTrailSampling`.
 
     Examples
     --------
@@ -148,7 +131,7 @@ class CornerSampling(PlanSampling):
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         mission = problem.mission
         home = mission.stay_home()
-        greedy = SequentialPlanner(mission, **problem.planning_limits._asdict()).plan(1.0)
+        greedy = SequentialPlanner(mission, problem.planning_limits).plan(1.0)
         corners = PlanBatch.from_plans([home, greedy], mission.robots)
         return _filled(corners[:n_samples], self.rest, problem, n_samples, rng)
 
@@ -163,17 +146,17 @@ def _filled(
 
 
 class GivenSampling(PlanSampling):
-    """Plans that are given, and others where they are too few.
+    """Given plans, and others where they are too few.
 
-    All of them are used, also where fewer are wanted or they do not keep the limits.
+    All given plans are used, even if fewer are wanted or they do not keep the limits.
 
     Parameters
     ----------
     plans
-        What to start from: trail plans, or ``X`` or the population of another result. Sampling
-        raises a PlanError if one is not valid.
+        Trail plans, or ``X`` or the population of another result. Sampling raises a PlanError if
+        one is not valid.
     rest
-        Gives the other plans that are wanted; default: :class:`GuidedTrailSampling`.
+        The sampling of the other plans that are wanted; default: :class:`GuidedTrailSampling`.
 
     Examples
     --------
@@ -207,8 +190,7 @@ class MixedSampling(PlanSampling):
     Parameters
     ----------
     samplings
-        Where they come from: samplings, or a mapping from them to their weights (above 0), by
-        which each plan's sampling is drawn.
+        Samplings, or a mapping from them to weights (above 0). A sampling is drawn for each plan.
 
     Examples
     --------

@@ -1,80 +1,189 @@
-"""Operators as algorithms and study files speak of them: by their names, or names with weights."""
+"""Operators by name, or names with weights, as algorithms and study files give them."""
 
-from collections.abc import Mapping
+import contextlib
+import inspect
+import warnings
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
 from pymoo.core.crossover import Crossover
 from pymoo.core.mutation import Mutation
+from pymoo.core.repair import Repair
 from pymoo.core.sampling import Sampling
 
-from botohe_moo._base.checks import ParameterError, check_weights, quoted
+from botohe_moo._base.checks import ParameterError, check_weights, nearest_first, quoted
 from botohe_moo._base.types import ObjectArray, Rng
+from botohe_moo._plugins.entry_points import PluginError, PluginGroup
+from botohe_moo._plugins.factories import declared_factory, is_path, says_it_makes
 from botohe_moo.operators.base import Mixture
-from botohe_moo.operators.crossover import MixedCrossover
-from botohe_moo.operators.mutation import MixedMutation, PlanMutation
-from botohe_moo.operators.naming import (
-    BUILT_IN,
-    check_operator,
-    find_operator,
-    make_operator,
+from botohe_moo.operators.crossover import MixedCrossover, TrailExchange, TrailSplice
+from botohe_moo.operators.mutation import (
+    MixedMutation,
+    PlanMutation,
+    RuinRecreate,
+    SendHome,
+    ShareTrails,
+    TrailMoves,
 )
-from botohe_moo.operators.repair import PlanRepair
+from botohe_moo.operators.repair import PenaltyOnly, PlanRepair, SafestPathRepair, TruncateRepair
 from botohe_moo.operators.sampling import (
     CornerSampling,
     GivenSampling,
     GuidedTrailSampling,
     MixedSampling,
     PlanSampling,
+    RandomTrailSampling,
 )
 from botohe_moo.problem import BOTOHE
 
-# One operator's name, or several with their weights.
-Weights: TypeAlias = str | Mapping[str, float]
+Factory: TypeAlias = Callable[..., Any]
+# The name of one operator, or of several with their weights.
+Named: TypeAlias = str | Mapping[str, float]
 
 # Chosen from the ablation that `make bench` prints (results/operators/ablation.csv).
 DEFAULT_CROSSOVER: Mapping[str, float] = {"exchange": 1.0, "splice": 3.0}
 DEFAULT_MUTATION: Mapping[str, float] = {"ruin": 1.0, "moves": 0.5, "share": 0.2}
 
+# The kinds of operators, by the parameters of algorithms that take them: pymoo's class, and this
+# package's operators.
+KINDS: Mapping[str, type] = {
+    "sampling": Sampling,
+    "crossover": Crossover,
+    "mutation": Mutation,
+    "repair": Repair,
+}
+BUILT_IN: Mapping[str, Mapping[str, Factory]] = {
+    "sampling": {"guided": GuidedTrailSampling, "random": RandomTrailSampling},
+    "crossover": {"exchange": TrailExchange, "splice": TrailSplice},
+    "mutation": {
+        "home": SendHome,
+        "moves": TrailMoves,
+        "ruin": RuinRecreate,
+        "share": ShareTrails,
+    },
+    "repair": {
+        "penalty": PenaltyOnly,
+        "safest-path": SafestPathRepair,
+        "truncate": TruncateRepair,
+    },
+}
+_PLUGINS = PluginGroup("botohe_moo.operators", "operator")
+
+
+def find_operator(kind: str, name: Any) -> Factory:
+    """Import what makes an operator of a kind: ``sampling``, ``crossover``, ...
+
+    ``name`` is one of this package's, one that another package registers, or ``module:Class``. A
+    ParameterError says what keeps it from being used.
+    """
+    if isinstance(name, str) and name in BUILT_IN[kind]:
+        return BUILT_IN[kind][name]
+    if not isinstance(name, str) or not (is_path(name) or name in _PLUGINS.claims()):
+        known = nearest_first(str(name), {*BUILT_IN[kind], *_registered(kind)})
+        raise ParameterError(f"Expected {kind} among {', '.join(known)}, got {quoted(name)}.", kind)
+    try:
+        if not is_path(name):
+            factory = _PLUGINS.load(name)
+        elif name.partition(".")[0] == "pymoo":
+            raise PluginError("pymoo's own operators do not work on trail plans")
+        else:
+            factory = declared_factory(name, _PLUGINS, KINDS[kind])
+        if isinstance(factory, type) and not says_it_makes(factory, KINDS[kind]):
+            raise PluginError(f"expected a class derived from pymoo's {KINDS[kind].__name__}")
+    except PluginError as error:
+        raise ParameterError(f"{_source(kind, name)}: {error}.", kind) from error
+    return factory
+
+
+def named_operators(parameters: Mapping[str, Any]) -> list[tuple[str, Factory]]:
+    """List the path and the factory of each operator of other packages that parameters name.
+
+    What is not the name of an operator is left out.
+    """
+    found: list[tuple[str, Factory]] = []
+    for kind in KINDS.keys() & parameters.keys():
+        given = parameters[kind]
+        names = [given] if isinstance(given, str) else given if isinstance(given, Mapping) else ()
+        for name in [name for name in names if name not in BUILT_IN[kind]]:
+            with contextlib.suppress(ParameterError):
+                factory = find_operator(kind, name)
+                path = name if is_path(name) else _PLUGINS.entry(name).value
+                found.append((path, factory))
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def make_operator(kind: str, name: Any, wanted: type, **offered: Any) -> Any:
+    """Make the operator of that name, with those offered parameters that its factory takes.
+
+    A ParameterError is raised if it cannot be made, or is not of the class ``wanted``.
+    """
+    factory = find_operator(kind, name)
+    try:
+        made = factory(**_taken(factory, offered))
+    except (Exception, SystemExit) as error:  # whatever another package's code may raise
+        found = f"{type(error).__name__}: {error}"
+        raise ParameterError(f"{_source(kind, name)}: cannot be made ({found}).", kind) from error
+    if not isinstance(made, wanted):
+        found = f"expected an object of type {wanted.__name__}, got {type(made).__qualname__}"
+        raise ParameterError(f"{_source(kind, name)}: {found}.", kind)
+    return made
+
+
+def _source(kind: str, name: str) -> str:
+    return f"{kind.capitalize()} {quoted(name)}"
+
+
+def _registered(kind: str) -> Iterator[str]:
+    """List the names of other packages' operators that state that they are of a kind."""
+    for name in _PLUGINS.claims():
+        with contextlib.suppress(PluginError), warnings.catch_warnings(action="ignore"):
+            if says_it_makes(_PLUGINS.load(name), KINDS[kind]):
+                yield name
+
+
+def _taken(factory: Factory, offered: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the offered parameters that a factory's signature names, or all if it takes any.
+
+    Classes that derive from pymoo's only take other parameters under such names: they get ``prob``.
+    """
+    parameters = inspect.signature(factory).parameters
+    names = set(parameters)
+    if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+        bases = getattr(factory, "__mro__", ())
+        pymoos = bases and not any(base.__module__.startswith("botohe_moo.") for base in bases)
+        names |= {"prob"} if pymoos else offered.keys()
+    return {name: value for name, value in offered.items() if name in names}
+
 
 def _weights(what: str, given: Any, *, needed: str = "") -> dict[str, float]:
-    """Read one name, or a mapping from names to weights; those of weight 0 are left out."""
+    """Return the weights above 0 of operators, given one name or a mapping from names."""
     if isinstance(given, str):
         return {given: 1.0}
-    if not isinstance(given, Mapping):
-        known = f"{', '.join(BUILT_IN[what])}, a registered name or module:Class"
-        expected = f"{what} to be one of {known}, a mapping from them to weights"
-        message = f"Expected {expected}, or a pymoo operator, got {quoted(given)}."
-        raise ParameterError(message, what)
-    for name in given:
-        find_operator(what, name)
     weights = check_weights(what, given, given, needed=needed)
+    for name in weights:  # also of weight 0
+        find_operator(what, name)
     return {name: weight for name, weight in weights.items() if weight}
 
 
 def _made(what: str, weights: Mapping[str, float], plans: type, **offered: Any) -> dict[Any, float]:
-    """Make several operators; only those for plans can be mixed."""
-    made = {name: make_operator(what, name, **offered) for name in weights}
-    for name, operator in made.items():
-        if len(made) > 1:
-            check_operator(what, name, operator, plans)
-    return {made[name]: weight for name, weight in weights.items()}
+    """Make one operator, or several of the class ``plans``, the only ones that can be mixed."""
+    wanted = plans if len(weights) > 1 else KINDS[what]
+    return {make_operator(what, name, wanted, **offered): w for name, w in weights.items()}
 
 
 def make_repair(given: str | PlanRepair) -> PlanRepair:
-    """Make the repair of that name: ``safest-path``, ``truncate``, ``penalty`` or another's."""
+    """Make a repair: ``safest-path``, ``truncate``, ``penalty`` or that of another package."""
     if isinstance(given, PlanRepair):
         return given
-    made = make_operator("repair", given)
-    check_operator("repair", given, made, PlanRepair)
-    return made  # type: ignore[no-any-return]
+    return make_operator("repair", given, PlanRepair)  # type: ignore[no-any-return]
 
 
-def make_sampling(given: Weights | Sampling | Any, *, corners: bool = True) -> Sampling:
-    """Make a sampling of ``guided``, ``random`` and others, given one name or names with weights.
+def make_sampling(given: Named | Sampling | Any, *, corners: bool = True) -> Sampling:
+    """Make a sampling of ``guided``, ``random`` and others, from one name or names with weights.
 
-    A pymoo sampling is given back; to trail plans others are added where they are too few. With
-    ``corners`` the corners of the front are among the plans.
+    A pymoo sampling is returned as it is. Where trail plans are given but too few, guided ones are
+    added. With ``corners`` the corners of the front are among the plans.
     """
     if isinstance(given, Sampling):
         return given
@@ -90,9 +199,9 @@ def make_sampling(given: Weights | Sampling | Any, *, corners: bool = True) -> S
 
 
 def make_crossover(
-    given: Weights | Crossover, *, prob: float, repair: PlanRepair, n_offsprings: int = 2
+    given: Named | Crossover, *, prob: float, repair: PlanRepair, n_offsprings: int = 2
 ) -> Crossover:
-    """Make a crossover of ``exchange``, ``splice`` and others; a pymoo crossover is given back.
+    """Make a crossover of ``exchange``, ``splice`` and others; return a pymoo crossover as it is.
 
     Without any weight above 0, no pair is crossed.
     """
@@ -112,11 +221,8 @@ def make_crossover(
     )
 
 
-def make_mutation(given: Weights | Mutation, *, prob: float, repair: PlanRepair) -> Mutation:
-    """Make a mutation of ``home``, ``moves``, ``ruin``, ``share`` and others.
-
-    A pymoo mutation is given back.
-    """
+def make_mutation(given: Named | Mutation, *, prob: float, repair: PlanRepair) -> Mutation:
+    """Make a mutation of ``home``, ``moves``, ``ruin`` and others; return a pymoo one as it is."""
     if isinstance(given, Mutation):
         return given
     weights = _weights("mutation", given, needed="mutation")

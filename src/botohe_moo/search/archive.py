@@ -1,4 +1,4 @@
-"""All non-dominated plans an algorithm has found, held in arrays."""
+"""All non-dominated plans that an algorithm has found."""
 
 from __future__ import annotations
 
@@ -17,32 +17,34 @@ class PlanArchive:
     def __init__(self, n_robots: int, *, max_ties: int = 1_000) -> None:
         self.n_robots = n_robots
         self.max_ties = max_ties
-        self._held = new_archive()
+        self._arrays = new_archive()
         self._next_id = 0
 
     def __len__(self) -> int:
-        return len(self._held.ids)
+        return len(self._arrays.ids)
 
     @property
     def objectives(self) -> FloatArray:
         """E[R] and E[S] of each plan, to be maximised (n, 2); read-only."""
-        view = self._held.objectives.view()
+        view = self._arrays.objectives.view()
         view.flags.writeable = False
         return view
 
     @property
-    def held(self) -> Archive:
-        """What kernels see of it; not to be changed."""
-        return self._held
+    def arrays(self) -> Archive:
+        """The arrays that kernels take; not to be changed."""
+        return self._arrays
 
     @property
     def plans(self) -> PlanBatch:
         """A copy of the plans, in the order of ``objectives``."""
-        return PlanBatch._wrap(self._held.nodes.copy(), self._held.offsets.copy(), self.n_robots)
+        return PlanBatch._wrap(
+            self._arrays.nodes.copy(), self._arrays.offsets.copy(), self.n_robots
+        )
 
     @property
     def version(self) -> int:
-        """Changes whenever the archive does: the number of plans that ever entered."""
+        """The number of plans that were ever inserted: it changes whenever the archive does."""
         return self._next_id
 
     def insert(self, batch: PlanBatch, objectives: FloatArray) -> OffsetArray:
@@ -55,8 +57,8 @@ class PlanArchive:
     def _insert(self, batch: PlanBatch, objectives: FloatArray) -> tuple[OffsetArray, OffsetArray]:
         """Return the indices of the batch's own Pareto set, and of the plans that are inserted."""
         new = Batch(objectives, *batch.arrays)
-        members, inserted, self._held = insert(
-            new, self.n_robots, self._held, self.max_ties, self._next_id
+        members, inserted, self._arrays = insert(
+            new, self.n_robots, self._arrays, self.max_ties, self._next_id
         )
         self._next_id += len(inserted)
         return members, inserted

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -32,6 +31,9 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 Allocation = Literal["sequential", "concurrent"]
 
 _log = np.frompyfunc(math.log, 1, 1)  # with the bits of the kernels' logarithm; numpy's may differ
@@ -39,56 +41,30 @@ _log = np.frompyfunc(math.log, 1, 1)  # with the bits of the kernels' logarithm;
 
 @dataclass(frozen=True)
 class ColonyRule:
-    """How ants weigh arcs and how pheromone changes; :class:`BOACO` documents the parameters."""
+    """The rule by which ants weigh arcs and pheromone changes.
 
-    evaporation: float
-    heuristic: bool
-    pheromone: bool
-    pheromone_per_robot: bool
-    initial_reward_pheromone: float
-    initial_survival_pheromone: float
-    reward_epsilon: float
-    survival_epsilon: float
-    unvisited_bonus: float
-    exploration: float
-    pooled_deposit: bool
-    allocation: Allocation = "sequential"
-
-
-class AntThreads:
-    """Threads that build plans, which several colonies may share; they start when needed.
-
-    The calling one is among the ``n_threads``. A forked process starts threads of its own, since
-    those of its parent are not forked.
+    :class:`BOACO` documents the parameters. Defaults are those of :meth:`BOACO.journal`.
     """
 
-    def __init__(self, n_threads: int) -> None:
-        self.n_threads = n_threads
-        self._pool: ThreadPoolExecutor | None = None
-        self._process = 0  # whose threads these are
-
-    def submit(self, job: Callable[..., Any], *args: Any) -> Future[Any]:
-        """Run a job in another thread than the calling one."""
-        if self._pool is None or self._process != os.getpid():
-            self._pool = ThreadPoolExecutor(self.n_threads - 1, "botohe-ants")
-            self._process = os.getpid()
-        return self._pool.submit(job, *args)
-
-    def close(self) -> None:
-        """End the threads; the next job starts new ones."""
-        if self._pool is not None and self._process == os.getpid():
-            self._pool.shutdown()
-        self._pool = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_pool": None}
+    evaporation: float = 0.1
+    heuristic: bool = True
+    pheromone: bool = True
+    pheromone_per_robot: bool = False
+    initial_reward_pheromone: float = 1.0
+    initial_survival_pheromone: float = 1.0
+    reward_epsilon: float = 0.05
+    survival_epsilon: float = 0.01
+    unvisited_bonus: float = 0.05
+    exploration: float = 0.01
+    pooled_deposit: bool = False
+    allocation: Allocation = "sequential"
 
 
 class Colony:
     """Ants that build plans, and the pheromone they leave.
 
-    Plans are built by ``threads``, by default by the calling one alone; results do not depend on
-    them: each ant's own generator takes its seed from ``random_state``.
+    Results do not depend on ``n_threads``, which build plans: each ant has its own generator,
+    whose seed is drawn from ``random_state``.
     """
 
     def __init__(
@@ -97,19 +73,19 @@ class Colony:
         rule: ColonyRule,
         *,
         n_ants: int,
-        threads: AntThreads | None = None,
+        n_threads: int = 1,
         limits: Limits = NO_LIMITS,
         random_state: np.random.Generator,
     ) -> None:
         self.rule = rule
         self.n_robots = mission.robots
-        self.threads = threads or AntThreads(1)
+        self.n_threads = n_threads
         self.limits = limits
         self._graph = mission.arrays
         self._budget = new_budget(mission.arrays, limits)
         self._links = Links(mission.arrays.first, mission.arrays.head)
         self._is_careful = not mission.arrays.balanced or limits.bind
-        # What is handed over in microseconds where ants need not look for ways home.
+        # Where ants need not look for ways home, they get less, which is quicker to hand over.
         self._roads: Any = mission.arrays if self._is_careful else roads_of(mission.arrays)
         self._states = seed_states(random_state, n_ants)
         self._pheromone = _new_pheromone(mission, rule)
@@ -131,21 +107,19 @@ class Colony:
         return self._pheromone.levels
 
     def construct(self, n_ants: int) -> PlanBatch:
-        """Build one plan for each of ``n_ants`` ants; robots are in the order of planning.
+        """Build a plan for each of ``n_ants`` ants; robots are in the order of planning.
 
         The ants' weights on the objectives are spread evenly.
         """
         self._catch_up()
-        n_threads = min(self.threads.n_threads, n_ants)
+        n_threads = min(self.n_threads, n_ants)
         if n_threads == 1:
             return self._construct_span(0, n_ants, 0, n_ants)
         cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
-        waiting = [
-            self.threads.submit(self._construct_span, part, n_ants, cuts[part], cuts[part + 1])
-            for part in range(1, n_threads)
-        ]
-        mine = self._construct_span(0, n_ants, 0, cuts[1])
-        return PlanBatch.concatenate([mine, *(future.result() for future in waiting)])
+        spans = range(n_threads), [n_ants] * n_threads, cuts[:-1], cuts[1:]
+        # Threads that end with the iteration: none is left to pickle, to fork or to close.
+        with ThreadPoolExecutor(n_threads) as pool:
+            return PlanBatch.concatenate([*pool.map(self._construct_span, *spans)])
 
     def _construct_span(self, part: int, n_ants: int, begin: int, end: int) -> PlanBatch:
         """Build the plans of the ants ``begin`` to ``end``."""
@@ -177,17 +151,17 @@ class Colony:
     def learn(
         self, batch: PlanBatch, objectives: FloatArray, members: OffsetArray, archive: PlanArchive
     ) -> None:
-        """Evaporate and deposit pheromone, unless the colony does without.
+        """Evaporate and deposit pheromone, if the colony has any.
 
         ``objectives`` are E[R] and E[S] of the iteration's plans, and ``members`` the indices of
-        its Pareto set; ``archive`` is the global one, of all plans or of those the colony knows of.
+        its Pareto set. ``archive`` holds the global Pareto set, or what the colony knows of it.
         """
         if not self.rule.pheromone or len(archive) == 0:
             return
         self._catch_up()
         is_new = archive.version != self._deposited_version
         if is_new:
-            everyone, archived = np.arange(len(archive)), archive.held
+            everyone, archived = np.arange(len(archive)), archive.arrays
             self._archived = Depositors(
                 archived.objectives, everyone, archived.nodes, archived.offsets
             )
@@ -196,9 +170,9 @@ class Colony:
         self._to_learn = iteration, self._archived, is_new
 
     def _catch_up(self) -> None:
-        """Learn what the last iteration has found.
+        """Learn what the last iteration has found, if it has not been learned yet.
 
-        This waits until ants build again: a first front needs none of it, nor any compiling for it.
+        This waits until ants build again, so that a first front need not compile it.
         """
         if self._to_learn is not None:
             rule = LearningRule(self.rule.evaporation, self.rule.pooled_deposit)
@@ -207,7 +181,7 @@ class Colony:
             self._to_learn = None
 
     def weigh(self) -> None:
-        """Weigh arcs by the pheromone as it is, before anything has been deposited."""
+        """Weigh arcs by the pheromone at the start, before any deposit."""
         pheromone, weights = self._pheromone, self._weights
         logs = np.asarray(_log(np.maximum(pheromone.levels, LEAST)), np.float64)
         weights.log_reward[:] = logs[..., 0] + pheromone.log_eta_reward
@@ -250,10 +224,30 @@ def _new_weights(mission: Mission, rule: ColonyRule, pheromone: Pheromone) -> We
     return Weights(np.empty(shape), np.empty(shape), gain, np.log1p(gain))
 
 
-def exchange_archives(archives: Sequence[PlanArchive]) -> None:
-    """Insert the plans of each archive into the next one, those of the last into the first.
+def tabulate_pheromone(mission: Mission, colonies: Sequence[Colony]) -> pd.DataFrame:
+    """Return the pheromone of colonies, a row for each arc, as :attr:`BOACO.pheromone_maps`."""
+    import pandas as pd  # late: importing it takes as long as importing all else
 
-    All of them at once: a plan goes no further than to the next archive of the ring.
+    graph, nodes = mission.arrays, mission.nodes
+    tails, heads = (
+        pd.Series([nodes[i] for i in [*ends, graph.base]], dtype=object)
+        for ends in (graph.tail, graph.head)
+    )
+    columns = ["colony", "robot", "tail", "head", "reward", "survival"]
+    maps = [
+        pd.DataFrame(dict(zip(columns, [number, robot, tails, heads, *levels.T], strict=True)))
+        for number, colony in enumerate(colonies)
+        for robot, levels in enumerate(colony.pheromone)
+    ]
+    several = {"colony": len(colonies) > 1, "robot": colonies[0].rule.pheromone_per_robot}
+    single = [name for name, is_there in several.items() if not is_there]
+    return pd.concat(maps, ignore_index=True).drop(columns=single)
+
+
+def exchange_archives(archives: Sequence[PlanArchive]) -> None:
+    """Insert the plans of each archive into the next one, and those of the last into the first.
+
+    All archives exchange at once, so that a plan goes no further than to the next archive.
 
     Notes
     -----

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import time
 from functools import cache, reduce
+from typing import Annotated, TypeAlias
 
 import networkx as nx
 import numpy as np
+from pydantic import Field
 
-from botohe_moo._base.checks import check_number
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.types import Positive, Probability, TravelBudget
 from botohe_moo.kernels.exact import tables, teams
 from botohe_moo.kernels.fronts.ordered import (
     best_reward,
@@ -17,37 +20,35 @@ from botohe_moo.kernels.fronts.ordered import (
     new_front,
     read_front,
 )
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.plans.evaluate import either
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.exact_trails import TrailSearch
-from botohe_moo.search.limits import MOST_MEMORY, check_limits
-from botohe_moo.search.sequential import SequentialPlanner
+from botohe_moo.search.sequential import SequentialPlanner, limits_of
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 __all__ = ["TooLargeError", "exact_front"]
 
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 2048.0
+MemoryLimit: TypeAlias = Annotated[float, Field(gt=0, le=1e9)]  # MiB
 
 _MIB = 2**20
-_FRONT_ROWS = 1024  # that the front has room for at first
-# How much is done before limits are checked again: labels extended, visits of nodes and arcs that
-# this may take, and choices looked at.
+_FRONT_ROWS = 1024  # rows of the front at first
+# How much is done before limits are checked again: labels extended, nodes and arcs visited for
+# them, and choices of trails tried.
 _LABELS_A_PORTION, _LOOKS_A_PORTION, _CHOICES_A_PORTION = 1_000, 3_000_000, 500_000
-# A search that comes to more labels than this is estimated before it goes on.
+# With more labels than this, the size of the search is estimated before it goes on.
 _UNESTIMATED = 10_000
-# On missions that could be solved the estimate has been up to 4 500 times what was needed, since
-# it compares few labels: what it has to exceed the limits by. Searches make 20 000 to 100 000
-# labels a second.
+# By what factor the estimate has to exceed the limits: it compares few labels, and has been up to
+# 4 500 times too large. Searches make 20 000 to 100 000 labels a second.
 _DOUBT, _LABELS_A_SECOND = 10_000, 50_000
-# Of plans that the search begins with: weights, plans for each at most, and what beams keep.
+# For the plans that the search begins with: weights, plans for each, and beams.
 _N_GUIDES, _MOST_GUIDES, _GUIDE_WIDTH, _GUIDE_LABELS = 11, 20, 20, 5_000
-# In shares of all reward and of all robots: by how much less than this a plan is better does not
-# count in the search, and points of the front that differ by no more are one.
+# In shares of all reward and of all robots: a plan has to be better by more than the first to
+# count, and points of the front that differ by less than the second are one.
 _SLACK, _SAME = 1e-13, 1e-12
-_REMEDY = (
-    "Raise the limits, take fewer robots or a smaller mission, or another algorithm such as BOACO."
-)
+_REMEDY = "Raise the limits, take fewer robots, or another algorithm such as BOACO."
 
 
 class TooLargeError(ValueError):
@@ -57,21 +58,20 @@ class TooLargeError(ValueError):
     --------
     >>> from botohe_moo import load_mission
     >>> from botohe_moo.search.exact import TooLargeError, exact_front
-    >>> try:
-    ...     exact_front(load_mission("art_museum"), memory_limit=1)
-    ... except TooLargeError as error:
-    ...     print(str(error)[:20])
-    Mission 'art_museum'
+    >>> exact_front(load_mission("art_museum"), memory_limit=1)
+    Traceback (most recent call last):
+    botohe_moo.search.exact.TooLargeError: Mission 'art_museum' (27 nodes, 74 arcs, 3 robots)...
     """
 
 
+@checked
 def exact_front(
     mission: Mission,
     *,
-    min_survival: float = 0.0,
-    max_length: float | None = None,
-    time_limit: float = TIME_LIMIT,
-    memory_limit: float = MEMORY_LIMIT,
+    min_survival: Probability = 0.0,
+    max_length: TravelBudget | None = None,
+    time_limit: Positive = TIME_LIMIT,
+    memory_limit: MemoryLimit = MEMORY_LIMIT,
 ) -> PlanBatch:
     """Find the true Pareto front of a small mission.
 
@@ -80,11 +80,9 @@ def exact_front(
     mission
         What to plan for.
     min_survival
-        Survival floor: every robot survives with at least this probability, in [0, 1]; 0 sets
-        none.
+        Survival floor of every robot, in [0, 1]; 0 sets none.
     max_length
-        Travel budget: the arcs of every robot's trail are at most so long together, at least 0;
-        None sets none.
+        Travel budget: the largest length of a robot's trail, at least 0; None sets none.
     time_limit
         Seconds that the search may take, above 0; compiling it for the first time does not count.
     memory_limit
@@ -106,16 +104,14 @@ def exact_front(
 
     Notes
     -----
-    First all trails that some best team may need, then all teams of them; see the kernels
-    ``labels``, ``trails`` and ``teams`` for why nothing is missed. Label-setting
-    with dominance for resource-constrained paths: Irnich and Desaulniers, "Shortest path problems
-    with resource constraints", in: Column Generation, Springer, 2005.
+    The search finds all trails that a best team may need, then all teams of them; the kernels
+    ``labels``, ``trails`` and ``teams`` explain why nothing is missed. Label-setting with dominance
+    for resource-constrained paths: Irnich and Desaulniers, "Shortest path problems with resource
+    constraints", in: Column Generation, Springer, 2005.
 
-    Equal products of survivals differ in their last bits when multiplied in another order, so that
-    a front is true within rounding only: every plan of the mission is covered by one of the front
-    that falls short of it by no more than 10⁻¹² of all reward and 10⁻¹² of all robots, and points
-    of the front differ by more than that in both. All reward is that of the nodes other than the
-    base. Of plans with equal objectives one is given.
+    The front is true within rounding. For every plan of the mission, the front has one that falls
+    short of it by at most 10⁻¹² of all reward (without that of the base) and of all robots. Points
+    of the front differ by more than that in both.
 
     Examples
     --------
@@ -125,13 +121,8 @@ def exact_front(
     >>> toy.evaluate(exact_front(toy)).round(2).tolist()
     [[7.09, 0.35], [4.14, 0.66], [0.9, 0.81], [0.0, 1.0]]
     """
-    search = FrontSearch(
-        mission,
-        min_survival=min_survival,
-        max_length=max_length,
-        time_limit=time_limit,
-        memory_limit=memory_limit,
-    )
+    limits = limits_of(min_survival, max_length)
+    search = FrontSearch(mission, limits, time_limit=time_limit, memory_limit=memory_limit)
     while search.plans is None:
         search.advance()
     return search.plans
@@ -139,13 +130,10 @@ def exact_front(
 
 @cache
 def _compile_kernels() -> None:
-    """Search a mission of three nodes: compiling takes long, and no limit is meant for it."""
+    """Search a mission of three nodes: the time limit is not for compiling, which takes long."""
     graph: nx.DiGraph[int] = nx.DiGraph()
-    graph.add_node(0, reward=0.0)
-    for node in (1, 2):
-        graph.add_node(node, reward=1.0)
-        graph.add_edge(0, node, survival=0.9)
-        graph.add_edge(node, 0, survival=0.9)
+    graph.add_nodes_from(range(3), reward=1.0)
+    graph.add_edges_from([(0, 1), (1, 0), (0, 2), (2, 0)], survival=0.9)
     mission = Mission(graph, base=0, robots=2)
     search = FrontSearch(mission, time_limit=1e9, memory_limit=1e9)
     while search.plans is None:
@@ -153,49 +141,37 @@ def _compile_kernels() -> None:
 
 
 class FrontSearch:
-    """The search for the true Pareto front, a portion at a time; see :func:`exact_front`.
-
-    ``plans`` is the front by descending E[R]; None as long as the search has not ended.
-    """
+    """The search for the true front, a portion at a time; ``plans`` is the front at the end."""
 
     def __init__(
         self,
         mission: Mission,
+        limits: Limits = NO_LIMITS,
         *,
-        min_survival: float = 0.0,
-        max_length: float | None = None,
         time_limit: float = TIME_LIMIT,
         memory_limit: float = MEMORY_LIMIT,
     ) -> None:
         self.mission = check_mission(mission)
-        self.limits = check_limits(min_survival, max_length)
-        self.time_limit = check_number("time_limit", time_limit, above=0)
-        self.memory_limit = check_number("memory_limit", memory_limit, above=0, at_most=MOST_MEMORY)
+        self.limits = limits
+        self.time_limit = time_limit
+        self.memory_limit = memory_limit
         self.plans: PlanBatch | None = None
         self._trails: TrailSearch | None = None
         self._choices: teams.Choices | None = None
         self._spent = 0.0
         self._estimated = False
 
-    @property
-    def n_labels(self) -> int:
-        """How many partial trails have been kept so far."""
-        return 0 if self._trails is None else self._trails.n_labels
-
-    @property
-    def n_trails(self) -> int:
-        """How many trails are known so far that teams may need; once all are, what is left."""
-        return 0 if self._trails is None else self._trails.n_trails
-
     def advance(self) -> None:
-        """Do a portion of the work; raise ``TooLargeError`` as ``exact_front`` does."""
+        """Do a portion of the work; raise a ``TooLargeError`` as ``exact_front`` does."""
         _compile_kernels()
         self._advance()
 
     def _advance(self) -> None:
         begun = time.perf_counter()
         if self._trails is None:
-            self._trails = self._begin()
+            self._guides = self._guiding_plans()
+            known = sorted({trail for plan in self._guides for trail in plan.trails})
+            self._trails = TrailSearch(self.mission, self.limits, known)
         if self._choices is None:
             self._advance_trails(self._trails)
         else:
@@ -204,20 +180,12 @@ class FrontSearch:
         if self.plans is None and self._spent > self.time_limit:
             raise self._beyond(f"time_limit = {self.time_limit:g} seconds")
 
-    def _begin(self) -> TrailSearch:
-        self._guides = self._guiding_plans()
-        known = sorted({trail for plan in self._guides for trail in plan.trails})
-        return TrailSearch(self.mission, self.limits, known)
-
     def _guiding_plans(self) -> list[TrailPlan]:
-        """Good plans that the search begins with: what they are as good as need not be found."""
+        """Return good plans to begin with: the search need not find what they are as good as."""
         planner = SequentialPlanner(
-            self.mission,
-            beam_width=_GUIDE_WIDTH,
-            max_labels=_GUIDE_LABELS,
-            **self.limits._asdict(),
+            self.mission, self.limits, beam_width=_GUIDE_WIDTH, max_labels=_GUIDE_LABELS
         )
-        # They save work, and on large missions take long.
+        # On large missions they take long.
         until = time.perf_counter() + self.time_limit / _N_GUIDES
         found: list[TrailPlan] = []
         for weight in (1.0, *np.linspace(0.0, 1.0, _N_GUIDES)[:-1].tolist()):
@@ -264,7 +232,7 @@ class FrontSearch:
                 self._front.plan[insert(self._front, reward, survivors)] = -1 - i
 
     def _figures(self, trails: TrailSearch) -> list[tuple[float, float]]:
-        """E[R] of the guiding plans, without that of the base, and E[S]."""
+        """Return E[R], without that of the base, and E[S] of each guiding plan."""
         followed = [[trails.follow(trail) for trail in plan.trails] for plan in self._guides]
         reached = [reduce(either, [chances for _, chances in team]) for team in followed]
         rewards = [float(trails.rule.reward @ chances) for chances in reached]
@@ -281,7 +249,7 @@ class FrontSearch:
             self.plans = self._plans(trails)
 
     def _plans(self, trails: TrailSearch) -> PlanBatch:
-        """Read the front, where points that differ by rounding only are one."""
+        """Return the plans of the front; of points that differ by rounding only, one."""
         slots, _ = read_front(self._front)
         rows = self._front.plan[slots].tolist()
         found = [
@@ -311,24 +279,19 @@ class FrontSearch:
             raise self._beyond(f"memory_limit = {self.memory_limit:g} MiB")
 
     def _beyond(self, limit: str) -> TooLargeError:
-        found = f"the exact front was not found within {limit}. {self._progress()}"
-        return TooLargeError(f"{self._name()}: {found} {_REMEDY}")
+        n_done, n, what = 0, 0, "partial trails found so far"
+        if self._choices is not None:
+            n_done, n = int(self._choices.at[0]), int(self._choices.n_listed[0])
+            what = "trails for the first robot of a team"
+        elif self._trails is not None:
+            n_done, n = self._trails.n_done, self._trails.n_labels
+        return TooLargeError(
+            f"{self._name()}: the exact front was not found within {limit}. The search had tried "
+            f"{n_done} of {n} {what}. {_REMEDY}"
+        )
 
     def _name(self) -> str:
         mission = self.mission
         robots = "1 robot" if mission.robots == 1 else f"{mission.robots} robots"
         n_nodes, n_arcs = len(mission.nodes), mission.arrays.n_arcs
         return f"Mission {mission.name!r} ({n_nodes} nodes, {n_arcs} arcs, {robots})"
-
-    def _progress(self) -> str:
-        if self._choices is None:
-            n_done = 0 if self._trails is None else self._trails.n_done
-            return (
-                f"The search had gone on from {n_done} of the {self.n_labels} partial trails "
-                "found so far."
-            )
-        n_done, n = int(self._choices.at[0]), int(self._choices.n_listed[0])
-        return (
-            f"The search had found all {self.n_trails} trails that matter, and tried {n_done} of "
-            f"{n} for the first robot of a team."
-        )

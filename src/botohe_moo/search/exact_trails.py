@@ -1,4 +1,4 @@
-"""All trails that the exact front may need: tables that grow, and an estimate of how far."""
+"""All trails that the exact front may need, and an estimate of how many labels it takes."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from botohe_moo.kernels.rng import hash_keys
 from botohe_moo.mission.model import Mission
 
 _ROWS = 1024  # that tables have room for at first
-# An estimate ends after this number of descents, or when they have met this number of labels.
+# An estimate ends after as many descents, or when they have met as many labels.
 _MAX_DIVES, _MAX_MET = 1_000, 30_000
 
 
 class TrailSearch:
-    """The search for all trails of a mission that some best team may need, a portion at a time.
+    """The search for all trails of a mission that a best team may need, a portion at a time.
 
-    Every trail keeps the limits. What ``known`` trails are as good as need not be found.
+    Every trail keeps the limits. Trails that a ``known`` one is as good as need not be found.
     """
 
     def __init__(
@@ -53,46 +53,46 @@ class TrailSearch:
 
     @property
     def n_labels(self) -> int:
-        """How many partial trails have been kept so far."""
+        """The number of partial trails that have been kept."""
         return int(self._progress["n_labels"][0])
 
     @property
     def n_done(self) -> int:
-        """From how many of them the search has gone on."""
+        """The number of those from which the search has gone on."""
         return int(self._progress["next"][0])
 
     @property
     def n_trails(self) -> int:
-        """How many trails are known so far that teams may need."""
+        """The number of known trails that teams may need."""
         return int(self._progress["n_trails"][0])
 
     @property
     def n_bytes(self) -> int:
-        """Bytes that the tables take."""
+        """The size of the tables in bytes."""
         return tables.n_bytes(self._labels) + tables.n_bytes(self._trails)
 
     @property
     def n_label_bytes(self) -> int:
-        """Bytes that a partial trail takes."""
+        """The size of a partial trail in bytes."""
         return tables.n_bytes(self._labels) // len(self._labels.rows)
 
     @property
     def survives(self) -> FloatArray:
-        """Survivals of the trails that are known; descending once the search has ended."""
+        """The survivals of known trails, descending once the search has ended."""
         survives: FloatArray = self._trails.rows["survives"][: self.n_trails].copy()
         return survives
 
     @property
     def reached(self) -> FloatArray:
-        """How probably those trails reach each goal; with one robot their share of all reward."""
+        """The probabilities that known trails reach each goal; for one robot, shares of reward."""
         return self._trails.reached[: self.n_trails].copy()
 
     def advance(self, n_looks: int, require: Callable[[int], None]) -> bool:
-        """Go on from ``n_looks`` labels at most; tell whether all trails are known.
+        """Go on from ``n_looks`` labels at most; return whether all trails are known.
 
-        ``require`` is called with the number of bytes that are needed before they are taken.
+        Before memory is taken, ``require`` is called with the number of bytes.
         """
-        full = self._grow(n_looks, True)
+        full = grow(self._search, n_looks, True)
         if self.n_trails > 1.5 * self._n_tidy + 64:
             self._tidy()
         if full:
@@ -105,16 +105,13 @@ class TrailSearch:
             self._tidy()
         return ended
 
-    def _grow(self, n_looks: int, again: bool) -> bool:
-        return grow(self._search, n_looks, again)
-
     @property
     def _search(self) -> tables.LabelSearch:
         known = self._labels, self._trails, self._progress
         return tables.LabelSearch(self.graph, self.rule, *known, self._current)
 
     def _tidy(self) -> None:
-        """Sort the trails by descending survival, and drop those that another is as good as."""
+        """Sort the trails by descending survival, without those that another is as good as."""
         n, others = self.n_trails, tables.TrailTable(*[column.copy() for column in self._trails])
         total = sum(others.reached[:n].T, np.zeros(n))
         self._progress["n_trails"] = 0
@@ -124,9 +121,9 @@ class TrailSearch:
         self._n_tidy = self.n_trails
 
     def estimate(self, n_bytes: int) -> float:
-        """Estimate from above how many labels there will be, the same every time.
+        """Return an estimate from above of the number of labels, which takes ``n_bytes`` at most.
 
-        The estimate takes ``n_bytes`` at most.
+        It is the same every time.
         """
         most = 1 + self.graph.n_arcs * int(np.diff(self.graph.first).max())
         n_rows = min(most, _MAX_MET, n_bytes // self.n_label_bytes)
@@ -154,22 +151,22 @@ class TrailSearch:
     def _dive(self, rng: np.random.Generator) -> float | None:
         """Estimate the number of labels from those that one random descent meets.
 
-        A label has n children that go on, one of which is drawn, and counts for the product of the
-        n before it: Knuth, "Estimating the efficiency of backtrack programs", Mathematics of
-        Computation 29(129), 1975. Without bias for the labels of a search that compares them with
-        those of the same descent only; where all are compared there are fewer.
+        Of the n children of a label one is drawn. Each child counts for the product of all n before
+        it: Knuth, "Estimating the efficiency of backtrack programs", Mathematics of Computation
+        29(129), 1975. The search has fewer labels, since it compares each with all others, not only
+        with those of the same descent.
 
-        Returns the estimate from as far down as there was room for labels; None where there was
-        none for trails.
+        A descent ends where there is no more room for labels. None is returned where there is no
+        room for trails.
         """
         self._progress["n_labels"] = label = 0
         weight = total = 1.0
         low = 1
         while True:
             self._progress["next"] = label
-            if self._grow(1, False):
+            if grow(self._search, 1, False):
                 self._tidy()
-                if self._grow(1, False):
+                if grow(self._search, 1, False):
                     node = self._labels.rows["node"][label]
                     degree = self.graph.first[node + 1] - self.graph.first[node]
                     return None if len(self._trails.rows) - self.n_trails < degree else total

@@ -1,50 +1,54 @@
-"""Team plans robot by robot: each gets the trail that adds most to those before it."""
+"""Plans robot by robot: each gets the trail that adds most to those before it."""
 
 from __future__ import annotations
 
 import math
 import time
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from pydantic import Field
 
-from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.types import Probability, TravelBudget
 from botohe_moo.kernels.beam.labels import new_beam
 from botohe_moo.kernels.beam.prospects import BeamRule, Near, dangers, find_near
 from botohe_moo.kernels.beam.search import MAX_LABELS, best_trail
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.graph.homing import Budget, new_budget
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.search.limits import check_limits
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["plan_sequentially"]
 
 BEAM_WIDTH = 100
 MAX_BEAM_WIDTH = 100_000
+BeamWidth: TypeAlias = Annotated[int, Field(ge=1, le=MAX_BEAM_WIDTH)]
 
-# Nodes that the search looks ahead to from each node: on 200 nodes as good as all of them.
+# Nodes that the search looks ahead to from each node; on 200 nodes as good as all of them.
 _N_NEAR = 64
 
-# What planners need not keep when they are pickled.
+# What is not pickled, since it follows from the rest.
 _DERIVED = {"_near", "_budget"}
 
 
+@checked
 def plan_sequentially(
     mission: Mission,
     weight: float,
     *,
-    beam_width: int = BEAM_WIDTH,
-    min_survival: float = 0.0,
-    max_length: float | None = None,
+    beam_width: BeamWidth = BEAM_WIDTH,
+    min_survival: Probability = 0.0,
+    max_length: TravelBudget | None = None,
 ) -> TrailPlan:
     """Plan one robot after another, each for the greatest gain given those before it.
 
     A plan is worth weight · E[R] / (total reward) + (1 − weight) · E[S] / robots. Each robot gets
-    the trail that adds most to it. With weight 0 nobody is put in danger, and the robots collect
-    what they can without any; with weight 1 dangers count only by the reward that lost robots do
-    not collect.
+    the trail that adds most to it. With weight 0 the robots collect only what they can without
+    danger. With weight 1 dangers count only by the reward that lost robots do not collect.
 
     Parameters
     ----------
@@ -53,14 +57,12 @@ def plan_sequentially(
     weight
         Weight on reward, in [0, 1].
     beam_width
-        Partial trails that the search for each robot's trail keeps, from 1 to 100 000. The wider,
-        the better the trails, and the longer it takes, in proportion.
+        Partial trails that the search for each robot's trail keeps, from 1 to 100 000. A wider
+        beam finds better trails and takes longer, in proportion.
     min_survival
-        Survival floor: every robot survives with at least this probability, in [0, 1]; 0 sets
-        none.
+        Survival floor of every robot, in [0, 1]; 0 sets none.
     max_length
-        Travel budget: the arcs of every robot's trail are at most so long together, at least 0;
-        None sets none.
+        Travel budget: the largest length of a robot's trail, at least 0; None sets none.
 
     Returns
     -------
@@ -79,10 +81,10 @@ def plan_sequentially(
     The sequential scheme for the team surviving orienteers problem: Jorgensen, Chen, Milam and
     Pavone, "The team surviving orienteers problem: routing teams of robots in uncertain
     environments with survival constraints", Autonomous Robots 42(4), 2018. A plan's worth is a
-    monotone submodular function of its trails, so that K robots with best trails each come to at
-    least 1 − (1 − 1/K)^K of what the best plan is worth. A beam that is too narrow need not find
-    the best trail. Nor need any beam where there is a travel budget: robots go home by the safest
-    way or by the shortest one, and a way that compromises between both is not looked for.
+    monotone submodular function of its trails. With the best trail for each of K robots, a plan is
+    therefore worth at least 1 − (1 − 1/K)^K of the best plan. A narrow beam may miss the best
+    trail. With a travel budget any beam may miss it: robots go home by the safest way or by the
+    shortest one, never by a compromise between both.
 
     Examples
     --------
@@ -94,10 +96,13 @@ def plan_sequentially(
     >>> bool(reward > 10)
     True
     """
-    planner = SequentialPlanner(
-        mission, beam_width=beam_width, min_survival=min_survival, max_length=max_length
-    )
-    return planner.plan(weight)
+    limits = limits_of(min_survival, max_length)
+    return SequentialPlanner(mission, limits, beam_width=beam_width).plan(weight)
+
+
+def limits_of(min_survival: float, max_length: float | None) -> Limits:
+    """Return the limits that users give, where None is no travel budget."""
+    return Limits(min_survival, math.inf if max_length is None else max_length)
 
 
 class SequentialPlanner:
@@ -106,17 +111,14 @@ class SequentialPlanner:
     def __init__(
         self,
         mission: Mission,
+        limits: Limits = NO_LIMITS,
         *,
         beam_width: int = BEAM_WIDTH,
-        min_survival: float = 0.0,
-        max_length: float | None = None,
         max_labels: int = MAX_LABELS,
     ) -> None:
         self.mission = check_mission(mission)
-        self.beam_width = check_integer(
-            "beam_width", beam_width, at_least=1, at_most=MAX_BEAM_WIDTH
-        )
-        self.limits = check_limits(min_survival, max_length)
+        self.limits = limits
+        self.beam_width = beam_width
         self._max_labels = max_labels
 
     @cached_property
@@ -136,9 +138,9 @@ class SequentialPlanner:
     ) -> list[TrailPlan]:
         """Plan the whole team, and plans in which its last robots stay at base.
 
-        Returns the team's plan, that of all robots but the last, and so on to the first robot's
-        alone; none twice. Of more than ``n_most``, some in between are left out. When
-        ``time.perf_counter()`` comes to ``until``, robots not planned yet stay at base.
+        The first plan is the team's, the next that of all robots but the last, and so on to the
+        first robot alone; none is returned twice. Of more than ``n_most``, some in between are
+        left out. Robots that are not planned at ``until`` (``time.perf_counter()``) stay at base.
         """
         trails = self._trails(weight, until)
         n_moving = range(len(trails), 0, -1)
@@ -159,12 +161,12 @@ class SequentialPlanner:
         least, budget = self.limits.min_survival, self._budget
         if weight > 0:
             share, survival_weight = weight * share, (1.0 - weight) / mission.robots
-        else:  # everything that risks nothing is worth the same: the most reward decides
+        else:  # among trails without danger, the most reward decides
             survival_weight, least = 1.0, 1.0
             if budget is not None:
                 budget = budget._replace(limits=self.limits._replace(min_survival=least))
         unreached = np.ones(graph.n_nodes)
-        unreached[graph.base] = 0.0  # what everybody collects must not drown the differences
+        unreached[graph.base] = 0.0  # every trail collects it, and it may be large
         danger, beam = dangers(graph, self._near, survival_weight), new_beam(graph)
         trails: list[list[int]] = []
         for _ in range(mission.robots):
@@ -174,14 +176,14 @@ class SequentialPlanner:
             width, n_labels = self.beam_width, self._max_labels
             rule = BeamRule(worth, danger, survival_weight, least, budget, width, n_labels)
             arcs, _, _ = best_trail(graph, self._near, rule, beam)
-            if len(arcs) == 0:  # and nothing changes for those that come after
+            if len(arcs) == 0:  # nor will later robots leave
                 break
             trails.append([graph.base, *graph.head[arcs].tolist()])
             self._visit(arcs, unreached)
         return trails
 
     def _visit(self, arcs: OffsetArray, unreached: FloatArray) -> None:
-        """Note what a trail reaches."""
+        """Multiply in the probabilities that a robot on this trail does not reach each node."""
         graph = self.mission.arrays
         nodes, positions = np.unique(graph.head[arcs], return_index=True)
         unreached[nodes] *= 1.0 - np.cumprod(graph.survival[arcs])[positions]

@@ -3,39 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 from numpy.typing import ArrayLike
+from pydantic import Field
 
-from botohe_moo._base.checks import check_integer, check_number, quoted
+from botohe_moo._base.checks import quoted
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.types import NotNegative, Positive, Probability, TravelBudget
 from botohe_moo.indicators import check_objectives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.proof import Proof
-from botohe_moo.search.limits import MOST_MEMORY, check_limits
+from botohe_moo.search.exact import MemoryLimit
+from botohe_moo.search.sequential import limits_of
 
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 1024.0
 MOST_ROBOTS = 5_000
 
 
+@checked
 def bound_front(
     mission: Mission,
     *,
     front: ArrayLike | None = None,
-    time_limit: float = TIME_LIMIT,
-    memory_limit: float = MEMORY_LIMIT,
-    gap: float = 0.0,
-    min_survival: float = 0.0,
-    max_length: float | None = None,
-    seed: int = 1,
+    time_limit: Positive = TIME_LIMIT,
+    memory_limit: MemoryLimit = MEMORY_LIMIT,
+    gap: NotNegative = 0.0,
+    min_survival: Probability = 0.0,
+    max_length: TravelBudget | None = None,
+    seed: Annotated[int, Field(ge=0)] = 1,
     callback: Callable[[FrontBound], Any] | None = None,
 ) -> FrontBound:
     """Bound the front of a mission from above: for each E[S], an E[R] that no plan exceeds.
 
-    Small missions get their true front, which is its own bound. On others, prices are set on visits
-    and on survival, and a relaxation bounds what any trail is worth under them; see
-    ``docs/bounds.md``.
+    Small missions get their true front. On others, visits and survival get prices, and a relaxation
+    bounds what a trail is worth under them; see ``docs/bounds.md``.
 
     Parameters
     ----------
@@ -43,39 +47,39 @@ def bound_front(
         What is planned for.
     front
         E[R] and E[S] of known plans (n, 2): ``-result.F``. Work goes first to where the gap between
-        them and the bound is the widest; without, plans that a short search finds are taken.
+        them and the bound is the widest. A short search adds others.
     time_limit
-        Seconds until it ends, above 0; compiling for the first time and what is under way may take
-        some more. More time only lowers the bound.
+        Seconds until it ends, above 0. Compiling for the first time, and ending what has begun, may
+        take longer. More time only lowers the bound.
     memory_limit
-        MiB that its tables may take, in (0, 10⁹]: with less, relaxed trails remember less.
+        MiB that its tables may take, in (0, 10⁹]. With less, relaxed trails remember less.
     gap
-        It ends when the bound's area exceeds that of the known plans by no more than this share, at
-        least 0.
+        At least 0: it ends when the bound's area exceeds that of the known plans by at most this
+        share.
     min_survival
         Survival floor of every robot, in [0, 1].
     max_length
-        Travel budget of every robot, at least 0; None is the mission's own, if it has one, and inf
-        none.
+        Travel budget of every robot, at least 0. None is the mission's own, if it has one; inf is
+        no budget.
     seed
-        Of the search for trails, at least 0. Given the time that it takes, the same seed gives the
-        same bound; where time runs out earlier, the bound is another one, valid as well.
+        Of the search for trails, at least 0. The same seed gives the same bound if it ends before
+        the time is over; otherwise the bounds may differ, and all are valid.
     callback
-        Called with each bound on the way, which is valid, too.
+        Called with each bound on the way; these are valid, too.
 
     Returns
     -------
     FrontBound
-        What has been proved. Ctrl-C ends the work early, and keeps that.
+        What has been proved, also after Ctrl-C.
 
     Raises
     ------
     TypeError
         If ``mission`` is not a Mission, or ``callback`` not callable.
     ValueError
-        If a parameter is out of its range, or the mission has more than 5 000 robots, or ``front``
-        is not of shape (n, 2), or has a plan above the bound: it is of another mission, or does not
-        keep the limits.
+        If a parameter is out of its range, the mission has more than 5 000 robots, ``front`` is not
+        of shape (n, 2), or one of its plans lies above the bound: then it is of another mission, or
+        does not keep the limits.
 
     Notes
     -----
@@ -99,20 +103,21 @@ def bound_front(
         )
     proof = Proof(
         mission,
-        check_limits(min_survival, mission.max_length if max_length is None else max_length),
-        seed=check_integer("seed", seed, at_least=0),
-        seconds=check_number("time_limit", time_limit, above=0),
-        memory=check_number("memory_limit", memory_limit, above=0, at_most=MOST_MEMORY),
+        limits_of(min_survival, mission.max_length if max_length is None else max_length),
+        seed=seed,
+        seconds=time_limit,
+        memory=memory_limit,
+        gap=gap,
+        callback=callback,
     )
-    wanted = check_number("gap", gap, at_least=0)
     if callback is not None and not callable(callback):
         raise TypeError(f"Expected callback to be callable, got {quoted(callback)}.")
     known = check_objectives("front", () if front is None else front)
     proof.bound().check("front", known)
-    proof.know(known)
+    proof.known.add(known)
     try:
         if not proof.find_front():
-            proof.find(wanted, callback)
+            proof.find()
     except KeyboardInterrupt:
         pass
     bound = proof.bound()

@@ -30,7 +30,7 @@ def lower_hull(x: FloatArray, y: FloatArray) -> OffsetArray:
 
 
 def convex_below(values: FloatArray) -> FloatArray:
-    """Return the largest convex function on a grid that is nowhere above, at least 0."""
+    """Return the largest convex function on a grid that is nowhere above values, at least 0."""
     levels = np.arange(len(values), dtype=float)
     corners = lower_hull(levels, values)
     envelope: FloatArray = np.maximum(np.interp(levels, corners, values[corners]), 0.0)
@@ -39,38 +39,25 @@ def convex_below(values: FloatArray) -> FloatArray:
 
 def lower_envelope(most: ArrayLike, mu: ArrayLike) -> OffsetArray:
     """Return which lines ``most`` − ``mu`` · x are the lowest at some x ≥ 0, by ascending mu."""
-    # Products must not overflow.
+    # So that products do not overflow.
     y, x = (np.asarray(each) / (np.max(each) or 1.0) for each in (most, mu))
     corners = lower_hull(x, y)
-    # Lines before the last with the least ``most`` are nowhere below it.
+    # Of lines with the least ``most``, the last one is the lowest.
     lowest: Any = np.flatnonzero(y[corners] == y[corners].min())[-1]
     return corners[lowest:]
 
 
 def area_under_highest(heights: FloatArray, rises: FloatArray) -> float:
-    """Integrate the highest of some lines from 0 to 1; those at −inf do not count.
-
-    Where two of the lines that make it cross, it has a corner, or a line between them is higher.
-    """
-    finite = np.isfinite(heights)
-    heights, rises = heights[finite], rises[finite]
-    if len(heights) == 0:
+    """Integrate the highest of some lines from 0 to 1; those at −inf do not count."""
+    ends = heights + rises
+    # Others are everywhere below the line whose lower end is the highest.
+    kept = np.maximum(heights, ends) >= np.minimum(heights, ends).max()
+    kept &= np.isfinite(heights)
+    if not kept.any():
         return 0.0
-
-    def highest(at: float) -> int:
-        return int((heights + rises * at).argmax())
-
-    corners, pairs = [0.0, 1.0], [(highest(0.0), highest(1.0))]
-    while pairs:
-        one, other = pairs.pop()
-        if rises[one] >= rises[other]:
-            continue
-        cross = float((heights[one] - heights[other]) / (rises[other] - rises[one]))
-        between = highest(cross)
-        if rises[one] < rises[between] < rises[other]:
-            pairs += [(one, between), (between, other)]
-        else:
-            corners.append(min(max(cross, 0.0), 1.0))
-    at = np.sort(corners)
-    values = [float((heights + rises * each).max()) for each in at.tolist()]
-    return float(np.trapezoid(values, at))
+    heights, rises = heights[kept], rises[kept]
+    order = lower_hull(rises, -heights)
+    heights, rises = heights[order], rises[order]
+    crossings = -np.diff(heights) / np.diff(rises)
+    at = np.concatenate([[0.0], np.clip(crossings, 0.0, 1.0), [1.0]])
+    return float(np.trapezoid((heights + np.outer(at, rises)).max(axis=1), at))

@@ -17,51 +17,49 @@ from botohe_moo.indicators import area_indicator, check_objectives
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.bounds.envelopes import area_under_highest, lower_envelope
-from botohe_moo.search.bounds.record import FORMAT, Line, Record, Step, read_record
+from botohe_moo.search.bounds.record import FORMAT, BoundRecord, Line, Step, read_record
 
-# By how much survivors are taken to be fewer than given, relative: they are sums of products.
-_ROUNDING = 1e-12
-_TIE = 1e-9  # plans this little above, relative, are on the bound: sums in other orders
+_ROUNDING = 1e-12  # survivors are lowered by this share: they are sums of rounded products
+_TIE = 1e-9  # plans above the bound by this share are on it: their sums have other orders
 _N_POINTS = 1_000
 _MOST_BOUNDS = 1_000_000  # that are computed at once, for an area
-# What a file says may be as large as numbers are; infinite ones bound nothing, or bound all.
+# Numbers in files may be so large that their products are infinite, which is no error.
 _OVERFLOW = np.errstate(over="ignore")
 _PLAIN = ("lines", "steps", "most_survival", "min_survival", "seconds", "notes")
 
 
 class _Proved(NamedTuple):
-    """Lines, where steps begin by ascending survivors, and the bound before each and after."""
+    """What is proved for a number of moving robots."""
 
-    most: FloatArray
+    most: FloatArray  # of each line
     mu: FloatArray
-    least: FloatArray
-    capped: FloatArray
+    least: FloatArray  # where steps begin, ascending
+    capped: FloatArray  # the lowest step before each beginning, and after the last
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class FrontBound:
     """For each E[S], an E[R] that no plan of a mission exceeds; see :func:`bound_front`.
 
-    Plans are bounded separately for each number of robots that move. Where j do, the others stay
-    at base and survive, and E[R] lies on or below all lines and steps for j. The bound is the
-    largest of these over all j.
+    Plans are bounded for each number j of robots that move, while the others stay at base and
+    survive. E[R] lies on or below all lines and steps for j. The bound is the largest over all j.
 
     Attributes
     ----------
     mission
         The mission that is bounded.
     lines, steps
-        What was proved, each with its ``n_robots`` that move and its ``proof``. A line says that
-        E[R] ≤ ``most`` − ``mu`` · x where their survivals sum to x or more, a step that
+        What was proved, each for the ``n_robots`` that move and with its ``proof``. A line says
+        that E[R] ≤ ``most`` − ``mu`` · x where their survivals sum to x or more; a step says that
         E[R] ≤ ``most`` where they sum to ``least`` or more.
     most_survival
-        What a robot that moves survives with at most.
+        The largest probability to survive of a robot that moves.
     min_survival, max_length
         The limits that plans keep: survival floor, and travel budget (inf for none).
     seconds
-        How long it was computed.
+        How long the bound was computed.
     notes
-        What makes it weaker than it might be, in words.
+        Sentences that say what makes the bound weaker than it might be.
 
     Examples
     --------
@@ -84,19 +82,13 @@ class FrontBound:
     notes: tuple[str, ...] = ()
 
     def bound(self, survivors: ArrayLike) -> Any:
-        """Return the E[R] that no plan exceeds with this E[S] or more.
-
-        It is −inf where no plan has such an E[S].
+        """Return the E[R] that no plan with this E[S] or more exceeds; −inf if there is no plan.
 
         Parameters
         ----------
         survivors
-            E[S]: a number, which gives a float, or an array, which gives one of its shape.
-
-        Raises
-        ------
-        ValueError
-            If there is a NaN, or something else than numbers.
+            E[S]: a number, for which a float is returned, or an array of any shape. A ValueError is
+            raised for a NaN and for what is not a number.
         """
         given = _without_nan(survivors)
         bounds = np.full(given.shape, -np.inf)
@@ -105,17 +97,12 @@ class FrontBound:
         return float(bounds) if given.ndim == 0 else bounds
 
     def by_robots(self, survivors: ArrayLike) -> FloatArray:
-        """Bound E[R] of plans in which 0, 1, ... all robots move.
+        """Return the bound for each number of robots that move (robots + 1, ...).
 
         Parameters
         ----------
         survivors
-            E[S], of any shape, which follows the number of robots in the shape of what is given.
-
-        Raises
-        ------
-        ValueError
-            If there is a NaN, or something else than numbers.
+            E[S], of any shape, as for :meth:`bound`.
         """
         given = _without_nan(survivors)
         return np.stack([self._bound_where(n, given) for n in range(self.mission.robots + 1)])
@@ -141,7 +128,7 @@ class FrontBound:
 
     @cached_property
     def _proved(self) -> list[_Proved]:
-        """What is proved for each number of robots that move."""
+        """What is proved, by the number of robots that move."""
         n_robots = self.mission.robots
         lines = [list[tuple[float, float]]() for _ in range(n_robots + 1)]
         steps = [list[tuple[float, float]]() for _ in range(n_robots + 1)]
@@ -159,7 +146,7 @@ class FrontBound:
 
     @_OVERFLOW
     def _corners(self) -> FloatArray:
-        """Return each E[S] where a bound for some number of robots may jump or bend, ascending."""
+        """Return where the bound for some number of robots may jump or bend, in ascending E[S]."""
         n_robots = self.mission.robots
         found = [0.0, float(n_robots)]
         for moving in range(1, n_robots + 1):
@@ -184,7 +171,7 @@ class FrontBound:
         """
         grid = np.linspace(0.0, self.mission.robots, _N_POINTS)
         survivors = np.unique(np.append(grid, self._corners()))
-        # What has more survivors than one point is bounded by the next.
+        # Plans with more survivors than one point are below the next.
         before = np.append(0.0, np.nextafter(survivors[:-1], np.inf))
         found = np.column_stack([self.bound(before), survivors])
         found = found[np.isfinite(found[:, 0])]
@@ -193,10 +180,7 @@ class FrontBound:
 
     @property
     def area(self) -> float:
-        """The share of the objective space below the bound, in [0, 1]; no front's area is larger.
-
-        Normalised as :func:`area_indicator` is.
-        """
+        """The area below the bound, normalised like :func:`area_indicator`."""
         whole = self.mission.total_reward * self.mission.robots
         if whole == 0.0:
             return 0.0
@@ -207,7 +191,7 @@ class FrontBound:
         return float(min(1.0, area / whole))
 
     def _area_between(self, corners: FloatArray) -> float:
-        """Integrate the bound: between two corners each number of robots has a straight line."""
+        """Integrate the bound, which has a line for each number of robots between two corners."""
         width = np.diff(corners)
         low, high = (self.by_robots(corners[:-1] + share * width) for share in (0.25, 0.75))
         with np.errstate(invalid="ignore"):
@@ -218,20 +202,13 @@ class FrontBound:
         return area
 
     def gap(self, front: ArrayLike) -> float:
-        """Return the largest share of its area by which a front can be improved.
-
-        inf if its area is 0 and the bound's is not.
+        """Return the largest share by which the area of a front can grow; inf if it is 0 and can.
 
         Parameters
         ----------
         front
-            E[R] and E[S] of its plans (n, 2): ``-result.F``.
-
-        Raises
-        ------
-        ValueError
-            Like :func:`area_indicator`, and if a plan lies above the bound: then the front is of
-            another mission, or its plans do not keep the limits.
+            E[R] and E[S] of its plans (n, 2): ``-result.F``. A ValueError is raised like that of
+            :func:`area_indicator`, and if a plan lies above the bound.
         """
         self.check("front", front)
         area = area_indicator(front, self.mission)
@@ -243,19 +220,14 @@ class FrontBound:
         return f"<FrontBound of {self.mission.name!r}: area at most {self.area:.4g}>"
 
     def check(self, name: str, front: ArrayLike) -> None:
-        """Refuse a front that has a plan above the bound.
+        """Raise a ValueError if a front has a plan above the bound, or is not of shape (n, 2).
 
         Parameters
         ----------
         name
-            Of the front, for the message.
+            Name of the front in the message.
         front
             E[R] and E[S] of its plans (n, 2).
-
-        Raises
-        ------
-        ValueError
-            If there is such a plan, or ``front`` is not of that shape.
         """
         points = check_objectives(name, front)
         most = self.bound(points[:, 1] * (1.0 - _TIE)) * (1.0 + _TIE)
@@ -277,13 +249,8 @@ class FrontBound:
         ----------
         path
             The file, which is replaced if there is one.
-
-        Raises
-        ------
-        OSError
-            If the file cannot be written.
         """
-        record = Record(
+        record = BoundRecord(
             format=FORMAT,
             mission_digest=numbers_digest(self.mission),
             max_length=None if self.max_length == np.inf else self.max_length,
@@ -298,18 +265,9 @@ class FrontBound:
         Parameters
         ----------
         path
-            The file.
+            The file. A ValueError is raised if it is not such a file, or bounds another mission.
         mission
             The mission that is bounded.
-
-        Raises
-        ------
-        OSError
-            If the file cannot be read.
-        TypeError
-            If ``mission`` is not a Mission.
-        ValueError
-            If it is not such a file, or bounds another mission.
         """
         check_mission(mission)
         record = read_record(Path(path), mission)

@@ -5,56 +5,46 @@ from __future__ import annotations
 import math
 import time
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray
 from botohe_moo.search.bounds.envelopes import lower_envelope
-from botohe_moo.search.bounds.master import Master
-from botohe_moo.search.bounds.pool import Pool
-from botohe_moo.search.bounds.prices import Team
+from botohe_moo.search.bounds.master import Master, Pool
+from botohe_moo.search.bounds.prices import PricedTeam, Prices
 from botohe_moo.search.bounds.record import Line, LineProof
-from botohe_moo.search.bounds.relaxation import Relaxation
+from botohe_moo.search.bounds.relaxation import Ahead, Relaxation
 
+# Levels of relaxed trails, at least; a depth-first search has twice as many.
+LEVELS = 24
+_SMOOTHING = 0.5  # how far prices go from the best known ones to those of the linear programme
+_TOLERANCE = 2e-4  # of the bound: how near to the programme's value a line has to come
+_MOST_RELAXED, _MOST_EXACT = 60, 40  # prices that are tried, by relaxed trails and by search
+_MOST_STEPS = 200_000  # of a depth-first search, for each unit of effort
 _EPSILON = float(np.finfo(float).eps)
 _SAMPLES = 200  # of survival, where lines are compared
-_NEW = 1e-6  # by how much a new trail has to exceed what is known
-
-
-class LineSearch(NamedTuple):
-    """How far lines are tightened."""
-
-    smoothing: float = 0.5  # how far prices stay at the best ones known
-    tolerance: float = 2e-4  # of the bound
-    most_relaxed: int = 60
-    most_exact: int = 40
-    most_steps: int = 200_000  # of a depth-first search, for each unit of effort
-    n_levels: int = 24  # of relaxed trails, at least; twice as many before a search
+_NEW = 1e-6  # by how much a new trail has to be worth more than the known ones
 
 
 class Lines:
-    """All lines for a number of moving robots."""
+    """All lines for a number of moving robots.
+
+    ``others`` are those for other numbers of robots: prices give a line for each of them.
+    """
 
     def __init__(
-        self,
-        relaxation: Relaxation,
-        pool: Pool,
-        n_robots: int,
-        base_reward: float,
-        rule: LineSearch,
+        self, relaxation: Relaxation, pool: Pool, n_robots: int, base_reward: float
     ) -> None:
-        self._relaxation, self._pool, self.n_robots = relaxation, pool, n_robots
-        self.base_reward, self.rule = base_reward, rule
+        self.relaxation, self.pool = relaxation, pool
+        self.n_robots, self.base_reward = n_robots, base_reward
         graph = relaxation.net.graph
         missed = (1.0 - np.minimum(relaxation.net.reach * (1.0 + 1e-12), 1.0)) ** n_robots
         everything = float((graph.reward * (1.0 - missed)).sum())
-        # Each line with the prices that gave it (n_nodes that pay, n_levels + 1), if any did.
-        self._found: list[tuple[Line, FloatArray | None]] = [
+        # Each line with the prices that gave it, if any did.
+        self._found: list[tuple[Line, Prices | None]] = [
             (self._line(everything, 0.0, "everything"), None)
         ]
         self._made: Master | None = None
-        self.others: list[Lines] = []  # for other numbers of robots
+        self.others: list[Lines] = []
 
     @property
     def found(self) -> list[Line]:
@@ -62,25 +52,20 @@ class Lines:
         return [line for line, _ in self._found]
 
     @cached_property
-    def team(self) -> Team:
-        """What nodes give a team of as many robots."""
-        return Team(self._relaxation.net, self.n_robots, self._pool.n_levels)
+    def team(self) -> PricedTeam:
+        """The robots that move, as prices see them."""
+        return PricedTeam(self.relaxation.net, self.n_robots, self.pool.n_levels)
 
     @property
     def _master(self) -> Master:
-        """The linear programme: large, and made when it is needed."""
+        """The linear programme, which is large, and made when it is needed."""
         if self._made is None:
-            self._made = Master(self.team, self._relaxation.total)
+            self._made = Master(self.team, self.relaxation.total)
         return self._made
 
-    def drop(self, number: int) -> None:
-        """Forget a trail of the pool that has been dropped."""
-        if self._made is not None:
-            self._made.drop(number)
-
     def _line(self, most: float, mu: float, proof: LineProof) -> Line:
-        n_terms = self._relaxation.net.graph.n_nodes + 8
-        scale = self._relaxation.total + self.base_reward + abs(most) + mu
+        n_terms = self.relaxation.net.graph.n_nodes + 8
+        scale = self.relaxation.total + self.base_reward + abs(most) + mu
         spare = n_terms * _EPSILON * scale
         return Line(self.n_robots, self.base_reward + most + spare, mu, proof)
 
@@ -93,14 +78,14 @@ class Lines:
         """Bound E[R] where the moving robots' survivals sum to ``x`` or more."""
         return min(line.most - line.mu * x for line in self.found)
 
-    def lowest(self, x: float, end: float, n_most: int) -> list[tuple[FloatArray, float]]:
-        """Return prices and mu (the price of survival) of the lowest lines from ``x`` to ``end``.
+    def lowest(self, x: float, end: float, n_most: int) -> list[Prices]:
+        """Return the prices of 1 to ``n_most`` lines that are the lowest from ``x`` to ``end``.
 
-        There are 1 to ``n_most``; each lowers the bound the most beside those before it.
+        Each line lowers the bound more than any other would beside those before it.
         """
         lines = [(line, prices) for line, prices in self._found if prices is not None]
         if not lines:
-            return [(np.zeros((len(self.team.nodes), self.team.n_levels + 1)), 0.0)]
+            return [Prices(np.zeros((len(self.team.nodes), self.team.n_levels + 1)), 0.0)]
         at = np.linspace(x, end, _SAMPLES)
         heights = np.array([line.most - line.mu * at for line, _ in lines])
         lowest, chosen = np.full(_SAMPLES, np.inf), list[int]()
@@ -110,134 +95,118 @@ class Lines:
                 break
             chosen.append(best)
             lowest = np.minimum(lowest, heights[best])
-        return [(lines[i][1], lines[i][0].mu) for i in chosen]
+        return [lines[i][1] for i in chosen]
 
     def tighten(self, x: float, effort: int, deadline: float) -> bool:
-        """Find better lines at ``x``, first by relaxed trails, then by exact ones.
+        """Find better lines at ``x``, by relaxed trails and then by a search for trails.
 
-        True where relaxed trails have been made to remember more, so that it may be worth another
-        try.
+        Returns whether relaxed trails remember more than before, so that another try may pay.
         """
-        prices, mu = self._by_relaxed(x, deadline)
-        used = [self._pool.relaxed[number] for number in self._master.active()]
-        is_exact = self._by_search(x, prices, mu, effort, deadline)
+        prices = self._by_relaxed(x, deadline)
+        used = [self.pool.relaxed[number] for number in self._master.active()]
+        is_exact = self._by_search(x, prices, effort, deadline)
         if is_exact or time.monotonic() > deadline:
             return False
-        if not self._relaxation.remember([walk for walk in used if walk is not None]):
+        if not self.relaxation.remember([walk for walk in used if walk is not None]):
             return False
-        self.drop_forgotten()
+        self.drop_forbidden()
         return True
 
-    def drop_forgotten(self) -> None:
-        """Drop trails that are not relaxed trails any more, since more is remembered."""
-        pool = self._pool
-        for number, how in enumerate(pool.relaxed):
-            if how is None or pool.dropped[number] or self._relaxation.allows(*how):
-                continue
-            pool.dropped[number] = True
+    def drop_forbidden(self) -> None:
+        """Drop trails that break the rules of relaxed trails, since these remember more."""
+        for number in self.pool.drop_forbidden(self.relaxation.allows):
             for lines in (self, *self.others):
-                lines.drop(number)
+                if lines._made is not None:
+                    lines._made.drop(number)
 
-    def _by_relaxed(self, x: float, deadline: float) -> tuple[FloatArray, float]:
-        rule, pool = self.rule, self._pool
+    def look_ahead(self, prices: Prices, n_levels: int) -> Ahead:
+        """Bound all trails under prices, on a grid of ``n_levels`` or a few more."""
+        return self.relaxation.look_ahead(self.team.spread(prices.visits, n_levels), prices.mu)
+
+    def _tidied(self, prices: Prices) -> Prices:
+        return Prices(self.team.tidy(prices.visits), prices.mu)
+
+    def _by_relaxed(self, x: float, deadline: float) -> Prices:
+        """Step from the best prices to those of the programme; return the best."""
+        pool, best, value, step = self.pool, None, np.inf, _SMOOTHING
         self._master.allow_relaxed(pool, allowed=True)
-        centre, value, stay = None, np.inf, rule.smoothing
-        for _ in range(rule.most_relaxed):
-            least, prices, theta, mu = self._master.solve(pool, x, deadline)
+        for _ in range(_MOST_RELAXED):
+            least, wanted, theta = self._master.solve(pool, x, deadline)
             least += self.base_reward
-            known = min(value, self.bound(x))
-            if known - least < 5 * rule.tolerance * known or time.monotonic() > deadline:
+            bound = min(value, self.bound(x))
+            if bound - least < 5 * _TOLERANCE * bound or time.monotonic() > deadline:
                 break
-            here, slope = prices, mu
-            if centre is not None:
-                here = stay * centre[0] + (1 - stay) * prices
-                slope = stay * centre[1] + (1 - stay) * mu
-            here = self.team.tidy(here)
-            ahead = self._relaxation.look_ahead(self.team.spread(here, rule.n_levels), slope)
-            reached = self._keep(here, slope, ahead.most, "relaxed", deadline) - slope * x
-            found = self._relaxation.best_trails(ahead)
-            added = [pool.add(*trail) for trail in found]
+            prices = self._tidied(wanted if best is None else best.towards(wanted, step))
+            ahead = self.look_ahead(prices, LEVELS)
+            reached = self._keep(prices, ahead.most, "relaxed", deadline) - prices.mu * x
+            added = [pool.add(*trail) for trail in self.relaxation.best_trails(ahead)]
             if reached < value:
-                centre, value = (here, slope), reached
-            is_new = False
-            if added and added[0][1]:
-                visits = pool.visits[added[0][0]]
-                worth = visits.weights @ prices[:, 1:].ravel()[visits.columns]
-                is_new = bool(worth + mu * visits.survival > theta + _NEW)
-            if not is_new and stay == 0.0:
+                best, value = prices, reached
+            is_new = bool(added) and self._exceeds(*added[0], wanted, theta)
+            if not is_new and step == 1.0:
                 break
-            stay = rule.smoothing if is_new else 0.0
-        if centre is None:
-            centre = self.team.tidy(prices), mu
-        return centre
+            step = _SMOOTHING if is_new else 1.0
+        return self._tidied(wanted) if best is None else best
 
-    def _by_search(
-        self, x: float, prices: FloatArray, mu: float, effort: int, deadline: float
-    ) -> bool:
-        """Step from the best prices known towards those of the programme, if they can be searched.
+    def _by_search(self, x: float, best: Prices, effort: int, deadline: float) -> bool:
+        """Step from the best prices to those of the programme, as far as they can be searched.
 
         Returns whether the search at the best prices ended.
         """
-        rule, pool = self.rule, self._pool
+        pool, value, step, is_exact = self.pool, np.inf, 0.0, False
         self._master.allow_relaxed(pool, allowed=False)
-        centre, value, step, is_exact = (prices, mu), np.inf, 0.0, False
-        for i in range(rule.most_exact):
-            least, known, theta, slope = self._master.solve(pool, x, deadline)
+        for i in range(_MOST_EXACT):
+            least, wanted, theta = self._master.solve(pool, x, deadline)
             least += self.base_reward
-            best = self.bound(x)
-            if best - least < rule.tolerance * best or time.monotonic() > deadline:
+            bound = self.bound(x)
+            if bound - least < _TOLERANCE * bound or time.monotonic() > deadline:
                 break
-            here = self.team.tidy((1 - step) * centre[0] + step * known)
-            there = (1 - step) * centre[1] + step * slope
-            ahead = self._relaxation.look_ahead(self.team.spread(here, 2 * rule.n_levels), there)
-            worth = pool.values(here[:, 1:], there)
-            worth = worth[~pool.is_relaxed]
+            prices = self._tidied(best.towards(wanted, step))
+            ahead = self.look_ahead(prices, 2 * LEVELS)
+            worth = pool.values(prices)[~pool.is_relaxed]
             at_least = max(0.0, float(worth.max(initial=0.0))) + 1e-9
-            n_most = rule.most_steps * effort * (1 if i else 10)
-            ended, most, arcs = self._relaxation.search(ahead, at_least, n_most)
+            n_most = _MOST_STEPS * effort * (1 if i else 10)
+            ended, most, arcs = self.relaxation.search(ahead, at_least, n_most)
             number, is_new = pool.add(arcs) if arcs else (-1, False)
-            if not ended:
-                most = ahead.most
             proof: LineProof = "exact" if ended else "relaxed"
-            most = min(most, ahead.most)
-            reached = self._keep(here, there, most, proof, deadline) - there * x
+            theta_proved = min(most, ahead.most) if ended else ahead.most
+            reached = self._keep(prices, theta_proved, proof, deadline) - prices.mu * x
             if i == 0:
-                value, is_exact, step = reached, ended, rule.smoothing
+                value, is_exact, step = reached, ended, _SMOOTHING
                 if not ended:
                     break
-                continue
-            if not ended:
+            elif not ended:
                 step /= 3
                 if step < 0.02:
                     break
-                continue
-            if reached < value:
-                centre, value = (here, there), reached
-            exceeds = False
-            if is_new:
-                visits = pool.visits[number]
-                worth = visits.weights @ known[:, 1:].ravel()[visits.columns]
-                exceeds = bool(worth + slope * visits.survival > theta + _NEW)
-            if not exceeds:
-                if step > 0.99:
-                    break
-                step = min(1.0, 2 * step)
+            else:
+                if reached < value:
+                    best, value = prices, reached
+                if not self._exceeds(number, is_new, wanted, theta):
+                    if step > 0.99:
+                        break
+                    step = min(1.0, 2 * step)
         return is_exact
 
-    def _keep(
-        self, prices: FloatArray, mu: float, theta: float, proof: LineProof, deadline: float
-    ) -> float:
-        """Keep the line that prices give, and those that they give other numbers of robots."""
+    def _exceeds(self, number: int, is_new: bool, prices: Prices, theta: float) -> bool:
+        """Return whether a trail of the pool is new, and worth more than the programme knew."""
+        return is_new and self.pool.value(number, prices) > theta + _NEW
+
+    def _keep(self, prices: Prices, theta: float, proof: LineProof, deadline: float) -> float:
+        """Keep the line of prices, also for other numbers of robots while there is time."""
         for lines in self.others:
             if time.monotonic() > deadline:
                 break
-            lines.keep(prices, mu, theta, proof)
-        return self.keep(prices, mu, theta, proof)
+            lines.keep(prices, theta, proof)
+        return self.keep(prices, theta, proof)
 
-    def keep(self, prices: FloatArray, mu: float, theta: float, proof: LineProof) -> float:
-        """Keep the line of prices at which trails are worth at most ``theta``; return its most."""
-        beside = float(self.team.most(prices).sum())
-        line = self._line(beside + self.n_robots * theta, mu, proof)
-        if math.isfinite(line.most):  # prices of a programme that went astray may overflow
+    def keep(self, prices: Prices, theta: float, proof: LineProof) -> float:
+        """Keep the line of prices at which no trail is worth more than ``theta``.
+
+        Returns where the line begins.
+        """
+        beside = float(self.team.most(prices.visits).sum())
+        line = self._line(beside + self.n_robots * theta, prices.mu, proof)
+        if math.isfinite(line.most):  # a programme without a solution may give any prices
             self._found.append((line, prices))
         return line.most

@@ -1,30 +1,155 @@
-"""The linear programme that sets prices."""
+"""The linear programme that sets prices, and the trails that it knows."""
 
 from __future__ import annotations
 
 import time
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray
-from botohe_moo.search.bounds.pool import Pool, Visits
-from botohe_moo.search.bounds.prices import Team
+from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo.kernels.bounds.states import ROUNDING, Net
+from botohe_moo.search.bounds.prices import PricedTeam, Prices
 
-_CUT = 1e-7  # what a cut has to be violated by
+_CUT = 1e-7  # by how much a row has to be violated to be added
 _CUTS_AT_ONCE = 8
 _MOST_MU = 20.0  # in total rewards
 
 
-class Master:
-    """Prices with the least bound on what a team collects that survives with ``x`` robots.
+class Visits(NamedTuple):
+    """A trail as a row of a linear programme: it is worth ``weights`` · prices + mu · survival."""
 
-    The least Σ c + n_robots · theta − x · mu, where c is the most that a node gives beside prices,
-    theta the most that a trail is worth, and mu the price of survival; of trails, only those known
-    count. Rows are added where the solution violates them; HiGHS goes on from the last basis.
+    columns: OffsetArray  # of prices (n_nodes × n_levels), level 0 left out
+    weights: FloatArray
+    survival: float
+
+
+class Pool:
+    """Known trails and relaxed trails, each once; relaxed ones may be dropped."""
+
+    def __init__(self, net: Net, nodes: OffsetArray, n_levels: int) -> None:
+        self._net, self.nodes, self.n_levels = net, nodes, n_levels
+        self._row = np.full(net.graph.n_nodes, -1)
+        self._row[nodes] = np.arange(len(nodes))
+        self._n_columns = len(nodes) * n_levels
+        self._known: dict[bytes, int] = {}
+        self._matrix: Any = None
+        self.visits: list[Visits] = []
+        # The arcs of relaxed trails, and which of these pay; None for trails.
+        self.relaxed: list[tuple[list[int], list[bool]] | None] = []
+        self.dropped: list[bool] = []
+
+    def __len__(self) -> int:
+        return len(self.visits)
+
+    def add(self, arcs: list[int], paid: list[bool] | None = None) -> tuple[int, bool]:
+        """Add a trail, or a relaxed one with the visits that pay.
+
+        Returns its number, and whether it is new. A relaxed trail is a trail if it comes home
+        within the limits, no node pays twice and no arc is taken twice.
+        """
+        net, graph = self._net, self._net.graph
+        alive, seen, at = 1.0, {graph.base}, []
+        for i, arc in enumerate(arcs):
+            alive *= graph.survival[arc]
+            node = int(graph.head[arc])
+            if node not in seen if paid is None else paid[i]:
+                at.append((node, alive))
+            seen.add(node)
+        visited = [node for node, _ in at]
+        is_trail = len({*visited}) == len(visited) and len({*arcs}) == len(arcs)
+        is_trail = is_trail and graph.head[arcs[-1]] == graph.base
+        is_trail = is_trail and alive >= net.min_survival * (1.0 - ROUNDING)
+        is_trail = is_trail and graph.length[arcs].sum() * (1.0 - ROUNDING) <= net.max_length
+        visits = self._visits(at, alive)
+        key = visits.columns.tobytes() + visits.weights.round(10).tobytes()
+        key += np.round(alive, 12).tobytes()
+        number = self._known.get(key, -1)
+        how = None if is_trail or paid is None else (arcs, paid)
+        if number >= 0:
+            is_new = self.dropped[number]
+            self.dropped[number] = False
+            if how is None:
+                self.relaxed[number] = None
+            return number, is_new
+        self._known[key] = len(self)
+        self.visits.append(visits)
+        self.relaxed.append(how)
+        self.dropped.append(False)
+        self._matrix = None
+        return len(self) - 1, True
+
+    def _visits(self, at: list[tuple[int, float]], survival: float) -> Visits:
+        weights: dict[int, float] = {}
+        for node, alive in at:
+            row = self._row[node]
+            if row < 0:
+                continue
+            level = min(alive / self._net.reach[node], 1.0) * self.n_levels
+            low = min(int(level), self.n_levels - 1)
+            for one, weight in ((low, low + 1 - level), (low + 1, level - low)):
+                if one > 0 and weight > 0.0:
+                    column = int(row * self.n_levels + one - 1)
+                    weights[column] = weights.get(column, 0.0) + weight
+        columns = np.array(sorted(weights), np.int64)
+        return Visits(columns, np.array([weights[c] for c in columns.tolist()]), survival)
+
+    def value(self, number: int, prices: Prices) -> float:
+        """Return what one trail is worth."""
+        visits = self.visits[number]
+        worth = visits.weights @ prices.visits[:, 1:].ravel()[visits.columns]
+        return float(worth + prices.mu * visits.survival)
+
+    def values(self, prices: Prices) -> FloatArray:
+        """Return what trails are worth (n), −inf for those that are dropped."""
+        from scipy.sparse import csr_array
+
+        if not self.visits:
+            return np.empty(0)
+        if self._matrix is None:
+            first = np.cumsum([0, *(len(visits.columns) for visits in self.visits)])
+            columns = np.concatenate([visits.columns for visits in self.visits])
+            weights = np.concatenate([visits.weights for visits in self.visits])
+            shape = (len(self), self._n_columns)
+            self._matrix = csr_array((weights, columns, first), shape=shape)
+            self._survival = self.survival
+        paid = prices.visits[:, 1:].ravel()
+        worth: FloatArray = self._matrix @ paid + prices.mu * self._survival
+        worth[np.array(self.dropped)] = -np.inf
+        return worth
+
+    @property
+    def is_relaxed(self) -> BoolArray:
+        """Which of them are relaxed trails only (n)."""
+        return np.array([how is not None for how in self.relaxed], bool)
+
+    @property
+    def survival(self) -> FloatArray:
+        """The probabilities to come home (n)."""
+        return np.array([visits.survival for visits in self.visits])
+
+    def drop_forbidden(self, allows: Callable[[list[int], list[bool]], bool]) -> list[int]:
+        """Drop relaxed trails that are not allowed any more; return their numbers."""
+        found = [
+            number
+            for number, how in enumerate(self.relaxed)
+            if how is not None and not self.dropped[number] and not allows(*how)
+        ]
+        for number in found:
+            self.dropped[number] = True
+        return found
+
+
+class Master:
+    """The linear programme for the prices with the least bound.
+
+    It minimises Σ c + n_robots · theta − x · mu, where c is the most that a node gives beside
+    prices, theta the most that a known trail is worth, and mu the price of survival. Rows are added
+    where the solution violates them, and HiGHS goes on from the last basis.
     """
 
-    def __init__(self, team: Team, total: float) -> None:
+    def __init__(self, team: PricedTeam, total: float) -> None:
         import highspy
 
         class Silent(highspy.Highs):
@@ -63,17 +188,15 @@ class Master:
             self._add(-steepest, [last, last - 1][:used], [-1.0, 1.0][:used])
         self._last = np.zeros(self._mu + 1)
         self._configurations: set[tuple[int, int]] = set()
-        # Rows of trails of the pool; those of relaxed ones that do not count at present apart.
+        # The row of each trail of the pool, and of those relaxed ones that do not count at present.
         self._rows: dict[int, int] = {}
-        self._parked: dict[int, int] = {}
+        self._unused: dict[int, int] = {}
         self._only_trails = False
 
-    def solve(
-        self, pool: Pool, x: float, deadline: float
-    ) -> tuple[float, FloatArray, float, float]:
-        """Return the least bound over known trails, prices (n_nodes, n_levels + 1), theta and mu.
+    def solve(self, pool: Pool, x: float, deadline: float) -> tuple[float, Prices, float]:
+        """Return the least bound over known trails, its prices, and theta.
 
-        When the time is over, prices may be far from the best: any are valid.
+        When the time is over, prices may be far from the best, but any prices are valid.
         """
         self._lp.changeColCost(self._mu, -x)
         while True:
@@ -82,18 +205,18 @@ class Master:
             self._lp.run()
             found = np.array(self._lp.getSolution().col_value)
             if found.shape == self._last.shape and np.isfinite(found).all():
-                self._last = np.clip(found, 0.0, self._upper)  # by rounding, or gone astray
-            solution = self._last  # where HiGHS has none, that of before
-            prices = np.zeros((len(self.team.nodes), self.team.n_levels + 1))
-            prices[:, 1:] = solution[: self._n_prices].reshape(prices[:, 1:].shape)
-            theta, mu = float(solution[self._theta]), float(solution[self._mu])
-            n = self._cut_configurations(prices, solution)
-            n = n or self._cut_trails(pool, prices, theta, mu)
+                self._last = np.clip(found, 0.0, self._upper)
+            solution = self._last  # the one before, where HiGHS has found none
+            visits = np.zeros((len(self.team.nodes), self.team.n_levels + 1))
+            visits[:, 1:] = solution[: self._n_prices].reshape(visits[:, 1:].shape)
+            prices, theta = Prices(visits, float(solution[self._mu])), float(solution[self._theta])
+            n = self._cut_configurations(visits, solution)
+            n = n or self._cut_trails(pool, prices, theta)
             if n == 0 or time.monotonic() > deadline:
-                return self._lp.getObjectiveValue(), prices, theta, mu
+                return self._lp.getObjectiveValue(), prices, theta
 
     def active(self) -> list[int]:
-        """Return the trails of the pool that the last solution is made of, the most used first."""
+        """Return which trails of the pool make up the last solution, the most used first."""
         duals = np.array(self._lp.getSolution().row_dual)
         if len(duals) != self._n_rows:  # no solution
             return []
@@ -119,24 +242,21 @@ class Master:
             n += 1
         return n
 
-    def _cut_trails(self, pool: Pool, prices: FloatArray, theta: float, mu: float) -> int:
-        worth = pool.values(prices[:, 1:], mu)
+    def _cut_trails(self, pool: Pool, prices: Prices, theta: float) -> int:
+        worth = pool.values(prices)
         if self._only_trails:
             worth[pool.is_relaxed] = -np.inf
         n = 0
         for i in np.argsort(-worth)[:_CUTS_AT_ONCE].tolist():
             if worth[i] > theta + _CUT and i not in self._rows:
-                if i in self._parked:  # a trail after all
-                    self._restore(i)
-                else:
-                    self._rows[i] = self._n_rows
-                    self._add_trail(pool.visits[i])
                 n += 1
+                if i in self._unused:  # it has turned out to be a trail
+                    self._restore(i)
+                    continue
+                self._rows[i], visits = self._n_rows, pool.visits[i]
+                columns = [self._theta, self._mu, *visits.columns.tolist()]
+                self._add(0.0, columns, [1.0, -visits.survival, *(-visits.weights).tolist()])
         return n
-
-    def _add_trail(self, visits: Visits) -> None:
-        columns = [self._theta, self._mu, *visits.columns.tolist()]
-        self._add(0.0, columns, [1.0, -visits.survival, *(-visits.weights).tolist()])
 
     def _add(self, least: float, columns: list[int], weights: list[float]) -> None:
         indices = np.array(columns, np.int32)
@@ -144,25 +264,25 @@ class Master:
         self._n_rows += 1
 
     def drop(self, number: int) -> None:
-        """Forget a trail of the pool that has been dropped."""
-        self._parked.pop(number, None)
+        """Leave out a trail that the pool has dropped."""
+        self._unused.pop(number, None)
         if number in self._rows:
             self._switch_off(self._rows.pop(number))
 
     def allow_relaxed(self, pool: Pool, *, allowed: bool) -> None:
-        """Count relaxed trails too, or trails only."""
+        """Count relaxed trails, too, or trails only."""
         self._only_trails = not allowed
         if allowed:
-            for number in list(self._parked):
+            for number in list(self._unused):
                 self._restore(number)
             return
         for number in [number for number in self._rows if pool.relaxed[number] is not None]:
-            self._parked[number] = self._rows.pop(number)
-            self._switch_off(self._parked[number])
+            self._unused[number] = self._rows.pop(number)
+            self._switch_off(self._unused[number])
 
     def _switch_off(self, row: int) -> None:
         self._lp.changeRowBounds(row, -self._inf, self._inf)
 
     def _restore(self, number: int) -> None:
-        self._rows[number] = self._parked.pop(number)
+        self._rows[number] = self._unused.pop(number)
         self._lp.changeRowBounds(self._rows[number], 0.0, self._inf)

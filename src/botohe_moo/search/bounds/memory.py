@@ -1,7 +1,7 @@
-"""What relaxed trails remember: rewards near by, bridges used, and what they have come back to.
+"""The memory of relaxed trails: which rewards they have collected, and which bridges taken.
 
-A bit stands for a node whose reward has been collected (the node's index), or an arc that has been
-taken (the number of nodes, and the arc's index).
+Bits are numbers: a node's index says that its reward has been collected; the number of nodes plus
+an arc's index says that the arc has been taken.
 """
 
 from __future__ import annotations
@@ -16,19 +16,18 @@ from botohe_moo.kernels.beam.prospects import find_near
 from botohe_moo.kernels.bounds.states import NEVER, NONE, Memory, Net
 from botohe_moo.search.bounds.net import Piece, pieces_of
 
-# Ways into pieces that a node chooses from, and how many pieces up it looks for them.
+# Bridges that a node chooses from, and how many pieces nearer to the base they are looked for.
 _MOST_GATES, _MOST_UP = 256, 64
-# By how much survivals of ways are raised: paths are compared by sums of rounded logarithms.
+# By what share survivals of ways are raised: paths are compared by sums of rounded logarithms.
 _ABOVE = 1e-9
 
 
 class Remembered:
-    """Which bits each node remembers.
+    """The bits that each node remembers, ``n_bits`` at most.
 
-    ``nearest`` rewards that a round trip from the node survives best, and bridges into parts that
-    hang on them, up to ``n_bits`` together. A trail gets into such a part once, and what it comes
-    out to it has visited before: where all arcs to a node are of bridges, no bit is needed for its
-    reward.
+    These are the ``nearest`` rewards, by the survival of a round trip from the node, and bridges
+    into parts that hang on them. A trail can enter such a part once, and comes out to nodes that it
+    has visited. So a node needs no bit for its reward if all arcs to it belong to bridges.
     """
 
     def __init__(self, net: Net, nearest: int, n_bits: int, most_compared: int) -> None:
@@ -60,14 +59,14 @@ class Remembered:
                 self._next[node] = rewards
 
     def widen(self, n_bits: int) -> None:
-        """Add the next rewards near by to nodes that remember fewer than ``n_bits``."""
+        """Add the next nearest rewards to nodes that remember fewer than ``n_bits``."""
         self.bits = [list(bits) for bits in self.bits]
         for bits, rewards in zip(self.bits, self._next, strict=True):
             more = [reward for reward in rewards if reward not in bits]
             bits += more[: max(0, n_bits - len(bits))]
 
     def add(self, wanted: Sequence[tuple[int, Sequence[int]]], n_bits: int) -> bool:
-        """Add bits to nodes, each where all its nodes have room; returns whether any is new."""
+        """Add each bit whose nodes all have room for it; return whether any is new."""
         self.bits = [list(bits) for bits in self.bits]
         is_new = False
         for bit, nodes in wanted:
@@ -85,13 +84,13 @@ class Remembered:
         if self.between is None:
             return [node] if node in pays else [], ways
         near = self.between[node] * self.between[:, node]
-        nearness = near[pays] + (pays == node)  # before all others
+        nearness = near[pays] + (pays == node)  # the node itself comes first
         order = np.argsort([-near[way.gate] for way in ways], kind="stable")
         rewards = pays[np.argsort(-nearness, kind="stable")].tolist()
         return rewards, [ways[i] for i in order.tolist()]
 
     def pack(self) -> Memory:
-        """Return the meaning of the masks' bits as arrays."""
+        """Return the memory as arrays, as kernels take it."""
         graph = self.net.graph
         n_nodes = graph.n_nodes
         places = [{bit: i for i, bit in enumerate(bits)} for bits in self.bits]
@@ -101,26 +100,26 @@ class Remembered:
         ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
         pays = (graph.reward > 0.0).tolist()
         for arc, (tail, head) in enumerate(ends):
-            there, here = places[tail], places[head]
-            kept += [(there[bit], here[bit]) for bit in there.keys() & here.keys()]
+            before, after = places[tail], places[head]
+            kept += [(before[bit], after[bit]) for bit in before.keys() & after.keys()]
             first_kept.append(len(kept))
-            # Who comes back over a bridge has taken it before.
+            # A trail that comes back over a bridge has taken it before.
             bits = {n_nodes + arc, n_nodes + self._backs.get(arc, arc)}
             if pays[head]:
                 bits.add(head)
-            adds[arc] = sum(1 << here[bit] for bit in bits & here.keys())
-            unpaid[arc] = there.get(head, NONE)
+            adds[arc] = sum(1 << after[bit] for bit in bits & after.keys())
+            unpaid[arc] = before.get(head, NONE)
             if not pays[head] or arc in self._backs:
                 unpaid[arc] = NEVER
-            barred[arc] = there.get(n_nodes + arc, NONE)
+            barred[arc] = before.get(n_nodes + arc, NONE)
         pairs: OffsetArray = np.array(kept, np.int64).reshape(-1, 2)
         n_bits = np.array([len(bits) for bits in self.bits])
         return Memory(n_bits, np.array(first_kept), pairs, adds, unpaid, barred)
 
     def forgets(self, arcs: Sequence[int], paid: Sequence[bool]) -> list[tuple[int, list[int]]]:
-        """Find what a relaxed trail does twice: a bit, and the nodes that do not remember it.
+        """Return what a relaxed trail does twice: bits, each with the nodes that lack it.
 
-        The fewest nodes first. Both need the bit from the first time to the second.
+        These are nodes between the first time and the second. Bits with the fewest come first.
         """
         graph = self.net.graph
         nodes = [graph.base, *graph.head[list(arcs)].tolist()]
@@ -139,10 +138,7 @@ class Remembered:
 
 
 def _best_between(net: Net) -> FloatArray:
-    """Return the survival of the safest way from each node to each other (n_nodes, n_nodes).
-
-    It is a little more than that, never less.
-    """
+    """Return the survival of the safest way from each node to each (n_nodes, n_nodes), or more."""
     n_nodes = net.graph.n_nodes
     near, between = find_near(net.graph, n_nodes), np.zeros((n_nodes, n_nodes))
     np.put_along_axis(between, near.near, near.reach, axis=1)
@@ -151,9 +147,9 @@ def _best_between(net: Net) -> FloatArray:
 
 
 def _gates_around(pieces: list[Piece], hanging: list[list[int]], number: int) -> list[int]:
-    """Find pieces into which a trail gets from this one, or on its way back to the base.
+    """Return the pieces that a trail may enter next, or on its way to the base.
 
-    Those that hang on it, and on the pieces above it, beside the way up; not into parts of those.
+    These hang on the piece itself, or on one of the pieces above it.
     """
     found: list[int] = []
     came_from = -1

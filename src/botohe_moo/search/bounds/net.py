@@ -11,39 +11,39 @@ from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import ROUNDING, Net
 from botohe_moo.kernels.graph.graph import Graph, Limits, measured_by_length, new_graph
 
-_LEAST_REACH = 1e-290  # what is divided by: ways may be more dangerous than floats can say
+_LEAST_REACH = 1e-290  # it is divided by reach, which underflows on long ways
 
 
 class Piece(NamedTuple):
-    """Nodes between bridges. A trail gets into a piece, and what hangs on it, by one arc at most.
+    """Nodes between bridges, which a trail can enter once only.
 
-    The first piece is the base's, which no arc of a bridge enters: −1 throughout.
+    The first piece is that of the base, with −1 for everything about its bridge.
     """
 
     nodes: tuple[int, ...]
-    above: int  # the piece nearer to the base
-    gate: int  # the node of that from which the bridge leads here
-    arc: int  # the arc of the bridge to here, −1 where there is none
-    back: int  # and that to the gate
+    above: int  # the piece on the other side of the bridge, nearer to the base
+    gate: int  # the bridge's node in that piece
+    arc: int  # the arc from the gate, −1 where there is none
+    back: int  # the arc to the gate, −1 where there is none
 
 
 def new_net(graph: Graph, limits: Limits) -> Net:
     """Leave out arcs that no trail within the limits takes, or that lead to no reward.
 
-    The base's reward counts for nothing: every plan collects it.
+    The reward of the base is set to 0: every plan collects it.
     """
     reward = graph.reward.copy()
     reward[graph.base] = 0.0
+    kept = np.ones(graph.n_arcs, bool)
     while True:
-        graph = _with_arcs(graph, reward, np.ones(graph.n_arcs, bool))
+        graph = _with_arcs(graph, reward, kept)
         outward = _reversed(graph)
         kept = _needed(graph, outward, limits)
         if kept.all():
             break
-        graph = _with_arcs(graph, reward, kept)
-    # What no arc leads to pays nothing.
+    # Nodes that no arc leads to pay nothing.
     reward[np.bincount(graph.head, minlength=graph.n_nodes) == 0] = 0.0
-    graph = _with_arcs(graph, reward, np.ones(graph.n_arcs, bool))
+    graph = _with_arcs(graph, reward, kept)
     reach = _best_reach(graph, outward.home)
     ratio = np.minimum(reach[graph.tail] * graph.survival / reach[graph.head], 1.0)
     home_length = measured_by_length(graph).home
@@ -51,7 +51,7 @@ def new_net(graph: Graph, limits: Limits) -> Net:
 
 
 def pieces_of(graph: Graph) -> list[Piece]:
-    """Find the pieces between bridges, each behind the one above it; the base's comes first."""
+    """Return the pieces between bridges, each after the one above it; the base's comes first."""
     ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
     arcs = {pair: arc for arc, pair in enumerate(ends)}
     undirected: nx.Graph[int] = nx.Graph(arcs.keys())
@@ -63,9 +63,9 @@ def pieces_of(graph: Graph) -> list[Piece]:
         between.setdefault(one, []).append(other)
         between.setdefault(other, []).append(one)
     found: list[Piece] = []
-    # Where each piece is entered, and from which node of which piece.
+    # The node where each piece is entered, the piece above, and the gate.
     entrances = [(graph.base, -1, -1)]
-    for entrance, above, gate in entrances:  # which grows
+    for entrance, above, gate in entrances:  # the list grows as it is read
         nodes = tuple(nx.node_connected_component(undirected, entrance))
         arc, back = arcs.get((gate, entrance), -1), arcs.get((entrance, gate), -1)
         for node in nodes:
@@ -76,7 +76,7 @@ def pieces_of(graph: Graph) -> list[Piece]:
 
 
 def _best_reach(graph: Graph, reach: FloatArray) -> FloatArray:
-    """Raise what was found in logarithms until no arc leads to more, as floats multiply."""
+    """Raise probabilities, which come from logarithms, until no product along an arc is larger."""
     reach = np.maximum(reach, _LEAST_REACH)
     while True:
         better = reach.copy()
@@ -92,7 +92,7 @@ def _with_arcs(graph: Graph, reward: FloatArray, kept: BoolArray) -> Graph:
 
 
 def _reversed(graph: Graph) -> Graph:
-    """Reverse all arcs: the ways home become the ways out."""
+    """Return the graph with all arcs reversed: its ways home are the ways out."""
     order = np.lexsort((graph.tail, graph.head))
     return _rebuilt(graph, (graph.head, graph.tail), order, graph.reward)
 
@@ -107,8 +107,7 @@ def _rebuilt(
 
 def _needed(graph: Graph, outward: Graph, limits: Limits) -> Any:
     """Return which arcs a trail within the limits may take to collect a reward."""
-    known, comes = (_arrives(each) for each in (outward, graph))
-    kept = known[graph.tail] & comes[graph.head]
+    kept = _arrives(outward)[graph.tail] & _arrives(graph)[graph.head]
     alive = outward.home[graph.tail] * graph.survival * graph.home[graph.head]
     kept &= alive >= limits.min_survival * (1.0 - ROUNDING)
     out, home = (measured_by_length(each).home for each in (outward, graph))
@@ -117,7 +116,7 @@ def _needed(graph: Graph, outward: Graph, limits: Limits) -> Any:
     pieces = pieces_of(graph)
     worth = [float(graph.reward[list(piece.nodes)].sum()) for piece in pieces]
     is_useless = np.zeros(graph.n_nodes, bool)
-    for number in range(len(pieces) - 1, 0, -1):  # what hangs on a piece comes after it
+    for number in range(len(pieces) - 1, 0, -1):  # from the outermost pieces inwards
         piece = pieces[number]
         if piece.back < 0 or worth[number] == 0.0:
             is_useless[list(piece.nodes)] = True
@@ -129,6 +128,6 @@ def _needed(graph: Graph, outward: Graph, limits: Limits) -> Any:
 
 def _arrives(graph: Graph) -> BoolArray:
     """Return which nodes have a way to the base."""
-    there = graph.homeward >= 0
-    there[graph.base] = True
-    return there
+    arrives = graph.homeward >= 0
+    arrives[graph.base] = True
+    return arrives

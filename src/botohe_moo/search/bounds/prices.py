@@ -1,13 +1,14 @@
-"""Prices of visits: what the whole team gains at a node, beside what its robots are paid for it.
+"""Prices that the team pays its robots for visits, and what nodes give the team beside them.
 
-Prices are convex functions of the probability to be alive, 0 at 0, linear between the levels of a
-grid: level l of node v is the probability reach[v] · l / n_levels.
+A price is a convex function of the probability to be alive, 0 at 0, and linear between the levels
+of a grid: level l of node v is the probability reach[v] · l / n_levels.
 """
 
 from __future__ import annotations
 
 import math
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +17,20 @@ from botohe_moo.kernels.bounds.states import Net
 from botohe_moo.search.bounds.envelopes import convex_below
 
 _EPSILON = float(np.finfo(float).eps)
-_TIDIED = 3  # times that prices are lowered before the convex envelope is taken
-_TINY = float(np.finfo(float).tiny)  # rounding where a relative error no longer holds
+_TIDIED = 3  # rounds of lowering prices before they are made convex
+_TINY = float(np.finfo(float).tiny)  # the rounding of numbers that are almost 0
+
+
+class Prices(NamedTuple):
+    """What a trail is worth: what its visits are paid, and ``mu`` for its survival."""
+
+    visits: FloatArray  # (n_nodes that pay, n_levels + 1)
+    mu: float
+
+    def towards(self, other: Prices, share: float) -> Prices:
+        """Return prices that lie a share of the way from these to others."""
+        visits = (1 - share) * self.visits + share * other.visits
+        return Prices(visits, (1 - share) * self.mu + share * other.mu)
 
 
 def most_levels(n_robots: int, n_levels: int, most: int) -> int:
@@ -27,11 +40,11 @@ def most_levels(n_robots: int, n_levels: int, most: int) -> int:
     return n_levels
 
 
-class Team:
-    """What nodes give a team of ``n_robots``, whatever their levels (configurations).
+class PricedTeam:
+    """What nodes give a team of ``n_robots`` in each configuration of their levels.
 
-    The probability that one of them reaches a node is linear in that of each robot, and prices are
-    convex: the most that is gained beside prices is gained where all are at a level of the grid.
+    The probability that a robot of the team reaches a node is linear in that of each robot, and
+    prices are convex. So the most is gained beside prices where all robots are at levels.
     """
 
     def __init__(self, net: Net, n_robots: int, n_levels: int) -> None:
@@ -45,8 +58,11 @@ class Team:
         self.gains = self.reward[:, None] * (1.0 - missed)  # (n_nodes, n_configurations)
 
     def _configurations(self, n_robots: int) -> tuple[FloatArray, FloatArray]:
-        """How many robots are at each level, and with what probability none gets to each node."""
-        # Robots in a row, and bars between those of one level and those of the next.
+        """Return how many robots are at each level, and how probably none reaches each node.
+
+        Their shapes are (n_configurations, n_levels + 1) and (n_nodes, n_configurations).
+        """
+        # Robots in a row, with bars between those of one level and those of the next.
         bars = list(combinations(range(n_robots + self.n_levels), self.n_levels))
         ends = np.pad(np.array(bars), ((0, 0), (1, 1)), constant_values=-1)
         ends[:, -1] = n_robots + self.n_levels
@@ -63,16 +79,16 @@ class Team:
 
     def most(self, prices: FloatArray) -> FloatArray:
         """Return the most that is gained beside prices at each node, rounded up (n_nodes)."""
-        terms = 2 * self.n_robots + 5 * self.n_levels + 9  # of each power some units
+        terms = 2 * self.n_robots + 5 * self.n_levels + 9  # with some roundings for each power
         spare = terms * _EPSILON * (self.reward + self.n_robots * prices[:, -1])
         most: FloatArray = self.beside(prices).max(axis=1) + spare + _TINY
         return most
 
     def tidy(self, prices: FloatArray) -> FloatArray:
-        """Lower prices as far as the most that is gained beside them stays, and make them convex.
+        """Lower prices where the most that is gained beside them stays, and make them convex.
 
-        The price at one level may fall until some levels of the other robots would gain more. All
-        robots' prices fall together, so each falls by its share.
+        The price at a level may fall until some configuration of the other robots gains more. All
+        robots pay the same prices, so a price falls by the share of one robot.
         """
         most = self.beside(prices).max(axis=1)
         slope = self.reward[:, None] * self._others_miss
@@ -88,13 +104,13 @@ class Team:
         return np.array([convex_below(row) for row in prices]).reshape(prices.shape)
 
     def to_all(self, values: FloatArray) -> FloatArray:
-        """Write values of nodes that pay to all nodes of the mission, 0 elsewhere."""
+        """Return values of nodes that pay for all nodes of the mission, 0 elsewhere."""
         everywhere = np.zeros(self._n_all)
         everywhere[self.nodes] = values
         return everywhere
 
     def spread(self, prices: FloatArray, n_levels: int) -> FloatArray:
-        """Write prices to all nodes of the mission, on a grid of ``n_levels`` or a few more."""
+        """Return prices for all nodes of the mission, on a grid of ``n_levels`` or a few more."""
         n_times = -(-n_levels // self.n_levels)
         fine = np.zeros((self._n_all, self.n_levels * n_times + 1))
         fine[self.nodes] = refine(prices, n_times)

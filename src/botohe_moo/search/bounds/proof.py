@@ -1,4 +1,4 @@
-"""What is proved of a front, and what is proved next, until the time is over."""
+"""The search for a bound: what is proved, and what to prove next."""
 
 from __future__ import annotations
 
@@ -10,64 +10,72 @@ from typing import Any
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo._base.types import OffsetArray
 from botohe_moo.kernels.bounds.states import Net
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds.front_bound import FrontBound
-from botohe_moo.search.bounds.lines import Lines, LineSearch
+from botohe_moo.search.bounds.lines import LEVELS, Lines
+from botohe_moo.search.bounds.master import Pool
 from botohe_moo.search.bounds.memory import Remembered
 from botohe_moo.search.bounds.net import new_net
-from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import most_levels
 from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import Relaxation
-from botohe_moo.search.bounds.steps import Steps, StepSearch
+from botohe_moo.search.bounds.steps import BYTES_A_STATE, Steps
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.search.exact import TooLargeError, exact_front
 from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
-from botohe_moo.trails import PlanBatch
 
-# No constant here decides whether a bound is valid: they share out time and memory. They were
-# chosen for small gaps in `benchmarks/bounds.py`, on missions of 20 to 200 nodes.
+# These constants share out time and memory; every bound is valid whatever they are. Where no other
+# source is given, they were chosen by experiment, for small gaps on the missions of 20 to 200 nodes
+# in `python -m benchmarks bounds`.
 
-# Shares of the time: for the true front, and to find trails.
+# Shares of the time limit: for the true front, and to find trails.
 _EXACT_SHARE, _SEARCH_SHARE = 0.2, 0.05
-# Shares of what is left of it: for lines and steps of one robot (on 200 nodes they took all of it),
-# for lines before steps, and for steps.
+# Shares of the time that is left: for lines and steps of one robot (without a limit they took all
+# of it on 200 nodes), for lines before steps, and for steps.
 _FIRST_SHARE, _LINES_SHARE, _STEPS_SHARE = 0.1, 0.4, 0.5
-# Relaxed trails get a memory where there is this many times the time that it takes without one.
+# Relaxed trails get a memory where this many times the preparation without one still fits.
 _PREPARING = 4
-_LEAST_GAIN = 1e-3  # relative; a line that is lowered by more is worth another try
-_EFFORT_OF_LINES = 16  # times the usual search, once all steps that are easy are known
-_SECONDS_OF_EFFORT = 0.3  # that a search for a step takes, for each unit of effort
-# Where the first lines of one robot are found, in shares of its best survival.
+_LEAST_GAIN = 1e-3  # a line that is lowered by a larger share is worth another try
+_EFFORT_OF_LINES = 16  # times the usual search, once the easy steps are known
+_SECONDS_OF_EFFORT = 0.3  # that a search for a step took, for each unit of effort
+# Where the first lines of one robot are found, in shares of its best survival: three suffice for
+# its steps.
 _FIRST_LINES = (0.5, 0.75, 0.25)
-# Plans that are evaluated in the search for trails: at most, and before it looks at the clock.
+# Plans that are evaluated in the search for trails: at most, and before the clock is looked at.
 _EVALUATIONS, _FIRST_EVALUATIONS = 100_000, 100
-# Levels of prices, at least and at most. In between a linear programme has no more prices than
-# _MOST_PRICES, and a team no more configurations of levels, which are looked at for each node.
+# Levels of prices, at least and at most; prices of a linear programme; and configurations of a
+# team's levels, all of which are looked at for each node.
 _LEAST_LEVELS, _MOST_LEVELS, _MOST_PRICES, _MOST_CONFIGURATIONS = 4, 12, 400, 6_000
-# Bits that each node remembers: near rewards, these and bridges at first, all at most, and for
-# steps; and states of relaxed trails at most, usually and for steps.
+# Bits that a node remembers: of rewards near by, with bridges at first, at most, and for steps.
 _NEAREST, _FIRST_BITS, _MOST_BITS, _STEP_BITS = 8, 10, 14, 12
+# States of relaxed trails at most, usually and for steps.
 _MOST_STATES, _MOST_STEP_STATES = 40_000, 120_000
-_MOST_COMPARED = 3_000  # nodes, of which all pairs are compared: a second, and a tenth of a GiB
+_MOST_COMPARED = 3_000  # nodes of which all pairs are compared: a second, and 0.1 GiB
 _BYTES_A_LINK = 40.0  # three integers of 8 bytes and a flag, and two figures of a level
 _MIB = 2**20
-_ROUNDING = 1e-12
-
-Callback = Callable[[FrontBound], Any] | None
+_ROUNDING = 1e-12  # the largest survival is raised by this share: products are rounded
 
 
 class Proof:
-    """What is known of a front, from below and from above."""
+    """The search for a bound: what is known of a front, from below and from above."""
 
     def __init__(
-        self, mission: Mission, limits: Limits, *, seed: int, seconds: float, memory: float
+        self,
+        mission: Mission,
+        limits: Limits,
+        *,
+        seed: int,
+        seconds: float,
+        memory: float,
+        gap: float = 0.0,
+        callback: Callable[[FrontBound], Any] | None = None,
     ) -> None:
         self._began = time.monotonic()
+        self._gap, self._callback = gap, callback
         self._mission, self._limits, self._memory = mission, limits, memory
         self._seconds, self._deadline = seconds, self._began + seconds
         self._random_state = np.random.default_rng(seed)
@@ -78,10 +86,10 @@ class Proof:
         self._most_survival = _most_survival(self._net)
         base_reward = float(graph.reward[graph.base])
         self._base_reward = base_reward / self._unit
-        self._known = Known(base_reward, mission.robots)
+        self.known = Known(base_reward, mission.robots)
         self._front: list[Step] = []
         self._notes: list[str] = []
-        # Without a memory, and with one level: where there is time, they are made anew.
+        # Without a memory and with one level; they are made again where there is time.
         self._lines: list[Lines] = []
         self._steps: list[Steps] = []
         self._prepare(0, 0, 1, 1)
@@ -89,9 +97,9 @@ class Proof:
 
     def _prepare(self, nearest: int, n_bits: int, n_levels: int, n_searched: int) -> None:
         net, mission = self._net, self._mission
-        rule, n_bytes = LineSearch(), self._memory * _MIB
+        n_bytes = self._memory * _MIB
         # Two tables of what lies ahead, at the most levels that are looked at, and the links.
-        per_state = 16.0 * (2 * rule.n_levels + n_levels + 1)
+        per_state = 16.0 * (2 * LEVELS + n_levels + 1)
         per_state += _BYTES_A_LINK * max(1.0, net.graph.n_arcs / net.graph.n_nodes)
         fits = int(n_bytes / per_state)
         self._relaxation = Relaxation(
@@ -105,46 +113,36 @@ class Proof:
         )
         nodes: OffsetArray = np.flatnonzero(net.graph.reward > 0.0)
         self._pool = Pool(net, nodes, n_levels)
-        made = self._relaxation, self._pool
         self._lines = [
-            Lines(*made, moving, self._base_reward, rule) for moving in range(1, mission.robots + 1)
+            Lines(self._relaxation, self._pool, moving, self._base_reward)
+            for moving in range(1, mission.robots + 1)
         ]
         for lines in self._lines:
             lines.others = [other for other in self._lines if other is not lines]
-        self._steps = [
-            Steps(*made, lines, StepSearch(), self._most_survival) for lines in self._lines
-        ]
+        self._steps = [Steps(lines, self._most_survival) for lines in self._lines]
 
     def _levels(self) -> int:
-        """Choose how many levels prices have, by what programmes and the memory have room for.
-
-        0 where not even one fits.
-        """
+        """Return how many levels prices have; 0 where the memory has no room for one."""
         n_nodes, robots = max(1, len(self._pool.nodes)), self._mission.robots
         n_levels = min(max(_MOST_PRICES // n_nodes, _LEAST_LEVELS), _MOST_LEVELS)
         # Half of the memory for two tables of each number of robots.
         fits = int(self._memory * _MIB / 2 / (16 * n_nodes * robots))
         return most_levels(robots, n_levels, min(_MOST_CONFIGURATIONS, fits))
 
-    def know(self, objectives: FloatArray) -> None:
-        """Take note of the E[R] and E[S] of plans."""
-        self._known.add(objectives)
-
     def find_front(self) -> bool:
-        """Take the true front for the bound, if it is found in a share of the time."""
-        mission, limits = self._mission, self._limits
+        """Take the true front as the bound, if a share of the time suffices to find it."""
+        mission = self._mission
         try:
             front = exact_front(
                 mission,
-                min_survival=limits.min_survival,
-                max_length=None if limits.max_length == math.inf else limits.max_length,
+                **self._limits._asdict(),
                 time_limit=_EXACT_SHARE * self._seconds,
                 memory_limit=self._memory,
             )
         except TooLargeError:
             return False
         objectives = mission.evaluate(front)  # by ascending E[S]
-        # What exact_front takes for equal.
+        # Twice what exact_front regards as equal.
         reward, robots = 2e-12 * mission.total_reward, 2e-12 * mission.robots
         most = [float(objectives[0, 0]) + reward, *(objectives[1:, 0] + reward).tolist()]
         least = [-math.inf, *(objectives[:-1, 1] + robots).tolist()]
@@ -154,11 +152,11 @@ class Proof:
                 self._front.append(Step(moving, height, max(start - stay, 0.0), "front"))
         return True
 
-    def find(self, gap: float, callback: Callback) -> None:
-        """Find lines and steps where the gap is the widest, until it is no more than ``gap``.
+    def find(self) -> None:
+        """Find lines and steps where the gap is the widest, until it is as small as wanted.
 
-        Steps of one robot take little, and spare its lines; other steps take most where lines are
-        as low as they get.
+        Steps of one robot come first: they take little time, and make its lines unnecessary. Other
+        steps come after lines, which they need to be low.
         """
         n_levels = self._levels()
         if n_levels == 0:
@@ -177,36 +175,37 @@ class Proof:
         if self._limits.min_survival > 0.0:
             self._notes.append("Relaxed trails keep the survival floor one arc at a time only.")
         self._find_trails()
-        steps = StepTargets(self._known, self._mission.robots, self._most_survival)
-        if self._wanted(gap, callback) is not None:
+        robots = self._mission.robots
+        steps = StepTargets(self.known, robots, self._most_survival)
+        if self._next_bound() is not None:
             until = self._until(_FIRST_SHARE)
             for share in _FIRST_LINES:
                 self._lines[0].tighten(share * self._most_survival, 1, until)
-            self._find_steps(steps, 1, until, gap, callback)
-        self._find_lines(1, self._until(_LINES_SHARE), gap, callback)
-        self._find_steps(steps, self._mission.robots, self._until(_STEPS_SHARE), gap, callback)
-        self._find_lines(_EFFORT_OF_LINES, self._deadline, gap, callback)
-        self._find_steps(steps, self._mission.robots, self._deadline, gap, callback)
+            self._find_steps(steps, 1, until)
+        self._find_lines(1, self._until(_LINES_SHARE))
+        self._find_steps(steps, robots, self._until(_STEPS_SHARE))
+        self._find_lines(_EFFORT_OF_LINES, self._deadline)
+        self._find_steps(steps, robots, self._deadline)
 
     def _until(self, share: float) -> float:
-        """Return the moment at which a share of the time that is left is over."""
+        """Return the moment when a share of the time that is left is over."""
         moment = time.monotonic()
         return moment + share * (self._deadline - moment)
 
-    def _wanted(self, gap: float, callback: Callback) -> FrontBound | None:
-        """Return the bound if there is time, and if its gap is larger than wanted."""
+    def _next_bound(self) -> FrontBound | None:
+        """Return the bound to improve on; None if the time is over or the gap small enough."""
         if time.monotonic() > self._deadline:
             return None
         bound = self.bound()
-        if callback is not None:
-            callback(bound)
-        bounds = bound.by_robots(self._known.survivors).max(axis=0)
-        return bound if self._known.gap(bounds) > gap else None
+        if self._callback is not None:
+            self._callback(bound)
+        bounds = bound.by_robots(self.known.survivors).max(axis=0)
+        return bound if self.known.gap(bounds) > self._gap else None
 
-    def _find_lines(self, effort: int, until: float, gap: float, callback: Callback) -> None:
+    def _find_lines(self, effort: int, until: float) -> None:
         """Find lines until the time is over, or none can be lowered any more."""
-        targets = LineTargets(self._known)
-        while time.monotonic() < until and (bound := self._wanted(gap, callback)) is not None:
+        targets = LineTargets(self.known)
+        while time.monotonic() < until and (bound := self._next_bound()) is not None:
             target = targets.next(bound)
             if target is None:
                 return
@@ -218,24 +217,21 @@ class Proof:
             if not has_grown or own.bound(x) > before * (1 - _LEAST_GAIN):
                 targets.close(place)
 
-    def _find_steps(
-        self, targets: StepTargets, most_moving: int, until: float, gap: float, callback: Callback
-    ) -> None:
+    def _find_steps(self, targets: StepTargets, most_moving: int, until: float) -> None:
         """Find steps for up to ``most_moving`` robots, until the time is over or all are tried."""
         if most_moving > 1 and time.monotonic() < until:
-            fits = int(self._memory * _MIB / 2 / StepSearch().bytes_a_state)
+            fits = int(self._memory * _MIB / 2 / BYTES_A_STATE)
             self._relaxation.widen(_STEP_BITS, min(_MOST_STEP_STATES, fits))
-            self._lines[0].drop_forgotten()
-        while time.monotonic() < until and (bound := self._wanted(gap, callback)) is not None:
+            self._lines[0].drop_forbidden()
+        while time.monotonic() < until and (bound := self._next_bound()) is not None:
             left = until - time.monotonic()
             target = targets.next(bound, most_moving, left / _SECONDS_OF_EFFORT)
             if target is None:
                 return
             x = max(0.0, target.survivors - (self._mission.robots - target.moving))
-            steps = self._steps[target.moving - 1]
-            goal = target.goal / self._unit
+            steps, goal = self._steps[target.moving - 1], target.goal / self._unit
             is_proved = steps.tighten(x, goal, target.effort, until)
-            targets.tell(target, is_proved=is_proved)
+            targets.close(target, is_proved=is_proved)
 
     def bound(self) -> FrontBound:
         """Return what has been proved, without lines that are nowhere the lowest."""
@@ -262,7 +258,7 @@ class Proof:
         )
 
     def _find_trails(self) -> None:
-        """Search for plans, to begin with their trails."""
+        """Search for plans, and put their trails into the pool."""
         mission, graph = self._mission, self._net.graph
         search = LocalSearch(
             mission,
@@ -270,14 +266,13 @@ class Proof:
             moves=DEFAULT_MOVES,
             random_state=self._random_state,
         )
-        at_base = mission.stay_home()
-        search.insert(PlanBatch.from_plans([at_base], mission.robots))
+        search.insert(mission.batch([mission.stay_home()]))
         until = time.monotonic() + _SEARCH_SHARE * self._seconds
         wanted = n = _FIRST_EVALUATIONS
         while n < _EVALUATIONS and search.run(wanted) == wanted and time.monotonic() < until:
             wanted, n = n, 2 * n
         batch, objectives, _ = search.plans()
-        self.know(objectives)
+        self.known.add(objectives)
         ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
         arcs = {pair: arc for arc, pair in enumerate(ends)}
         for trail in {tuple(trail) for plan in batch for trail in plan.trails}:

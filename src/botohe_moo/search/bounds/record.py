@@ -1,4 +1,4 @@
-"""What is proved of a front, and how it is written to files."""
+"""Lines and steps, what is proved of a front, and the files that hold them."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Step(NamedTuple):
     proof: Literal["front", "exact"]
 
 
-class Record(BaseModel):
+class BoundRecord(BaseModel):
     """A bound as it is in files."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
@@ -75,10 +75,10 @@ class Record(BaseModel):
     notes: tuple[str, ...]
 
 
-def read_record(path: Path, mission: Mission) -> Record:
+def read_record(path: Path, mission: Mission) -> BoundRecord:
     """Read the bound of a mission; an OSError or a ValueError names the file."""
     try:
-        record = Record.model_validate_json(read_bytes(path))
+        record = BoundRecord.model_validate_json(read_bytes(path))
     except ValidationError as error:
         fault = error.errors()[0]
         where = ".".join(map(str, fault["loc"])) or "the whole"

@@ -1,9 +1,9 @@
-"""What no trail is worth more than, by relaxed trails and by search."""
+"""Bounds on what a trail is worth, by relaxed trails and by search."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,27 +20,31 @@ from botohe_moo.kernels.bounds.trails import (
 )
 from botohe_moo.search.bounds.memory import Remembered
 
-_SLACK = 1e-9  # by which stairs are raised too much, so that equal trails are left out
+_SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
 _EPSILON = float(np.finfo(float).eps)
-_TOLERANCE = 1e-9  # to which values are raised, in shares of all reward
+_TOLERANCE = 1e-9  # of values, in shares of all reward
 _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
-# At which steps a relaxed trail takes the second best link, for more of them.
+# Steps at which a relaxed trail takes the second best link, to find others; −1 for none.
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
-_GROWTH = 1.25  # of the number of states, at most, when relaxed trails are to remember more
-# Trails that a search of stairs gives, as far as there is room for; and its lines.
+_GROWTH = 1.25  # largest factor for the number of states, when relaxed trails remember more
+# Trails that a search returns at most, by their number and by all their arcs; and its lines.
 _MOST_FOUND, _MOST_FOUND_ARCS = 50_000, 1 << 22
 MOST_LINES = 8
 
 
 class Ahead(NamedTuple):
-    """What lies ahead of each state under prices, and what the best trail is worth at most."""
+    """Bounds under prices: on what lies ahead of each state, and on what any trail is worth."""
 
     prices: FloatArray  # (n_nodes, n_levels + 1)
     mu: float
     values: FloatArray  # (n_states, n_levels + 1)
-    # By how much a trail may exceed what lies ahead: what its steps fall short by, and rounding.
-    spare: float
-    most: float
+    spare: float  # what has to be added to values, for rounding and tolerance
+    most: float  # no trail is worth more
+
+
+# Bounds under several prices, each with the amounts by which the prices of trails may exceed them
+# at each node (n_nodes).
+BoundLines: TypeAlias = Sequence[tuple[Ahead, FloatArray]]
 
 
 class Relaxation:
@@ -63,12 +67,13 @@ class Relaxation:
         self._depths = new_depths(net, random_state, n_searched, n_room, MOST_LINES)
         self._is_capped = False
         self.states: States = find_states(net, remembered.pack(), most_states)
-        self.remembers_less = len(self.states.node) == 0  # than it was to
+        # Whether there was too little room for all that was to be remembered.
+        self.remembers_less = len(self.states.node) == 0
         if self.remembers_less:
             self._forget(most_states)
 
     def _forget(self, most_states: int) -> None:
-        """Reduce each node's memory to as many of its first bits as there is room for."""
+        """Reduce the memory of each node to its first bits, as many as there is room for."""
         wanted, fewest = self._remembered.bits, 0
         too_many = max(map(len, wanted), default=0)
         while True:
@@ -97,15 +102,18 @@ class Relaxation:
             if not relax(net, states, prices, mu, cap, tolerance, values):
                 values = cap[states.node]
         short = shortfall(net, states, prices, mu, cap, values)
-        # A step adds some ten roundings, and one of a level counts as often as there are levels: a
-        # price may rise in the last alone. A trail has at most as many steps as there are arcs.
+        # A step adds some ten roundings. One of a level counts for each level, since a price may
+        # rise in the last one alone. A trail has at most as many steps as there are arcs.
         scale = self.total + mu + float(values.max(initial=0.0))
         spare = graph.n_arcs * (short + (32 + 4 * prices.shape[1]) * _EPSILON * scale)
         _, best = follow(net, states, prices, mu, values, -1, np.empty(1, np.int64))
         return Ahead(prices, mu, values, spare, best + spare)
 
     def _everything(self, prices: FloatArray, mu: float) -> FloatArray:
-        """Bound what lies ahead of each node by going to all others at once (n_nodes, ·)."""
+        """Bound what lies ahead of each node, as if a robot could go to all others at once.
+
+        Returns an array (n_nodes, n_levels + 1).
+        """
         net, between, n_levels = self.net, self._remembered.between, prices.shape[1] - 1
         alive = net.reach[:, None] * (np.arange(n_levels + 1) / n_levels)
         cap = mu * alive * np.minimum(net.graph.home, 1.0)[:, None]
@@ -119,9 +127,9 @@ class Relaxation:
         return bounded
 
     def best_trails(self, ahead: Ahead) -> list[tuple[list[int], list[bool]]]:
-        """Return the arcs of the best relaxed trail and of some similar ones, and which arcs pay.
+        """Return the arcs of the best relaxed trail and of similar ones, and which arcs pay.
 
-        Only the first steps where they are many; and some do not come home.
+        Of long ones only the first steps are returned, and some do not come home.
         """
         found: list[tuple[list[int], list[bool]]] = []
         links = np.empty(_MOST_TRAIL, np.int64)
@@ -151,35 +159,22 @@ class Relaxation:
         """
         stairs = Stairs(np.array([least]), np.inf, 0.0)
         line = Completions(ahead.values[None], np.zeros(1), np.zeros((1, len(ahead.prices))))
-        given = Worth(ahead.prices, ahead.mu), line, stairs, TrailRule(False, 0.0, n_most)
-        n = find_trails(self.net, self.states, *given, self._depths)
+        rule = TrailRule(False, 0.0, n_most)
+        ended = self._search(Worth(ahead.prices, ahead.mu), line, stairs, rule)
         found = self._found()
-        return n >= 0, float(stairs.heights[0]) + ahead.spare, found[-1] if found else []
+        return ended, float(stairs.heights[0]) + ahead.spare, found[-1] if found else []
 
     def raise_stairs(
-        self,
-        prices: FloatArray,
-        lines: Sequence[tuple[Ahead, FloatArray]],
-        stairs: Stairs,
-        n_most: int,
+        self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
     ) -> tuple[bool, list[list[int]]]:
-        """Raise stairs above all trails.
-
-        With each line comes what ``prices`` may exceed its own by at each node. Returns whether the
-        search has ended, and trails found.
-        """
+        """Raise stairs above all trails; return whether the search has ended, and trails found."""
         rule = TrailRule(False, _SLACK * self.total, n_most)
-        given = Worth(prices, 0.0), _completions(lines), stairs, rule
-        n = find_trails(self.net, self.states, *given, self._depths)
+        ended = self._search(Worth(prices, 0.0), _completions(lines), stairs, rule)
         stairs.heights[:] += max(ahead.spare for ahead, _ in lines)
-        return n >= 0, self._found()
+        return ended, self._found()
 
     def find_all(
-        self,
-        prices: FloatArray,
-        lines: Sequence[tuple[Ahead, FloatArray]],
-        stairs: Stairs,
-        n_most: int,
+        self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
     ) -> tuple[OffsetArray, OffsetArray] | None:
         """Find all trails above the stairs.
 
@@ -187,22 +182,26 @@ class Relaxation:
         """
         spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
         lowered = stairs._replace(heights=stairs.heights - spare)
-        given = Worth(prices, 0.0), _completions(lines), lowered, TrailRule(True, 0.0, n_most)
-        if find_trails(self.net, self.states, *given, self._depths) < 0:
+        rule = TrailRule(True, 0.0, n_most)
+        if not self._search(Worth(prices, 0.0), _completions(lines), lowered, rule):
             return None
         depths, n = self._depths, int(self._depths.found.n_trails)
         return depths.arcs[:n], depths.n_arcs[:n]
 
+    def _search(self, worth: Worth, ahead: Completions, stairs: Stairs, rule: TrailRule) -> bool:
+        """Search for trails; return whether the search ended."""
+        return find_trails(self.net, self.states, worth, ahead, stairs, rule, self._depths) >= 0
+
     def _found(self) -> list[list[int]]:
-        """List the trails of the last search, the last one last."""
+        """Return the trails of the last search, the last one last."""
         depths = self._depths
         n = min(int(depths.found.n_trails), len(depths.n_arcs))
         return [depths.arcs[i, : depths.n_arcs[i]].tolist() for i in range(n)]
 
     def remember(self, walks: Sequence[tuple[Sequence[int], Sequence[bool]]]) -> bool:
-        """Remember what relaxed trails do twice; False where nothing more can be remembered.
+        """Remember what relaxed trails do twice; return whether there was room for more.
 
-        As much of it as there is room for, that of the first trails first.
+        What the first trails do comes first.
         """
         before = self._remembered.bits
         n_most = min(self._most_states, int(_GROWTH * len(self.states.node)) + 1)
@@ -218,7 +217,7 @@ class Relaxation:
         return False
 
     def widen(self, n_bits: int, most_states: int) -> None:
-        """Remember more rewards near by, where there are not too many states then."""
+        """Remember more rewards near by, unless there are too many states then."""
         before = self._remembered.bits
         self._remembered.widen(n_bits)
         states = find_states(self.net, self._remembered.pack(), most_states)
@@ -239,7 +238,7 @@ class Relaxation:
         return True
 
 
-def _completions(lines: Sequence[tuple[Ahead, FloatArray]]) -> Completions:
+def _completions(lines: BoundLines) -> Completions:
     return Completions(
         np.stack([ahead.values for ahead, _ in lines]),
         np.array([ahead.mu for ahead, _ in lines]),

@@ -1,14 +1,13 @@
 """Steps that no plan of a number of moving robots lies above: E[R] where enough survive.
 
-They are proved by stairs, which say for each step of survival what a trail is worth at most that
-survives with as much or more. Step b represents survivals of b · width or more, and less than
-(b + 1) · width. Heights never rise.
+Stairs prove them. For each step of survival, stairs say what a trail is worth at most that survives
+with as much or more. Step b represents survivals from b · width to (b + 1) · width. Heights never
+rise.
 """
 
 from __future__ import annotations
 
 import time
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,57 +16,48 @@ from botohe_moo.kernels.bounds.states import ROUNDING
 from botohe_moo.kernels.bounds.trails import Stairs
 from botohe_moo.kernels.exact.teams import FINISHED, choose_teams, new_choices, new_turn
 from botohe_moo.kernels.fronts.ordered import best_reward, insert, new_front
-from botohe_moo.search.bounds.lines import Lines
-from botohe_moo.search.bounds.pool import Pool
+from botohe_moo.search.bounds.lines import LEVELS, Lines
+from botohe_moo.search.bounds.prices import Prices
 from botohe_moo.search.bounds.record import Step
-from botohe_moo.search.bounds.relaxation import MOST_LINES, Ahead, Relaxation
+from botohe_moo.search.bounds.relaxation import MOST_LINES, Ahead, BoundLines
 
+_MOST_LINKS = 1_000_000  # of a depth-first search, for each unit of effort
+_MOST_TEAMS = 20_000_000  # choices that are tried for the best team
+_MOST_ROUNDS = 3  # in which thresholds are raised
+# Prices of survival that bound what lies ahead, in shares of that of the line; and what that is at
+# least, in shares of all reward.
+_SHARES = (0.0, 0.4, 0.7, 1.0, 1.5, 3.0, 8.0)
+_LEAST_MU = 0.01
+_LINES_SHARE = 0.4  # of the time that is left, to find a line at the place of the step
+# Memory for what lies ahead of a state, at all of these prices twice.
+BYTES_A_STATE = 16.0 * len(_SHARES) * 60
 _EPSILON = float(np.finfo(float).eps)
 _EDGE = 1e-12  # survivals this much below a step count as on it, relative
 _LEAST_SURVIVAL = 1e-280
-_HIGHER = 1e-9  # by how much what bounds a search is raised, relative
-
-
-class StepSearch(NamedTuple):
-    """How steps are searched for."""
-
-    n_steps: int = 2_000  # of survival, in the stairs of trails
-    n_heights: int = 40  # that thresholds have at most: few are quicker to search
-    most_links: int = 1_000_000  # of a depth-first search, for each unit of effort
-    most_teams: int = 20_000_000
-    most_rounds: int = 3  # in which thresholds are raised
-    # Prices of survival that bound what lies ahead, in shares of that of the line.
-    shares: tuple[float, ...] = (0.0, 0.4, 0.7, 1.0, 1.5, 3.0, 8.0)
-    least_mu: float = 0.01  # of all reward
-    lines_share: float = 0.4  # of the time that is left, to find a line at the step's own place
-
-    @property
-    def bytes_a_state(self) -> float:
-        """The bytes that what lies ahead of a state takes, at all of these prices twice."""
-        return 16.0 * len(self.shares) * 60
+_HIGHER = 1e-9  # by how much thresholds have to rise for another round, in shares of all reward
 
 
 class Steps:
-    """All steps for a number of moving robots."""
+    """All steps for a number of moving robots.
+
+    Stairs have ``n_steps`` steps of survival, and thresholds ``n_heights`` heights: few are quicker
+    to search.
+    """
 
     def __init__(
-        self,
-        relaxation: Relaxation,
-        pool: Pool,
-        lines: Lines,
-        rule: StepSearch,
-        most_survival: float,
+        self, lines: Lines, most_survival: float, *, n_steps: int = 2_000, n_heights: int = 40
     ) -> None:
-        self._relaxation, self._pool, self._lines, self._rule = relaxation, pool, lines, rule
+        self._lines, self._relaxation, self._pool = lines, lines.relaxation, lines.pool
         self._n_robots, self._most_survival = lines.n_robots, most_survival
-        self._width = most_survival * (1.0 + 1e-9) / rule.n_steps
+        self._n_steps, self._n_heights = n_steps, n_heights
+        self._width = most_survival * (1.0 + 1e-9) / n_steps
         self.found: list[Step] = []
 
     def tighten(self, x: float, goal: float, effort: int, deadline: float) -> bool:
         """Lower the bound to a goal where the moving robots' survivals sum to ``x`` or more.
 
-        Or to what teams collect, where that is more. False where it takes too long, or robots
-        survive too rarely for stairs.
+        Where teams collect more than the goal, lower it to what they collect. Returns False where
+        this takes too long, or robots survive too rarely for stairs.
         """
         if self._most_survival < _LEAST_SURVIVAL:
             return False
@@ -75,11 +65,11 @@ class Steps:
             return self._for_one(x, effort)
         if effort == 1:
             moment = time.monotonic()
-            self._lines.tighten(x, 1, moment + self._rule.lines_share * (deadline - moment))
+            self._lines.tighten(x, 1, moment + _LINES_SHARE * (deadline - moment))
         return self._for_team(x, goal - self._lines.base_reward, effort)
 
     def _keep(self, least: float, most: float) -> None:
-        """Keep a step, if it is below what is proved there."""
+        """Keep a step if it is below the lines and the other steps."""
         base_reward = self._lines.base_reward
         graph = self._relaxation.net.graph
         # Products of a team's survivals are rounded at each factor, and so is the sum over nodes.
@@ -93,24 +83,18 @@ class Steps:
         self.found.append(step)
 
     def _for_one(self, x: float, effort: int) -> bool:
-        """Find what one robot collects that survives with ``x`` or more, whatever it collects.
+        """Find what one robot collects at most that survives with ``x`` or more.
 
-        Its prices are the rewards, which leave nothing beside.
+        Its prices are the rewards, so that nodes give nothing beside them.
         """
-        rule, team = self._rule, self._lines.team
-        prices = team.reward[:, None] * team.alive
+        team = self._lines.team
+        prices = Prices(team.reward[:, None] * team.alive, 0.0)
         stairs = np.maximum(self._known(prices), 0.0)
         lines = [
-            (self._ahead(own, mu), team.to_all(team.most(own)))
-            for own, mu in self._lines.lowest(x, self._most_survival, MOST_LINES)
+            (self._lines.look_ahead(other, 2 * LEVELS), team.to_all(team.most(other.visits)))
+            for other in self._lines.lowest(x, self._most_survival, MOST_LINES)
         ]
-        fine = self._fine(prices)
-        given = Stairs(stairs, self._width, x)
-        n_most = rule.most_links * effort
-        ended, trails = self._relaxation.raise_stairs(fine, lines, given, n_most)
-        for arcs in trails:
-            self._pool.add(arcs)
-        if not ended:
+        if not self._raise(prices, lines, Stairs(stairs, self._width, x), effort):
             return False
         first = int(x / self._width * (1 - _EDGE))
         self._keep(x, float(stairs[first]))
@@ -122,65 +106,62 @@ class Steps:
     def _for_team(self, x: float, goal: float, effort: int) -> bool:
         """Find all trails of teams that collect more than the goal, and the best of these teams.
 
-        Of such a team each trail is worth what is left of the goal without what nodes give beside
-        prices, and without the most that the others are worth.
+        Each trail of such a team is worth at least the goal, less what nodes give beside prices,
+        and less the most that the others are worth.
         """
-        rule, team, n_most = self._rule, self._lines.team, self._rule.most_links * effort
-        prices, mu = self._lines.lowest(x, x, 1)[0]
-        mu = max(mu, rule.least_mu * self._relaxation.total)
-        lines = [
-            (self._ahead(prices, share * mu), team.to_all(np.zeros(len(prices))))
-            for share in rule.shares
+        team = self._lines.team
+        prices = self._lines.lowest(x, x, 1)[0]
+        mu = max(prices.mu, _LEAST_MU * self._relaxation.total)
+        ahead = [
+            self._lines.look_ahead(Prices(prices.visits, share * mu), 2 * LEVELS)
+            for share in _SHARES
         ]
-        fine, beside = self._fine(prices), float(team.most(prices).sum())
+        lines = [(each, team.to_all(np.zeros(len(team.nodes)))) for each in ahead]
+        goal_beside = goal - float(team.most(prices.visits).sum())
         least = max(0.0, x - (self._n_robots - 1) * self._most_survival)
-        ahead = [each for each, _ in lines]
-        needed = self._needed(x, goal - beside, ahead, None)
-        for _ in range(rule.most_rounds):
+        needed = self._needed(x, goal_beside, ahead, None)
+        for _ in range(_MOST_ROUNDS):
             stairs = np.maximum(self._known(prices), needed)
-            given = Stairs(stairs, self._width, least)
-            ended, trails = self._relaxation.raise_stairs(fine, lines, given, n_most)
-            for arcs in trails:
-                self._pool.add(arcs)
-            if not ended:
+            if not self._raise(prices, lines, Stairs(stairs, self._width, least), effort):
                 return False
-            before, needed = needed, self._needed(x, goal - beside, ahead, stairs)
-            needed = np.maximum(before, needed)
+            before = needed
+            needed = np.maximum(before, self._needed(x, goal_beside, ahead, stairs))
             if (needed <= before + _HIGHER * self._relaxation.total).all():
                 break
-        above = Stairs(needed, self._width, least)
-        found = self._relaxation.find_all(fine, lines, above, n_most)
-        if found is None:
-            return False
-        height = self._best_team(x, goal, *found)
+        above, n_most = Stairs(needed, self._width, least), _MOST_LINKS * effort
+        found = self._relaxation.find_all(self._spread(prices), lines, above, n_most)
+        height = None if found is None else self._best_team(x, goal, *found)
         if height is None:
             return False
         self._keep(x, height)
         return True
 
-    def _fine(self, prices: FloatArray) -> FloatArray:
-        return self._lines.team.spread(prices, 2 * self._lines.rule.n_levels)
+    def _spread(self, prices: Prices) -> FloatArray:
+        return self._lines.team.spread(prices.visits, 2 * LEVELS)
 
-    def _ahead(self, prices: FloatArray, mu: float) -> Ahead:
-        return self._relaxation.look_ahead(self._fine(prices), mu)
+    def _raise(self, prices: Prices, lines: BoundLines, stairs: Stairs, effort: int) -> bool:
+        """Raise stairs above all trails; return whether the search ended."""
+        given = self._spread(prices), lines, stairs, _MOST_LINKS * effort
+        ended, trails = self._relaxation.raise_stairs(*given)
+        for arcs in trails:
+            self._pool.add(arcs)
+        return ended
 
-    def _known(self, prices: FloatArray) -> FloatArray:
-        """Return the stairs of known trails."""
-        pool = self._pool
-        worth = pool.values(prices[:, 1:], 0.0)
-        worth[pool.is_relaxed] = -np.inf
-        survival = np.array([visits.survival for visits in pool.visits])
-        return stairs_of(worth, survival, self._width, self._rule.n_steps)
+    def _known(self, prices: Prices) -> FloatArray:
+        """Return the stairs of known trails, without anything for their survival."""
+        worth = self._pool.values(prices._replace(mu=0.0))
+        worth[self._pool.is_relaxed] = -np.inf
+        return stairs_of(worth, self._pool.survival, self._width, self._n_steps)
 
     def _needed(
         self, x: float, goal: float, ahead: list[Ahead], stairs: FloatArray | None
     ) -> FloatArray:
-        """Say what a trail is worth at least, on each step, in a team that is worth a goal.
+        """Return what a trail on each step is worth at least, in a team that is worth a goal.
 
-        ``stairs`` bound what any trail is worth.
+        ``stairs`` bound what any trail is worth, if they are given.
         """
-        n_others, n_steps = self._n_robots - 1, self._rule.n_steps
-        # The others survive with what this one does not, and steps are as wide as they are.
+        n_others, n_steps = self._n_robots - 1, self._n_steps
+        # The others have to survive with the rest of x, at the upper end of the step.
         left = np.maximum(x - (np.arange(n_steps) + 1) * self._width, 0.0)
         each = np.minimum(left / n_others, self._most_survival)
         others = np.full(n_steps, np.inf)
@@ -190,7 +171,7 @@ class Steps:
             most = add_stairs(np.maximum(stairs, 0.0), n_others)
             totals = np.minimum(least_total(left, self._width, n_others), len(most) - 1)
             others = np.minimum(others, most[totals])
-        wide = -(-n_steps // self._rule.n_heights)
+        wide = -(-n_steps // self._n_heights)
         starts = np.arange(0, n_steps, wide)
         lowest = np.repeat(np.minimum.reduceat(goal - others, starts), wide)[:n_steps]
         falling: FloatArray = np.maximum.accumulate(lowest[::-1])[::-1]
@@ -199,9 +180,10 @@ class Steps:
     def _best_team(
         self, x: float, goal: float, arcs: OffsetArray, n_arcs: OffsetArray
     ) -> float | None:
-        """Return what the best team of these trails collects, or the goal; None for too many.
+        """Return what the best team of these trails collects, or the goal if that is more.
 
-        Only teams whose survivals sum to ``x`` or more count.
+        Only teams whose survivals sum to ``x`` or more count. None is returned where there are too
+        many teams.
         """
         if len(n_arcs) == 0:
             return goal
@@ -210,13 +192,12 @@ class Steps:
         order = np.argsort(-survival, kind="stable")
         figures = survival[order], reached[order], reward
         choices = new_choices(*figures, np.zeros(2), self._n_robots)
-        # Whatever collects no more than the goal is covered, and whatever survives too rarely.
+        # The search leaves out what the front covers: too little reward, or too few survivors.
         front = new_front(4, self._n_robots)
         insert(front, np.inf, x * (1.0 - ROUNDING) - _LEAST_SURVIVAL)
         insert(front, goal, np.inf)
-        given = choices, front, new_turn()
-        ended = choose_teams(*given, self._rule.most_teams, most_reward=True) == FINISHED
-        return best_reward(front, np.inf) if ended else None
+        ended = choose_teams(choices, front, new_turn(), _MOST_TEAMS, most_reward=True)
+        return best_reward(front, np.inf) if ended == FINISHED else None
 
     def _figures(self, arcs: OffsetArray, n_arcs: OffsetArray) -> tuple[FloatArray, FloatArray]:
         """Return survivals of trails, and the probabilities to reach each node that pays."""
@@ -230,7 +211,7 @@ class Steps:
         for step in range(int(n_arcs.max())):
             (rows,) = np.nonzero(n_arcs > step)
             columns = column[net.graph.head[arcs[rows, step]]]
-            # A robot is never likelier alive than before: the first visit counts.
+            # The first visit counts, since no later one is as likely.
             reached[rows, columns] = np.maximum(reached[rows, columns], alive[rows, step])
         return alive[:, -1].copy(), reached[:, :-1].copy()
 
@@ -243,7 +224,7 @@ def stairs_of(values: FloatArray, survival: FloatArray, width: float, n_steps: i
 
 
 def step_of(survival: FloatArray, width: float, n_steps: int) -> OffsetArray:
-    """Return on which step survivals lie."""
+    """Return the step that each survival lies on."""
     steps: OffsetArray = np.minimum((survival / width * (1 + _EDGE)).astype(np.int64), n_steps - 1)
     return steps
 
@@ -271,7 +252,7 @@ def add_stairs(stairs: FloatArray, n_trails: int) -> FloatArray:
     for _ in range(n_trails - 1):
         after = np.full(len(most) + len(stairs) - 1, -np.inf)
         for step in last_steps(stairs).tolist():
-            there = after[step : step + len(most)]
-            np.maximum(there, most + stairs[step], out=there)
+            reached = after[step : step + len(most)]
+            np.maximum(reached, most + stairs[step], out=reached)
         most = _falling(after)
     return most

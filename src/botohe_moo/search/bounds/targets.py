@@ -1,4 +1,4 @@
-"""What to prove next: where the gap between known plans and the bound is the widest."""
+"""The choice of what to prove next: where known plans and the bound are furthest apart."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from botohe_moo.search.bounds.front_bound import FrontBound
 _CELLS = 24  # of the range of E[S], for the widest gap
 _SAMPLES = 3_000
 _ROUNDING = 1e-12
-# From how little above a known plan on a step begins, relative; what is close enough to a goal.
+# By what share of its survivors a step begins above a known plan, and what is close to a goal.
 _AFTER, _CLOSE = 1e-9, 5e-4
-# A step that is too hard: its goal is raised by this share of the gap, up to a most; then it is
-# tried with more effort.
+# The goal of a step that is too hard is raised by a share of the gap, up to a largest one. Then the
+# step is tried with several times the effort, up to a most.
 _EASIER, _EASIEST, _MORE, _MOST_EFFORT = 0.25, 0.5, 8, 64
 
 
 class Known:
-    """What is known of a front from below."""
+    """The front of known plans, sampled at ``survivors`` (n); ``reached`` is their E[R] (n)."""
 
     def __init__(self, base_reward: float, robots: int) -> None:
         self._robots = robots
@@ -30,10 +30,10 @@ class Known:
         self.reached: FloatArray = np.full(_SAMPLES, base_reward)
 
     def add(self, objectives: FloatArray) -> None:
-        """Take note of the E[R] and E[S] of plans."""
+        """Add the E[R] and E[S] of plans (n, 2)."""
         self._objectives = np.vstack([self._objectives, objectives])
         ends, heights = self._corners()
-        # The last plan may survive a little worse than all robots, by rounding alone.
+        # By rounding, the last plan may have less than all robots as its survivors.
         places = np.searchsorted(ends * (1 + _ROUNDING), self.survivors)
         self.reached = heights[np.minimum(places, len(ends) - 1)]
 
@@ -57,16 +57,16 @@ class Known:
 
 
 class LineTargets:
-    """Where to find the next line."""
+    """The choice of the next line, in one of several cells of the range of E[S]."""
 
     def __init__(self, known: Known) -> None:
         self._known = known
         self._done: set[tuple[int, int]] = set()
 
     def next(self, bound: FrontBound) -> tuple[int, float, tuple[int, int]] | None:
-        """Return how many robots move, the E[S] to look at, and what :meth:`close` takes.
+        """Return the number of robots that move, the E[S], and the cell with that number.
 
-        None where no cell is open in which the bound is above what is known.
+        Returns None where no open cell has a gap.
         """
         known, bounds = self._known, bound.by_robots(self._known.survivors)
         above = np.maximum(0.0, bounds.max(axis=0) - known.reached)
@@ -81,12 +81,12 @@ class LineTargets:
         return None
 
     def close(self, place: tuple[int, int]) -> None:
-        """Leave a cell: nothing is better there."""
+        """Close a cell for a number of robots, whose lines cannot be lowered."""
         self._done.add(place)
 
 
 class StepTarget(NamedTuple):
-    """E[R] up to ``goal`` where E[S] is ``survivors`` or more and ``moving`` robots move."""
+    """A step to be proved: E[R] ≤ ``goal`` for E[S] ≥ ``survivors`` if ``moving`` robots move."""
 
     moving: int
     corner: int
@@ -96,11 +96,10 @@ class StepTarget(NamedTuple):
 
 
 class StepTargets:
-    """The choice of the next step: no plan in which a number of robots move beats a known one.
+    """The choice of the next step: the one that lowers the bound the most for its effort.
 
-    Steps begin behind known plans. Of all that may be proved, that is next which lowers the bound
-    the most for its effort. Where one is too hard, those near by and before are not tried before
-    their goals are raised as well.
+    Each step begins behind a known plan, and its goal is the next one. Where a step is too hard,
+    the goals of those just above and of all before it are raised as well.
     """
 
     def __init__(self, known: Known, robots: int, most_survival: float) -> None:
@@ -115,10 +114,10 @@ class StepTargets:
         self._first = np.searchsorted(known.survivors, self._starts)
 
     def next(self, bound: FrontBound, most_moving: int, most_effort: float) -> StepTarget | None:
-        """Return the best one for up to ``most_moving`` robots; None where none is left."""
-        here = bound.by_robots(self._starts * (1 + _AFTER))
-        goals = self._heights + self._share * np.maximum(0.0, here - self._heights)
-        gains = self._gains(bound, here, goals)
+        """Return the next step for up to ``most_moving`` robots; None where none is left."""
+        bounds = bound.by_robots(self._starts * (1 + _AFTER))
+        goals = self._heights + self._share * np.maximum(0.0, bounds - self._heights)
+        gains = self._gains(bound, self._is_open & (bounds > goals * (1 + _CLOSE)), goals)
         gains[most_moving + 1 :] = 0.0
         gains[self._effort > most_effort] = 0.0
         moving, corner = (int(i) for i in np.unravel_index(gains.argmax(), gains.shape))
@@ -127,12 +126,11 @@ class StepTargets:
         start, goal = float(self._starts[corner]), float(goals[moving, corner])
         return StepTarget(moving, corner, start, goal, int(self._effort[moving, corner]))
 
-    def _gains(self, bound: FrontBound, here: FloatArray, goals: FloatArray) -> FloatArray:
-        """Say by how much each step would lower the bound, for its effort (all corners)."""
+    def _gains(self, bound: FrontBound, is_worth: BoolArray, goals: FloatArray) -> FloatArray:
+        """Return by how much each step would lower the bound, for its effort (as ``goals``)."""
         bounds = bound.by_robots(self._known.survivors)
         second, highest = np.partition(bounds, -2, axis=0)[-2:]
         gains = np.zeros(goals.shape)
-        is_worth = self._is_open & (here > goals * (1 + _CLOSE))
         for moving in np.flatnonzero(is_worth.any(axis=1)).tolist():
             own = bounds[moving]
             others = np.where(own == highest, second, highest)
@@ -143,18 +141,18 @@ class StepTargets:
         scaled: FloatArray = gains / self._effort
         return scaled
 
-    def tell(self, target: StepTarget, *, is_proved: bool) -> None:
-        """Say what became of a target."""
+    def close(self, target: StepTarget, *, is_proved: bool) -> None:
+        """Raise the goal or the effort of a step that is too hard; close one that is proved."""
         moving, corner = target.moving, target.corner
         share, effort = self._share[moving], self._effort[moving]
         if is_proved:
             self._is_open[moving, corner] &= share[corner] > 0.0
             near: BoolArray = np.arange(len(share)) == corner
         else:
-            # Where robots need not survive as likely, more trails are to be looked at.
+            # Where fewer survivors are needed, there are more trails to search.
             near = self._starts - self._starts[corner] < self._robots / _CELLS / 2
             near &= (share == share[corner]) & (effort == effort[corner])
-        # One robot's front is found as it is, without a goal.
+        # The front of one robot is found without a goal.
         if is_proved or share[corner] >= _EASIEST or moving == 1:
             share[near] = 0.0
             effort[near] *= _MORE

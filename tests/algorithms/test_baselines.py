@@ -1,0 +1,136 @@
+"""Greedy planning and the exact front through pymoo; random trails are tested with BO-ACO."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from pymoo.optimize import minimize
+
+from botohe_moo import BOACO, BOTOHE, Exact, Greedy, area_indicator, load_mission
+from botohe_moo.search.exact import TooLargeError, exact_front
+from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner
+from tests.examples import examples
+from tests.strategies import small_missions
+from tests.twins import all_objectives, worth
+
+PLENTY = ("n_eval", 10**6)
+WIDE = MAX_BEAM_WIDTH  # cuts nothing
+
+
+@pytest.fixture(scope="module")
+def museum():
+    return load_mission("art_museum")
+
+
+class Watched(BOTOHE):
+    """Remembers every plan that was evaluated, in order."""
+
+    def __init__(self, mission):
+        super().__init__(mission)
+        self.seen = []
+
+    def evaluate_batch(self, batch):
+        self.seen += batch
+        return super().evaluate_batch(batch)
+
+
+class TestGreedy:
+    def test_nothing_is_evaluated_twice_whatever_the_budget(self, museum):
+        whole, few = Watched(museum), Watched(museum)
+        result = minimize(whole, Greedy(n_weights=30, beam_width=10), PLENTY)
+        assert len(set(whole.seen)) == len(whole.seen) == result.algorithm.evaluator.n_eval
+        minimize(few, Greedy(n_weights=30, beam_width=10), ("n_eval", 7))
+        assert few.seen == whole.seen[:7]
+
+    def test_weights_come_coarse_first(self, museum, monkeypatch):
+        asked = []
+        plans = SequentialPlanner.plans
+        monkeypatch.setattr(
+            SequentialPlanner, "plans", lambda self, w: asked.append(w) or plans(self, w)
+        )
+        minimize(BOTOHE(museum), Greedy(n_weights=9, beam_width=1), ("n_gen", 5))
+        assert asked == [0, 1, 1 / 2, 1 / 4, 3 / 4]
+        for n_weights in (2, 3, 10, 100):
+            asked.clear()
+            minimize(BOTOHE(museum), Greedy(n_weights=n_weights, beam_width=1), PLENTY)
+            assert sorted(asked) == [i / (n_weights - 1) for i in range(n_weights)]
+            for n in range(2, n_weights):  # no gap is more than about twice another
+                gaps = np.diff(np.rint(np.sort(asked[:n]) * (n_weights - 1)))
+                assert gaps.max() <= 2 * gaps.min() + 2
+
+    def test_warm_start(self, museum):
+        good = minimize(BOTOHE(museum), BOACO(), ("n_gen", 50), seed=9)
+        problem = Watched(museum)
+        warm = minimize(problem, Greedy(n_weights=5, beam_width=10, sampling=good.X), PLENTY)
+        assert set(problem.seen[: len(good.X)]) == set(good.X[:, 0])
+        assert area_indicator(-warm.F, museum) > area_indicator(-good.F, museum)
+        cut = minimize(BOTOHE(museum), Greedy(sampling=good.X), ("n_eval", 5))
+        assert cut.algorithm.evaluator.n_eval == len(cut.X) == 5
+        own = minimize(BOTOHE(museum), Greedy(n_weights=5, beam_width=10), PLENTY)
+        again = minimize(BOTOHE(museum), Greedy(n_weights=5, beam_width=10, sampling=own.X), PLENTY)
+        assert again.algorithm.evaluator.n_eval == own.algorithm.evaluator.n_eval
+
+    @examples(60)
+    @given(small_missions(max_robots=1, max_trails=1000))
+    def test_one_robot_finds_what_is_best_for_its_weights(self, case):
+        mission, trails = case
+        every = all_objectives(mission, trails)
+        result = minimize(BOTOHE(mission), Greedy(n_weights=9, beam_width=WIDE), PLENTY)
+        for weight in np.linspace(0, 1, 9):
+            best = worth(mission, every, weight).max()
+            assert worth(mission, -result.F, weight).max() == pytest.approx(best, rel=1e-9)
+
+    def test_area(self, museum):
+        """In fewer than a hundred evaluations what took the colony thousands."""
+        base = (museum.arrays.base,)
+        result = minimize(BOTOHE(museum), Greedy(beam_width=30), PLENTY)
+        assert area_indicator(-result.F, museum) > 0.48
+        assert result.algorithm.evaluator.n_eval < 100
+        away = {sum(trail != base for trail in plan.trails) for plan in result.X[:, 0]}
+        assert away == {0, 1, 2, 3}  # plans in which only the first robots leave belong to it
+
+
+@pytest.fixture(scope="module")
+def mission():
+    """Of some thousand labels, so that the search takes several generations."""
+    return load_mission("random", nodes=8, arc_probability=0.4, robots=2, seed=3)
+
+
+@pytest.fixture(scope="module")
+def front(mission):
+    return list(exact_front(mission))
+
+
+class TestExact:
+    def test_result(self, mission, front):
+        result = minimize(BOTOHE(mission), Exact(), PLENTY)
+        assert list(result.X[:, 0]) == front
+        assert np.array_equal(-result.F, mission.evaluate(front))
+        assert not result.algorithm.has_next()
+        assert result.algorithm.evaluator.n_eval == len({*front, mission.stay_home()})
+        assert result.algorithm.n_gen > 5
+
+    def test_budget_is_exact(self, mission, front):
+        for budget in (1, 2, 5):
+            result = minimize(BOTOHE(mission), Exact(), ("n_eval", budget))
+            assert result.algorithm.evaluator.n_eval == len(result.X) == budget
+            # Everybody at base, and those with most reward.
+            assert {*front[: budget - 1]} <= {*result.X[:, 0]}
+
+    def test_warm_start(self, mission, front):
+        good = minimize(BOTOHE(mission), BOACO(), ("n_gen", 20), seed=9)
+        warm = minimize(BOTOHE(mission), Exact(sampling=good.X), PLENTY)
+        assert area_indicator(-warm.F, mission) >= area_indicator(-good.F, mission)
+        n_new = len({*front} - {*good.X[:, 0]})
+        assert warm.algorithm.evaluator.n_eval == len(good.X) + n_new
+        cut = minimize(BOTOHE(mission), Exact(sampling=front), ("n_eval", 3))
+        assert cut.algorithm.evaluator.n_eval == len(cut.X) == 3
+
+    def test_ended_before_the_search_is(self, mission):
+        for termination in (("n_gen", 2), ("time", 1e-6)):
+            result = minimize(BOTOHE(mission), Exact(), termination)
+            assert [plan.trails for plan in result.X[:, 0]] == [((0,), (0,))]
+            assert result.algorithm.evaluator.n_eval == 1
+
+    def test_what_is_too_large_is_refused(self, museum):
+        with pytest.raises(TooLargeError, match=r"'art_museum' \(27 nodes, 74 arcs, 3 robots\)"):
+            minimize(BOTOHE(museum), Exact(), PLENTY)
