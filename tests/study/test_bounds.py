@@ -194,7 +194,7 @@ class TestComputing:
         assert run_study(study_of(), tmp_path).missing_bounds == []
 
     def test_whatever_is_raised_is_a_line(self):
-        task = make_bound_task(load_study(study_of()).missions[0], (), None, -1.0)
+        task = make_bound_task(load_study(study_of()).missions[0], (), StudyFolder("none"), -1.0)
         assert find_bound(task).endswith("ParameterError: Expected time_limit > 0, got -1.0.")
 
     @pytest.mark.slow
@@ -210,7 +210,7 @@ class TestComputing:
                 process.kill()
             return False
 
-        task = make_bound_task(mission, (), None, FOREVER)
+        task = make_bound_task(mission, (), StudyFolder(tmp_path), FOREVER)
         [(_, said)] = WorkerPool().perform([task], stopped=stopped)
         assert said == "its process died (signal SIGKILL)"
 

@@ -24,8 +24,7 @@ from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.file.schema import study_schema
 from botohe_moo.study.judge.summary import algorithm_table
 from botohe_moo.study.planning import make_task
-from botohe_moo.study.store.folder import StudyFolder
-from botohe_moo.study.store.manifest import read_manifest
+from botohe_moo.study.store.folder import StudyFolder, read_manifest
 
 EXPERIMENTS = sorted((Path(__file__).parents[2] / "experiments").glob("*.yaml"))
 

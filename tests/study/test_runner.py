@@ -2,6 +2,7 @@
 
 import errno
 import json
+import re
 import shutil
 import sys
 
@@ -20,8 +21,7 @@ from botohe_moo.study.planning import make_task
 from botohe_moo.study.run.perform import warm_up
 from botohe_moo.study.store import folder as run_folder
 from botohe_moo.study.store import tables as table_files
-from botohe_moo.study.store.folder import StudyFolder
-from botohe_moo.study.store.manifest import restore_study
+from botohe_moo.study.store.folder import StudyFolder, restore_study
 from botohe_moo.study.store.tables import SCHEMAS, to_arrow
 
 pytestmark = pytest.mark.usefixtures("in_process")
@@ -354,10 +354,18 @@ class TestTables:
         assert_same(after, before)
         assert {**after.manifest, "made_from": 0} == {**before.manifest, "made_from": 0}
 
-    @pytest.mark.parametrize("damage", ["", "[1, 2]", '{"name": "s", "kept": {"missions": [7]}}'])
-    def test_damaged_manifests_are_named(self, small, damage):
-        (small / "study.json").write_text(damage)
-        with pytest.raises(StudyError, match=r"study\.json: cannot be read \(.*; remove it"):
+    @pytest.mark.parametrize(
+        ("name", "damage"),
+        [
+            ("study.json", ""),
+            ("study.json", '{"name": "s", "kept": {"missions": [7]}}'),
+            ("missions/*.json", "{"),
+        ],
+    )
+    def test_damaged_files_of_the_study_are_named(self, small, name, damage):
+        [path] = small.glob(name)
+        path.write_text(damage)
+        with pytest.raises(StudyError, match=rf"{path}: damaged \(.*; remove the file"):
             make_tables(small)
 
     def test_folders_without_a_study(self, tmp_path):
@@ -475,23 +483,28 @@ class TestAgain:
         assert watcher.performed == []
         assert not watcher.plan.failed
 
-    @pytest.mark.parametrize(
-        "damage",
-        [
+    @pytest.mark.parametrize("seeds", [2, 3])
+    def test_damaged_files_are_named_before_anything_is_performed(self, small, seeds):
+        before = read_study(small)
+        damages = (
             lambda data: data[: len(data) // 2],
             lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:],
             lambda data: b"\x80\x04K\x01.",  # a pickle
-        ],
-        ids=["half", "a bit", "pickle"],
-    )
-    def test_damaged_files_are_named_and_performed_again_once_removed(self, small, damage):
-        before, path = read_study(small), a_run_of(small)
-        path.write_bytes(damage(path.read_bytes()))
-        with pytest.raises(StudyError, match=rf"{path}: damaged \(.*; remove the file"):
-            run_study(study_of(), small)
-        path.unlink()
+        )
+        paths = sorted((small / "runs").iterdir())[:3]
+        for path, damage in zip(paths, damages, strict=True):
+            path.write_bytes(damage(path.read_bytes()))
+        (small / "trace.parquet").unlink()
+        watcher = Watcher()
+        with pytest.raises(StudyError) as caught:
+            run_study(study_of(seeds=seeds), small, watcher=watcher)
+        assert watcher.performed == []
+        lines = sorted(str(caught.value).splitlines())
+        for path, line in zip(paths, lines, strict=True):
+            assert re.fullmatch(rf"{path}: damaged \(.*\); remove the file, and run.*", line)
+            path.unlink()
         after, watcher = watched(study_of(), small)
-        assert len(watcher.performed) == 1
+        assert len(watcher.performed) == 3
         assert_same(before, after)
 
 

@@ -153,10 +153,10 @@ def make_bound_task(
 
 def _found_points(mission: StudyMission, runs: Iterable[Run], folder: StudyFolder) -> FloatArray:
     """Return E[R] and E[S] (n, 2) of all final fronts that a folder has of a mission."""
+    own = [run for run in runs if run.mission.bound_digest == mission.bound_digest]
     fronts = [np.empty((0, 2))]
-    for run in runs:
-        if run.mission.bound_digest == mission.bound_digest and (outcome := folder.load(run)):
-            fronts += [record.objectives for record in outcome.records[-1:]]
+    for _, outcome in folder.outcomes(own):
+        fronts += [record.objectives for record in outcome.records[-1:]]
     points: FloatArray = np.unique(np.concatenate(fronts), axis=0)
     return points
 

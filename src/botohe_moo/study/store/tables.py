@@ -17,7 +17,7 @@ from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.mission.formats.files import read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.model import StudyError
-from botohe_moo.study.store.manifest import read_manifest
+from botohe_moo.study.store.folder import read_manifest
 from botohe_moo.study.store.schemas import SCHEMAS
 from botohe_moo.trails import TrailPlan
 
