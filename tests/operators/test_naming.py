@@ -11,7 +11,7 @@ from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_faults
 from botohe_moo.operators import SendHome, TrailSplice
 from botohe_moo.study import read_study
-from botohe_moo.study.file.digest import code_mismatch
+from botohe_moo.study.file.code import code_mismatch
 from tests.plugins.packages import entries, write_package
 from tests.plugins.test_installed import botohe
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 
@@ -20,20 +21,21 @@ from botohe_moo.study import (
     merge_studies,
     read_study,
     run_study,
-    runner,
 )
 from botohe_moo.study.planning import make_bound_task
 from botohe_moo.study.report import pictures
 from botohe_moo.study.report.folder import write_report
 from botohe_moo.study.report.latex import summary_latex
 from botohe_moo.study.report.page import render_page
-from botohe_moo.study.run.bound import find_bound
+from botohe_moo.study.run.child import perform_bound
 from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.store.folder import StudyFolder
 from tests.study.conftest import InProcess
 from tests.study.test_perform import marked_processes
 from tests.study.test_processes import finish, start, wait_until
 from tests.study.test_runner import Watcher
+
+pytestmark = pytest.mark.usefixtures("in_process")
 
 LIMITED = {"mission": "toy", "min_survival": 0.3, "max_length": 6}
 FOREVER = 1e6  # seconds
@@ -63,23 +65,16 @@ def files(folder):
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def made(tmp_path_factory, in_process):
     """A study with bounds on a mission, with limits and without."""
     folder = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, "WorkerPool", InProcess)
-        run_study(study_of(missions={"toy": "toy", "limited": LIMITED}), folder)
+    run_study(study_of(missions={"toy": "toy", "limited": LIMITED}), folder)
     return folder
 
 
 @pytest.fixture
-def copied(made, tmp_path, in_process):
-    for path in made.rglob("*"):
-        there = tmp_path / "study" / path.relative_to(made)
-        if path.is_file():
-            there.parent.mkdir(parents=True, exist_ok=True)
-            there.write_bytes(path.read_bytes())
-    return tmp_path / "study"
+def copied(made, tmp_path):
+    return shutil.copytree(made, tmp_path / "study")
 
 
 def both(seconds=2):
@@ -107,7 +102,7 @@ class TestTables:
         assert missions.loc["limited", "bound_area"] < missions.loc["toy", "bound_area"]
         assert tables.missing_bounds == []
 
-    def test_without_bounds_they_are_empty(self, tmp_path, in_process):
+    def test_without_bounds_they_are_empty(self, tmp_path):
         tables = run_study(study_of(None), tmp_path)
         assert files(tmp_path) == []
         assert len(tables.bounds) == 0
@@ -142,7 +137,7 @@ class TestAgain:
         assert {path.name.partition("-")[2] for path in files(copied)} == {"2.json", "2.5.json"}
         assert tables.missing_bounds == []
 
-    def test_runs_stay_when_bounds_are_asked_for_or_not_any_more(self, tmp_path, in_process):
+    def test_runs_stay_when_bounds_are_asked_for_or_not_any_more(self, tmp_path):
         run_study(study_of(None), tmp_path)
         tables, watcher = watched(study_of(), tmp_path)
         assert (watcher.performed, watcher.bounded) == ([], [("toy", None)])
@@ -152,7 +147,7 @@ class TestAgain:
         assert tables.summary["area_gap"].isna().all()
         assert len(files(tmp_path)) == 1
 
-    def test_one_mission_under_two_budgets_has_one_bound(self, tmp_path, in_process):
+    def test_one_mission_under_two_budgets_has_one_bound(self, tmp_path):
         longer = {"mission": "toy", "budget": {"evaluations": 400}}
         tables, watcher = watched(study_of(missions={"a": "toy", "b": longer}), tmp_path)
         assert len(watcher.bounded) == 1
@@ -180,7 +175,7 @@ class TestComputing:
         assert task.front.tolist() == expected.tolist()
         assert (task.min_survival, task.max_length, task.seconds) == (0, np.inf, 2)
 
-    def test_one_that_fails_is_told_and_tried_again(self, tmp_path, in_process, monkeypatch):
+    def test_one_that_fails_is_told_and_tried_again(self, tmp_path, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(InProcess, "bound", lambda *_, **__: "MemoryError: no room")
             tables, watcher = watched(study_of(), tmp_path)
@@ -195,7 +190,7 @@ class TestComputing:
 
     def test_whatever_is_raised_is_a_line(self):
         task = make_bound_task(load_study(study_of()).missions[0], (), StudyFolder("none"), -1.0)
-        assert find_bound(task).endswith("ParameterError: Expected time_limit > 0, got -1.0.")
+        assert perform_bound(task).endswith("ParameterError: Expected time_limit > 0, got -1.0.")
 
     @pytest.mark.slow
     def test_a_process_that_is_killed_is_told(self, new_interpreters, monkeypatch, tmp_path):
@@ -237,7 +232,7 @@ class TestComputing:
         assert tables.n_missing == 0
         assert len(files(folder)) == 1
 
-    def test_none_is_begun_after_a_stop(self, tmp_path, in_process):
+    def test_none_is_begun_after_a_stop(self, tmp_path):
         class Stopping(Watcher):
             def end(self, run, outcome):
                 signal.raise_signal(signal.SIGINT)
@@ -279,6 +274,7 @@ def one_format(monkeypatch):
 
 @pytest.mark.usefixtures("one_format")
 class TestReport:
+    @pytest.mark.slow
     def test_gaps_stand_beside_areas(self, copied):
         tables = read_study(copied)
         write_report(tables)
@@ -300,7 +296,7 @@ class TestReport:
         assert "The bounds of toy, limited are not computed yet." in page
         assert "gap at most" not in page
 
-    def test_without_bounds_nothing_is_said_of_them(self, tmp_path, in_process):
+    def test_without_bounds_nothing_is_said_of_them(self, tmp_path):
         tables = run_study(study_of(None, seeds=1, algorithms=["greedy"]), tmp_path)
         page = render_page(tables, {}).lower()
         assert "gap at most" not in page + summary_latex(tables)

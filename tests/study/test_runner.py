@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 import sys
+from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -13,12 +14,13 @@ import pytest
 
 from botohe_moo import BOTOHE, area_indicator, load_mission
 from botohe_moo.mission.formats.files import save_mission
-from botohe_moo.study import make_tables, read_study, run_study
+from botohe_moo.study import make_tables, read_study, run_study, runner
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.judge import collect
 from botohe_moo.study.planning import make_task
 from botohe_moo.study.run.perform import warm_up
+from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.store import folder as run_folder
 from botohe_moo.study.store import tables as table_files
 from botohe_moo.study.store.folder import StudyFolder, restore_study
@@ -107,7 +109,8 @@ def done(tmp_path_factory):
         comparison={"control": "random"},
     )
     warm_up(make_task(load_study(source).runs()[0]))  # none of the seconds is for compiling
-    return run_study(source, tmp_path_factory.mktemp("study"), workers=2)
+    with mock.patch.object(runner, "WorkerPool", WorkerPool):
+        return run_study(source, tmp_path_factory.mktemp("study"), workers=2)
 
 
 def runs_of(tables, algorithm, mission="plant"):

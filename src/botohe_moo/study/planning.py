@@ -1,20 +1,17 @@
 """The plan of a study: its runs, which are finished, how long the others take, and its tables."""
 
 import contextlib
-import functools
 import hashlib
 import json
 import math
 import statistics
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.study.file.digest import installed_versions
-from botohe_moo.study.file.model import Run, Study, StudyError, StudyMission
+from botohe_moo.study.file.model import Run, Study, StudyError, StudyMission, installed_versions
 from botohe_moo.study.run.task import PATIENCE, BoundTask, Task
 from botohe_moo.study.store.folder import FAILURES, StudyFolder
 from botohe_moo.study.store.tables import StudyTables, read_study
@@ -127,14 +124,9 @@ def make_task(run: Run, patience: float = PATIENCE) -> Task:
         per_decade=run.recording.per_decade,
         start=run.recording.start,
         at=tuple(run.recording.at),
-        version=_version(),
+        version=installed_versions()["version"],
         patience=patience,
     )
-
-
-@functools.cache
-def _version() -> str:
-    return version("botohe-moo")  # read from a file, which for each run would take minutes
 
 
 def make_bound_task(

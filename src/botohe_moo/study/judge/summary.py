@@ -10,7 +10,7 @@ from scipy import stats
 from botohe_moo.indicators import TIE, Scale, area_indicator, further_indicators
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds import FrontBound
-from botohe_moo.study.file.digest import canonical, value_text
+from botohe_moo.study.file.values import canonical, value_text
 from botohe_moo.study.judge.scores import (
     as_table,
     best_first,

@@ -13,14 +13,16 @@ import select
 import signal
 import threading
 import time
+import traceback
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo.study.file.digest import code_mismatch
+from botohe_moo.mission.library import load_mission
+from botohe_moo.study.file.code import code_mismatch
 from botohe_moo.study.run.environment import environment
-from botohe_moo.study.run.perform import perform, warm_up
+from botohe_moo.study.run.perform import WARM_UP_LENGTH, WARM_UP_SURVIVAL, perform, warm_up
 from botohe_moo.study.run.task import (
     MOST_SECONDS_TO_START,
     BoundTask,
@@ -32,6 +34,10 @@ from botohe_moo.study.run.task import (
 
 if TYPE_CHECKING:
     from botohe_moo.search.bounds import FrontBound
+
+# Small missions: one that gets its true front, and one whose bound soon reaches this gap.
+_WARM_UP_MISSIONS = ("toy", "power_plant")
+_WARM_UP_GAP = 0.5
 
 
 def main() -> None:
@@ -45,7 +51,10 @@ def main() -> None:
         while True:
             connection.send(("ready", None))
             task: Task | BoundTask = connection.recv()
-            result = _bound(task) if isinstance(task, BoundTask) else _run(task, warm, connection)
+            if isinstance(task, BoundTask):
+                result: Any = perform_bound(task)
+            else:
+                result = _run(task, warm, connection)
             _end_unless_within(math.inf)
             connection.send(("end", result))
 
@@ -73,13 +82,41 @@ def _run(task: Task, warm: set[tuple[str, str]], connection: Connection) -> Outc
     return perform(task, lambda record: connection.send(("record", record)), progress)
 
 
-def _bound(task: BoundTask) -> "FrontBound | str":
+def perform_bound(task: BoundTask) -> "FrontBound | str":
+    """Bound the front of a mission; an exception becomes a line that says what it was."""
     # Imported late: runs do not need it.
-    from botohe_moo.study.run.bound import find_bound, warm_up_bounds
+    from botohe_moo.search.bounds import bound_front
 
     with contextlib.suppress(Exception):  # the bound will raise and report it
-        warm_up_bounds(floor=task.min_survival > 0, budget=task.max_length < math.inf)
-    return find_bound(task)
+        _warm_up_bounds(floor=task.min_survival > 0, budget=task.max_length < math.inf)
+    try:
+        return bound_front(
+            task.mission,
+            front=task.front,
+            time_limit=task.seconds,
+            min_survival=task.min_survival,
+            max_length=task.max_length,
+        )
+    except Exception as error:
+        return " ".join("".join(traceback.format_exception_only(error)).split())
+
+
+@functools.cache
+def _warm_up_bounds(*, floor: bool, budget: bool) -> None:
+    """Compile, or load from the cache, the kernels that a bound needs, so that it is not timed.
+
+    A limit, however loose, has kernels of its own: a survival floor, and a travel budget.
+    """
+    from botohe_moo.search.bounds import bound_front
+
+    for name in _WARM_UP_MISSIONS:
+        bound_front(
+            load_mission(name),
+            time_limit=MOST_SECONDS_TO_START,
+            gap=_WARM_UP_GAP,
+            min_survival=WARM_UP_SURVIVAL if floor else 0.0,
+            max_length=WARM_UP_LENGTH if budget else math.inf,
+        )
 
 
 def _end_unless_within(seconds: float) -> None:

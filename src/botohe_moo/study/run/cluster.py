@@ -11,8 +11,8 @@ from collections.abc import Callable, Generator, Sequence
 from typing import Any
 from urllib.parse import urlsplit
 
-from botohe_moo.study.file.digest import code_mismatch, installed_versions
-from botohe_moo.study.file.model import StudyError
+from botohe_moo.study.file.code import code_mismatch
+from botohe_moo.study.file.model import StudyError, installed_versions
 from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.run.task import Outcome, Task, failure
 

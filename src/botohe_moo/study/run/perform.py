@@ -20,8 +20,8 @@ from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.mission.library import load_mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
-from botohe_moo.study.file.problems import check_objectives, problem_on
-from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE, blamed
+from botohe_moo.study.file.code import check_objectives, problem_on
+from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
 from botohe_moo.study.run.task import Outcome, Record, Task, failure
 from botohe_moo.trails import PlanBatch
 
@@ -168,9 +168,7 @@ def _loop(task: Task, algorithm: Algorithm, meter: Meter, recorder: Recorder) ->
 
 def _archive(algorithm: Algorithm, problem: BOTOHE, meter: Meter) -> PlanArchive:
     """Return what an algorithm of any kind has found so far."""
-    archive = algorithm.archive if meter.archive is None else meter.archive
-    if not isinstance(archive, PlanArchive):
-        raise TypeError(f"Expected the archive of {type(algorithm).__name__} to be a PlanArchive.")
+    archive: PlanArchive = algorithm.archive if meter.archive is None else meter.archive
     if type(problem) is not BOTOHE:
         check_objectives(problem, archive.objectives)
     return archive
@@ -207,10 +205,7 @@ def verify(task: Task, plans: PlanBatch, claimed: FloatArray) -> None:
 
 def _own_objectives(problem: BOTOHE, plans: PlanBatch) -> FloatArray:
     """Return −F of a problem of your own; a ValueError for plans that break its constraints."""
-    with blamed(problem, "evaluate_batch"):
-        F = problem.evaluate_batch(plans)
-    with blamed(problem, "constrain_batch"):
-        G = problem.constrain_batch(plans)
+    F, G = problem.evaluate_batch(plans), problem.constrain_batch(plans)
     broken = (problem.checked("G", G, len(plans)) > 0).any(axis=1)
     if broken.any():
         plan = int(broken.argmax())

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import traceback
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -85,13 +86,10 @@ class WorkerPool:
                 job.worker.close()
 
     def _take_worker(self) -> "_Worker":
-        with contextlib.suppress(IndexError):  # there is none, or another thread has taken it
-            while True:
-                worker = self._idle.pop()
-                if worker.is_alive():
-                    return worker
-                worker.close()
-        return _Worker()
+        try:
+            return self._idle.pop()
+        except IndexError:  # there is none, or another thread has taken it
+            return _Worker()
 
     def close(self) -> None:
         """End the processes that wait for a task."""
@@ -227,8 +225,8 @@ def checked_outcome(task: Task, outcome: Outcome, records: list[Record]) -> Outc
     if last is not None and last.plans is not None:
         try:
             verify(task, *last.plans)
-        except ValueError as error:
-            return failure(str(error), last=last)
+        except Exception as error:  # of a problem of your own, too
+            return failure(f"{type(error).__name__}: {error}", traceback.format_exc(), last)
     # Only the last record's plans are kept.
     return replace(
         outcome, records=(*(replace(record, plans=None) for record in records[:-1]), *records[-1:])

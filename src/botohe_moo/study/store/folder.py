@@ -19,8 +19,8 @@ from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.mission.formats.files import read_mission, save_mission
 from botohe_moo.search.bounds import FrontBound
-from botohe_moo.study.file.digest import canonical
 from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, StudyMission
+from botohe_moo.study.file.values import canonical
 from botohe_moo.study.run.task import Outcome, Record
 from botohe_moo.trails import PlanBatch
 

@@ -1,8 +1,8 @@
-"""Problems of your own, which a study file names as ``module:Class``."""
+"""The code that a study names: problems of your own, and whether a worker has the same code."""
 
 import functools
 import math
-import sys
+from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,10 +11,12 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.entry_points import imported
 from botohe_moo._plugins.factories import named
+from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.indicators import largest_objectives
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
+from botohe_moo.study.file.model import PACKAGES, installed_versions
 
 _ROUNDING = 1e-9
 
@@ -37,9 +39,7 @@ def find_problem(path: str | None) -> type[BOTOHE]:
     """
     if path is None:
         return BOTOHE
-    found: Any = None
-    if path.partition(":")[0].partition(".")[0] not in sys.stdlib_module_names:
-        found = imported(functools.partial(named, path), "it")
+    found: Any = imported(functools.partial(named, path), "it")
     if not (isinstance(found, type) and issubclass(found, BOTOHE)):
         raise ValueError(f"expected a class derived from BOTOHE, got {quoted(found)}")
     if found._evaluate is not BOTOHE._evaluate:
@@ -103,3 +103,29 @@ def check_objectives(problem: BOTOHE, points: FloatArray) -> None:
             f"{kind.__module__}:{kind.__qualname__} says by objective_bounds that −F is in "
             f"[0, {most[0]:g}] and [0, {most[1]:g}], and gives {outside[0].tolist()}"
         )
+
+
+def code_mismatch(
+    versions: Mapping[str, str],
+    origins: Iterable[tuple[str, Mapping[str, Any], Mapping[str, str | None]]],
+) -> str | None:
+    """Return how this process's code differs from that of a study; None if it is the same.
+
+    ``versions`` and ``origins`` are those of the study. Each of ``origins`` is an algorithm's
+    name, its parameters and its origin. The text continues a sentence about the worker.
+    """
+    ours = installed_versions()
+    differing = [name for name in versions if versions[name] != ours[name]]
+    if differing:
+        installed = " and ".join(f"{PACKAGES[name]} {ours[name]}" for name in differing)
+        return f"has {installed}, the study {' and '.join(versions[name] for name in differing)}"
+    for algorithm, parameters, origin in origins:
+        problem = origin.get("problem")
+        try:
+            found = algorithm_origin(algorithm, parameters, problem)
+        except Exception as error:
+            also = f" or the problem {problem!r}" if problem else ""
+            return f"cannot import the algorithm {algorithm!r}{also}: {str(error).rstrip('.')}"
+        if found != origin:
+            return f"has {algorithm!r} from {found}, the study from {origin}"
+    return None
