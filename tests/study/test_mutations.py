@@ -97,7 +97,7 @@ def test_mutated_files_are_read_or_refused(path, text):
     found = read(path, text)
     if isinstance(found, list):
         for line in found:
-            assert line.startswith((f"{path}:", "These are the first 100 faults"))
+            assert line.startswith(f"{path}:")
     else:
         assert len(found.missions) <= 1_000
         assert len(found.algorithms) <= 1_000
@@ -120,10 +120,11 @@ GROWING = {
 }
 
 
-@pytest.mark.parametrize("name", GROWING)
-def test_what_would_grow_is_refused(path, name):
+@pytest.mark.slow
+def test_what_would_grow_is_refused(path):
     """Each took minutes, gigabytes, or a message of megabytes."""
-    assert isinstance(read(path, GROWING[name]), list)
+    for name, text in GROWING.items():
+        assert isinstance(read(path, text), list), name
 
 
 @pytest.mark.slow

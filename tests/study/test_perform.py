@@ -12,7 +12,7 @@ import time
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import psutil
@@ -63,17 +63,15 @@ def performed(task):
 
 
 class TestCounts:
-    def test_they_are_log_spaced_and_end_with_the_budget(self):
-        counts = record_counts(evaluations=1_000, per_decade=2, start=0.001, at=())
-        assert counts == [1, 3, 10, 32, 100, 316, 1_000]
-
-    def test_further_ones_are_added(self):
-        counts = record_counts(evaluations=100, per_decade=1, start=0.01, at=(7, 50, 200))
-        assert counts == [1, 7, 10, 50, 100]
-
-    def test_without_a_budget_they_go_on(self):
-        counts = record_counts(evaluations=None, per_decade=1, start=0.001, at=())
-        assert counts == [10**i for i in range(13)]
+    def test_by_hand(self):
+        for evaluations, per_decade, start, at, expected in (
+            (1_000, 2, 0.001, (), [1, 3, 10, 32, 100, 316, 1_000]),
+            (100, 1, 0.01, (7, 50, 200), [1, 7, 10, 50, 100]),
+            (None, 1, 0.001, (), [10**i for i in range(13)]),  # without a budget they go on
+        ):
+            assert expected == record_counts(
+                evaluations=evaluations, per_decade=per_decade, start=start, at=at
+            )
 
     @given(
         st.integers(1, 10**9),
@@ -123,10 +121,10 @@ WATCHED = [name for name in NAMES if name not in IN_KERNELS]
 
 
 class TestBudgets:
-    @pytest.mark.parametrize("name", [*WATCHED, *DOTTED, f"{MADE}:Sampler"])
-    def test_nobody_is_given_more(self, name, monkeypatch):
+    def test_nobody_is_given_more(self, monkeypatch):
         counted = Counted(monkeypatch)
-        for budget in (1, 97, 509):
+        names = (*WATCHED, DOTTED[1], f"{MADE}:Sampler")
+        for name, budget in product(names, (1, 97, 509)):
             counted.n = 0
             outcome, records = performed(make_task(name, evaluations=budget))
             assert outcome.status == "done", outcome.error
@@ -264,7 +262,7 @@ class TestMeter:
 
 
 class TestRecords:
-    @pytest.mark.parametrize("name", ["bo-aco", "nsga2", "pareto-local-search", f"{MADE}:Sampler"])
+    @pytest.mark.parametrize("name", ["bo-aco", f"{MADE}:Sampler"])
     def test_a_smaller_budget_can_be_read_off(self, name):
         outcome, records = performed(make_task(name, evaluations=2_000))
         counts = [record.evaluations for record in records]
@@ -417,10 +415,9 @@ class TestPool:
         assert len(done) == 8 - len(failed)
         assert all(front == done[0] for front in done)
 
-    @pytest.mark.parametrize("busy", [False, True])
-    def test_what_does_not_end_in_its_seconds_is_killed_and_its_front_counts(self, pool, busy):
+    def test_what_does_not_end_in_its_seconds_is_killed_and_its_front_counts(self, pool):
         task = make_task(
-            f"{MADE}:NeverEnding", seconds=0.3, grace_seconds=0.2, parameters={"busy": busy}
+            f"{MADE}:NeverEnding", seconds=0.3, grace_seconds=0.2, parameters={"busy": True}
         )
         outcome = outcome_of(pool, task)
         assert (outcome.status, outcome.stopped_by) == ("timeout", "limit")
@@ -435,13 +432,9 @@ class TestPool:
         assert "claimed to bring" in outcome.error
         assert outcome.records == ()
 
-    @pytest.mark.parametrize(
-        ("name", "parameters"), [("NeverEnding", {"busy": True}), ("Refusing", {})]
-    )
-    def test_what_evaluates_nothing_any_more_is_killed_without_seconds_too(
-        self, pool, name, parameters
-    ):
-        task = make_task(f"{MADE}:{name}", patience=0.5, parameters=parameters)
+    @pytest.mark.parametrize("name", ["NeverEnding", "Refusing"])
+    def test_what_evaluates_nothing_any_more_is_killed_without_seconds_too(self, pool, name):
+        task = make_task(f"{MADE}:{name}", patience=0.5)
         outcome = outcome_of(pool, task)
         assert (outcome.status, outcome.stopped_by) == ("failed", "error")
         assert outcome.error.startswith("killed: it had evaluated no plan for 0.5 s")
@@ -485,14 +478,6 @@ class TestPool:
         assert list(pool.perform(tasks, workers=2, stopped=stopped)) == []
         assert processes_there() == []
 
-    def test_processes_that_died_while_they_waited_are_replaced(self, processes_there):
-        with contextlib.closing(WorkerPool()) as pool:
-            for _ in range(2):
-                assert outcome_of(pool, make_task("random")).status == "done"
-                [process] = processes_there()
-                process.kill()
-                time.sleep(0.1)
-
     def test_other_code_is_refused(self, pool):
         outcome = outcome_of(pool, make_task("random", version="99.0"))
         assert (outcome.status, outcome.began) == ("failed", None)
@@ -513,16 +498,12 @@ class TestVerification:
         plans = mission.batch([mission.plan(trails) for trails in self.trails])
         verify(task, plans, mission.evaluate(plans))
 
-    def test_what_keeps_them(self):
+    def test_those_that_are_kept_and_those_that_are_not(self):
         self.verify(min_survival=0.34, max_length=6.0)
         self.verify()
         empty = load_mission("toy").batch([])
         verify(make_task("random", mission="toy", max_length=0.0), empty, np.empty((0, 2)))
-
-    def test_a_robot_in_too_great_danger(self):
         with pytest.raises(ValueError, match=r"final front survives with 0\.34\d+, below 0\.5"):
             self.verify(min_survival=0.5)
-
-    def test_a_trail_that_is_too_long(self):
         with pytest.raises(ValueError, match=r"trail of the final front is 6 long, beyond 5\.5"):
             self.verify(max_length=5.5)
