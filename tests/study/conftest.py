@@ -43,7 +43,7 @@ class InProcess:
             add_record(records, record)
             note(task, record)
 
-        outcome = checked_outcome(task, perform(task, send), records)
+        outcome = checked_outcome(task.run, perform(task.run, send), records)
         return replace(outcome, environment=environment_there(), began=began)
 
     def bound(self, task, _):

@@ -23,7 +23,6 @@ from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.file.schema import study_schema
 from botohe_moo.study.judge.summary import algorithm_table
-from botohe_moo.study.planning import make_task
 from botohe_moo.study.store.folder import StudyFolder, read_manifest
 
 EXPERIMENTS = sorted((Path(__file__).parents[2] / "experiments").glob("*.yaml"))
@@ -130,8 +129,6 @@ class TestGrid:
             study = load_study(changed(missions={"x": {**entry, **keys}}))
             assert study.missions[0].max_length == expected
             assert study.manifest()["missions"]["x"]["max_length"] == expected
-            [task, _] = map(make_task, study.runs())
-            assert task.max_length == (math.inf if expected is None else expected)
             assert ("max_length" in study.runs()[0].identity) == (expected is not None)
 
     def test_lengths_from_pos(self):

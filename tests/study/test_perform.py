@@ -22,13 +22,13 @@ from hypothesis import strategies as st
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
-from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.kernels.local_search import refill, search
 from botohe_moo.search.archive import PlanArchive
+from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
 from botohe_moo.study.run.perform import perform, record_counts, verify
 from botohe_moo.study.run.pool import WorkerPool
-from botohe_moo.study.run.task import Task
+from botohe_moo.study.run.task import PATIENCE, Task
 from tests.algorithms.test_contract import DOTTED, ENDS_BY_ITSELF, NAMES
 from tests.study.problems_made import Weakest
 from tests.twins import plain_local_search
@@ -36,30 +36,29 @@ from tests.twins import plain_local_search
 MADE = "tests.study.algorithms_made"
 
 
-def make_task(algorithm, *, mission="art_museum", evaluations=500, **changes):
-    task = Task(
-        digest="x",
-        mission=load_mission(mission),
-        min_survival=0.0,
-        algorithm=algorithm,
-        parameters={},
-        origin={},
-        seed=1,
-        evaluations=evaluations,
-        seconds=None,
-        grace_seconds=1.0,
-        per_decade=20,
-        start=0.001,
-        at=(),
-        version=version("botohe-moo"),
+def make_task(
+    algorithm, *, mission="art_museum", parameters=(), evaluations=500, patience=PATIENCE, **changes
+):
+    study = load_study(
+        {
+            "name": "x",
+            "missions": {"m": mission},
+            "algorithms": {"a": {"algorithm": algorithm, "parameters": dict(parameters)}},
+            "budget": {
+                "evaluations": evaluations,
+                "grace_seconds": 1.0,
+                **changes.pop("budget", {}),
+            },
+            "recording": {"at": [*changes.pop("at", ())]},
+            "seeds": 1,
+        }
     )
-    task = replace(task, **changes)
-    return replace(task, origin=algorithm_origin(task.algorithm))
+    return Task(replace(study.runs()[0], **changes), patience)
 
 
 def performed(task):
     records = []
-    return perform(task, records.append), records
+    return perform(task.run, records.append), records
 
 
 class TestCounts:
@@ -212,7 +211,10 @@ for schedule, budget in {budgets!r}:
 
     def test_seconds_end_a_run_at_the_end_of_an_iteration(self):
         task = make_task(
-            f"{MADE}:Slow", evaluations=None, seconds=0.2, parameters={"seconds": 0.02}
+            f"{MADE}:Slow",
+            evaluations=None,
+            budget={"seconds": 0.2},
+            parameters={"seconds": 0.02},
         )
         outcome, _ = performed(task)
         assert (outcome.status, outcome.stopped_by) == ("done", "seconds")
@@ -220,7 +222,7 @@ for schedule, budget in {budgets!r}:
         assert outcome.evaluations % 10 == 0
 
     def test_whichever_is_spent_first(self):
-        outcome, _ = performed(make_task("random", evaluations=300, seconds=1_000.0))
+        outcome, _ = performed(make_task("random", evaluations=300, budget={"seconds": 1_000}))
         assert (outcome.stopped_by, outcome.evaluations) == ("evaluations", 300)
 
 
@@ -296,7 +298,9 @@ class TestRecords:
             return usual(archive)
 
         monkeypatch.setattr(PlanArchive, "plans", property(slow))
-        task = make_task("random", evaluations=500, seconds=1_000.0)  # keeps plans each time
+        task = make_task(
+            "random", evaluations=500, budget={"seconds": 1_000}
+        )  # keeps plans each time
         outcome, records = performed(task)
         assert len(records) >= 5
         assert outcome.recording_seconds >= 0.05 * len(records)
@@ -313,8 +317,9 @@ class TestFailures:
         assert outcome.evaluations == 20
 
     def test_nothing_feasible(self):
-        task = make_task(f"{MADE}:Infeasible", mission="power_plant", min_survival=0.9999)
-        outcome, records = performed(replace(task, evaluations=100))
+        mission = {"mission": "power_plant", "min_survival": 0.9999}
+        task = make_task(f"{MADE}:Infeasible", mission=mission, evaluations=100)
+        outcome, records = performed(task)
         assert outcome.status == "infeasible", outcome.error
         assert outcome.evaluations > 0
         assert records == []
@@ -381,7 +386,7 @@ class TestPool:
             make_task(name if name.islower() else f"{MADE}:{name}", evaluations=100, digest=name)
             for name in expected
         ]
-        found = {task.digest: outcome for task, outcome in pool.perform(tasks, workers=2)}
+        found = {task.run.digest: outcome for task, outcome in pool.perform(tasks, workers=2)}
         for name, (status, error) in expected.items():
             assert found[name].status == status, name
             assert error is None or error in found[name].error
@@ -392,7 +397,7 @@ class TestPool:
         """At random moments, also in the middle of messages."""
         rng = random.Random(1)
         tasks = [
-            make_task("random", evaluations=20_000, at=tuple(range(0, 20_000, 100)), digest=str(i))
+            make_task("random", evaluations=20_000, at=range(100, 20_000, 100), digest=str(i))
             for i in range(8)
         ]
         killed, noted, outcomes = [], [0], {}
@@ -406,7 +411,7 @@ class TestPool:
 
         with contextlib.closing(WorkerPool()) as pool:
             for task, outcome in pool.perform(tasks, workers=2, note=note):
-                outcomes[task.digest] = outcome
+                outcomes[task.run.digest] = outcome
         assert len(outcomes) == 8
         failed = [outcome for outcome in outcomes.values() if outcome.status == "failed"]
         assert 1 <= len(failed) <= len(killed) == 3
@@ -417,7 +422,9 @@ class TestPool:
 
     def test_what_does_not_end_in_its_seconds_is_killed_and_its_front_counts(self, pool):
         task = make_task(
-            f"{MADE}:NeverEnding", seconds=0.3, grace_seconds=0.2, parameters={"busy": True}
+            f"{MADE}:NeverEnding",
+            budget={"seconds": 0.3, "grace_seconds": 0.2},
+            parameters={"busy": True},
         )
         outcome = outcome_of(pool, task)
         assert (outcome.status, outcome.stopped_by) == ("timeout", "limit")
@@ -427,7 +434,7 @@ class TestPool:
         assert len(outcome.records[-1].plans[0]) == outcome.records[-1].front_size
 
     def test_claims_of_killed_runs_are_not_taken_on_trust(self, pool):
-        outcome = outcome_of(pool, make_task(f"{MADE}:Overstating", seconds=0.3))
+        outcome = outcome_of(pool, make_task(f"{MADE}:Overstating", budget={"seconds": 0.3}))
         assert outcome.status == "failed"
         assert "claimed to bring" in outcome.error
         assert outcome.records == ()
@@ -454,7 +461,7 @@ class TestPool:
 
     @pytest.mark.parametrize("stay", [False, True])
     def test_no_process_is_left_behind(self, stay, processes_there):
-        task = make_task(f"{MADE}:Forking", seconds=0.3, parameters={"stay": stay})
+        task = make_task(f"{MADE}:Forking", budget={"seconds": 0.3}, parameters={"stay": stay})
         outcome = outcome_of(WorkerPool(), task)
         if stay:
             assert outcome.status == "timeout"
@@ -479,11 +486,14 @@ class TestPool:
         assert processes_there() == []
 
     def test_other_code_is_refused(self, pool):
-        outcome = outcome_of(pool, make_task("random", version="99.0"))
+        task = make_task("random")
+        setting = {**task.run.setting, "version": "99.0"}
+        outcome = outcome_of(pool, replace(task, run=replace(task.run, setting=setting)))
         assert (outcome.status, outcome.began) == ("failed", None)
         assert "the study 99.0" in outcome.error
         origin = {"package": "other", "version": "1", "source": None}
-        outcome = outcome_of(pool, replace(make_task("random"), origin=origin))
+        other = replace(task.run.algorithm, origin=origin)
+        outcome = outcome_of(pool, replace(task, run=replace(task.run, algorithm=other)))
         assert "the study from" in outcome.error
 
 
@@ -493,16 +503,16 @@ class TestVerification:
     trails = ([[1], [1]], [[1, 3, 1], [1, 2, 4, 5, 4, 2, 1]])
 
     def verify(self, **limits):
-        task = make_task("random", mission="toy", **limits)
-        mission = task.mission
+        run = make_task("random", mission={"mission": "toy", **limits}).run
+        mission = run.mission.mission
         plans = mission.batch([mission.plan(trails) for trails in self.trails])
-        verify(task, plans, mission.evaluate(plans))
+        verify(run, plans, mission.evaluate(plans))
 
     def test_those_that_are_kept_and_those_that_are_not(self):
         self.verify(min_survival=0.34, max_length=6.0)
         self.verify()
         empty = load_mission("toy").batch([])
-        verify(make_task("random", mission="toy", max_length=0.0), empty, np.empty((0, 2)))
+        verify(make_task("random", mission="toy").run, empty, np.empty((0, 2)))
         with pytest.raises(ValueError, match=r"final front survives with 0\.34\d+, below 0\.5"):
             self.verify(min_survival=0.5)
         with pytest.raises(ValueError, match=r"trail of the final front is 6 long, beyond 5\.5"):

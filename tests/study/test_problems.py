@@ -13,7 +13,6 @@ from botohe_moo.indicators import igd_plus_indicator
 from botohe_moo.study import StudyError, load_study, make_tables, merge_studies, read_study
 from botohe_moo.study import run_study as run
 from botohe_moo.study.file.code import code_mismatch
-from botohe_moo.study.planning import make_task
 from botohe_moo.study.report.folder import write_report
 from botohe_moo.study.run.perform import perform, verify
 from botohe_moo.study.run.pool import checked_outcome
@@ -54,9 +53,14 @@ def of_problem(name, **changes):
 
 
 def performed(content):
-    """The outcome of a study's first run, its task and its records."""
-    task, records = make_task(load_study(content).runs()[0]), []
-    return perform(task, records.append), task, records
+    """The outcome of a study's first run, the run and its records."""
+    run, records = load_study(content).runs()[0], []
+    return perform(run, records.append), run, records
+
+
+def with_problem(run, path):
+    algorithm = replace(run.algorithm, origin={**run.algorithm.origin, "problem": path})
+    return replace(run, algorithm=algorithm)
 
 
 class TestRun:
@@ -113,11 +117,13 @@ class TestRun:
 
     def test_the_same_is_found_by_minimize(self):
         for name in ("moead", "greedy"):
-            outcome, task, records = performed({**STUDY, "algorithms": [name]})
+            outcome, run, records = performed({**STUDY, "algorithms": [name]})
             assert (outcome.status, outcome.error) == ("done", None)
             plans, objectives = records[-1].plans
-            verify(task, plans, objectives)
-            result = minimize(Weakest(task.mission), make_algorithm(name), ("n_eval", 120), seed=1)
+            verify(run, plans, objectives)
+            result = minimize(
+                Weakest(run.mission.mission), make_algorithm(name), ("n_eval", 120), seed=1
+            )
             assert sorted(map(tuple, -result.F)) == sorted(map(tuple, objectives))
 
     @pytest.mark.parametrize("algorithm", ["simulated-annealing", IN_KERNEL])
@@ -127,27 +133,27 @@ class TestRun:
             assert (outcome.status, outcome.evaluations) == ("done", 120)
 
     def test_constraints_are_its_own(self):
-        outcome, task, records = performed(of_problem("Strict", algorithms=["random"]))
+        outcome, run, records = performed(of_problem("Strict", algorithms=["random"]))
         assert outcome.status == "done"
         plans, objectives = records[-1].plans
-        assert (np.ptp(task.mission.trail_lengths(plans), axis=1) == 0).all()
+        assert (np.ptp(run.mission.mission.trail_lengths(plans), axis=1) == 0).all()
         _, plain, records = performed({**STUDY, "algorithms": ["random"]})
         plans, objectives = records[-1].plans
         verify(plain, plans, objectives)
         with pytest.raises(ValueError, match="breaks constraints of Strict"):
-            verify(task, plans, objectives)
+            verify(run, plans, objectives)
 
     def test_runs_depend_on_it(self):
         own, of_all = load_study(STUDY), load_study(PLAIN)
         assert not {run.digest for run in own.runs()} & {run.digest for run in of_all.runs()}
-        task = make_task(own.runs()[0])
-        assert task.origin["source"] is not None
-        origin = task.algorithm, task.parameters, task.origin
-        assert code_mismatch({}, [origin]) is None
-        changed = {**task.origin, "source": "0"}
-        assert "has 'bo-aco' from" in code_mismatch({}, [(*origin[:2], changed)])
-        missing = {**task.origin, "problem": "no_such_module:X"}
-        assert "or the problem 'no_such_module:X'" in code_mismatch({}, [(*origin[:2], missing)])
+        run = own.runs()[0]
+        origin = run.algorithm.origin
+        assert origin["source"] is not None
+        assert code_mismatch({}, [run.algorithm]) is None
+        changed = replace(run.algorithm, origin={**origin, "source": "0"})
+        assert "has 'bo-aco' from" in code_mismatch({}, [changed])
+        missing = with_problem(run, "no_such_module:X").algorithm
+        assert "or the problem 'no_such_module:X'" in code_mismatch({}, [missing])
 
 
 class TestRefused:
@@ -203,14 +209,14 @@ class TestRefused:
 
     def test_what_it_raises_when_a_front_is_checked_fails_the_run(self):
         """Its code may know of things that only the run's own process has."""
-        _, task, records = performed({**STUDY, "algorithms": ["random"]})
-        raising = replace(task, origin={**task.origin, "problem": f"{MADE}:Raising"})
+        _, run, records = performed({**STUDY, "algorithms": ["random"]})
+        raising = with_problem(run, f"{MADE}:Raising")
         outcome = checked_outcome(raising, Outcome("done", "evaluations", 120, 1.0, 0.0), records)
         assert (outcome.status, outcome.records) == ("failed", ())
         assert outcome.error == "ZeroDivisionError: out of luck"
 
     def test_fronts_of_other_objectives(self):
-        _, task, records = performed({**STUDY, "algorithms": ["random"]})
-        plain = replace(task, origin={**task.origin, "problem": None})
+        _, run, records = performed({**STUDY, "algorithms": ["random"]})
+        plain = with_problem(run, None)
         with pytest.raises(ValueError, match="is claimed to bring"):
             verify(plain, *records[-1].plans)

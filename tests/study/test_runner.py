@@ -18,7 +18,6 @@ from botohe_moo.study import make_tables, read_study, run_study, runner
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.judge import collect
-from botohe_moo.study.planning import make_task
 from botohe_moo.study.run.perform import warm_up
 from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.store import folder as run_folder
@@ -108,7 +107,7 @@ def done(tmp_path_factory):
         seeds=2,
         comparison={"control": "random"},
     )
-    warm_up(make_task(load_study(source).runs()[0]))  # none of the seconds is for compiling
+    warm_up(load_study(source).runs()[0])  # none of the seconds is for compiling
     with mock.patch.object(runner, "WorkerPool", WorkerPool):
         return run_study(source, tmp_path_factory.mktemp("study"), workers=2)
 

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray
 from botohe_moo.study.file.model import Run, Study, StudyError, StudyMission, installed_versions
-from botohe_moo.study.run.task import PATIENCE, BoundTask, Task
+from botohe_moo.study.run.task import BoundTask
 from botohe_moo.study.store.folder import FAILURES, StudyFolder
 from botohe_moo.study.store.tables import StudyTables, read_study
 
@@ -106,51 +105,15 @@ def time_left(
     return max(shared, longest) + math.ceil(n_bounds / workers) * bound_seconds
 
 
-def make_task(run: Run, patience: float = PATIENCE) -> Task:
-    """Return what a worker needs to know of a run."""
-    budget = run.mission.budget
-    return Task(
-        digest=run.digest,
-        mission=run.mission.mission,
-        min_survival=run.mission.min_survival,
-        max_length=math.inf if run.mission.max_length is None else run.mission.max_length,
-        algorithm=run.algorithm.algorithm,
-        parameters=dict(run.algorithm.parameters),
-        origin=dict(run.algorithm.origin),
-        seed=run.seed,
-        evaluations=budget.evaluations,
-        seconds=budget.seconds,
-        grace_seconds=budget.grace_seconds,
-        per_decade=run.recording.per_decade,
-        start=run.recording.start,
-        at=tuple(run.recording.at),
-        version=installed_versions()["version"],
-        patience=patience,
-    )
-
-
 def make_bound_task(
     mission: StudyMission, runs: Iterable[Run], folder: StudyFolder, seconds: float
 ) -> BoundTask:
-    """Return what a worker needs to know to bound a mission: what its runs have found guides it."""
-    return BoundTask(
-        digest=mission.bound_digest,
-        mission=mission.mission,
-        min_survival=mission.min_survival,
-        max_length=math.inf if mission.max_length is None else mission.max_length,
-        front=_found_points(mission, runs, folder),
-        seconds=seconds,
-    )
-
-
-def _found_points(mission: StudyMission, runs: Iterable[Run], folder: StudyFolder) -> FloatArray:
-    """Return E[R] and E[S] (n, 2) of all final fronts that a folder has of a mission."""
+    """Return the task to bound a mission: what its runs have found guides it."""
     own = [run for run in runs if run.mission.bound_digest == mission.bound_digest]
     fronts = [np.empty((0, 2))]
     for _, outcome in folder.outcomes(own):
         fronts += [record.objectives for record in outcome.records[-1:]]
-    points: FloatArray = np.unique(np.concatenate(fronts), axis=0)
-    return points
+    return BoundTask(mission, np.unique(np.concatenate(fronts), axis=0), seconds)
 
 
 def refresh_tables(study: Study, folder: StudyFolder, *, anew: bool = False) -> StudyTables:

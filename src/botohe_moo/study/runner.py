@@ -11,10 +11,10 @@ from typing import Any, Protocol
 from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import Run, Study, StudyMission, study_folder
-from botohe_moo.study.planning import Plan, make_bound_task, make_task, plan_study, refresh_tables
+from botohe_moo.study.planning import Plan, make_bound_task, plan_study, refresh_tables
 from botohe_moo.study.run.cluster import check_address, dask_outcomes
 from botohe_moo.study.run.pool import WorkerPool
-from botohe_moo.study.run.task import PATIENCE, Outcome, Record
+from botohe_moo.study.run.task import PATIENCE, Outcome, Record, Task
 from botohe_moo.study.store.folder import StudyFolder, restore_study
 from botohe_moo.study.store.tables import StudyTables
 
@@ -175,8 +175,7 @@ def run_study(
             def stopped() -> bool:
                 return bool(received)
 
-            runs = {run.digest: run for run in plan.missing}
-            tasks = [make_task(run, patience) for run in runs.values()]
+            tasks = [Task(run, patience) for run in plan.missing]
             if dask is not None and tasks:
                 outcomes = dask_outcomes(tasks, address=dask, stopped=stopped)
             else:
@@ -184,12 +183,12 @@ def run_study(
                     tasks,
                     workers=workers,
                     stopped=stopped,
-                    note=lambda task, record: watcher.record(runs[task.digest], record),
+                    note=lambda task, record: watcher.record(task.run, record),
                 )
             with contextlib.closing(outcomes):
                 for task, outcome in outcomes:
-                    folder.save(runs[task.digest], outcome)
-                    watcher.end(runs[task.digest], outcome)
+                    folder.save(task.run, outcome)
+                    watcher.end(task.run, outcome)
             bound_tasks = (
                 make_bound_task(mission, plan.runs, folder, study.bound_seconds)
                 for mission in plan.unbounded.values()
@@ -197,12 +196,10 @@ def run_study(
             bounds = pool.perform(bound_tasks, workers=workers, stopped=stopped)
             with contextlib.closing(bounds):
                 for bound_task, bound in bounds:
-                    mission, error = plan.unbounded[bound_task.digest], None
-                    if isinstance(bound, str):
-                        error = bound
-                    else:
-                        folder.save_bound(mission, bound, bound_task.seconds)
-                    watcher.end_bound(mission, error)
+                    error = bound if isinstance(bound, str) else None
+                    if error is None:
+                        folder.save_bound(bound_task.mission, bound, bound_task.seconds)
+                    watcher.end_bound(bound_task.mission, error)
             tables = refresh_tables(study, folder)
     if received:
         raise StudyInterrupted(received[-1])

@@ -136,6 +136,11 @@ class Run:
         """Everything that the result of the run depends on."""
         return {**self.setting, "seed": self.seed}
 
+    @property
+    def problem(self) -> str | None:
+        """A problem of your own as ``module:Class``; None for BOTOHE."""
+        return self.algorithm.origin.get("problem")
+
 
 def seeds_of(seeds: Seeds) -> tuple[int, ...]:
     """Return the seeds of the repetitions; a seed does not depend on their number."""

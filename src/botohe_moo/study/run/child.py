@@ -29,7 +29,6 @@ from botohe_moo.study.run.task import (
     Outcome,
     Task,
     failure,
-    seconds_allowed,
 )
 
 if TYPE_CHECKING:
@@ -62,24 +61,25 @@ def main() -> None:
 def _run(task: Task, warm: set[tuple[str, str]], connection: Connection) -> Outcome:
     """Perform a run, and send its records; the process ends where the run takes too long."""
     _end_unless_within(MOST_SECONDS_TO_START)
-    origin = task.algorithm, task.parameters, task.origin
-    if mismatch := code_mismatch({"version": task.version}, [origin]):
+    run = task.run
+    if mismatch := code_mismatch({"version": run.setting["version"]}, [run.algorithm]):
         return failure(f"the worker {mismatch}")
-    key = task.algorithm, repr(task.parameters)
+    key = run.algorithm.algorithm, repr(run.algorithm.parameters)
     if key not in warm:
         warm.add(key)
         with contextlib.suppress(Exception):  # the run will raise and report it
-            warm_up(task)
+            warm_up(run)
     began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     connection.send(("begin", (began, environment())))
     # Algorithms have a generator of their own. Those that draw from the global ones should at
     # least draw the same numbers again.
-    random.seed(task.seed)
-    np.random.seed(task.seed % 2**32)  # noqa: NPY002
-    seconds = seconds_allowed(task)
+    random.seed(run.seed)
+    np.random.seed(run.seed)  # noqa: NPY002
+    seconds = task.seconds_allowed
     _end_unless_within(seconds)
-    progress = functools.partial(_end_unless_within, seconds) if task.seconds is None else None
-    return perform(task, lambda record: connection.send(("record", record)), progress)
+    unlimited = run.mission.budget.seconds is None
+    progress = functools.partial(_end_unless_within, seconds) if unlimited else None
+    return perform(run, lambda record: connection.send(("record", record)), progress)
 
 
 def perform_bound(task: BoundTask) -> "FrontBound | str":
@@ -87,15 +87,16 @@ def perform_bound(task: BoundTask) -> "FrontBound | str":
     # Imported late: runs do not need it.
     from botohe_moo.search.bounds import bound_front
 
+    mission = task.mission
     with contextlib.suppress(Exception):  # the bound will raise and report it
-        _warm_up_bounds(floor=task.min_survival > 0, budget=task.max_length < math.inf)
+        _warm_up_bounds(floor=mission.min_survival > 0, budget=mission.max_length is not None)
     try:
         return bound_front(
-            task.mission,
+            mission.mission,
             front=task.front,
             time_limit=task.seconds,
-            min_survival=task.min_survival,
-            max_length=task.max_length,
+            min_survival=mission.min_survival,
+            max_length=math.inf if mission.max_length is None else mission.max_length,
         )
     except Exception as error:
         return " ".join("".join(traceback.format_exception_only(error)).split())

@@ -51,7 +51,7 @@ def dask_outcomes(
                         waiting.append(task)
                 while waiting and len(running) < sum(threads.values()):
                     task = waiting.popleft()
-                    key = f"run-{task.digest}-{time.time_ns()}"
+                    key = f"run-{task.run.digest}-{time.time_ns()}"
                     future = client.submit(_perform_on_worker, task, key=key, workers=[*threads])
                     running[future] = task, set(threads)
                 _wait_for_any(client, running)
@@ -134,8 +134,8 @@ class _FitWorkers:
     def __init__(self, client: Any, address: str, tasks: Sequence[Task]) -> None:
         self._client = client
         self._address = address
-        origins = ((task.algorithm, task.parameters, task.origin) for task in tasks)
-        self._origins = [*{repr(origin): origin for origin in origins}.values()]
+        algorithms = (task.run.algorithm for task in tasks)
+        self._algorithms = [*{algorithm.label: algorithm for algorithm in algorithms}.values()]
         self._is_fit: dict[str, bool] = {}  # by address
         self._idle_since = time.monotonic()
 
@@ -163,7 +163,7 @@ class _FitWorkers:
         answers = self._client.run(
             code_mismatch,
             installed_versions(),
-            self._origins,
+            self._algorithms,
             workers=addresses,
             on_error="return",
         )

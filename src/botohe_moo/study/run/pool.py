@@ -13,6 +13,7 @@ from itertools import islice
 from multiprocessing.connection import Pipe, wait
 from typing import Any, TypeVar
 
+from botohe_moo.study.file.model import Run
 from botohe_moo.study.run.environment import THREAD_SETTINGS, environment
 from botohe_moo.study.run.perform import verify
 from botohe_moo.study.run.task import (
@@ -184,7 +185,9 @@ class _Job:
         elif kind == "end":
             if isinstance(task, BoundTask):
                 return content
-            if task.origin["source"] is not None:  # its code might leave something behind
+            if (
+                task.run.algorithm.origin["source"] is not None
+            ):  # its code might leave something behind
                 self.worker.close()
             return self._complete(content)
         elif kind == "died":
@@ -200,7 +203,7 @@ class _Job:
     def _complete(self, outcome: Outcome) -> Outcome:
         assert isinstance(self.task, Task)
         return replace(
-            checked_outcome(self.task, outcome, self.records),
+            checked_outcome(self.task.run, outcome, self.records),
             environment=self.environment,
             began=self.began,
         )
@@ -213,7 +216,7 @@ def add_record(records: list[Record], record: Record) -> None:
     records.append(record)
 
 
-def checked_outcome(task: Task, outcome: Outcome, records: list[Record]) -> Outcome:
+def checked_outcome(run: Run, outcome: Outcome, records: list[Record]) -> Outcome:
     """Return the outcome of a run with its records; a failed run has none.
 
     The final front is evaluated again in this process, where no algorithm has run. A run fails
@@ -224,7 +227,7 @@ def checked_outcome(task: Task, outcome: Outcome, records: list[Record]) -> Outc
         return outcome
     if last is not None and last.plans is not None:
         try:
-            verify(task, *last.plans)
+            verify(run, *last.plans)
         except Exception as error:  # of a problem of your own, too
             return failure(f"{type(error).__name__}: {error}", traceback.format_exc(), last)
     # Only the last record's plans are kept.
@@ -236,9 +239,10 @@ def checked_outcome(task: Task, outcome: Outcome, records: list[Record]) -> Outc
 def _killed(task: Task, began: str | None, records: list[Record]) -> Outcome:
     """Return the outcome of a run that has ended at its time limit."""
     last = records[-1] if records else None
+    budget = task.run.mission.budget
     if began is None:
         return failure(f"killed: it did not start within {MOST_SECONDS_TO_START:g} s")
-    if task.seconds is None:
+    if budget.seconds is None:
         return failure(
             f"killed: it had evaluated no plan for {task.patience:g} s; a budget of seconds "
             "would have ended it, --patience allows it more",
@@ -248,10 +252,10 @@ def _killed(task: Task, began: str | None, records: list[Record]) -> Outcome:
         status="timeout",
         stopped_by="limit",
         evaluations=last.evaluations if last else 0,
-        seconds=task.seconds,
+        seconds=budget.seconds,
         recording_seconds=0.0,
         error=(
-            f"killed: {task.grace_seconds:g} s after its {task.seconds:g} s were up it had "
+            f"killed: {budget.grace_seconds:g} s after its {budget.seconds:g} s were up it had "
             "still not come to the end of an iteration"
         ),
     )
