@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import textwrap
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -198,7 +197,6 @@ class TestIdentity:
         ):
             assert not set(digests(GOOD)) & set(digests(changed(**changes))), changes
 
-    @pytest.mark.filterwarnings("ignore:.*no run makes 101")
     def test_nothing_else_is(self):
         changes = {
             "budget": {"evaluations": 100, "grace_seconds": 1},
@@ -509,17 +507,6 @@ indicators: [area, igd]
         for content in ({("a", "b"): 1}, {"x": object()}):
             [line] = lines(content)
             assert "what a study file can hold" in line
-
-    def test_a_record_beyond_every_budget_is_noticed(self, tmp_path):
-        text = json.dumps(changed(recording={"at": [50, 100, 1_000]}), indent=1)
-        path = written(tmp_path, text)
-        line = text.splitlines().index("   1000") + 1
-        said = "no run makes 1,000 evaluations: the largest budget is 100."
-        with pytest.warns(UserWarning, match=rf"^.*study\.yaml:{line}: recording\.at\.2: {said}$"):
-            load_study(path)
-        written(tmp_path, json.dumps(changed(recording={"at": [100]})))
-        with warnings.catch_warnings(action="error"):
-            load_study(path)
 
     def test_a_mission_function_that_raises(self, monkeypatch):
         def broken(*_, **__):

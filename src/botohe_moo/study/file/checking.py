@@ -55,15 +55,14 @@ class Member(NamedTuple):
 class CheckedContent:
     """The content of a study file, checked as far as it is well-formed.
 
-    ``faults`` and ``notices`` are pairs of a place and a sentence: what is wrong there, or what has
-    no effect. ``packages`` are those of names that earlier results know, and that are missing.
+    ``faults`` are pairs of a place and a sentence that says what is wrong there. ``packages`` are
+    those of names that earlier results know, and that are missing.
     """
 
     def __init__(
         self, content: Any, file: StudyFile | None, folder: Path, packages: Mapping[str, str]
     ) -> None:
         self.faults: list[Fault] = []
-        self.notices: list[Fault] = []
         self.missions: list[StudyMission] = []
         self.algorithms: list[StudyAlgorithm] = []
         self._folder = folder
@@ -87,7 +86,6 @@ class CheckedContent:
         self._check_different("algorithms", [(a, a.decides(budget)) for a in self.algorithms])
         if file and not self.faults:
             self._check_control(file.comparison.control)
-            self._check_recording(file.recording.at)
 
     def _add(self, place: Place, said: str) -> None:
         self.faults.append((place, said))
@@ -224,14 +222,6 @@ class CheckedContent:
                 ("comparison", "control"),
                 f"there is no algorithm {quoted(control)} in this study; its labels are {known}.",
             )
-
-    def _check_recording(self, at: Sequence[int]) -> None:
-        """Note numbers of evaluations that no run makes."""
-        most = max(mission.budget.evaluations or math.inf for mission in self.missions)
-        for position, count in enumerate(at):
-            if count > most:
-                said = f"no run makes {count:,} evaluations: the largest budget is {most:,}."
-                self.notices.append((("recording", "at", position), said))
 
 
 def _n_members(entries: Mapping[str, MissionEntry | AlgorithmEntry]) -> int:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
@@ -38,11 +37,6 @@ def load_study(
     StudyError
         Lists every fault: the file and line, what was expected and what was found.
 
-    Warns
-    -----
-    UserWarning
-        Names what is allowed but without effect, such as a record beyond every budget.
-
     Examples
     --------
     >>> from botohe_moo.study import load_study
@@ -77,8 +71,6 @@ def load_study(
     faults += checked.faults
     if faults or file is None:
         raise StudyError("\n".join(_lines(faults, path, document)))
-    for notice in _lines(checked.notices, path, document):
-        warnings.warn(notice, stacklevel=2)
     missions, algorithms = tuple(checked.missions), tuple(checked.algorithms)
     return Study(file, text, missions, algorithms, seeds_of(file.seeds))
 
@@ -157,9 +149,7 @@ def _text(path: Path) -> str:
         among = sorted(p.name for p in path.parent.glob("[!.]*.y*ml"))
         near = f"; beside it are {', '.join(nearest_first(path.name, among))}" if among else ""
         raise StudyError(f"{path}: there is no such file{near}.") from None
-    except OSError as error:
-        raise StudyError(f"{path}: cannot be read ({error.strerror}).") from None
-    except ValueError as error:  # such as text that is not UTF-8
+    except (OSError, ValueError) as error:  # such as text that is not UTF-8
         raise StudyError(f"{path}: cannot be read ({error}).") from None
 
 

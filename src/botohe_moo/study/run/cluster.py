@@ -1,13 +1,13 @@
 """Performing runs on a Dask cluster; workers without the same code get none."""
 
 import contextlib
-import queue
 import socket
 import threading
 import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import Future
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -106,26 +106,23 @@ def _connected(address: str) -> Any:
         ) from None
     connect: Any = Client  # untyped
     where = check_address(address)
-    made: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    made: Future[Any] = Future()
 
     def act() -> None:
         try:
             # A client without a scheduler leaves threads behind that log errors at the end.
             socket.create_connection(where, timeout=_SECONDS_TO_CONNECT).close()
-            made.put(connect(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False))
+            made.set_result(connect(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False))
         except Exception as error:
-            made.put(error)
+            made.set_exception(error)
 
     # A client waits for ever for a server that is not Dask's, such as that of its dashboard.
     threading.Thread(target=act, daemon=True).start()
     try:
-        client = made.get(timeout=2 * _SECONDS_TO_CONNECT)
-    except queue.Empty:
-        client = TimeoutError(f"no answer within {2 * _SECONDS_TO_CONNECT:g} seconds")
-    if isinstance(client, Exception):
-        said = str(client).partition("\n")[0]
-        raise StudyError(f"No Dask scheduler answers at {address!r} ({said}).")
-    return client
+        return made.result(timeout=2 * _SECONDS_TO_CONNECT)
+    except Exception as error:
+        said = str(error).partition("\n")[0] or "it does not answer as one"
+        raise StudyError(f"No Dask scheduler answers at {address!r} ({said}).") from None
 
 
 class _FitWorkers:

@@ -70,7 +70,10 @@ class WorkerPool:
         try:
             while not stopped():
                 for task in islice(waiting, workers - len(busy)):
-                    worker = self._take_worker()
+                    try:
+                        worker = self._idle.pop()
+                    except IndexError:  # there is none, or another thread has taken it
+                        worker = _Worker()
                     busy[worker.connection] = task, _Job(task, worker)
                 if not busy:
                     return
@@ -85,12 +88,6 @@ class WorkerPool:
         finally:
             for _, job in busy.values():
                 job.worker.close()
-
-    def _take_worker(self) -> "_Worker":
-        try:
-            return self._idle.pop()
-        except IndexError:  # there is none, or another thread has taken it
-            return _Worker()
 
     def close(self) -> None:
         """End the processes that wait for a task."""
@@ -185,16 +182,17 @@ class _Job:
         elif kind == "end":
             if isinstance(task, BoundTask):
                 return content
-            if (
-                task.run.algorithm.origin["source"] is not None
-            ):  # its code might leave something behind
-                self.worker.close()
+            if task.run.algorithm.origin["source"] is not None:
+                self.worker.close()  # its code might leave something behind
             return self._complete(content)
         elif kind == "died":
             status, output = self.worker.last_words()
             if isinstance(task, Task) and status == -signal.SIGALRM:
                 return self._complete(_killed(task, self.began, self.records))
-            said = f"its process died ({_exit_words(status)})"
+            how = (
+                f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+            )
+            said = f"its process died ({how})"
             last = self.records[-1] if self.records else None
             failed = failure(said, output, last)
             return said if isinstance(task, BoundTask) else self._complete(failed)
@@ -259,8 +257,3 @@ def _killed(task: Task, began: str | None, records: list[Record]) -> Outcome:
             "still not come to the end of an iteration"
         ),
     )
-
-
-def _exit_words(status: int) -> str:
-    known = {member.value: member.name for member in signal.Signals}
-    return f"signal {known.get(-status, -status)}" if status < 0 else f"exit status {status}"

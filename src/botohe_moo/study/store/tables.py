@@ -194,13 +194,7 @@ class StudyTables:
         if len(found) != 1:
             raise KeyError(f"Expected one plan {plan_id} of a run {run!r}, found {len(found)}.")
         row = found.iloc[0]
-        trails = json.loads(row["trails"])
-        return self.mission(row["mission"]).plan([[_label(v) for v in trail] for trail in trails])
-
-
-def _label(value: Any) -> Any:
-    """Return a node label as missions have it: JSON knows no tuples."""
-    return tuple(map(_label, value)) if isinstance(value, list) else value
+        return self.mission(row["mission"]).plan(json.loads(row["trails"]))
 
 
 def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
