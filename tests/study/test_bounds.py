@@ -1,10 +1,8 @@
 """The bounds that a study asks for: computed once, kept, in the tables and the report."""
 
 import json
-import os
 import shutil
 import signal
-import subprocess
 
 import numpy as np
 import pytest
@@ -32,7 +30,6 @@ from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.store.folder import StudyFolder
 from tests.study.conftest import InProcess
 from tests.study.test_perform import marked_processes
-from tests.study.test_processes import finish, start, wait_until
 from tests.study.test_runner import Watcher
 
 pytestmark = pytest.mark.usefixtures("in_process")
@@ -121,16 +118,13 @@ class TestTables:
 
 
 class TestAgain:
-    def test_nothing_is_computed_twice(self, copied):
-        before = files(copied)
-        tables, watcher = watched(both(), copied)
-        assert (watcher.performed, watcher.bounded) == ([], [])
-        assert files(copied) == before
-        assert tables.summary["area_gap"].notna().all()
-
     def test_fewer_seconds_are_enough_and_more_are_not(self, copied):
-        _, watcher = watched(both(1), copied)
-        assert watcher.bounded == []
+        before = files(copied)
+        for seconds in (2, 1):
+            tables, watcher = watched(both(seconds), copied)
+            assert (watcher.performed, watcher.bounded) == ([], [])
+            assert files(copied) == before
+            assert tables.summary["area_gap"].notna().all()
         tables, watcher = watched(both(2.5), copied)
         assert sorted(watcher.bounded) == [("limited", None), ("toy", None)]
         assert watcher.performed == []
@@ -208,29 +202,6 @@ class TestComputing:
         task = make_bound_task(mission, (), StudyFolder(tmp_path), FOREVER)
         [(_, said)] = WorkerPool().perform([task], stopped=stopped)
         assert said == "its process died (signal SIGKILL)"
-
-    @pytest.mark.slow
-    def test_signals_keep_what_is_finished(self, tmp_path, monkeypatch):
-        """In real processes: the bound that takes for ever is lost, the other is kept."""
-        folder, path = tmp_path / "out", tmp_path / "study.yaml"
-        source = study_of(FOREVER, missions={"toy": "toy", "hard": HARD}, algorithms=["random"])
-        path.write_text(json.dumps(source))
-        environment = {**os.environ, "BOTOHE_TEST_FOLDER": str(folder)}
-        process = start(
-            "run", path, "--out", folder, "--workers", 1, env=environment,
-            popen=subprocess.Popen,
-        )  # fmt: skip
-        wait_until(lambda: files(folder), timeout=120)
-        os.kill(process.pid, signal.SIGINT)
-        status, _, err = finish(process)
-        assert status == 130, err
-        assert "stopped; what is done is in" in err
-        assert "2 bounds to compute when the runs are done" in err
-        assert not marked_processes(folder)
-        tables = read_study(folder)
-        assert tables.missing_bounds == ["hard"]
-        assert tables.n_missing == 0
-        assert len(files(folder)) == 1
 
     def test_none_is_begun_after_a_stop(self, tmp_path):
         class Stopping(Watcher):

@@ -4,6 +4,7 @@ import errno
 import json
 import re
 import shutil
+import signal
 import sys
 from unittest import mock
 
@@ -20,6 +21,7 @@ from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.judge import collect
 from botohe_moo.study.run.perform import warm_up
 from botohe_moo.study.run.pool import WorkerPool
+from botohe_moo.study.runner import hold_signals
 from botohe_moo.study.store import folder as run_folder
 from botohe_moo.study.store import tables as table_files
 from botohe_moo.study.store.folder import StudyFolder, restore_study
@@ -509,6 +511,19 @@ class TestFolder:
         assert (tmp_path / "out" / "study.yaml").read_text() == path.read_text()
         assert tables.mission("toy") == load_mission("toy")
         assert len(load_study(tmp_path / "out" / "study.yaml").runs()) == 4
+
+
+def test_signals_are_held_once_and_those_that_are_ignored_stay_so():
+    """``nohup`` lets SIGHUP be ignored."""
+    usual = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with hold_signals() as received:
+        signal.raise_signal(signal.SIGHUP)
+        signal.raise_signal(signal.SIGTERM)
+        assert received == [signal.SIGTERM]
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    assert signal.signal(signal.SIGHUP, usual) == signal.SIG_IGN
 
 
 def test_workers_are_checked(tmp_path):
