@@ -54,7 +54,7 @@ class Estimate:
     mission: str
     algorithm: str
     n_runs: int
-    n_there: int  # finished
+    n_finished: int
     n_failed: int  # the last time
     seconds: float | None  # of one run; None where nothing says it
     at_most: bool  # whether it is the budget's seconds, before which a run may end by itself
@@ -62,7 +62,7 @@ class Estimate:
     @property
     def n_left(self) -> int:
         """How many are missing."""
-        return self.n_runs - self.n_there
+        return self.n_runs - self.n_finished
 
 
 def estimate_times(plan: Plan, folder: StudyFolder) -> list[Estimate]:
@@ -75,15 +75,15 @@ def estimate_times(plan: Plan, folder: StudyFolder) -> list[Estimate]:
         cells.setdefault((run.mission.label, run.algorithm.label), []).append(run)
     estimates = []
     for (mission, algorithm), runs in cells.items():
-        there = [run for run in runs if run.digest in plan.finished]
-        outcomes = filter(None, map(folder.load, there[:_READ]))
+        finished = [run for run in runs if run.digest in plan.finished]
+        outcomes = filter(None, map(folder.load, finished[:_READ]))
         seconds = [outcome.seconds for outcome in outcomes]
         estimates.append(
             Estimate(
                 mission=mission,
                 algorithm=algorithm,
                 n_runs=len(runs),
-                n_there=len(there),
+                n_finished=len(finished),
                 n_failed=sum(run.digest in plan.failed for run in runs),
                 seconds=statistics.median(seconds) if seconds else runs[0].mission.budget.seconds,
                 at_most=not seconds,

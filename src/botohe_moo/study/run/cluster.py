@@ -18,7 +18,7 @@ from botohe_moo.study.run.task import Outcome, Task, failure
 
 _SECONDS_BETWEEN_CHECKS = 0.2
 _SECONDS_TO_CONNECT = 10
-_SECONDS_TO_FETCH = 60.0  # an outcome that is there
+_SECONDS_TO_FETCH = 60.0  # an outcome, when its run has ended
 _SECONDS_WITHOUT_WORKERS = 3.0  # before a warning
 
 
@@ -38,8 +38,8 @@ def dask_outcomes(
         try:
             while (waiting or running) and not stopped():
                 threads = workers.count_threads()
-                for future, (task, given) in list(running.items()):
-                    have_left = given.isdisjoint(threads)
+                for future, (task, asked) in list(running.items()):
+                    have_left = asked.isdisjoint(threads)
                     if not (have_left or future.done()):
                         continue
                     del running[future]
@@ -139,15 +139,15 @@ class _FitWorkers:
     def count_threads(self) -> dict[str, int]:
         """Return the number of threads of each fit worker, by its address."""
         try:
-            there: dict[str, int] = self._client.nthreads()
-            if new := there.keys() - self._is_fit.keys():
+            threads: dict[str, int] = self._client.nthreads()
+            if new := threads.keys() - self._is_fit.keys():
                 self._check(sorted(new))
         except (OSError, ValueError, TypeError, RuntimeError):  # the connection is closed
             raise StudyError(
                 "The Dask scheduler is gone. All runs that are finished are kept; run the study "
                 "again to go on."
             ) from None
-        fit = {address: n for address, n in there.items() if self._is_fit.get(address)}
+        fit = {address: n for address, n in threads.items() if self._is_fit.get(address)}
         if fit:
             self._idle_since = time.monotonic()
         elif time.monotonic() - self._idle_since > _SECONDS_WITHOUT_WORKERS:
