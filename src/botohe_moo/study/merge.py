@@ -76,7 +76,7 @@ def merge_studies(
 
 
 def _difference(one: Study, other: Study) -> str:
-    """Say in what two studies differ besides their seeds; an empty text if they do not."""
+    """Return in words where two studies differ besides their seeds; nothing if they do not."""
     stated: list[dict[str, Any]] = [
         study.file.model_dump(exclude={"seeds"}) for study in (one, other)
     ]

@@ -21,7 +21,7 @@ _ROUNDING = 1e-9
 
 
 def find_problem(path: str | None) -> type[BOTOHE]:
-    """Import the class of a problem, BOTOHE for None; a ValueError says why it cannot be had.
+    """Import the class of a problem, BOTOHE for None; a ValueError says why it cannot be used.
 
     Importing its module runs it.
     """

@@ -265,8 +265,6 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
         try:
             table = _read_parquet(path)
             metadata = table.schema.metadata
-            if _MADE_FROM not in metadata:
-                raise ValueError("written by another version")
             moments.add(metadata[_MADE_FROM])
             manifest = metadata.get(_MANIFEST, manifest)
             tables[name] = table.to_pandas(use_threads=False)
