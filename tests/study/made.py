@@ -97,7 +97,10 @@ def study_tables(missions, algorithms, records, *, control=None, bounds=()):
     references = reference_fronts(runs, fronts)
     scores = score_runs(runs, fronts, references, missions=missions, indicators=list(INDICATORS))
     ranks = rank_algorithms(
-        scores, algorithms=labels, significance=0.05, digests={label: label for label in missions}
+        scores[scores["indicator"] == "area"],
+        algorithms=labels,
+        significance=0.05,
+        digests={label: label for label in missions},
     )
     trace = [
         {
