@@ -14,7 +14,6 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm
 from botohe_moo.study import load_study, make_tables, run_study
-from botohe_moo.study.planning import make_task
 from botohe_moo.study.run.perform import perform
 from botohe_moo.study.run.task import Record
 from botohe_moo.study.store.folder import StudyFolder
@@ -87,7 +86,7 @@ def _again() -> pd.DataFrame:
             store.write_study(study)
             for one in study.runs():
                 records: list[Record] = []
-                outcome = perform(make_task(one), records.append)
+                outcome = perform(one, records.append)
                 # As a study keeps them: the plans of the last one only.
                 kept = {record.evaluations: replace(record, plans=None) for record in records}
                 kept[records[-1].evaluations] = records[-1]

@@ -76,14 +76,14 @@ WATCH = Watch()
 
 
 @st.composite
-def changed_bytes(draw, data):
+def changed_bytes(draw, data, value=VALUE, tokens=TOKENS):
     """Bytes with one to three stretches replaced, cut off or put elsewhere."""
     for _ in range(draw(st.integers(1, 3))):
         begin = draw(st.integers(0, len(data)))
         end = min(len(data), begin + draw(st.sampled_from([0, 0, 1, 3, 20, 10**6])))
-        if (whole := list(VALUE.finditer(data))) and draw(st.booleans()):
+        if (whole := list(value.finditer(data))) and draw(st.booleans()):
             begin, end = draw(st.sampled_from(whole)).span()
-        data = data[:begin] + draw(st.sampled_from(TOKENS) | st.binary(max_size=2)) + data[end:]
+        data = data[:begin] + draw(st.sampled_from(tokens) | st.binary(max_size=2)) + data[end:]
     return data
 
 

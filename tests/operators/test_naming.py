@@ -1,6 +1,7 @@
 """Operators by name: those of this package, those that others register, and ``module:Class``."""
 
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_faults
 from botohe_moo.operators import SendHome, TrailSplice
 from botohe_moo.study import read_study
-from botohe_moo.study.file.digest import code_mismatch
+from botohe_moo.study.file.code import code_mismatch
 from tests.plugins.packages import entries, write_package
 from tests.plugins.test_installed import botohe
 
@@ -236,8 +237,9 @@ def test_results_depend_on_the_code_of_the_operators_that_are_named(install):
     assert others == [first, first]
     assert (first["package"], first["version"]) == (ours["package"], ours["version"])
     assert first["source"] is not None is ours["source"]
-    origin = "nsga2", named[0], first
-    assert code_mismatch({}, [origin, ("nsga2", {}, ours)]) is None
+    of_reef = SimpleNamespace(algorithm="nsga2", parameters=named[0], origin=first)
+    of_ours = SimpleNamespace(algorithm="nsga2", parameters={}, origin=ours)
+    assert code_mismatch({}, [of_reef, of_ours]) is None
     with (site / "reef.py").open("a") as file:
         file.write("# another version\n")
-    assert "'nsga2' from" in code_mismatch({}, [origin])
+    assert "'nsga2' from" in code_mismatch({}, [of_reef])

@@ -94,17 +94,6 @@ class NeverEnding(ArchiveAlgorithm):
                 time.sleep(3600)
 
 
-class Refusing(Sampler):
-    """Does not hear that its budget is spent, and tries for ever."""
-
-    def _infill(self):
-        while True:
-            try:
-                self.evaluator.eval(self.problem, super()._infill())
-            except Exception:
-                time.sleep(0.01)
-
-
 class SlowWithin(Sampler):
     """Takes its time within one iteration."""
 
@@ -121,20 +110,6 @@ class SlowWithin(Sampler):
             )
 
 
-class Compiling(ArchiveAlgorithm):
-    """Takes long once and for all, in its first iteration ever; the file says that it was."""
-
-    def __init__(self, path: str = "", seconds: float = 1.0):
-        super().__init__()
-        self.path, self.seconds = Path(path), seconds
-
-    def _advance(self, **_):
-        if not self.path.exists():
-            time.sleep(self.seconds)
-            self.path.touch()
-        sample(self, min(10, self._n_left()))
-
-
 class Dying(ArchiveAlgorithm):
     """Takes its process along."""
 
@@ -148,15 +123,6 @@ class Overdrawing(ArchiveAlgorithm):
 
     def _advance(self, **_):
         sample(self, 30)
-
-
-class Lying(ArchiveAlgorithm):
-    """Claims more than its plans bring."""
-
-    def _advance(self, **_):
-        sample(self, 20)
-        held = self.archive._held
-        self.archive._held = held._replace(objectives=held.objectives * 1.01)
 
 
 class Slow(ArchiveAlgorithm):

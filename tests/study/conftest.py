@@ -11,7 +11,7 @@ import pytest
 
 from botohe_moo.study import runner
 from botohe_moo.study.run import pool
-from botohe_moo.study.run.bound import find_bound
+from botohe_moo.study.run.child import perform_bound
 from botohe_moo.study.run.environment import THREAD_SETTINGS, environment
 from botohe_moo.study.run.perform import perform
 from botohe_moo.study.run.pool import add_record, checked_outcome
@@ -43,23 +43,21 @@ class InProcess:
             add_record(records, record)
             note(task, record)
 
-        outcome = checked_outcome(task, perform(task, send), records)
+        outcome = checked_outcome(task.run, perform(task.run, send), records)
         return replace(outcome, environment=environment_there(), began=began)
 
     def bound(self, task, _):
-        return find_bound(task)
+        return perform_bound(task)
 
     def close(self):
         pass
 
 
-@pytest.fixture
-def in_process(monkeypatch):
-    """No processes for runs, each of which takes a second to start.
-
-    For tests of what becomes of runs; fixtures of a module come first, and have real ones.
-    """
-    monkeypatch.setattr(runner, "WorkerPool", InProcess)
+@pytest.fixture(scope="module")
+def in_process():
+    """No processes for runs, each of which takes a second to start."""
+    with mock.patch.object(runner, "WorkerPool", InProcess):
+        yield
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -9,14 +9,17 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from botohe_moo.indicators import area_indicator
+from botohe_moo.indicators import INDICATORS, area_indicator
 from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.files import save_mission
+from botohe_moo.study.judge.ranks import compare_ranks, rank_algorithms
+from botohe_moo.study.judge.scores import reference_fronts, score_runs
 from botohe_moo.study.judge.summary import (
     algorithm_table,
     bound_table,
     mission_table,
     reach_targets,
+    summarise,
 )
 from botohe_moo.study.store.tables import SCHEMAS, read_study, write_tables
 
@@ -86,75 +89,72 @@ def random_record(
 
 
 def study_tables(missions, algorithms, records, *, control=None, bounds=()):
-    """The tables of a study; intervals and tests are placeholders with plausible numbers."""
-    areas = {r.run: area_indicator(r.front, missions[r.mission]) for r in records}
-    frames = {
-        "runs": [_run_row(r, areas[r.run]) for r in records],
-        "trace": [
-            {
-                **r.key,
-                "evaluations": evaluations,
-                "seconds": seconds,
-                "area": area_indicator(front, missions[r.mission]),
-                "front_size": len(front),
-                "ties": 0,
-                "igd_plus": 0.3 / (i + 1),
-                "epsilon": 0.5 / (i + 1),
-            }
-            for r in records
-            for i, (evaluations, seconds, front) in enumerate(r.fronts)
-        ],
-        "fronts": [
-            {**r.key, "evaluations": evaluations, "reward": reward, "survivors": survivors}
-            for r in records
-            for evaluations, _, front in r.fronts
-            for reward, survivors in front.tolist()
-        ],
-        "plans": [
-            {**r.key, "plan_id": i, "reward": reward, "survivors": survivors, "trails": "[]"}
-            for r in records
-            for i, (reward, survivors) in enumerate(sorted(r.front.tolist(), reverse=True))
-        ],
-        "indicators": [
-            {**r.key, "indicator": "area", "value": areas[r.run], "reference": None}
-            for r in records
-        ],
-        "references": [
-            {
-                "reference": f"ref-{label}",
-                "mission": label,
-                "reward": point[0],
-                "survivors": point[1],
-            }
-            for label in missions
-            for point in _union([r.front for r in records if r.mission == label]) or [(0, 0)]
-        ],
-        "environments": [ENVIRONMENT],
-    }
-    runs = pd.DataFrame(frames["runs"], columns=SCHEMAS["runs"].names)
-    summary = [
-        row
-        for label in missions
-        for row in _summary(label, runs[runs["mission"] == label], dict(bounds).get(label))
-    ]
-    frames["summary"] = summary
-    frames["comparisons"] = [
-        row
-        for label in missions
-        for row in _comparisons(label, runs[runs["mission"] == label], list(algorithms), control)
-    ]
-    frames["ranks"] = _ranks(summary, list(algorithms), len(missions))
-    frames["posthoc"] = []
-    frames["bounds"] = bound_table(dict(bounds)).to_dict("records")
-    tables = {name: _typed(name, rows) for name, rows in frames.items()}
-    tables["targets"] = reach_targets(
-        tables["runs"],
-        tables["trace"],
-        tables["references"],
-        missions=missions,
-        algorithms=list(algorithms),
+    """The tables of a study; comparisons are placeholders with plausible numbers."""
+    labels, fronts = list(algorithms), [record.front for record in records]
+    runs = _typed(
+        "runs", [_run_row(r, area_indicator(r.front, missions[r.mission])) for r in records]
     )
-    return tables
+    references = reference_fronts(runs, fronts)
+    scores = score_runs(runs, fronts, references, missions=missions, indicators=list(INDICATORS))
+    ranks = rank_algorithms(
+        scores[scores["indicator"] == "area"],
+        algorithms=labels,
+        significance=0.05,
+        digests={label: label for label in missions},
+    )
+    trace = [
+        {
+            **r.key,
+            "evaluations": evaluations,
+            "seconds": seconds,
+            "area": area_indicator(front, missions[r.mission]),
+            "front_size": len(front),
+            "ties": 0,
+            "igd_plus": 0.3 / (i + 1),
+            "epsilon": 0.5 / (i + 1),
+        }
+        for r in records
+        for i, (evaluations, seconds, front) in enumerate(r.fronts)
+    ]
+    points = [
+        {**r.key, "evaluations": evaluations, "reward": reward, "survivors": survivors}
+        for r in records
+        for evaluations, _, front in r.fronts
+        for reward, survivors in front.tolist()
+    ]
+    plans = [
+        {**r.key, "plan_id": i, "reward": reward, "survivors": survivors, "trails": "[]"}
+        for r in records
+        for i, (reward, survivors) in enumerate(sorted(r.front.tolist(), reverse=True))
+    ]
+    comparisons = [
+        row
+        for label in missions
+        for row in _comparisons(label, runs[runs["mission"] == label], labels, control)
+    ]
+    trace = _typed("trace", trace)
+    return {
+        "runs": runs,
+        "trace": trace,
+        "fronts": _typed("fronts", points),
+        "plans": _typed("plans", plans),
+        "indicators": scores,
+        "references": references,
+        "comparisons": _typed("comparisons", comparisons),
+        "ranks": ranks,
+        "posthoc": compare_ranks(ranks, significance=0.05),
+        "summary": summarise(
+            runs,
+            scores,
+            missions=list(missions),
+            algorithms=labels,
+            significance=0.05,
+            bounds=dict(bounds),
+        ),
+        "bounds": bound_table(dict(bounds)),
+        "targets": reach_targets(runs, trace, references, missions=missions, algorithms=labels),
+        "environments": _typed("environments", [ENVIRONMENT]),
+    }
 
 
 def make_study(folder, missions, algorithms, records, *, control=None, bounds=(), **manifest):
@@ -224,42 +224,6 @@ def _run_row(record, area):
     }
 
 
-def _union(fronts):
-    points = sorted({tuple(p) for front in fronts for p in front.tolist()}, reverse=True)
-    best, kept = -1.0, []
-    for reward, survivors in points:
-        if survivors > best:
-            best = survivors
-            kept.append((reward, survivors))
-    return kept
-
-
-def _summary(mission, runs, bound):
-    medians = runs.groupby("algorithm", sort=False)["area"].median()
-    ranks = medians.rank(ascending=False)
-    for label, own in runs.groupby("algorithm", sort=False):
-        areas = own["area"]
-        yield {
-            "mission": mission,
-            "algorithm": label,
-            "n": len(own),
-            "n_not_done": int((own["status"] != "done").sum()),
-            "area_median": areas.median(),
-            "area_low": areas.quantile(0.25),
-            "area_high": areas.quantile(0.75),
-            "area_mean": areas.mean(),
-            "area_sd": areas.std(),
-            "area_best": areas.max(),
-            "area_gap": None if bound is None else bound.area / areas.mean() - 1,
-            "igd_plus_median": 0.0123456 * ranks[label],
-            "epsilon_median": None,
-            "front_size_median": own["front_size"].median(),
-            "rank": ranks[label],
-            "evaluations_median": own["evaluations"].median(),
-            "seconds_median": own["seconds"].median(),
-        }
-
-
 def _comparisons(mission, runs, labels, control):
     areas = {label: own["area"] for label, own in runs.groupby("algorithm", sort=False)}
     labels = [label for label in labels if label in areas]
@@ -288,18 +252,3 @@ def _comparisons(mission, runs, labels, control):
             "significant": abs(a12 - 0.5) > 0.2,
             "verdict": verdict if abs(a12 - 0.5) > 0.2 else "no difference found",
         }
-
-
-def _ranks(summary, labels, n_missions):
-    for label in labels:
-        own = [row["rank"] for row in summary if row["algorithm"] == label]
-        if own:
-            yield {
-                "indicator": "area",
-                "algorithm": label,
-                "average_rank": float(np.mean(own)),
-                "n_missions": n_missions,
-                "statistic": None,
-                "p_value": None,
-                "note": f"no test: {n_missions} missions are too few as blocks",
-            }

@@ -1,9 +1,8 @@
 """The bounds that a study asks for: computed once, kept, in the tables and the report."""
 
 import json
-import os
+import shutil
 import signal
-import subprocess
 
 import numpy as np
 import pytest
@@ -20,19 +19,19 @@ from botohe_moo.study import (
     merge_studies,
     read_study,
     run_study,
-    runner,
 )
 from botohe_moo.study.planning import make_bound_task
 from botohe_moo.study.report import pictures
 from botohe_moo.study.report.latex import summary_latex
 from botohe_moo.study.report.page import render_page, write_report
-from botohe_moo.study.run.bound import find_bound
+from botohe_moo.study.run.child import perform_bound
 from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.store.folder import StudyFolder
 from tests.study.conftest import InProcess
 from tests.study.test_perform import marked_processes
-from tests.study.test_processes import finish, start, wait_until
 from tests.study.test_runner import Watcher
+
+pytestmark = pytest.mark.usefixtures("in_process")
 
 LIMITED = {"mission": "toy", "min_survival": 0.3, "max_length": 6}
 FOREVER = 1e6  # seconds
@@ -62,23 +61,16 @@ def files(folder):
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def made(tmp_path_factory, in_process):
     """A study with bounds on a mission, with limits and without."""
     folder = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, "WorkerPool", InProcess)
-        run_study(study_of(missions={"toy": "toy", "limited": LIMITED}), folder)
+    run_study(study_of(missions={"toy": "toy", "limited": LIMITED}), folder)
     return folder
 
 
 @pytest.fixture
-def copied(made, tmp_path, in_process):
-    for path in made.rglob("*"):
-        there = tmp_path / "study" / path.relative_to(made)
-        if path.is_file():
-            there.parent.mkdir(parents=True, exist_ok=True)
-            there.write_bytes(path.read_bytes())
-    return tmp_path / "study"
+def copied(made, tmp_path):
+    return shutil.copytree(made, tmp_path / "study")
 
 
 def both(seconds=2):
@@ -106,7 +98,7 @@ class TestTables:
         assert missions.loc["limited", "bound_area"] < missions.loc["toy", "bound_area"]
         assert tables.missing_bounds == []
 
-    def test_without_bounds_they_are_empty(self, tmp_path, in_process):
+    def test_without_bounds_they_are_empty(self, tmp_path):
         tables = run_study(study_of(None), tmp_path)
         assert files(tmp_path) == []
         assert len(tables.bounds) == 0
@@ -125,23 +117,20 @@ class TestTables:
 
 
 class TestAgain:
-    def test_nothing_is_computed_twice(self, copied):
-        before = files(copied)
-        tables, watcher = watched(both(), copied)
-        assert (watcher.performed, watcher.bounded) == ([], [])
-        assert files(copied) == before
-        assert tables.summary["area_gap"].notna().all()
-
     def test_fewer_seconds_are_enough_and_more_are_not(self, copied):
-        _, watcher = watched(both(1), copied)
-        assert watcher.bounded == []
+        before = files(copied)
+        for seconds in (2, 1):
+            tables, watcher = watched(both(seconds), copied)
+            assert (watcher.performed, watcher.bounded) == ([], [])
+            assert files(copied) == before
+            assert tables.summary["area_gap"].notna().all()
         tables, watcher = watched(both(2.5), copied)
         assert sorted(watcher.bounded) == [("limited", None), ("toy", None)]
         assert watcher.performed == []
         assert {path.name.partition("-")[2] for path in files(copied)} == {"2.json", "2.5.json"}
         assert tables.missing_bounds == []
 
-    def test_runs_stay_when_bounds_are_asked_for_or_not_any_more(self, tmp_path, in_process):
+    def test_runs_stay_when_bounds_are_asked_for_or_not_any_more(self, tmp_path):
         run_study(study_of(None), tmp_path)
         tables, watcher = watched(study_of(), tmp_path)
         assert (watcher.performed, watcher.bounded) == ([], [("toy", None)])
@@ -151,7 +140,7 @@ class TestAgain:
         assert tables.summary["area_gap"].isna().all()
         assert len(files(tmp_path)) == 1
 
-    def test_one_mission_under_two_budgets_has_one_bound(self, tmp_path, in_process):
+    def test_one_mission_under_two_budgets_has_one_bound(self, tmp_path):
         longer = {"mission": "toy", "budget": {"evaluations": 400}}
         tables, watcher = watched(study_of(missions={"a": "toy", "b": longer}), tmp_path)
         assert len(watcher.bounded) == 1
@@ -177,9 +166,9 @@ class TestComputing:
         plans = tables.plans[tables.plans["mission"] == "toy"]
         expected = np.unique(plans[["reward", "survivors"]].to_numpy(), axis=0)
         assert task.front.tolist() == expected.tolist()
-        assert (task.min_survival, task.max_length, task.seconds) == (0, np.inf, 2)
+        assert (task.mission, task.seconds) == (study.missions[0], 2)
 
-    def test_one_that_fails_is_told_and_tried_again(self, tmp_path, in_process, monkeypatch):
+    def test_one_that_fails_is_told_and_tried_again(self, tmp_path, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(InProcess, "bound", lambda *_, **__: "MemoryError: no room")
             tables, watcher = watched(study_of(), tmp_path)
@@ -193,8 +182,8 @@ class TestComputing:
         assert run_study(study_of(), tmp_path).missing_bounds == []
 
     def test_whatever_is_raised_is_a_line(self):
-        task = make_bound_task(load_study(study_of()).missions[0], (), None, -1.0)
-        assert find_bound(task).endswith("ParameterError: Expected time_limit > 0, got -1.0.")
+        task = make_bound_task(load_study(study_of()).missions[0], (), StudyFolder("none"), -1.0)
+        assert perform_bound(task).endswith("ParameterError: Expected time_limit > 0, got -1.0.")
 
     @pytest.mark.slow
     def test_a_process_that_is_killed_is_told(self, new_interpreters, monkeypatch, tmp_path):
@@ -209,34 +198,11 @@ class TestComputing:
                 process.kill()
             return False
 
-        task = make_bound_task(mission, (), None, FOREVER)
+        task = make_bound_task(mission, (), StudyFolder(tmp_path), FOREVER)
         [(_, said)] = WorkerPool().perform([task], stopped=stopped)
         assert said == "its process died (signal SIGKILL)"
 
-    @pytest.mark.slow
-    def test_signals_keep_what_is_finished(self, tmp_path, monkeypatch):
-        """In real processes: the bound that takes for ever is lost, the other is kept."""
-        folder, path = tmp_path / "out", tmp_path / "study.yaml"
-        source = study_of(FOREVER, missions={"toy": "toy", "hard": HARD}, algorithms=["random"])
-        path.write_text(json.dumps(source))
-        environment = {**os.environ, "BOTOHE_TEST_FOLDER": str(folder)}
-        process = start(
-            "run", path, "--out", folder, "--workers", 1, env=environment,
-            popen=subprocess.Popen,
-        )  # fmt: skip
-        wait_until(lambda: files(folder), timeout=120)
-        os.kill(process.pid, signal.SIGINT)
-        status, _, err = finish(process)
-        assert status == 130, err
-        assert "stopped; what is done is in" in err
-        assert "2 bounds to compute when the runs are done" in err
-        assert not marked_processes(folder)
-        tables = read_study(folder)
-        assert tables.missing_bounds == ["hard"]
-        assert tables.n_missing == 0
-        assert len(files(folder)) == 1
-
-    def test_none_is_begun_after_a_stop(self, tmp_path, in_process):
+    def test_none_is_begun_after_a_stop(self, tmp_path):
         class Stopping(Watcher):
             def end(self, run, outcome):
                 signal.raise_signal(signal.SIGINT)
@@ -278,6 +244,7 @@ def one_format(monkeypatch):
 
 @pytest.mark.usefixtures("one_format")
 class TestReport:
+    @pytest.mark.slow
     def test_gaps_stand_beside_areas(self, copied):
         tables = read_study(copied)
         write_report(tables)
@@ -299,7 +266,7 @@ class TestReport:
         assert "The bounds of toy, limited are not computed yet." in page
         assert "gap at most" not in page
 
-    def test_without_bounds_nothing_is_said_of_them(self, tmp_path, in_process):
+    def test_without_bounds_nothing_is_said_of_them(self, tmp_path):
         tables = run_study(study_of(None, seeds=1, algorithms=["greedy"]), tmp_path)
         page = render_page(tables, {}).lower()
         assert "gap at most" not in page + summary_latex(tables)

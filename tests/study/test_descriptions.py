@@ -1,7 +1,5 @@
 """Tables whose columns depend on the study: names, types, and what they may not hold."""
 
-import pytest
-
 from botohe_moo import load_mission
 from botohe_moo.study.judge.summary import algorithm_table, mission_table
 from botohe_moo.study.store.tables import to_arrow
@@ -21,25 +19,22 @@ def missions(*grids):
     return mission_table({"missions": given}, dict.fromkeys(given, TOY), {})
 
 
-@pytest.mark.parametrize(
-    ("values", "dtype", "kept"),
-    [
+def test_columns_have_the_type_of_their_values():
+    for values, dtype, kept in (
         ([1, 2], "Int64", [1, 2]),
         ([1, 0.5], "float64", [1.0, 0.5]),
         ([True, False], "boolean", [True, False]),
-        (["a", "b"], "str", ["a", "b"]),
         ([1, "a"], "str", ["1", "a"]),
         ([True, 1], "str", ["true", "1"]),
         ([[1, 2], {"a": None}], "str", ["[1, 2]", '{"a": null}']),
-    ],
-)
-def test_columns_have_the_type_of_their_values(values, dtype, kept):
-    table = algorithms(*({"x": value} for value in values), {}, {"x": None})
-    assert str(table["x"].dtype) == dtype
-    assert list(table["x"].dropna()) == kept
-    assert table["x"].isna().sum() == 2
-    read = to_arrow("algorithms", table).to_pandas()
-    assert list(read["x"].dropna()) == kept
+        ([2**70, 1], "str", [str(2**70), "1"]),
+    ):
+        table = algorithms(*({"x": value} for value in values), {}, {"x": None})
+        assert str(table["x"].dtype) == dtype
+        assert list(table["x"].dropna()) == kept
+        assert table["x"].isna().sum() == 2
+        read = to_arrow("algorithms", table).to_pandas()
+        assert list(read["x"].dropna()) == kept
 
 
 def test_parameters_that_only_some_have_are_missing_for_the_others():

@@ -39,7 +39,7 @@ class TestEstimates:
             ("random", 4),
             *(("nsga2", seed) for seed in (2, 3, 4)),
         ]
-        assert (found["random"].n_there, found["random"].n_left) == (2, 1)
+        assert (found["random"].n_finished, found["random"].n_left) == (2, 1)
         assert found["random"].seconds == there["seconds"].median()
         assert found["nsga2"].seconds is None
 

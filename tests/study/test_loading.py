@@ -2,12 +2,10 @@
 
 import json
 import math
-import os
 import subprocess
 import sys
 import textwrap
-import warnings
-from importlib import metadata
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -15,17 +13,14 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from botohe_moo import Mission, load_mission, save_mission
+from botohe_moo import load_mission, save_mission
 from botohe_moo.algorithms import algorithm_names
-from botohe_moo.mission.digest import mission_digest
 from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.file.schema import study_schema
 from botohe_moo.study.judge.summary import algorithm_table
-from botohe_moo.study.planning import make_task
-from botohe_moo.study.store.folder import StudyFolder
-from botohe_moo.study.store.manifest import read_manifest
+from botohe_moo.study.store.folder import StudyFolder, read_manifest
 
 EXPERIMENTS = sorted((Path(__file__).parents[2] / "experiments").glob("*.yaml"))
 
@@ -119,24 +114,19 @@ class TestGrid:
         assert mission.min_survival == 0.5
         assert (mission.budget.evaluations, mission.budget.seconds) == (None, 2)
 
-    @pytest.mark.parametrize(
-        ("keys", "expected"),
-        [
+    def test_a_travel_budget(self, tmp_path):
+        (tmp_path / "site.txt").write_text("n 2\nm 1\ntmax 10\n0 0 0\n1 0 5\n")
+        entry = {"mission": str(tmp_path / "site.txt")}
+        for keys, expected in (
             ({}, 10),
             ({"max_length": 4}, 4),
             ({"max_length": 0}, 0),
             ({"max_length": "unlimited"}, None),
-        ],
-    )
-    def test_a_travel_budget(self, tmp_path, keys, expected):
-        (tmp_path / "site.txt").write_text("n 2\nm 1\ntmax 10\n0 0 0\n1 0 5\n")
-        entry = {"mission": str(tmp_path / "site.txt"), **keys}
-        study = load_study(changed(missions={"x": entry}))
-        assert study.missions[0].max_length == expected
-        assert study.manifest()["missions"]["x"]["max_length"] == expected
-        [task, _] = map(make_task, study.runs())
-        assert task.max_length == (math.inf if expected is None else expected)
-        assert ("max_length" in study.runs()[0].identity) == (expected is not None)
+        ):
+            study = load_study(changed(missions={"x": {**entry, **keys}}))
+            assert study.missions[0].max_length == expected
+            assert study.manifest()["missions"]["x"]["max_length"] == expected
+            assert ("max_length" in study.runs()[0].identity) == (expected is not None)
 
     def test_lengths_from_pos(self):
         entry = {"mission": "terrain", "parameters": {"nodes": 9}, "lengths_from_pos": True}
@@ -191,23 +181,20 @@ class TestIdentity:
         named = changed(missions={"x": "toy"}, algorithms={"y": "random", "z": "bo-aco"})
         assert set(digests(GOOD)) < set(digests(named))
 
-    @pytest.mark.parametrize(
-        "changes",
-        [
+    def test_whatever_a_result_depends_on_is(self):
+        ants = {"algorithm": "bo-aco", "parameters": {"n_ants": 99}}
+        for changes in (
             {"missions": {"toy": {"mission": "toy", "robots": 3}}},
             {"missions": {"toy": {"mission": "toy", "min_survival": 0.1}}},
             {"missions": {"toy": {"mission": "toy", "max_length": 9}}},
-            {"algorithms": {"ants": {"algorithm": "bo-aco", "parameters": {"n_ants": 99}}}},
+            {"algorithms": {"ants": ants}},
             {"budget": {"evaluations": 101}},
             {"budget": {"evaluations": 100, "seconds": 10}},
             {"recording": {"per_decade": 10}},
             {"seeds": [3, 4]},
-        ],
-    )
-    def test_whatever_a_result_depends_on_is(self, changes):
-        assert not set(digests(GOOD)) & set(digests(changed(**changes)))
+        ):
+            assert not set(digests(GOOD)) & set(digests(changed(**changes))), changes
 
-    @pytest.mark.filterwarnings("ignore:.*no run makes 101")
     def test_nothing_else_is(self):
         changes = {
             "budget": {"evaluations": 100, "grace_seconds": 1},
@@ -230,15 +217,13 @@ class TestIdentity:
         )
         assert whole == broken == order
 
-    @pytest.mark.parametrize("package", ["botohe-moo", "pymoo"])
-    def test_so_are_the_versions(self, monkeypatch, package):
-        before = digests(GOOD)
-        monkeypatch.setattr(
-            "botohe_moo.study.file.digest._version",
-            lambda name: "99.0" if name == package else metadata.version(name),
-        )
-        assert not set(before) & set(digests(GOOD))
+    def test_so_are_the_versions(self):
+        study = load_study(GOOD)
+        for package in ("version", "pymoo"):
+            other = replace(study, versions={**study.versions, package: "99.0"})
+            assert not set(digests(GOOD)) & {run.digest for run in other.runs()}
 
+    @pytest.mark.slow
     def test_it_is_the_same_in_another_process(self):
         code = (
             "from botohe_moo.study.file.loading import load_study\n"
@@ -344,15 +329,6 @@ class TestIdentity:
         assert bare == cores
         assert not set(bare) & set(n)
 
-    def test_missions_differ_by_what_robots_meet_not_by_names(self):
-        toy = load_mission("toy")
-        graph = toy.graph.copy()
-        graph.graph["title"] = "Something else"
-        tail, head = next(iter(graph.edges))
-        assert mission_digest(Mission(graph, name="other")) == mission_digest(toy)
-        graph.edges[tail, head]["survival"] *= 0.99
-        assert mission_digest(Mission(graph)) != mission_digest(toy)
-
     def test_an_edited_local_algorithm_is_another(self, tmp_path, monkeypatch):
         module = tmp_path / "local_ants.py"
         module.write_text("from botohe_moo import BOACO\nclass Ants(BOACO): ...\n")
@@ -362,9 +338,6 @@ class TestIdentity:
         assert digests(source) == before
         module.write_text(module.read_text() + "# edited\n")
         assert not set(digests(source)) & set(before)
-
-
-ALIKE = ": defaults, spellings and numbers of threads make no other run"
 
 
 class TestFaults:
@@ -401,7 +374,7 @@ indicators: [area, igd]
         )
         found = lines(path)
         expected = [
-            (1, "name: String should match pattern"),
+            (1, "name: expected letters, digits, dots, dashes and underscores"),
             (2, "titel: there is no key 'titel'; known are title,"),
             (4, "'art_museun': there is no such mission; known are art_museum,"),
             (7, "nodes: Expected nodes to be an integer >= 2, got '50'"),
@@ -429,28 +402,32 @@ indicators: [area, igd]
                 found,
             )
 
-    @pytest.mark.parametrize(
-        ("changes", "said"),
-        [
+    def test_each_is_named(self):
+        twice = {"grid": {"n_ants": [1]}, "parameters": {"n_ants": 2}}
+        many = {"algorithm": "bo-aco", "grid": {"n_ants": list(range(1, 21))}}
+        seeds = {"mission": "terrain", "grid": {"seed": [3, 3.0]}}
+        for changes, said in (
             ({"name": None}, "name: expected the key 'name', which is missing."),
             ({"name": 2026}, "name: Expected name to be a text, got 2026."),
+            ({"name": "a/b"}, "name: expected letters, digits, dots, dashes and underscores, the"),
             ({"missions": [1]}, "missions: Expected missions to be a mapping, got [1]."),
-            ({"algorithms": []}, "algorithms: Dictionary should have at least 1 item"),
+            ({"algorithms": []}, "algorithms: Expected algorithms to have 1 or more entries, got"),
             (
                 {"algorithms": {"a": None}},
                 "algorithms.a: expected a name, or a mapping with algorithm: NAME, got None.",
             ),
             ({"budget": {}}, "budget: expected evaluations or seconds, or both, found neither."),
             ({"budget": None}, "budget: expected a budget, as the mission 'toy' has none"),
-            ({"budget": {"seconds": math.nan}}, "budget.seconds: Expected seconds"),
+            (
+                {"budget": {"seconds": math.nan}},
+                "budget.seconds: Expected seconds to be a finite number, got nan.",
+            ),
             ({"seeds": "3"}, "seeds: Expected seeds to be an integer, got '3'."),
             ({"seeds": [-1]}, "seeds.0: Expected seeds[0] >= 0, got -1."),
             ({"seeds": {"count": 1, "values": [1]}}, "expected either count or values, found both"),
-            ({"bounds": {"second": 9, "seconds": 1}}, "no key 'second'; known are seconds."),
-            ({"indicators": ["area", "area"]}, "expected each indicator once; 'area' is there 2"),
             ({"algorithms": ["random", "random"]}, "expected each name once; 'random' is there 2"),
+            ({"missions": {"m": seeds}}, "missions.m.grid.seed: expected each value once; 3 is"),
             ({"algorithms": {"_a": "random"}}, "does not begin with _"),
-            ({"algorithms": {"a\x1bb": "random"}}, "printable"),
             ({"missions": {" a": "toy"}}, "without spaces around it, got ' a'"),
             (
                 {"missions": {"m": {"mission": "tests.study.algorithms_made:changing_mission"}}},
@@ -458,80 +435,46 @@ indicators: [area, igd]
             ),
             ({"missions": {"m": {"mission": "toy", "max_length": -1}}}, ">= 0 or 'unlimited', got"),
             (
-                {"missions": {"a": {"mission": "toy", "parameters": {"name_or_path": "x"}}}},
-                "expected each parameter once; 'name_or_path' is there 2 times.",
-            ),
-            (
-                {
-                    "algorithms": {
-                        "a": {
-                            "algorithm": "bo-aco",
-                            "grid": {"n_ants": [1]},
-                            "parameters": {"n_ants": 2},
-                        }
-                    }
-                },
+                {"algorithms": {"a": {"algorithm": "bo-aco", **twice}}},
                 "algorithms.a: expected each parameter once; 'n_ants' is there 2 times.",
-            ),
-            (
-                {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"n_ants": [5, 5]}}}},
-                "algorithms.a: 'a (n_ants=5)' is the same as 'a (n_ants=5)'.",
             ),
             (
                 {"comparison": {"control": "ant"}},
                 "no algorithm 'ant' in this study; its labels are",
             ),
             (
-                {
-                    "seeds": 100_000,
-                    "algorithms": {
-                        "a": {"algorithm": "bo-aco", "grid": {"n_ants": list(range(1, 21))}}
-                    },
-                },
+                {"seeds": 100_000, "algorithms": {"a": many}},
                 "seeds: expected at most 250,000 runs, found 2,000,000.",
             ),
-        ],
-    )
-    def test_each_is_named(self, changes, said):
-        [line] = lines(changed(**changes))  # nothing that follows from it is reported beside it
-        assert said in line
+        ):
+            [line] = lines(changed(**changes))  # and nothing that follows from it
+            assert said in line
 
-    @pytest.mark.parametrize(
-        ("one", "other", "why"),
-        [
-            ("bo-aco", "bo-aco", ""),
-            ("bo-aco", "botohe_moo:BOACO", ALIKE),
-            ({"algorithm": "bo-aco", "grid": {"n_ants": [5, 100]}}, "bo-aco", ALIKE),
-        ],
-    )
-    def test_runs_that_would_be_the_same(self, one, other, why):
-        [line] = lines(changed(algorithms={"a": one, "b": other}))
-        first = "a" if isinstance(one, str) else "a (n_ants=100)"
-        assert line == f"algorithms.b: 'b' is the same as {first!r}{why}."
+    def test_runs_that_would_be_the_same(self):
+        grid = {"algorithm": "bo-aco", "grid": {"n_ants": [5, 100]}}
+        for one, label in (("bo-aco", "a"), ("botohe_moo:BOACO", "a"), (grid, "a (n_ants=100)")):
+            [line] = lines(changed(algorithms={"a": one, "b": "bo-aco"}))
+            assert line.startswith(f"algorithms.b: 'b' is the same as {label!r}: defaults, spelli")
 
     @pytest.mark.parametrize("kind", ["algorithm", "mission"])
-    @pytest.mark.parametrize("path", ["local_harm:run", "local_harm:os.system"])
-    def test_nothing_but_algorithms_and_missions_is_called(self, local, tmp_path, kind, path):
-        """Point 2 of the issue: ``study plan`` called ``os.system`` while it checked the file."""
+    def test_nothing_but_algorithms_and_missions_is_called(self, local, tmp_path, kind):
+        """``study plan`` called ``os.system`` while it checked the file."""
         local("import os\ndef run(*, command):\n    os.system(command)\n", "local_harm")
-        entry = {kind: path, "parameters": {"command": f"touch {tmp_path / 'harm'}"}}
-        [line] = lines(changed(**{f"{kind}s": {"x": entry}}))
-        assert line.startswith(f"{kind}s.x.{kind}: {path!r}: it is not called, because ")
-        assert f"register it as entry point of 'botohe_moo.{kind}s'" in line
-        assert not (tmp_path / "harm").exists()
+        for path in ("local_harm:run", "local_harm:os.system"):
+            entry = {kind: path, "parameters": {"command": f"touch {tmp_path / 'harm'}"}}
+            [line] = lines(changed(**{f"{kind}s": {"x": entry}}))
+            assert line.startswith(f"{kind}s.x.{kind}: {path!r}: it is not called, because ")
+            assert f"register it as entry point of 'botohe_moo.{kind}s'" in line
+            assert not (tmp_path / "harm").exists()
 
-    @pytest.mark.parametrize(
-        ("text", "said"),
-        [
+    def test_what_is_no_study(self, tmp_path):
+        for text, said in (
             ("", "1: Expected the study to be a mapping, got None."),
-            ("- a\n", "1: Expected the study to be a mapping, got ['a']."),
             ("name: x\nmissions: [\n", "3: not valid YAML: while parsing a flow node (line 3)"),
             ("name: x\nmissions: &m [*m]\n", " Expected what a study file can hold: Circular"),
-        ],
-    )
-    def test_what_is_no_study(self, tmp_path, text, said):
-        [line] = lines(written(tmp_path, text))
-        assert line.startswith(f"{tmp_path / 'study.yaml'}:{said}")
+        ):
+            [line] = lines(written(tmp_path, text))
+            assert line.startswith(f"{tmp_path / 'study.yaml'}:{said}")
 
     def test_files_that_are_not_there_or_no_text(self, tmp_path):
         (tmp_path / "trials.yaml").write_text("")
@@ -543,27 +486,10 @@ indicators: [area, igd]
         (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9\n")
         assert "utf-8" in lines(tmp_path / "latin.yaml")[0]
 
-    def test_pipes_are_not_waited_for(self, tmp_path):
-        path = tmp_path / "study.yaml"
-        os.mkfifo(path)
-        with pytest.raises(StudyError, match=r"study\.yaml: cannot be read .*a device or a pipe"):
-            load_study(path)
-
-    @pytest.mark.parametrize("content", [{("a", "b"): 1}, {"x": object()}])
-    def test_mappings_that_no_file_can_hold(self, content):
-        [line] = lines(content)
-        assert "what a study file can hold" in line
-
-    def test_a_record_beyond_every_budget_is_noticed(self, tmp_path):
-        text = json.dumps(changed(recording={"at": [50, 100, 1_000]}), indent=1)
-        path = written(tmp_path, text)
-        line = text.splitlines().index("   1000") + 1
-        said = "no run makes 1,000 evaluations: the largest budget is 100."
-        with pytest.warns(UserWarning, match=rf"^.*study\.yaml:{line}: recording\.at\.2: {said}$"):
-            load_study(path)
-        written(tmp_path, json.dumps(changed(recording={"at": [100]})))
-        with warnings.catch_warnings(action="error"):
-            load_study(path)
+    def test_mappings_that_no_file_can_hold(self):
+        for content in ({("a", "b"): 1}, {"x": object()}):
+            [line] = lines(content)
+            assert "what a study file can hold" in line
 
     def test_a_mission_function_that_raises(self, monkeypatch):
         def broken(*_, **__):
@@ -598,36 +524,34 @@ indicators: [area, igd]
         assert "Bare.__init__() got an unexpected keyword argument 'max_ties'" in tied
 
 
+SCHEMA = jsonschema.Draft202012Validator(json.loads(study_schema()))
+
+
 class TestSchema:
     def test_it_is_json_and_knows_all_keys(self):
-        schema = json.loads(study_schema())
+        schema = SCHEMA.schema
         assert set(schema["properties"]) == set(StudyFile.model_fields)
         assert schema["additionalProperties"] is False
         assert all("description" in entry for entry in schema["properties"].values())
 
-    @pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.stem)
-    def test_the_studies_keep_to_it(self, path):
+    def test_the_studies_keep_to_it(self):
         # What the schema has to allow: shorthands of missions, algorithms and seeds.
-        content = YAML(typ="safe", pure=True).load(path)
-        jsonschema.validate(content, json.loads(study_schema()))
+        for path in EXPERIMENTS:
+            content = YAML(typ="safe", pure=True).load(path)
+            SCHEMA.validate(content)
 
-    @pytest.mark.parametrize(
-        "changes",
-        [
+    def test_shorthands_and_parameters_are_allowed_and_nothing_else(self):
+        for changes in (
             {"seeds": [3, 4], "missions": ["toy"], "algorithms": {"a": {"algorithm": "nsga2"}}},
             {"seeds": {"count": 3, "seed": 1}},
             {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"exchange_every": [1, None]}}}},
             {"algorithms": {"a": {"algorithm": "my:Own", "parameters": {"evaporation": 2}}}},
             {"missions": {"a": {"mission": "terrain", "grid": {"nodes": [2, 3], "robots": [1]}}}},
-        ],
-    )
-    def test_shorthands_and_parameters_are_allowed(self, changes):
-        jsonschema.validate(changed(**changes), json.loads(study_schema()))
-
-    @pytest.mark.parametrize(
-        "changes",
-        [
+        ):
+            SCHEMA.validate(changed(**changes))
+        for changes in (
             {"seeds": 0},
+            {"name": "a/b"},
             {"missions": {"a": 3}},
             {"algorithms": {"a": {"algorithm": "x", "parameter": {}}}},
             {"indicators": ["igd"]},
@@ -635,29 +559,23 @@ class TestSchema:
             {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporatio": 0.5}}}},
             {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"n_ants": [10, 0]}}}},
             {"missions": {"a": {"mission": "terrain", "grid": {"sed": [1]}}}},
-        ],
-    )
-    def test_and_nothing_else(self, changes):
-        with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate(changed(**changes), json.loads(study_schema()))
+        ):
+            assert not SCHEMA.is_valid(changed(**changes)), changes
 
 
-@pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.stem)
-def test_published_results_can_be_made_again(path):
+def test_published_results_can_be_made_again():
     # In a fresh clone the folder holds small tables only, and still has to be known as the study's.
-    study = load_study(path)
-    assert study.name == path.stem
-    folder = path.parents[1] / "results" / study.name
-    tracked = subprocess.run(
-        ["git", "ls-files", "study.json"], cwd=folder, capture_output=True, text=True
-    )
-    if tracked.returncode == 0:  # not a copy without its history
-        assert tracked.stdout.strip() == "study.json"
-    StudyFolder(folder).check(study)
-    assert list(read_manifest(folder)["algorithms"]) == [a.label for a in study.algorithms]
-
-
-def test_the_baselines_leave_no_algorithm_out():
-    study = load_study(next(path for path in EXPERIMENTS if path.stem == "baselines"))
-    compared = {algorithm.algorithm for algorithm in study.algorithms}
-    assert compared >= set(algorithm_names()) - {"exact", "pareto-local-search"}
+    compared = {}
+    for path in EXPERIMENTS:
+        study = load_study(path)
+        assert study.name == path.stem
+        folder = path.parents[1] / "results" / study.name
+        tracked = subprocess.run(
+            ["git", "ls-files", "study.json"], cwd=folder, capture_output=True, text=True
+        )
+        if tracked.returncode == 0:  # not a copy without its history
+            assert tracked.stdout.strip() == "study.json"
+        StudyFolder(folder).check(study)
+        assert list(read_manifest(folder)["algorithms"]) == [a.label for a in study.algorithms]
+        compared[study.name] = {algorithm.algorithm for algorithm in study.algorithms}
+    assert compared["baselines"] >= set(algorithm_names()) - {"exact", "pareto-local-search"}

@@ -56,10 +56,9 @@ def test_two_parts_are_the_study_that_one_machine_did(parts, tmp_path):
     assert {run.digest for run in study.runs()} == set(whole.runs["run"])
 
 
-@pytest.mark.parametrize("order", [["one", "two"], ["two", "one"]])
-def test_one_of_the_folders_can_take_the_others(copies, order):
+def test_one_of_the_folders_can_take_the_others(copies):
     before = read_study(copies / "one").runs.set_index("run")["seconds"]
-    merged = merge_studies([copies / name for name in order], copies / "one")
+    merged = merge_studies([copies / "two", copies / "one"], copies / "one")
     assert len(merged.runs) == 6
     after = merged.runs.set_index("run")["seconds"]
     assert after[before.index].equals(before)  # its own runs stay
@@ -80,8 +79,6 @@ def test_parts_of_the_same_seeds_that_were_stopped_are_one(copies):
     [
         ({"name": "another", "title": "Other"}, "name and title"),
         ({"missions": {"toy": {"mission": "toy", "robots": 1}}}, "missions"),
-        ({"budget": {"evaluations": 70}}, "budget"),
-        ({"comparison": {"control": "greedy"}}, "comparison"),
     ],
 )
 def test_another_study_is_refused(parts, tmp_path, other, said):

@@ -6,7 +6,6 @@
 import os
 import re
 import tracemalloc
-import warnings
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from hypothesis import strategies as st
 
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError
+from tests.test_damaged_files import changed_bytes
 
 ROOT = Path(__file__).parents[2]
 N_EXAMPLES = int(os.environ.get("BOTOHE_MUTATIONS", "25"))
@@ -28,7 +28,7 @@ TEXTS.append(
     "algorithms: {A: &n {algorithm: nsga2, grid: {pop_size: [5, 10]}}, "
     "B: {<<: [*n, {}], grid: {}}}\n"
 )
-WORD = re.compile(r"[^\s\[\]{},:#]+")
+WORD = re.compile(rb"[^\s\[\]{},:#]+")
 PIECES = [
     *("", "0", "-1", "2", "1e3", "1e999", ".inf", ".nan", "1000", "20000", "100_000", "1000000"),
     *("4294967296", "9" * 30, "9" * 5_000, "9_" * 20_000, "true", "null", "~", "''", '""', "[]"),
@@ -40,51 +40,16 @@ PIECES = [
 ]
 
 
-@st.composite
-def mutated(draw):
-    """A study file with a few changes: pieces put in, cut out, moved, multiplied."""
-    text = draw(st.sampled_from(TEXTS))
-    for _ in range(draw(st.integers(1, 4))):
-        way = draw(
-            st.sampled_from(["insert", "cut", "word", "word", "word", "line", "many", "move"])
-        )
-        lines = text.split("\n")
-        here = draw(st.integers(0, len(lines) - 1))
-        there = draw(st.integers(0, len(lines) - 1))
-        at = draw(st.integers(0, len(text)))
-        words = list(WORD.finditer(text))
-        if way == "insert":
-            text = text[:at] + draw(st.sampled_from(PIECES)) + text[at:]
-        elif way == "cut":
-            text = text[:at] + text[at + draw(st.sampled_from([1, 5, 30])) :]
-        elif way == "word" and words:
-            word = draw(st.sampled_from(words))
-            others = [other.group() for other in words[:40]]
-            other = draw(st.sampled_from(PIECES) | st.sampled_from(others))
-            text = text[: word.start()] + other + text[word.end() :]
-        elif way == "many":
-            lines[here:here] = [lines[here]] * draw(st.sampled_from([2, 10, 500]))
-            text = "\n".join(lines)
-        elif way == "line":
-            lines[here] = draw(st.sampled_from(["", "  ", "    "])) + lines[here].lstrip()
-            text = "\n".join(lines)
-        elif way == "move":
-            lines.insert(there, lines.pop(here))
-            text = "\n".join(lines)
-    return text
-
-
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
     return tmp_path_factory.mktemp("mutated") / "study.yaml"
 
 
-def read(path, text):
-    """Read a text: a study, or the lines that say what is wrong, which one can read."""
-    path.write_text(text, encoding="utf-8")
+def read(path, data):
+    """Read a file: a study, or the lines that say what is wrong, which one can read."""
+    path.write_bytes(data)
     try:
-        with warnings.catch_warnings(action="ignore"):
-            return load_study(path)
+        return load_study(path)
     except StudyError as error:
         lines = str(error).splitlines()
         assert max(map(len, lines)) < 2_000
@@ -92,15 +57,17 @@ def read(path, text):
 
 
 @settings(max_examples=N_EXAMPLES)
-@given(text=mutated())
-def test_mutated_files_are_read_or_refused(path, text):
-    found = read(path, text)
+@given(
+    st.sampled_from(TEXTS).flatmap(
+        lambda text: changed_bytes(text.encode(), WORD, [piece.encode() for piece in PIECES])
+    )
+)
+def test_changed_files_are_read_or_refused(path, data):
+    found = read(path, data)
     if isinstance(found, list):
         for line in found:
-            assert line.startswith((f"{path}:", "These are the first 100 faults"))
+            assert line.startswith(f"{path}:")
     else:
-        assert len(found.missions) <= 1_000
-        assert len(found.algorithms) <= 1_000
         assert len({run.digest for run in found.runs()}) <= 250_000
 
 
@@ -120,10 +87,11 @@ GROWING = {
 }
 
 
-@pytest.mark.parametrize("name", GROWING)
-def test_what_would_grow_is_refused(path, name):
+@pytest.mark.slow
+def test_what_would_grow_is_refused(path):
     """Each took minutes, gigabytes, or a message of megabytes."""
-    assert isinstance(read(path, GROWING[name]), list)
+    for name, text in GROWING.items():
+        assert isinstance(read(path, text.encode()), list), name
 
 
 @pytest.mark.slow

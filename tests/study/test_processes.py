@@ -2,7 +2,6 @@
 
 import contextlib
 import fcntl
-import json
 import os
 import pty
 import random
@@ -171,22 +170,6 @@ def test_signals_stop_it_cleanly_and_what_is_done_is_kept(
     assert_same(read_study(folder), uninterrupted)
 
 
-def test_signals_that_are_ignored_stay_so(tmp_path):
-    """As ``nohup`` starts it."""
-    path, folder = tmp_path / "slow.yaml", tmp_path / "out"
-    slow = {"algorithm": f"{MADE}:Slow", "parameters": {"seconds": 0.2}}
-    path.write_text(json.dumps({**SMALL, "algorithms": {"slow": slow}, "seeds": 2}))
-    process = start(
-        "run", path, "--out", folder, "--workers", 1, popen=subprocess.Popen,
-        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
-    )  # fmt: skip
-    wait_until(lambda: list(folder.glob("runs/*.npz")))
-    os.kill(process.pid, signal.SIGHUP)
-    status, _, err = finish(process)
-    assert status == 0, err
-    assert len(read_study(folder).runs) == 2
-
-
 def test_a_terminal_that_is_closed(study_file, tmp_path):
     """The hang-up stops the study, though there is nobody any more to tell."""
     folder = tmp_path / "out"
@@ -244,38 +227,6 @@ def test_a_terminal_shows_how_it_gets_on(tmp_path):
     shares = {int(found) for found in re.findall(r"(\d+)% ", plain)}
     assert any(0 < share < 50 or 50 < share < 100 for share in shares)
     assert re.search(r"\d:\d\d:\d\d left", plain)
-
-
-def test_a_second_runner_says_so_and_stops(study_file, uninterrupted, tmp_path):
-    folder = tmp_path / "two"
-    first = start("run", study_file, "--out", folder)
-    wait_until(lambda: (folder / "study.json").exists())
-    status, _, err = finish(start("run", study_file, "--out", folder))
-    assert status == 1
-    assert "another runner is at work in this folder" in err
-    assert "Traceback" not in err
-    status, _, err = finish(first)
-    assert status == 0, err
-    assert_same(read_study(folder), uninterrupted)
-
-
-def test_a_full_disk_ends_in_a_clear_message(study_file, uninterrupted, tmp_path):
-    import resource
-
-    limit = 6_000  # bytes a file may have
-    process = start(
-        "run", study_file, "--out", tmp_path, popen=subprocess.Popen,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
-    )  # fmt: skip
-    status, _, err = finish(process)
-    assert status == 1, err
-    assert "the disk is full. All runs that are finished are kept" in err
-    assert "Traceback" not in err
-    assert len(err.strip().splitlines()) <= 3
-    kept, watcher = n_done(tmp_path), Watcher()
-    tables = run_study(study_file, tmp_path, watcher=watcher)
-    assert len(watcher.performed) == 24 - kept
-    assert_same(tables, uninterrupted)
 
 
 def test_two_workers_give_the_same(study_file, uninterrupted, tmp_path):
@@ -424,10 +375,10 @@ def test_waiting_for_workers_can_be_stopped(study_file, scheduler, tmp_path):
     assert "Traceback" not in err
 
 
-@pytest.mark.parametrize("address", ["localhost", "tcp://127.0.0.1:99999", "ucx://127.0.0.1:1"])
-def test_what_is_no_address_is_refused_before_anything_is_written(address, study_file, tmp_path):
-    with pytest.raises(StudyError, match=f"of a Dask scheduler, .* got '{address}'"):
-        run_study(study_file, tmp_path / "out", dask=address)
+def test_what_is_no_address_is_refused_before_anything_is_written(study_file, tmp_path):
+    for address in ("localhost", "tcp://127.0.0.1:99999", "ucx://127.0.0.1:1"):
+        with pytest.raises(StudyError, match=f"of a Dask scheduler, .* got '{address}'"):
+            run_study(study_file, tmp_path / "out", dask=address)
     assert not (tmp_path / "out").exists()
 
 
@@ -438,7 +389,7 @@ def test_no_scheduler_at_the_address(study_file, tmp_path, monkeypatch):
         run_study(study_file, tmp_path, dask="tcp://127.0.0.1:1")
     with socket.create_server(("127.0.0.1", 0)) as silent:  # as that of Dask's dashboard
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
-        with pytest.raises(StudyError, match=f"answers at '{address}' .no answer within 1 sec"):
+        with pytest.raises(StudyError, match=f"answers at '{address}' .it does not answer as"):
             run_study(study_file, tmp_path, dask=address)
 
 
@@ -515,30 +466,18 @@ class TestCommands:
         assert "1 run failed" in err
         assert "good" in out
 
-    @pytest.mark.parametrize(
-        ("arguments", "said"),
-        [
-            (["run", "missing.yaml"], "missing.yaml: there is no such file"),
-            (["plan", "missing.yaml"], "missing.yaml: there is no such file"),
+    def test_bad_input(self):
+        for arguments, said in (
             (["report", "nowhere"], "nowhere: there is no study in this folder"),
             (["tables", "nowhere"], "nowhere: there is no study in this folder"),
             (["run", "x.yaml", "--workers", "0"], "Invalid value for '--workers'"),
-            (["run", "x.yaml", "--patience", "0"], "Invalid value for '--patience'"),
-        ],
-    )
-    def test_bad_input(self, arguments, said):
-        ended = CliRunner().invoke(study_app, arguments)
-        assert ended.exit_code == 2
-        assert said in " ".join(re.sub("[│\\n]", " ", ended.output).split())
-        assert isinstance(ended.exception, SystemExit)
-
-    def test_bad_input_ends_without_a_traceback(self):
+        ):
+            ended = CliRunner().invoke(study_app, arguments)
+            assert ended.exit_code == 2
+            assert said in " ".join(re.sub("[│\\n]", " ", ended.output).split())
         status, out, err = finish(start("run", "missing.yaml"))
         assert (status, out) == (2, "")
         assert err == "botohe: missing.yaml: there is no such file.\n"
-        ended = CliRunner().invoke(study_app, ["run", "x.yaml", "--workers", "0"])
-        assert ended.exit_code == 2
-        assert "--workers" in ended.output
 
     def test_columns_of_the_plan_allow_for_wide_letters(self):
         made = [Estimate(m, "a", 1, 0, 0, 1.0, at_most=False) for m in ("美术馆", "toy")]

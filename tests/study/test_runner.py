@@ -2,8 +2,11 @@
 
 import errno
 import json
+import re
 import shutil
+import signal
 import sys
+from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -12,16 +15,16 @@ import pytest
 
 from botohe_moo import BOTOHE, area_indicator, load_mission
 from botohe_moo.mission.formats.files import save_mission
-from botohe_moo.study import make_tables, read_study, run_study
+from botohe_moo.study import make_tables, read_study, run_study, runner
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.judge import collect
-from botohe_moo.study.planning import make_task
 from botohe_moo.study.run.perform import warm_up
+from botohe_moo.study.run.pool import WorkerPool
+from botohe_moo.study.runner import hold_signals
 from botohe_moo.study.store import folder as run_folder
 from botohe_moo.study.store import tables as table_files
-from botohe_moo.study.store.folder import StudyFolder
-from botohe_moo.study.store.manifest import restore_study
+from botohe_moo.study.store.folder import StudyFolder, restore_study
 from botohe_moo.study.store.tables import SCHEMAS, to_arrow
 
 pytestmark = pytest.mark.usefixtures("in_process")
@@ -106,8 +109,9 @@ def done(tmp_path_factory):
         seeds=2,
         comparison={"control": "random"},
     )
-    warm_up(make_task(load_study(source).runs()[0]))  # none of the seconds is for compiling
-    return run_study(source, tmp_path_factory.mktemp("study"), workers=2)
+    warm_up(load_study(source).runs()[0])  # none of the seconds is for compiling
+    with mock.patch.object(runner, "WorkerPool", WorkerPool):
+        return run_study(source, tmp_path_factory.mktemp("study"), workers=2)
 
 
 def runs_of(tables, algorithm, mission="plant"):
@@ -117,27 +121,20 @@ def runs_of(tables, algorithm, mission="plant"):
 
 class TestWhatComesOfRuns:
     def test_each_is_reported_as_such(self, done):
-        by = {label: set(runs_of(done, label)["status"]) for label in done.algorithm_labels}
-        assert by == {
-            "random": {"done"},
-            "sampler": {"done"},
-            "raising": {"failed"},
-            "infeasible": {"infeasible"},
-            "never": {"timeout"},
-            "dying": {"failed"},
+        columns = ["status", "stopped_by", "error"]
+        by = {label: runs_of(done, label)[columns].iloc[0] for label in done.algorithm_labels}
+        assert {label: (row["status"], row["stopped_by"]) for label, row in by.items()} == {
+            "random": ("done", "evaluations"),
+            "sampler": ("done", "evaluations"),
+            "raising": ("failed", "error"),
+            "infeasible": ("infeasible", "evaluations"),
+            "never": ("timeout", "limit"),
+            "dying": ("failed", "error"),
         }
-        stopped = {
-            label: set(runs_of(done, label)["stopped_by"]) for label in done.algorithm_labels
-        }
-        assert stopped["never"] == {"limit"}
-        assert stopped["raising"] == stopped["dying"] == {"error"}
-        assert stopped["sampler"] == {"evaluations"}
-
-    def test_what_went_wrong_is_told(self, done):
-        assert set(runs_of(done, "raising")["error"]) == {"RuntimeError: out of luck"}
+        assert by["raising"]["error"] == "RuntimeError: out of luck"
         assert runs_of(done, "raising")["traceback"].str.contains("_advance").all()
-        assert runs_of(done, "dying")["error"].str.contains("SIGABRT").all()
-        assert runs_of(done, "never")["error"].str.contains("killed").all()
+        assert "SIGABRT" in by["dying"]["error"]
+        assert "killed" in by["never"]["error"]
         assert runs_of(done, "random")["error"].isna().all()
 
     def test_nobody_spends_more_than_the_budget(self, done):
@@ -167,12 +164,6 @@ class TestWhatComesOfRuns:
         assert summary["plant", "raising"] == summary["plant", "never"] == 2
         assert summary["plant", "random"] == 0
 
-    def test_the_floor_is_kept(self, done):
-        mission = done.mission("plant")
-        for row in done.plans[done.plans["mission"] == "plant"].itertuples():
-            survival = mission.robot_survival([done.plan(row.run, row.plan_id)])
-            assert survival.min() >= FLOOR * (1 - 1e-12)
-
 
 class TestTables:
     def test_they_are_of_their_schemas(self, done):
@@ -183,6 +174,7 @@ class TestTables:
         for (label, run), rows in done.plans.groupby(["mission", "run"]):
             mission = done.mission(label)
             plans = [done.plan(run, plan_id) for plan_id in rows["plan_id"]]
+            assert mission.robot_survival(plans).min() >= FLOOR * (1 - 1e-12)
             found = mission.evaluate(plans)
             assert np.allclose(found, rows[["reward", "survivors"]], rtol=1e-9)
             area = done.runs.set_index("run")["area"][run]
@@ -244,34 +236,24 @@ class TestTables:
                     rtol=1e-15,
                 )
 
-    @pytest.mark.parametrize(
-        ("change", "said"),
-        [
-            (lambda runs: runs.drop(columns="area"), "area"),
-            (lambda runs: runs.assign(area="high"), "high"),
-            (lambda runs: runs.assign(evaluations=0.5), "evaluations"),
-            (lambda runs: runs.assign(mission=None), "mission"),
-        ],
-        ids=["missing", "text", "fraction", "null"],
-    )
-    def test_what_is_not_of_its_schema_is_not_written(self, done, change, said):
-        with pytest.raises((KeyError, pa.ArrowException, ValueError), match=said):
-            to_arrow("runs", change(done.runs))
+    def test_what_is_not_of_its_schema_is_not_written(self, done):
+        for changed, said in (
+            (done.runs.drop(columns="area"), "area"),
+            (done.runs.assign(area="high"), "high"),
+            (done.runs.assign(evaluations=0.5), "evaluations"),
+            (done.runs.assign(mission=None), "mission"),
+        ):
+            with pytest.raises((KeyError, pa.ArrowException, ValueError), match=said):
+                to_arrow("runs", changed)
 
     def test_plans_that_are_not_there(self, done):
         with pytest.raises(KeyError, match="found 0"):
             done.plan(done.runs["run"].iloc[0], 10**6)
 
-    @pytest.mark.parametrize(
-        ("damage", "said"), [(b"PAR1", "cannot be read"), (None, "there is no such table yet")]
-    )
-    def test_damaged_tables_are_named(self, small, damage, said):
+    def test_damaged_tables_are_named(self, small):
         path = small / "trace.parquet"
-        if damage is None:
-            path.unlink()
-        else:
-            path.write_bytes(damage)
-        with pytest.raises(StudyError, match=rf"trace\.parquet: {said}.*botohe study tables"):
+        path.write_bytes(b"PAR1")
+        with pytest.raises(StudyError, match=r"trace\.parquet: cannot be read.*study tables"):
             read_study(small)
 
     def test_earlier_ones_stay_readable_while_a_changed_study_runs(self, small):
@@ -289,7 +271,7 @@ class TestTables:
             assert tables.mission("toy") == load_mission("toy")
         assert len(after.runs) == 6
 
-    @pytest.mark.parametrize("n_written", [0, 1, 12])
+    @pytest.mark.parametrize("n_written", [0, 12])
     def test_a_kill_while_they_are_written_is_noticed(self, small, monkeypatch, n_written):
         """Wherever it is killed, a reader gets all tables of one moment, or an error."""
         before = read_study(small)
@@ -312,12 +294,6 @@ class TestTables:
             with pytest.raises(StudyError, match=r"tables are of several moments.*study tables"):
                 read_study(small)
         assert len(make_tables(small).runs) == len(read_study(small).runs) == 2
-
-    def test_they_say_how_many_runs_are_missing(self, small):
-        assert read_study(small).n_missing == 0
-        a_run_of(small).unlink()
-        assert make_tables(small).n_missing == 1
-        assert read_study(small).n_missing == 1
 
     def test_they_are_made_without_the_file_and_the_packages(self, tmp_path, monkeypatch):
         """Of the folder alone: no code is called, and no file outside of it is read."""
@@ -354,11 +330,16 @@ class TestTables:
         assert_same(after, before)
         assert {**after.manifest, "made_from": 0} == {**before.manifest, "made_from": 0}
 
-    @pytest.mark.parametrize("damage", ["", "[1, 2]", '{"name": "s", "kept": {"missions": [7]}}'])
-    def test_damaged_manifests_are_named(self, small, damage):
-        (small / "study.json").write_text(damage)
-        with pytest.raises(StudyError, match=r"study\.json: cannot be read \(.*; remove it"):
-            make_tables(small)
+    def test_damaged_files_of_the_study_are_named(self, small):
+        for name, damage in (
+            ("missions/*.json", "{"),
+            ("study.json", '{"name": "s", "kept": {"missions": [7]}}'),
+            ("study.json", ""),
+        ):
+            [path] = small.glob(name)
+            path.write_text(damage)
+            with pytest.raises(StudyError, match=rf"{path}: damaged \(.*; remove the file"):
+                make_tables(small)
 
     def test_folders_without_a_study(self, tmp_path):
         with pytest.raises(StudyError, match="there is no study in this folder"):
@@ -388,15 +369,7 @@ def a_run_of(folder):
 
 
 class TestAgain:
-    def test_nothing_is_performed_twice(self, small):
-        first = read_study(small)
-        second, watcher = watched(study_of(), small)
-        assert watcher.performed == []
-        assert_same(first, second)
-        # Times, too, for nothing ran.
-        pd.testing.assert_frame_equal(first.runs, second.runs)
-
-    def test_and_nothing_is_made_anew(self, small, tmp_path, monkeypatch):
+    def test_nothing_is_made_anew(self, small, tmp_path, monkeypatch):
         """No file of a run is read, no table is written, where only a comment has changed."""
         run_study(study_of(), small)
         before = {path: path.stat().st_mtime_ns for path in small.glob("*.parquet")}
@@ -410,26 +383,14 @@ class TestAgain:
         assert before == {path: path.stat().st_mtime_ns for path in small.glob("*.parquet")}
         assert restore_study(small).text.startswith("# A comment")
 
-    @pytest.mark.parametrize(
-        "change",
-        [
-            lambda folder: a_run_of(folder).unlink(),
-            lambda folder: (folder / "trace.parquet").write_bytes(b"x"),
-            lambda folder: (folder / "study.json").unlink(),
-        ],
-        ids=["run", "table", "manifest"],
-    )
-    def test_what_has_changed_is_made_anew(self, small, change):
+    def test_what_has_changed_is_made_anew(self, small):
         before = run_study(study_of(), small)
-        change(small)
-        assert_same(run_study(study_of(), small), before)
-        assert_same(read_study(small), before)
-
-    def test_changed_comparisons_make_new_tables_of_old_runs(self, small):
-        run_study(study_of(), small)
-        tables, watcher = watched(study_of(comparison={"control": "greedy"}), small)
-        assert watcher.performed == []
-        assert set(tables.comparisons["other"]) == {"greedy"}
+        for path in (a_run_of(small), small / "trace.parquet", small / "study.json"):
+            path.unlink()
+            if path.suffix == ".npz":
+                assert make_tables(small).n_missing == read_study(small).n_missing == 1
+            assert_same(run_study(study_of(), small), before)
+            assert_same(read_study(small), before)
 
     def test_only_what_is_new_is_performed(self, small, tmp_path):
         few = {"algorithm": "random", "parameters": {"n_ants": 20}}
@@ -449,8 +410,9 @@ class TestAgain:
         tables, watcher = watched(study_of(algorithms=["greedy"]), small)
         assert watcher.performed == []
         assert set(tables.runs["algorithm"]) == {"greedy"}
-        _, watcher = watched(study_of(), small)
+        tables, watcher = watched(study_of(comparison={"control": "greedy"}), small)
         assert watcher.performed == []
+        assert set(tables.comparisons["other"]) == {"greedy"}
 
     def test_failed_runs_are_tried_again(self, tmp_path):
         stone = tmp_path / "stone"
@@ -475,23 +437,27 @@ class TestAgain:
         assert watcher.performed == []
         assert not watcher.plan.failed
 
-    @pytest.mark.parametrize(
-        "damage",
-        [
+    @pytest.mark.parametrize("seeds", [2, 3])
+    def test_damaged_files_are_named_before_anything_is_performed(self, small, seeds):
+        before = read_study(small)
+        damages = (
             lambda data: data[: len(data) // 2],
             lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:],
             lambda data: b"\x80\x04K\x01.",  # a pickle
-        ],
-        ids=["half", "a bit", "pickle"],
-    )
-    def test_damaged_files_are_named_and_performed_again_once_removed(self, small, damage):
-        before, path = read_study(small), a_run_of(small)
-        path.write_bytes(damage(path.read_bytes()))
-        with pytest.raises(StudyError, match=rf"{path}: damaged \(.*; remove the file"):
-            run_study(study_of(), small)
-        path.unlink()
+        )
+        paths = sorted((small / "runs").iterdir())[:3]
+        for path, damage in zip(paths, damages, strict=True):
+            path.write_bytes(damage(path.read_bytes()))
+        watcher = Watcher()
+        with pytest.raises(StudyError) as caught:
+            run_study(study_of(seeds=seeds), small, watcher=watcher)
+        assert watcher.performed == []
+        lines = sorted(str(caught.value).splitlines())
+        for path, line in zip(paths, lines, strict=True):
+            assert re.fullmatch(rf"{path}: damaged \(.*\); remove the file, and run.*", line)
+            path.unlink()
         after, watcher = watched(study_of(), small)
-        assert len(watcher.performed) == 1
+        assert len(watcher.performed) == 3
         assert_same(before, after)
 
 
@@ -507,11 +473,6 @@ class TestFolder:
             run_study(study_of(), tmp_path)
         assert sorted(path.name for path in tmp_path.iterdir()) == [".important.tmp", "runs.csv"]
 
-    def test_a_file_is_no_folder(self, tmp_path):
-        (tmp_path / "file").touch()
-        with pytest.raises(NotADirectoryError):
-            run_study(study_of(), tmp_path / "file")
-
     def test_a_second_runner_stops(self, small):
         with (
             StudyFolder(small).locked(load_study(study_of())),
@@ -522,8 +483,10 @@ class TestFolder:
 
     def test_a_folder_is_known_when_it_holds_nothing_but_a_lock(self, tmp_path):
         with StudyFolder(tmp_path / "out").locked(load_study(study_of())):
-            pass  # as if killed here
+            leftover = tmp_path / "out" / "runs" / ".0123456789abcdef.tmp"
+            leftover.write_bytes(b"half")  # as if killed here
         assert len(run_study(study_of(), tmp_path / "out").runs) == 4
+        assert not leftover.exists()
 
     def test_a_full_disk_loses_nothing(self, tmp_path, monkeypatch):
         usual, n = run_folder.replace_file, [0]
@@ -541,12 +504,6 @@ class TestFolder:
         _, watcher = watched(study_of(), tmp_path)
         assert len(watcher.performed) == 2
 
-    def test_leftovers_of_a_killed_runner_are_removed(self, small):
-        leftover = small / "runs" / ".0123456789abcdef.tmp"
-        leftover.write_bytes(b"half")
-        run_study(study_of(), small)
-        assert not leftover.exists()
-
     def test_the_study_is_kept_with_its_results(self, tmp_path):
         path = tmp_path / "mine.yaml"
         path.write_text("# mine\n" + json.dumps(study_of()))
@@ -554,6 +511,19 @@ class TestFolder:
         assert (tmp_path / "out" / "study.yaml").read_text() == path.read_text()
         assert tables.mission("toy") == load_mission("toy")
         assert len(load_study(tmp_path / "out" / "study.yaml").runs()) == 4
+
+
+def test_signals_are_held_once_and_those_that_are_ignored_stay_so():
+    """``nohup`` lets SIGHUP be ignored."""
+    usual = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with hold_signals() as received:
+        signal.raise_signal(signal.SIGHUP)
+        signal.raise_signal(signal.SIGTERM)
+        assert received == [signal.SIGTERM]
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    assert signal.signal(signal.SIGHUP, usual) == signal.SIG_IGN
 
 
 def test_workers_are_checked(tmp_path):

@@ -28,6 +28,10 @@ _EXPECTED = {
     "greater_than_equal": ">= {ge}",
     "less_than": "< {lt}",
     "less_than_equal": "<= {le}",
+    "too_short": "to have {min_length} or more entries",
+    "too_long": "to have at most {max_length} entries",
+    "string_too_short": "to have {min_length} or more characters",
+    "string_too_long": "to have at most {max_length} characters",
 }
 # A text that means a number is not a number, and 1.5 is not an integer: the same as another type.
 _ALIKE = {"int_parsing": "int_type", "int_from_float": "int_type", "float_parsing": "float_type"}

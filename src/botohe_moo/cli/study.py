@@ -168,7 +168,7 @@ def _plan_table(estimates: list[Estimate]) -> str:
 
     header = ("mission", "algorithm", "runs", "there", "failed", "each takes")
     rows = [
-        (e.mission, e.algorithm, *map(str, (e.n_runs, e.n_there, e.n_failed)), _each(e))
+        (e.mission, e.algorithm, *map(str, (e.n_runs, e.n_finished, e.n_failed)), _each(e))
         for e in estimates
     ]
     widths = [max(map(cell_len, column)) for column in zip(header, *rows, strict=True)]

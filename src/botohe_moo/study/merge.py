@@ -11,8 +11,7 @@ from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.study.file.config import Seeds
 from botohe_moo.study.file.model import MANIFEST, Study, StudyError, study_folder
 from botohe_moo.study.planning import refresh_tables
-from botohe_moo.study.store.folder import PARTS, StudyFolder, writing
-from botohe_moo.study.store.manifest import restore_study
+from botohe_moo.study.store.folder import PARTS, StudyFolder, restore_study, writing
 from botohe_moo.study.store.tables import StudyTables
 
 
@@ -77,7 +76,7 @@ def merge_studies(
 
 
 def _difference(one: Study, other: Study) -> str:
-    """Say in what two studies differ besides their seeds; an empty text if they do not."""
+    """Return in words where two studies differ besides their seeds; nothing if they do not."""
     stated: list[dict[str, Any]] = [
         study.file.model_dump(exclude={"seeds"}) for study in (one, other)
     ]

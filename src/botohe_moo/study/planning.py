@@ -1,21 +1,17 @@
 """The plan of a study: its runs, which are finished, how long the others take, and its tables."""
 
 import contextlib
-import functools
 import hashlib
 import json
 import math
 import statistics
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray
-from botohe_moo.study.file.digest import installed_versions
-from botohe_moo.study.file.model import Run, Study, StudyError, StudyMission
-from botohe_moo.study.run.task import PATIENCE, BoundTask, Task
+from botohe_moo.study.file.model import Run, Study, StudyError, StudyMission, installed_versions
+from botohe_moo.study.run.task import BoundTask
 from botohe_moo.study.store.folder import FAILURES, StudyFolder
 from botohe_moo.study.store.tables import StudyTables, read_study
 
@@ -58,7 +54,7 @@ class Estimate:
     mission: str
     algorithm: str
     n_runs: int
-    n_there: int  # finished
+    n_finished: int
     n_failed: int  # the last time
     seconds: float | None  # of one run; None where nothing says it
     at_most: bool  # whether it is the budget's seconds, before which a run may end by itself
@@ -66,7 +62,7 @@ class Estimate:
     @property
     def n_left(self) -> int:
         """How many are missing."""
-        return self.n_runs - self.n_there
+        return self.n_runs - self.n_finished
 
 
 def estimate_times(plan: Plan, folder: StudyFolder) -> list[Estimate]:
@@ -79,15 +75,15 @@ def estimate_times(plan: Plan, folder: StudyFolder) -> list[Estimate]:
         cells.setdefault((run.mission.label, run.algorithm.label), []).append(run)
     estimates = []
     for (mission, algorithm), runs in cells.items():
-        there = [run for run in runs if run.digest in plan.finished]
-        outcomes = filter(None, map(folder.load, there[:_READ]))
+        finished = [run for run in runs if run.digest in plan.finished]
+        outcomes = filter(None, map(folder.load, finished[:_READ]))
         seconds = [outcome.seconds for outcome in outcomes]
         estimates.append(
             Estimate(
                 mission=mission,
                 algorithm=algorithm,
                 n_runs=len(runs),
-                n_there=len(there),
+                n_finished=len(finished),
                 n_failed=sum(run.digest in plan.failed for run in runs),
                 seconds=statistics.median(seconds) if seconds else runs[0].mission.budget.seconds,
                 at_most=not seconds,
@@ -109,56 +105,15 @@ def time_left(
     return max(shared, longest) + math.ceil(n_bounds / workers) * bound_seconds
 
 
-def make_task(run: Run, patience: float = PATIENCE) -> Task:
-    """Return what a worker needs to know of a run."""
-    budget = run.mission.budget
-    return Task(
-        digest=run.digest,
-        mission=run.mission.mission,
-        min_survival=run.mission.min_survival,
-        max_length=math.inf if run.mission.max_length is None else run.mission.max_length,
-        algorithm=run.algorithm.algorithm,
-        parameters=dict(run.algorithm.parameters),
-        origin=dict(run.algorithm.origin),
-        seed=run.seed,
-        evaluations=budget.evaluations,
-        seconds=budget.seconds,
-        grace_seconds=budget.grace_seconds,
-        per_decade=run.recording.per_decade,
-        start=run.recording.start,
-        at=tuple(run.recording.at),
-        version=_version(),
-        patience=patience,
-    )
-
-
-@functools.cache
-def _version() -> str:
-    return version("botohe-moo")  # read from a file, which for each run would take minutes
-
-
 def make_bound_task(
     mission: StudyMission, runs: Iterable[Run], folder: StudyFolder, seconds: float
 ) -> BoundTask:
-    """Return what a worker needs to know to bound a mission: what its runs have found guides it."""
-    return BoundTask(
-        digest=mission.bound_digest,
-        mission=mission.mission,
-        min_survival=mission.min_survival,
-        max_length=math.inf if mission.max_length is None else mission.max_length,
-        front=_found_points(mission, runs, folder),
-        seconds=seconds,
-    )
-
-
-def _found_points(mission: StudyMission, runs: Iterable[Run], folder: StudyFolder) -> FloatArray:
-    """Return E[R] and E[S] (n, 2) of all final fronts that a folder has of a mission."""
+    """Return the task to bound a mission: what its runs have found guides it."""
+    own = [run for run in runs if run.mission.bound_digest == mission.bound_digest]
     fronts = [np.empty((0, 2))]
-    for run in runs:
-        if run.mission.bound_digest == mission.bound_digest and (outcome := folder.load(run)):
-            fronts += [record.objectives for record in outcome.records[-1:]]
-    points: FloatArray = np.unique(np.concatenate(fronts), axis=0)
-    return points
+    for _, outcome in folder.outcomes(own):
+        fronts += [record.objectives for record in outcome.records[-1:]]
+    return BoundTask(mission, np.unique(np.concatenate(fronts), axis=0), seconds)
 
 
 def refresh_tables(study: Study, folder: StudyFolder, *, anew: bool = False) -> StudyTables:

@@ -4,60 +4,48 @@ import contextlib
 import os
 import signal
 import threading
-from collections.abc import Generator, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 from botohe_moo._base.checks import check_integer, check_number
-from botohe_moo._base.interrupts import hold_interrupt
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import Run, Study, StudyMission, study_folder
-from botohe_moo.study.planning import Plan, make_bound_task, make_task, plan_study, refresh_tables
+from botohe_moo.study.planning import Plan, make_bound_task, plan_study, refresh_tables
 from botohe_moo.study.run.cluster import check_address, dask_outcomes
 from botohe_moo.study.run.pool import WorkerPool
-from botohe_moo.study.run.task import PATIENCE, BoundTask, Outcome, Record, Task
-from botohe_moo.study.store.folder import StudyFolder
-from botohe_moo.study.store.manifest import restore_study
+from botohe_moo.study.run.task import PATIENCE, Outcome, Record, Task
+from botohe_moo.study.store.folder import StudyFolder, restore_study
 from botohe_moo.study.store.tables import StudyTables
 
-# Sent by batch systems and ``docker stop``, and by a terminal that is closed.
-_LIKE_CTRL_C = (signal.SIGTERM, signal.SIGHUP)
-
-
-@dataclass
-class Stop:
-    """Whether a study is to stop, and which signal has asked for it."""
-
-    pressed: threading.Event
-    signal: int = signal.SIGINT
+# Ctrl-C; what batch systems and ``docker stop`` send; what a terminal sends that is closed.
+_STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @contextlib.contextmanager
-def hold_stop() -> Iterator[Stop]:
-    """Let Ctrl-C, SIGTERM and SIGHUP ask for a stop; the second one breaks off at once.
+def hold_signals() -> Iterator[list[int]]:
+    """Collect the signals that ask for a stop; a second one of the same kind breaks off at once.
 
     Signals that are ignored, as under ``nohup``, or have another handler, stay as they are; so do
     all outside the main thread, which alone may handle signals.
     """
-    with hold_interrupt() as pressed:
-        stop = Stop(pressed)
+    received: list[int] = []
+    usual: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        usual = {number: signal.getsignal(number) for number in _STOPS}
 
-        def note(number: int, _: object) -> None:
-            stop.signal = number
-            pressed.set()
-            signal.signal(number, signal.SIG_DFL)
+    def note(number: int, _: object) -> None:
+        received.append(number)
+        signal.signal(number, signal.default_int_handler)
 
-        ours = []
-        if threading.current_thread() is threading.main_thread():
-            ours = [n for n in _LIKE_CTRL_C if signal.getsignal(n) is signal.SIG_DFL]
+    ours = [n for n in usual if usual[n] in (signal.SIG_DFL, signal.default_int_handler)]
+    for number in ours:
+        signal.signal(number, note)
+    try:
+        yield received
+    finally:
         for number in ours:
-            signal.signal(number, note)
-        try:
-            yield stop
-        finally:
-            for number in ours:
-                signal.signal(number, signal.SIG_DFL)
+            signal.signal(number, usual[number])
 
 
 class StudyInterrupted(KeyboardInterrupt):
@@ -177,60 +165,45 @@ def run_study(
     watcher = watcher or _Silent()
     with folder.locked(study):
         plan = plan_study(study, folder)
+        if plan.missing:  # hours of work, before which damaged files are to be named
+            for _ in folder.outcomes(run for run in plan.runs if run.digest in plan.finished):
+                pass
         folder.write_study(study)
         watcher.begin(plan)
-        runs = {run.digest: run for run in plan.missing}
-        tasks = [make_task(run, patience) for run in runs.values()]
-        with hold_stop() as stop, contextlib.closing(WorkerPool()) as pool:
+        with hold_signals() as received, contextlib.closing(WorkerPool()) as pool:
+
+            def stopped() -> bool:
+                return bool(received)
+
+            tasks = [Task(run, patience) for run in plan.missing]
             if dask is not None and tasks:
-                outcomes = dask_outcomes(tasks, address=dask, stopped=stop.pressed.is_set)
+                outcomes = dask_outcomes(tasks, address=dask, stopped=stopped)
             else:
                 outcomes = pool.perform(
                     tasks,
                     workers=workers,
-                    stopped=stop.pressed.is_set,
-                    note=lambda task, record: watcher.record(runs[task.digest], record),
+                    stopped=stopped,
+                    note=lambda task, record: watcher.record(task.run, record),
                 )
-            _save(outcomes, runs, folder, watcher)
+            with contextlib.closing(outcomes):
+                for task, outcome in outcomes:
+                    folder.save(task.run, outcome)
+                    watcher.end(task.run, outcome)
             bound_tasks = (
                 make_bound_task(mission, plan.runs, folder, study.bound_seconds)
                 for mission in plan.unbounded.values()
             )
-            bounds = pool.perform(bound_tasks, workers=workers, stopped=stop.pressed.is_set)
-            _save_bounds(bounds, plan.unbounded, folder, watcher)
+            bounds = pool.perform(bound_tasks, workers=workers, stopped=stopped)
+            with contextlib.closing(bounds):
+                for bound_task, bound in bounds:
+                    error = bound if isinstance(bound, str) else None
+                    if error is None:
+                        folder.save_bound(bound_task.mission, bound, bound_task.seconds)
+                    watcher.end_bound(bound_task.mission, error)
             tables = refresh_tables(study, folder)
-    if stop.pressed.is_set():
-        raise StudyInterrupted(stop.signal)
+    if received:
+        raise StudyInterrupted(received[-1])
     return tables
-
-
-def _save(
-    outcomes: Generator[tuple[Task, Outcome], None, None],
-    runs: Mapping[str, Run],
-    folder: StudyFolder,
-    watcher: Watcher,
-) -> None:
-    """Save outcomes as they come."""
-    with contextlib.closing(outcomes):
-        for task, outcome in outcomes:
-            run = runs[task.digest]
-            folder.save(run, outcome)
-            watcher.end(run, outcome)
-
-
-def _save_bounds(
-    bounds: Generator[tuple[BoundTask, Any], None, None],
-    missions: Mapping[str, StudyMission],
-    folder: StudyFolder,
-    watcher: Watcher,
-) -> None:
-    """Save bounds as they are found."""
-    with contextlib.closing(bounds):
-        for task, found in bounds:
-            mission, error = missions[task.digest], found if isinstance(found, str) else None
-            if error is None:
-                folder.save_bound(mission, found, task.seconds)
-            watcher.end_bound(mission, error)
 
 
 def make_tables(folder: str | os.PathLike[str]) -> StudyTables:

@@ -1,11 +1,12 @@
 """The content of a study file, checked: shapes, names, parameters, missions, grids."""
 
+import itertools
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -18,6 +19,7 @@ from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.library import load_mission, mission_faults, mission_origin
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
+from botohe_moo.study.file.code import find_problem, problem_on, refusal, stated_bounds
 from botohe_moo.study.file.config import (
     AlgorithmEntry,
     AlgorithmOrName,
@@ -27,11 +29,11 @@ from botohe_moo.study.file.config import (
     StudyFile,
     labelled,
 )
-from botohe_moo.study.file.digest import canonical
-from botohe_moo.study.file.faults import Fault, Place, shape_faults
-from botohe_moo.study.file.grids import Member, members, n_members, seeds_of
-from botohe_moo.study.file.model import Study, StudyAlgorithm, StudyMission
-from botohe_moo.study.file.problems import find_problem, problem_on, refusal, stated_bounds
+from botohe_moo.study.file.model import StudyAlgorithm, StudyMission, seeds_of
+from botohe_moo.study.file.values import canonical, value_text
+
+Place: TypeAlias = tuple[int | str, ...]  # keys and positions on the way to a value
+Fault: TypeAlias = tuple[Place, str]
 
 MAX_RUNS = 250_000  # a study takes 200 bytes for each, and every run a file
 _MAX_LISTED = 20  # labels in a message
@@ -40,55 +42,50 @@ _MISSION: TypeAdapter[MissionEntry] = TypeAdapter(MissionOrName)
 _ALGORITHM: TypeAdapter[AlgorithmEntry] = TypeAdapter(AlgorithmOrName)
 
 
+class Member(NamedTuple):
+    """One combination of a grid, or the whole of an entry without a grid."""
+
+    family: str  # label of the entry
+    label: str  # names the combination, too
+    entry: Any
+    parameters: dict[str, Any]  # all of them
+    grid: dict[str, Any]  # those of the combination
+
+
 class CheckedContent:
     """The content of a study file, checked as far as it is well-formed.
 
-    ``faults`` and ``notices`` are pairs of a place and a sentence: what is wrong there, or what has
-    no effect.
+    ``faults`` are pairs of a place and a sentence that says what is wrong there. ``packages`` are
+    those of names that earlier results know, and that are missing.
     """
 
-    def __init__(self, content: Any, folder: Path, packages: Mapping[str, str]) -> None:
+    def __init__(
+        self, content: Any, file: StudyFile | None, folder: Path, packages: Mapping[str, str]
+    ) -> None:
         self.faults: list[Fault] = []
-        self.notices: list[Fault] = []
+        self.missions: list[StudyMission] = []
+        self.algorithms: list[StudyAlgorithm] = []
         self._folder = folder
         self._packages = packages
-        self._file: StudyFile | None = None
-        self._missions: list[StudyMission] = []
-        self._algorithms: list[StudyAlgorithm] = []
-        try:
-            self._file = StudyFile.model_validate(content)
-        except ValidationError as invalid:
-            self.faults += shape_faults(content, invalid)
-        if isinstance(content, dict):
-            self._read(content)
-
-    def study(self, text: str) -> Study:
-        """Return the study, if there are no faults; ``text`` is that of its file."""
-        assert self._file is not None  # there would be faults
-        seeds = seeds_of(self._file.seeds)
-        return Study(self._file, text, tuple(self._missions), tuple(self._algorithms), seeds)
-
-    def _read(self, content: dict[str, Any]) -> None:
-        """Read the missions and algorithms whose entries are well-formed."""
+        content = content if isinstance(content, dict) else {}
         missions = _entries(_MISSION, content.get("missions"))
         algorithms = _entries(_ALGORITHM, content.get("algorithms"))
-        n_seeds = len(seeds_of(self._file.seeds)) if self._file else 1
-        n_runs = n_members(missions) * n_members(algorithms) * n_seeds
+        n_seeds = len(seeds_of(file.seeds)) if file else 1
+        n_runs = _n_members(missions) * _n_members(algorithms) * n_seeds
         if n_runs > MAX_RUNS:
             self._add(("seeds",), f"expected at most {MAX_RUNS:,} runs, found {n_runs:,}.")
             return
-        self._missions += self._read_missions(missions, _valid(_BUDGET, content.get("budget")))
+        self.missions += self._read_missions(missions, _valid(_BUDGET, content.get("budget")))
         problem = self._find_problem(content.get("problem"))
-        self._algorithms += self._read_algorithms(algorithms, problem)
+        self.algorithms += self._read_algorithms(algorithms, problem)
         self._check_refusals(problem)
         # Where one mission's runs are not limited by seconds, threads change nothing there.
-        budgets = [mission.budget for mission in self._missions]
+        budgets = [mission.budget for mission in self.missions]
         budget = next((b for b in budgets if b.seconds is None), Budget(seconds=1))
-        self._check_different("missions", [(m, m.decides()) for m in self._missions])
-        self._check_different("algorithms", [(a, a.decides(budget)) for a in self._algorithms])
-        if self._file and not self.faults:
-            self._check_control(self._file.comparison.control)
-            self._check_recording(self._file.recording.at)
+        self._check_different("missions", [(m, m.decides()) for m in self.missions])
+        self._check_different("algorithms", [(a, a.decides(budget)) for a in self.algorithms])
+        if file and not self.faults:
+            self._check_control(file.comparison.control)
 
     def _add(self, place: Place, said: str) -> None:
         self.faults.append((place, said))
@@ -96,7 +93,7 @@ class CheckedContent:
     def _read_missions(
         self, entries: Mapping[str, MissionEntry], budget: Budget | None
     ) -> Iterator[StudyMission]:
-        for member in members(entries):
+        for member in _members(entries):
             entry: MissionEntry = member.entry
             name = entry.mission
             if Path(name).suffix.lower() in SUFFIXES or "/" in name or os.sep in name:
@@ -142,7 +139,7 @@ class CheckedContent:
         self, entries: Mapping[str, AlgorithmEntry], problem: str | None
     ) -> Iterator[StudyAlgorithm]:
         origins: dict[str, dict[str, str | None]] = {}  # files are read once
-        for member in members(entries):
+        for member in _members(entries):
             name = member.entry.algorithm
             if found := algorithm_faults(name, member.parameters, plain=True):
                 self._blame("algorithm", member, name, found)
@@ -186,9 +183,9 @@ class CheckedContent:
             return None
         try:
             find_problem(path)
-            self._missions = [
+            self.missions = [
                 replace(mission, objective_bounds=stated_bounds(mission, path))
-                for mission in self._missions
+                for mission in self.missions
             ]
         except ValueError as error:
             self._add(("problem",), self._said_of(path, f"{error}."))
@@ -197,10 +194,10 @@ class CheckedContent:
 
     def _check_refusals(self, path: str | None) -> None:
         """Note which algorithms refuse the problem of the study, before anything runs."""
-        if path is None or not self._missions:
+        if path is None or not self.missions:
             return
-        for algorithm in self._algorithms:
-            problem = problem_on(self._missions[0], path)
+        for algorithm in self.algorithms:
+            problem = problem_on(self.missions[0], path)
             if said := refusal(problem, algorithm.algorithm, dict(algorithm.parameters)):
                 place = ("algorithms", algorithm.family, "algorithm")
                 self._add(place, f"{algorithm.algorithm!r}: {said}")
@@ -213,15 +210,12 @@ class CheckedContent:
             if other is member:
                 continue
             said = f"{quoted(member.label)} is the same as {quoted(other.label)}"
-            if kind == "algorithms" and (member.algorithm, member.parameters) != (
-                other.algorithm,
-                other.parameters,
-            ):
+            if kind == "algorithms":
                 said += ": defaults, spellings and numbers of threads make no other run"
             self._add((kind, member.family), f"{said}.")
 
     def _check_control(self, control: str | None) -> None:
-        labels = [algorithm.label for algorithm in self._algorithms]
+        labels = [algorithm.label for algorithm in self.algorithms]
         if control is not None and control not in labels:
             known = ", ".join(nearest_first(control, labels)[:_MAX_LISTED])
             self._add(
@@ -229,13 +223,20 @@ class CheckedContent:
                 f"there is no algorithm {quoted(control)} in this study; its labels are {known}.",
             )
 
-    def _check_recording(self, at: Sequence[int]) -> None:
-        """Note numbers of evaluations that no run makes."""
-        most = max(mission.budget.evaluations or math.inf for mission in self._missions)
-        for position, count in enumerate(at):
-            if count > most:
-                said = f"no run makes {count:,} evaluations: the largest budget is {most:,}."
-                self.notices.append((("recording", "at", position), said))
+
+def _n_members(entries: Mapping[str, MissionEntry | AlgorithmEntry]) -> int:
+    """Return how many missions or algorithms the entries are, with their grids expanded."""
+    return sum(math.prod(map(len, entry.grid.values())) for entry in entries.values())
+
+
+def _members(entries: Mapping[str, MissionEntry | AlgorithmEntry]) -> Iterator[Member]:
+    """Expand the grids of all missions or algorithms."""
+    for family, entry in entries.items():
+        for combination in itertools.product(*entry.grid.values()):
+            grid = dict(zip(entry.grid, combination, strict=True))
+            named = ", ".join(f"{name}={value_text(value)}" for name, value in grid.items())
+            label = f"{family} ({named})" if named else family
+            yield Member(family, label, entry, {**entry.parameters, **grid}, grid)
 
 
 def _entries(entry: TypeAdapter[Any], content: Any) -> dict[str, Any]:

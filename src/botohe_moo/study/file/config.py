@@ -1,7 +1,5 @@
 """The study file: what may stand in it, as pydantic models."""
 
-from collections import Counter
-from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -10,7 +8,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    StringConstraints,
     ValidationInfo,
     field_validator,
     model_validator,
@@ -18,31 +15,11 @@ from pydantic import (
 
 from botohe_moo._base.checks import check_choice, quoted
 from botohe_moo.indicators import INDICATORS
+from botohe_moo.study.file.values import Label, Name, Text, different, once
 
 MAX_EVALUATIONS = 10**12
 MAX_SEED = 2**32 - 1
 MAX_SEEDS = 100_000
-
-
-def _text(value: str) -> str:
-    """Refuse what a line of a figure or of a table cannot show."""
-    if not value.isprintable() or value != value.strip():
-        expected = "one line of printable characters without spaces around it"
-        raise ValueError(f"expected {expected}, got {quoted(value)}")
-    return value
-
-
-def _label(value: str) -> str:
-    """Refuse what the legends of matplotlib hide."""
-    if value.startswith("_"):
-        raise ValueError(f"expected a label that does not begin with _, got {quoted(value)}")
-    return value
-
-
-def _check_different(what: str, values: Sequence[Any]) -> None:
-    value, count = Counter(values).most_common(1)[0] if values else ("", 1)
-    if count > 1:
-        raise ValueError(f"expected each {what} once; {quoted(value)} is there {count} times")
 
 
 def _indicator(value: str) -> str:
@@ -50,43 +27,35 @@ def _indicator(value: str) -> str:
     return value
 
 
-def _different_indicators(values: list[str]) -> list[str]:
-    _check_different("indicator", values)
-    return values
-
-
-def _list_indicators(schema: dict[str, Any]) -> None:
-    """State in the JSON Schema which indicators are registered."""
-    schema["enum"] = [*INDICATORS]
-
-
 def labelled(value: Any) -> Any:
     """Return entries under labels, where a list of names is given instead."""
     if isinstance(value, list) and all(isinstance(name, str) for name in value):
-        _check_different("name", value)
-        return {name: name for name in value}
+        return {name: name for name in different("name", value)}
     return value
 
 
 IndicatorName = Annotated[
-    str, AfterValidator(_indicator), Field(json_schema_extra=_list_indicators)
+    str,
+    AfterValidator(_indicator),
+    Field(json_schema_extra=lambda schema: schema.update(enum=[*INDICATORS])),
 ]
-Text = Annotated[str, StringConstraints(min_length=1, max_length=200), AfterValidator(_text)]
-Label = Annotated[Text, AfterValidator(_label)]
-Name = Annotated[str, StringConstraints(max_length=100, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 Names = Annotated[list[str], Field(min_length=1)]
 Count = Annotated[int, Field(ge=1, le=MAX_EVALUATIONS)]
 Seconds = Annotated[float, Field(gt=0, le=1e9)]
-Length = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Length = Annotated[float, Field(ge=0)]
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
-Values = Annotated[list[Any], Field(min_length=1)]
+Values = Annotated[list[Any], Field(min_length=1), once("value")]
 
 
 class _Entry(BaseModel):
     """A mapping in the study file: nothing is converted, and no key is ignored."""
 
     model_config = ConfigDict(
-        extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True
+        allow_inf_nan=False,
+        extra="forbid",
+        frozen=True,
+        strict=True,
+        use_attribute_docstrings=True,
     )
 
 
@@ -150,9 +119,9 @@ class MissionEntry(_Entry):
         return {name: value for name, value in given.items() if value}
 
     @model_validator(mode="after")
-    def _says_once(self) -> Self:
+    def _saysonce(self) -> Self:
         own = ["name_or_path", *self.own_parameters]
-        _check_different("parameter", [*own, *self.parameters, *self.grid])
+        different("parameter", [*own, *self.parameters, *self.grid])
         return self
 
 
@@ -167,8 +136,8 @@ class AlgorithmEntry(_Entry):
     """Parameters with several values each; every combination is an algorithm."""
 
     @model_validator(mode="after")
-    def _says_once(self) -> Self:
-        _check_different("parameter", [*self.parameters, *self.grid])
+    def _saysonce(self) -> Self:
+        different("parameter", [*self.parameters, *self.grid])
         return self
 
 
@@ -184,7 +153,14 @@ class Seeds(_Entry):
     seed: Seed | None = None
     """Seed of the study, from which and from its number each repetition's seed derives; without
     it the seeds are 1, 2, ..., count."""
-    values: Annotated[list[Seed], Field(min_length=1, max_length=MAX_SEEDS)] | None = None
+    values: (
+        Annotated[
+            list[Seed],
+            Field(min_length=1, max_length=MAX_SEEDS),
+            once("seed"),
+        ]
+        | None
+    ) = None
     """The seeds themselves, instead of a count."""
 
     @model_validator(mode="after")
@@ -194,7 +170,6 @@ class Seeds(_Entry):
             raise ValueError(f"expected either count or values, found {found}")
         if self.values is not None and self.seed is not None:
             raise ValueError("expected no seed beside values, which are the seeds themselves")
-        _check_different("seed", self.values or ())
         return self
 
 
@@ -268,7 +243,7 @@ class StudyFile(_Entry):
     indicators: Annotated[
         list[IndicatorName],
         Field(default_factory=lambda: [*INDICATORS], min_length=1),
-        AfterValidator(_different_indicators),
+        once("indicator"),
     ]
     """What fronts are judged by."""
     comparison: Comparison = Comparison()

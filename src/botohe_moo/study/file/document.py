@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.constructor import DuplicateKeyError, SafeConstructor
+from ruamel.yaml.constructor import ConstructorError, DuplicateKeyError, SafeConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
@@ -25,8 +25,10 @@ class _Constructor(SafeConstructor):
         """Merge what ``<<`` names; keys are texts, as labels may be 2 or true."""
         super().flatten_mapping(node)
         for key, _ in node.value:
-            if isinstance(key, ScalarNode):
-                key.tag = f"{_TAG}str"
+            if not isinstance(key, ScalarNode):
+                said = "expected a text as a key of a mapping, found a list or a mapping"
+                raise ConstructorError(problem=said, problem_mark=key.start_mark)
+            key.tag = f"{_TAG}str"
 
 
 # YAML 1.2 has no dates.
@@ -62,8 +64,6 @@ class Document:
             raise DocumentError(line, f"{error.reason} (#x{error.character:04x})") from None
         except MarkedYAMLError as error:
             raise DocumentError(*_explained(error)) from None
-        except TypeError:  # a list of lists as a key
-            raise DocumentError(1, "a key of a mapping is not a text or a number") from None
         except (YAMLError, ValueError, ArithmeticError, LookupError, RecursionError) as error:
             raise DocumentError(1, str(error)) from None
 

@@ -2,20 +2,21 @@
 
 import json
 import os
-import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
+from pydantic import BaseModel, ValidationError
 
 from botohe_moo._base.checks import nearest_first, quoted
 from botohe_moo._base.files import read_bytes
-from botohe_moo.study.file.checking import CheckedContent
+from botohe_moo._plugins.messages import own_message, way_into, wrong_value
+from botohe_moo.study.file.checking import CheckedContent, Fault, Place
+from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.document import Document, DocumentError
-from botohe_moo.study.file.faults import Fault, Place
-from botohe_moo.study.file.model import MANIFEST, Study, StudyError, study_folder
+from botohe_moo.study.file.model import MANIFEST, Study, StudyError, seeds_of, study_folder
 
 
 def load_study(
@@ -35,11 +36,6 @@ def load_study(
     ------
     StudyError
         Lists every fault: the file and line, what was expected and what was found.
-
-    Warns
-    -----
-    UserWarning
-        Names what is allowed but without effect, such as a record beyond every budget.
 
     Examples
     --------
@@ -66,12 +62,57 @@ def load_study(
         except DocumentError as error:
             raise StudyError(f"{path}:{error}") from None
         content = _as_json(document.content, f"{path}: ")
-    checked = CheckedContent(content, path.parent, _missing_packages(content, out))
-    if checked.faults:
-        raise StudyError("\n".join(_lines(checked.faults, path, document)))
-    for notice in _lines(checked.notices, path, document):
-        warnings.warn(notice, stacklevel=2)
-    return checked.study(text)
+    file, faults = None, []
+    try:
+        file = StudyFile.model_validate(content)
+    except ValidationError as invalid:
+        faults = _shape_faults(content, invalid)
+    checked = CheckedContent(content, file, path.parent, _missing_packages(content, out))
+    faults += checked.faults
+    if faults or file is None:
+        raise StudyError("\n".join(_lines(faults, path, document)))
+    missions, algorithms = tuple(checked.missions), tuple(checked.algorithms)
+    return Study(file, text, missions, algorithms, seeds_of(file.seeds))
+
+
+def _shape_faults(content: Any, invalid: ValidationError) -> list[Fault]:
+    """Return the places and sentences of what pydantic found wrong with a file's content."""
+    found: dict[Place, list[Mapping[str, Any]]] = {}
+    for error in invalid.errors(include_url=False):
+        place = way_into(content, error["loc"])
+        if error["loc"] and (not place or error["type"] == "missing"):
+            place = (*place, error["loc"][-1])  # a key that is not there
+        found.setdefault(place, []).append(error)
+    return [(place, _sentence(place, errors)) for place, errors in found.items()]
+
+
+def _sentence(place: Place, errors: Sequence[Mapping[str, Any]]) -> str:
+    kind = errors[0]["type"]
+    if kind == "missing":
+        return f"expected the key {place[-1]!r}, which is missing."
+    if kind == "extra_forbidden":
+        known = ", ".join(nearest_first(str(place[-1]), _known_keys(place[:-1])))
+        return f"there is no key {quoted(place[-1])}; known are {known}."
+    if kind == "value_error":
+        return f"{own_message(errors[0]).rstrip('.')}."
+    name = str(place[-1]) if place else "the study"
+    if place and isinstance(place[-1], int):
+        name = f"{place[-2]}[{place[-1]}]"
+    return wrong_value(name, *errors).removeprefix(f"{name}: ")  # the place says it
+
+
+def _known_keys(place: Place) -> list[str]:
+    """Return the keys that the mapping at a place may have."""
+    model: type[BaseModel] = StudyFile
+    for step in place[:1] + place[2:]:  # without labels, which come second
+        model = _model_in(model.model_fields[str(step)].annotation) or model
+    return list(model.model_fields)
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_model_in, get_args(annotation))), None)
 
 
 def _lines(found: Iterable[Fault], path: Path, document: Document | None) -> list[str]:
@@ -79,16 +120,10 @@ def _lines(found: Iterable[Fault], path: Path, document: Document | None) -> lis
     numbered: dict[tuple[int, str], None] = {}
     for place, said in found:
         line = document.line(place) if document else 0
-        numbered[line, " ".join(f"{_dotted(place)}{said}".split())] = None
+        named = f"{'.'.join(map(str, place))}: {said}" if place else said
+        numbered[line, " ".join(named.split())] = None
     ordered = sorted(numbered, key=lambda entry: entry[0])
     return [f"{path}:{line}: {said}" if document else said for line, said in ordered]
-
-
-def _dotted(place: Place) -> str:
-    steps = (str(step) for step in place)
-    return f"{'.'.join(step if step.isprintable() else repr(step) for step in steps)}: " * bool(
-        place
-    )
 
 
 def _as_json(content: Any, where: str = "") -> Any:
@@ -114,9 +149,7 @@ def _text(path: Path) -> str:
         among = sorted(p.name for p in path.parent.glob("[!.]*.y*ml"))
         near = f"; beside it are {', '.join(nearest_first(path.name, among))}" if among else ""
         raise StudyError(f"{path}: there is no such file{near}.") from None
-    except OSError as error:
-        raise StudyError(f"{path}: cannot be read ({error.strerror}).") from None
-    except ValueError as error:  # such as text that is not UTF-8
+    except (OSError, ValueError) as error:  # such as text that is not UTF-8
         raise StudyError(f"{path}: cannot be read ({error}).") from None
 
 

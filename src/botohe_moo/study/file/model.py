@@ -1,22 +1,26 @@
 """A study as data: its missions, algorithms and runs, and what each run's result depends on."""
 
+import functools
 import hashlib
 import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import AfterValidator, InstanceOf
 
 from botohe_moo.algorithms.origin import AlgorithmIdentity
 from botohe_moo.indicators import Scale, largest_objectives
 from botohe_moo.mission.model import Mission
-from botohe_moo.study.file.config import Budget, Recording, StudyFile
-from botohe_moo.study.file.digest import canonical, installed_versions
+from botohe_moo.study.file.config import Budget, Recording, Seeds, StudyFile
+from botohe_moo.study.file.values import canonical
 
 MANIFEST = "study.json"
+PACKAGES = {"version": "botohe-moo", "pymoo": "pymoo"}  # algorithms derive from pymoo's
 
 
 class StudyError(ValueError):
@@ -32,6 +36,12 @@ class StudyError(ValueError):
     ...     print(error)
     budget.evaluations: Expected evaluations >= 1, got 0.
     """
+
+
+@functools.cache  # they are read from files
+def installed_versions() -> Mapping[str, str]:
+    """Return the versions of the packages that every result depends on."""
+    return {name: version(package) for name, package in PACKAGES.items()}
 
 
 def study_folder(name: object, out: str | os.PathLike[str] | None = None) -> Path:
@@ -125,6 +135,23 @@ class Run:
     def identity(self) -> dict[str, Any]:
         """Everything that the result of the run depends on."""
         return {**self.setting, "seed": self.seed}
+
+    @property
+    def problem(self) -> str | None:
+        """A problem of your own as ``module:Class``; None for BOTOHE."""
+        return self.algorithm.origin.get("problem")
+
+
+def seeds_of(seeds: Seeds) -> tuple[int, ...]:
+    """Return the seeds of the repetitions; a seed does not depend on their number."""
+    if seeds.values is not None:
+        return tuple(seeds.values)
+    numbers = range(1, (seeds.count or 0) + 1)
+    if seeds.seed is None:
+        return tuple(numbers)
+    return tuple(
+        int(np.random.SeedSequence([seeds.seed, number]).generate_state(1)[0]) for number in numbers
+    )
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,7 @@ from botohe_moo.study.judge.summary import (
 )
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.task import Outcome
-from botohe_moo.study.store.folder import StudyFolder, writing
-from botohe_moo.study.store.run_files import outcome_fields
+from botohe_moo.study.store.folder import OUTCOME_FIELDS, StudyFolder, writing
 from botohe_moo.study.store.schemas import SCHEMAS
 from botohe_moo.study.store.tables import to_arrow, write_tables
 
@@ -39,10 +38,10 @@ _Found: TypeAlias = Sequence[tuple[Run, Outcome]]
 def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> None:
     """Make all tables of a study, of the runs and bounds that are there, and write them.
 
-    ``made_from`` is the digest of what they are made from. A StudyError names a file that is
-    damaged, or a bound that a run refutes, or says that the folder cannot be written to.
+    ``made_from`` is the digest of what they are made from. A StudyError names the files that
+    are damaged, or a bound that a run refutes, or says that the folder cannot be written to.
     """
-    found = [(run, outcome) for run in study.runs() if (outcome := folder.load(run))]
+    found = list(folder.outcomes(study.runs()))
     missions = {mission.label: mission.mission for mission in study.missions}
     manifest = study.manifest()
     bounds = {
@@ -75,7 +74,7 @@ def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
     budget = run.mission.budget
     last = outcome.records[-1] if outcome.records else None
     return {
-        **outcome_fields(outcome),
+        **{name: getattr(outcome, name) for name in OUTCOME_FIELDS},
         "run": run.digest,
         "mission": run.mission.label,
         "algorithm": run.algorithm.label,

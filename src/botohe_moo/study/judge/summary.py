@@ -1,6 +1,7 @@
 """The tables that describe: ``missions``, ``algorithms``, ``summary`` and ``targets``."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy import stats
 from botohe_moo.indicators import TIE, Scale, area_indicator, further_indicators
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds import FrontBound
-from botohe_moo.study.file.digest import canonical, value_text
+from botohe_moo.study.file.values import canonical, value_text
 from botohe_moo.study.judge.scores import (
     as_table,
     best_first,
@@ -105,9 +106,10 @@ def _widened(
 def _typed(values: list[Any]) -> "pd.Series[Any]":
     """Return a column of the common type of its values; texts where there is none."""
     kinds = {type(value) for value in values if value is not None}
-    for dtype, numbers in (("boolean", {bool}), ("Int64", {int}), ("float64", {int, float})):
-        if kinds and kinds <= numbers:
-            return pd.Series(values, dtype=dtype)
+    with suppress(OverflowError):  # an integer of more than 64 bits
+        for dtype, numbers in (("boolean", {bool}), ("Int64", {int}), ("float64", {int, float})):
+            if kinds and kinds <= numbers:
+                return pd.Series(values, dtype=dtype)
     texts = [value if value is None else value_text(value) for value in values]
     return pd.Series(texts, dtype="str")
 

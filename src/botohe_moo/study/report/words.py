@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from botohe_moo.indicators import INDICATORS
-from botohe_moo.study.file.digest import value_text
+from botohe_moo.study.file.values import value_text
 from botohe_moo.study.judge.scores import merge_ties
 from botohe_moo.study.store.tables import StudyTables
 

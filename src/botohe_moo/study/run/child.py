@@ -13,25 +13,30 @@ import select
 import signal
 import threading
 import time
+import traceback
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo.study.file.digest import code_mismatch
+from botohe_moo.mission.library import load_mission
+from botohe_moo.study.file.code import code_mismatch
 from botohe_moo.study.run.environment import environment
-from botohe_moo.study.run.perform import perform, warm_up
+from botohe_moo.study.run.perform import WARM_UP_LENGTH, WARM_UP_SURVIVAL, perform, warm_up
 from botohe_moo.study.run.task import (
     MOST_SECONDS_TO_START,
     BoundTask,
     Outcome,
     Task,
     failure,
-    seconds_allowed,
 )
 
 if TYPE_CHECKING:
     from botohe_moo.search.bounds import FrontBound
+
+# Small missions: one that gets its true front, and one whose bound soon reaches this gap.
+_WARM_UP_MISSIONS = ("toy", "power_plant")
+_WARM_UP_GAP = 0.5
 
 
 def main() -> None:
@@ -45,7 +50,10 @@ def main() -> None:
         while True:
             connection.send(("ready", None))
             task: Task | BoundTask = connection.recv()
-            result = _bound(task) if isinstance(task, BoundTask) else _run(task, warm, connection)
+            if isinstance(task, BoundTask):
+                result: Any = perform_bound(task)
+            else:
+                result = _run(task, warm, connection)
             _end_unless_within(math.inf)
             connection.send(("end", result))
 
@@ -53,33 +61,63 @@ def main() -> None:
 def _run(task: Task, warm: set[tuple[str, str]], connection: Connection) -> Outcome:
     """Perform a run, and send its records; the process ends where the run takes too long."""
     _end_unless_within(MOST_SECONDS_TO_START)
-    origin = task.algorithm, task.parameters, task.origin
-    if mismatch := code_mismatch({"version": task.version}, [origin]):
+    run = task.run
+    if mismatch := code_mismatch({"version": run.setting["version"]}, [run.algorithm]):
         return failure(f"the worker {mismatch}")
-    key = task.algorithm, repr(task.parameters)
+    key = run.algorithm.algorithm, repr(run.algorithm.parameters)
     if key not in warm:
         warm.add(key)
         with contextlib.suppress(Exception):  # the run will raise and report it
-            warm_up(task)
+            warm_up(run)
     began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     connection.send(("begin", (began, environment())))
     # Algorithms have a generator of their own. Those that draw from the global ones should at
     # least draw the same numbers again.
-    random.seed(task.seed)
-    np.random.seed(task.seed % 2**32)  # noqa: NPY002
-    seconds = seconds_allowed(task)
+    random.seed(run.seed)
+    np.random.seed(run.seed)  # noqa: NPY002
+    seconds = task.seconds_allowed
     _end_unless_within(seconds)
-    progress = functools.partial(_end_unless_within, seconds) if task.seconds is None else None
-    return perform(task, lambda record: connection.send(("record", record)), progress)
+    unlimited = run.mission.budget.seconds is None
+    progress = functools.partial(_end_unless_within, seconds) if unlimited else None
+    return perform(run, lambda record: connection.send(("record", record)), progress)
 
 
-def _bound(task: BoundTask) -> "FrontBound | str":
+def perform_bound(task: BoundTask) -> "FrontBound | str":
+    """Bound the front of a mission; an exception becomes a line that says what it was."""
     # Imported late: runs do not need it.
-    from botohe_moo.study.run.bound import find_bound, warm_up_bounds
+    from botohe_moo.search.bounds import bound_front
 
+    mission = task.mission
     with contextlib.suppress(Exception):  # the bound will raise and report it
-        warm_up_bounds(floor=task.min_survival > 0, budget=task.max_length < math.inf)
-    return find_bound(task)
+        _warm_up_bounds(floor=mission.min_survival > 0, budget=mission.max_length is not None)
+    try:
+        return bound_front(
+            mission.mission,
+            front=task.front,
+            time_limit=task.seconds,
+            min_survival=mission.min_survival,
+            max_length=math.inf if mission.max_length is None else mission.max_length,
+        )
+    except Exception as error:
+        return " ".join("".join(traceback.format_exception_only(error)).split())
+
+
+@functools.cache
+def _warm_up_bounds(*, floor: bool, budget: bool) -> None:
+    """Compile, or load from the cache, the kernels that a bound needs, so that it is not timed.
+
+    A limit, however loose, has kernels of its own: a survival floor, and a travel budget.
+    """
+    from botohe_moo.search.bounds import bound_front
+
+    for name in _WARM_UP_MISSIONS:
+        bound_front(
+            load_mission(name),
+            time_limit=MOST_SECONDS_TO_START,
+            gap=_WARM_UP_GAP,
+            min_survival=WARM_UP_SURVIVAL if floor else 0.0,
+            max_length=WARM_UP_LENGTH if budget else math.inf,
+        )
 
 
 def _end_unless_within(seconds: float) -> None:

@@ -1,24 +1,24 @@
 """Performing runs on a Dask cluster; workers without the same code get none."""
 
 import contextlib
-import queue
 import socket
 import threading
 import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import Future
 from typing import Any
 from urllib.parse import urlsplit
 
-from botohe_moo.study.file.digest import code_mismatch, installed_versions
-from botohe_moo.study.file.model import StudyError
+from botohe_moo.study.file.code import code_mismatch
+from botohe_moo.study.file.model import StudyError, installed_versions
 from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.run.task import Outcome, Task, failure
 
 _SECONDS_BETWEEN_CHECKS = 0.2
 _SECONDS_TO_CONNECT = 10
-_SECONDS_TO_FETCH = 60.0  # an outcome that is there
+_SECONDS_TO_FETCH = 60.0  # an outcome, when its run has ended
 _SECONDS_WITHOUT_WORKERS = 3.0  # before a warning
 
 
@@ -38,8 +38,8 @@ def dask_outcomes(
         try:
             while (waiting or running) and not stopped():
                 threads = workers.count_threads()
-                for future, (task, given) in list(running.items()):
-                    have_left = given.isdisjoint(threads)
+                for future, (task, asked) in list(running.items()):
+                    have_left = asked.isdisjoint(threads)
                     if not (have_left or future.done()):
                         continue
                     del running[future]
@@ -51,7 +51,7 @@ def dask_outcomes(
                         waiting.append(task)
                 while waiting and len(running) < sum(threads.values()):
                     task = waiting.popleft()
-                    key = f"run-{task.digest}-{time.time_ns()}"
+                    key = f"run-{task.run.digest}-{time.time_ns()}"
                     future = client.submit(_perform_on_worker, task, key=key, workers=[*threads])
                     running[future] = task, set(threads)
                 _wait_for_any(client, running)
@@ -106,26 +106,23 @@ def _connected(address: str) -> Any:
         ) from None
     connect: Any = Client  # untyped
     where = check_address(address)
-    made: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    made: Future[Any] = Future()
 
     def act() -> None:
         try:
             # A client without a scheduler leaves threads behind that log errors at the end.
             socket.create_connection(where, timeout=_SECONDS_TO_CONNECT).close()
-            made.put(connect(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False))
+            made.set_result(connect(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False))
         except Exception as error:
-            made.put(error)
+            made.set_exception(error)
 
     # A client waits for ever for a server that is not Dask's, such as that of its dashboard.
     threading.Thread(target=act, daemon=True).start()
     try:
-        client = made.get(timeout=2 * _SECONDS_TO_CONNECT)
-    except queue.Empty:
-        client = TimeoutError(f"no answer within {2 * _SECONDS_TO_CONNECT:g} seconds")
-    if isinstance(client, Exception):
-        said = str(client).partition("\n")[0]
-        raise StudyError(f"No Dask scheduler answers at {address!r} ({said}).")
-    return client
+        return made.result(timeout=2 * _SECONDS_TO_CONNECT)
+    except Exception as error:
+        said = str(error).partition("\n")[0] or "it does not answer as one"
+        raise StudyError(f"No Dask scheduler answers at {address!r} ({said}).") from None
 
 
 class _FitWorkers:
@@ -134,23 +131,23 @@ class _FitWorkers:
     def __init__(self, client: Any, address: str, tasks: Sequence[Task]) -> None:
         self._client = client
         self._address = address
-        origins = ((task.algorithm, task.parameters, task.origin) for task in tasks)
-        self._origins = [*{repr(origin): origin for origin in origins}.values()]
+        algorithms = (task.run.algorithm for task in tasks)
+        self._algorithms = [*{algorithm.label: algorithm for algorithm in algorithms}.values()]
         self._is_fit: dict[str, bool] = {}  # by address
         self._idle_since = time.monotonic()
 
     def count_threads(self) -> dict[str, int]:
         """Return the number of threads of each fit worker, by its address."""
         try:
-            there: dict[str, int] = self._client.nthreads()
-            if new := there.keys() - self._is_fit.keys():
+            threads: dict[str, int] = self._client.nthreads()
+            if new := threads.keys() - self._is_fit.keys():
                 self._check(sorted(new))
         except (OSError, ValueError, TypeError, RuntimeError):  # the connection is closed
             raise StudyError(
                 "The Dask scheduler is gone. All runs that are finished are kept; run the study "
                 "again to go on."
             ) from None
-        fit = {address: n for address, n in there.items() if self._is_fit.get(address)}
+        fit = {address: n for address, n in threads.items() if self._is_fit.get(address)}
         if fit:
             self._idle_since = time.monotonic()
         elif time.monotonic() - self._idle_since > _SECONDS_WITHOUT_WORKERS:
@@ -163,7 +160,7 @@ class _FitWorkers:
         answers = self._client.run(
             code_mismatch,
             installed_versions(),
-            self._origins,
+            self._algorithms,
             workers=addresses,
             on_error="return",
         )

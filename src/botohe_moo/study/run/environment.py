@@ -7,7 +7,7 @@ import json
 import os
 import platform
 import subprocess
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ def environment() -> dict[str, Any]:
         "botohe_moo": version("botohe-moo"),
         "commit": _commit(),
         "python": platform.python_version(),
-        "packages": " ".join(f"{name}=={_version(name)}" for name in _PACKAGES),
+        "packages": " ".join(f"{name}=={version(name)}" for name in _PACKAGES),
         "system": f"{platform.system()} {platform.release()}",
         "machine": platform.node(),
         "processor": _processor(),
@@ -34,13 +34,6 @@ def environment() -> dict[str, Any]:
     }
     digest = hashlib.sha256(json.dumps(found, sort_keys=True).encode()).hexdigest()[:12]
     return {"environment": digest, **found}
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "missing"
 
 
 def n_cpus() -> int:

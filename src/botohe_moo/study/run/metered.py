@@ -1,15 +1,13 @@
 """Problems that count evaluations themselves, for algorithms that may not."""
 
-import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.mission.validation import PlanError
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch
@@ -38,7 +36,7 @@ class MeteredBOTOHE(BOTOHE):
     Parameters
     ----------
     problem
-        What evaluates: BOTOHE, or a problem of your own, which the errors of its methods name.
+        What evaluates: BOTOHE, or a problem of your own.
     meter
         The count and its limit.
     """
@@ -55,8 +53,7 @@ class MeteredBOTOHE(BOTOHE):
         if len(allowed) == 0 < len(batch):
             raise BudgetSpentError
         meter.spent += len(allowed)
-        with blamed(self.problem, "evaluate_batch"):
-            F = self.problem.evaluate_batch(allowed)
+        F = self.problem.evaluate_batch(allowed)
         if meter.progress is not None:
             meter.progress()
         if meter.archive is not None:
@@ -72,8 +69,7 @@ class MeteredBOTOHE(BOTOHE):
 
     def constrain_batch(self, batch: PlanBatch) -> FloatArray:
         """Compute the problem's constraints."""
-        with blamed(self.problem, "constrain_batch"):
-            return self.problem.constrain_batch(batch)
+        return self.problem.constrain_batch(batch)
 
     @property
     def objective_bounds(self) -> tuple[float, float]:
@@ -100,18 +96,3 @@ class MeteredBOTOHE(BOTOHE):
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self  # pymoo copies the problem with the algorithm; both count together
-
-
-@contextlib.contextmanager
-def blamed(problem: BOTOHE, method: str) -> Iterator[None]:
-    """Name a problem of your own in the ValueError that becomes of whatever a method raises."""
-    try:
-        yield
-    except PlanError:  # the algorithm is to blame
-        raise
-    except Exception as error:
-        kind = type(problem)
-        if kind is BOTOHE:
-            raise
-        found = f"{type(error).__name__}: {error}"
-        raise ValueError(f"{kind.__module__}:{kind.__qualname__}.{method}: {found}") from error

@@ -1,11 +1,11 @@
-"""Performing one run: from a task to records and an outcome."""
+"""Performing one run: from a run to records and an outcome."""
 
 import bisect
 import math
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,14 +20,16 @@ from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.mission.library import load_mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
-from botohe_moo.study.file.problems import check_objectives, problem_on
-from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE, blamed
-from botohe_moo.study.run.task import Outcome, Record, Task, failure
+from botohe_moo.study.file.code import check_objectives, problem_on
+from botohe_moo.study.file.config import Budget
+from botohe_moo.study.file.model import Run
+from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
+from botohe_moo.study.run.task import Outcome, Record, failure
 from botohe_moo.trails import PlanBatch
 
 
 def record_counts(
-    *, evaluations: int | None, per_decade: int, start: float, at: tuple[int, ...]
+    *, evaluations: int | None, per_decade: int, start: float, at: Sequence[int]
 ) -> list[int]:
     """List the numbers of evaluations at which a front is recorded.
 
@@ -45,13 +47,17 @@ class Recorder:
     """Measures an algorithm's own time, and sends a record of its front whenever one is due."""
 
     def __init__(
-        self, task: Task, archive: Callable[[], PlanArchive], send: Callable[[Record], None]
+        self, run: Run, archive: Callable[[], PlanArchive], send: Callable[[Record], None]
     ) -> None:
         self._archive = archive
         self._send = send
-        self._whole = task.seconds is not None  # it may be killed before it can send its plans
+        budget, recording = run.mission.budget, run.recording
+        self._whole = budget.seconds is not None  # it may be killed before it can send its plans
         self._counts = record_counts(
-            evaluations=task.evaluations, per_decade=task.per_decade, start=task.start, at=task.at
+            evaluations=budget.evaluations,
+            per_decade=recording.per_decade,
+            start=recording.start,
+            at=recording.at,
         )
         self._next = self._counts[0]
         self.recording = 0.0
@@ -88,7 +94,7 @@ WARM_UP_LENGTH = 1e9
 
 
 def perform(
-    task: Task, send: Callable[[Record], None], progress: Callable[[], Any] | None = None
+    run: Run, send: Callable[[Record], None], progress: Callable[[], Any] | None = None
 ) -> Outcome:
     """Perform a run; every record is sent when it is made, and is not in the outcome.
 
@@ -96,20 +102,21 @@ def perform(
     the outcome of a failed run. The receiver has to verify the last record: an algorithm may have
     changed the mission that this process knows.
     """
+    allowed = run.mission.budget.evaluations
     meter = Meter(progress=progress)
     recorder = None
     try:
-        algorithm = make_algorithm(task.algorithm, **task.parameters)
-        problem = problem_on(task, task.problem)
-        recorder = Recorder(task, lambda: _archive(algorithm, problem, meter), send)
-        termination = NoTermination() if task.evaluations is None else ("n_eval", task.evaluations)
+        algorithm = make_algorithm(run.algorithm.algorithm, **run.algorithm.parameters)
+        problem = problem_on(run.mission, run.problem)
+        recorder = Recorder(run, lambda: _archive(algorithm, problem, meter), send)
+        termination = NoTermination() if allowed is None else ("n_eval", allowed)
         algorithm.setup(
-            _metered(task, algorithm, problem, meter), termination=termination, seed=task.seed
+            _metered(algorithm, problem, meter, allowed), termination=termination, seed=run.seed
         )
-        stopped_by = _loop(task, algorithm, meter, recorder)
+        stopped_by = _loop(run.mission.budget, algorithm, meter, recorder)
         seconds = recorder.elapsed()
-        if task.evaluations is not None and meter.spent > task.evaluations:
-            raise RuntimeError(f"evaluated {meter.spent} plans of the {task.evaluations} allowed")
+        if allowed is not None and meter.spent > allowed:
+            raise RuntimeError(f"evaluated {meter.spent} plans of the {allowed} allowed")
         archive = _archive(algorithm, problem, meter)
         recorder.record(meter.spent, seconds, whole=True)
     except (Exception, SystemExit) as error:  # an algorithm may end its own run only
@@ -127,11 +134,11 @@ def perform(
     )
 
 
-def _metered(task: Task, algorithm: Algorithm, problem: BOTOHE, meter: Meter) -> BOTOHE:
+def _metered(algorithm: Algorithm, problem: BOTOHE, meter: Meter, allowed: int | None) -> BOTOHE:
     """Return the problem, metered unless it is certain that the algorithm counts rightly."""
     if not isinstance(algorithm, ArchiveAlgorithm | PopulationAlgorithm):
-        meter.archive = PlanArchive(task.mission.robots)
-        meter.evaluations = sys.maxsize if task.evaluations is None else task.evaluations
+        meter.archive = PlanArchive(problem.mission.robots)
+        meter.evaluations = sys.maxsize if allowed is None else allowed
     # What evaluates in a kernel refuses problems that override the evaluation, if only to count.
     elif getattr(algorithm, "evaluates_in_kernels", False) or (
         type(problem) is BOTOHE and _is_ours(algorithm)
@@ -144,10 +151,10 @@ def _is_ours(algorithm: Algorithm) -> bool:
     return type(algorithm).__module__.partition(".")[0] == "botohe_moo"
 
 
-def _loop(task: Task, algorithm: Algorithm, meter: Meter, recorder: Recorder) -> str:
+def _loop(budget: Budget, algorithm: Algorithm, meter: Meter, recorder: Recorder) -> str:
     """Let the algorithm run until its budget is spent; return what ended it."""
-    limit = math.inf if task.seconds is None else task.seconds
-    allowed = math.inf if task.evaluations is None else task.evaluations
+    limit = math.inf if budget.seconds is None else budget.seconds
+    allowed = math.inf if budget.evaluations is None else budget.evaluations
     while algorithm.has_next():
         before = meter.spent
         try:
@@ -168,23 +175,22 @@ def _loop(task: Task, algorithm: Algorithm, meter: Meter, recorder: Recorder) ->
 
 def _archive(algorithm: Algorithm, problem: BOTOHE, meter: Meter) -> PlanArchive:
     """Return what an algorithm of any kind has found so far."""
-    archive = algorithm.archive if meter.archive is None else meter.archive
-    if not isinstance(archive, PlanArchive):
-        raise TypeError(f"Expected the archive of {type(algorithm).__name__} to be a PlanArchive.")
+    archive: PlanArchive = algorithm.archive if meter.archive is None else meter.archive
     if type(problem) is not BOTOHE:
         check_objectives(problem, archive.objectives)
     return archive
 
 
-def verify(task: Task, plans: PlanBatch, claimed: FloatArray) -> None:
+def verify(run: Run, plans: PlanBatch, claimed: FloatArray) -> None:
     """Evaluate a final front again; no algorithm's objectives are trusted.
 
-    ``claimed`` are E[R] and E[S] according to the algorithm, or −F of the task's own problem, shape
-    (n, 2).
+    ``claimed`` are E[R] and E[S] according to the algorithm, or −F of the study's own problem,
+    shape (n, 2).
     """
-    found = task.mission.evaluate(plans)  # names plans that are not valid
-    problem = problem_on(task, task.problem)
-    if task.problem:
+    mission = run.mission.mission
+    found = mission.evaluate(plans)  # names plans that are not valid
+    problem = problem_on(run.mission, run.problem)
+    if run.problem:
         found = _own_objectives(problem, plans)
     wrong = np.flatnonzero(~np.isclose(found, claimed, rtol=1e-9, atol=1e-12).all(axis=1))
     if len(wrong):
@@ -193,24 +199,21 @@ def verify(task: Task, plans: PlanBatch, claimed: FloatArray) -> None:
             f"plan {plan} of the final front is claimed to bring {claimed[plan]}, and brings "
             f"{found[plan]}"
         )
-    least = task.mission.robot_survival(plans).min(initial=1.0)
+    least = mission.robot_survival(plans).min(initial=1.0)
     if least < problem.survival_floor:
         raise ValueError(
-            f"a robot of the final front survives with {least:g}, below {task.min_survival:g}"
+            f"a robot of the final front survives with {least:g}, below {problem.min_survival:g}"
         )
-    longest = task.mission.trail_lengths(plans).max(initial=0.0)
+    longest = mission.trail_lengths(plans).max(initial=0.0)
     if longest > problem.travel_budget:
         raise ValueError(
-            f"a trail of the final front is {longest:g} long, beyond {task.max_length:g}"
+            f"a trail of the final front is {longest:g} long, beyond {problem.max_length:g}"
         )
 
 
 def _own_objectives(problem: BOTOHE, plans: PlanBatch) -> FloatArray:
     """Return −F of a problem of your own; a ValueError for plans that break its constraints."""
-    with blamed(problem, "evaluate_batch"):
-        F = problem.evaluate_batch(plans)
-    with blamed(problem, "constrain_batch"):
-        G = problem.constrain_batch(plans)
+    F, G = problem.evaluate_batch(plans), problem.constrain_batch(plans)
     broken = (problem.checked("G", G, len(plans)) > 0).any(axis=1)
     if broken.any():
         plan = int(broken.argmax())
@@ -221,23 +224,21 @@ def _own_objectives(problem: BOTOHE, plans: PlanBatch) -> FloatArray:
     return -problem.checked("F", F, len(plans))
 
 
-def warm_up(task: Task) -> None:
+def warm_up(run: Run) -> None:
     """Compile, or load from the cache, the kernels that a run will need, so that it is not timed.
 
     Other packages' algorithms and problems are not tried: they may have side effects.
     """
-    toy = load_mission("toy")
-    ours = _is_ours(make_algorithm(task.algorithm, **task.parameters))
-    trial = replace(
-        task,
-        mission=toy,
+    mission, algorithm = run.mission, run.algorithm
+    limited = replace(
+        mission,
+        mission=load_mission("toy"),
         # A limit, however loose, has kernels of its own.
-        min_survival=min(task.min_survival, WARM_UP_SURVIVAL),
-        max_length=max(task.max_length, WARM_UP_LENGTH),
-        algorithm=task.algorithm if ours else "random",
-        parameters=task.parameters if ours else {},
-        origin={**task.origin, "problem": None},
-        evaluations=_WARM_UP_EVALUATIONS,
-        seconds=None,
+        min_survival=min(mission.min_survival, WARM_UP_SURVIVAL),
+        max_length=None if mission.max_length is None else WARM_UP_LENGTH,
+        budget=Budget(evaluations=_WARM_UP_EVALUATIONS),
     )
-    perform(trial, lambda _: None)
+    known = replace(algorithm, origin={**algorithm.origin, "problem": None})
+    if not _is_ours(make_algorithm(algorithm.algorithm, **algorithm.parameters)):
+        known = replace(known, algorithm="random", parameters={})
+    perform(replace(run, mission=limited, algorithm=known), lambda _: None)

@@ -6,12 +6,14 @@ import signal
 import subprocess
 import sys
 import tempfile
+import traceback
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from multiprocessing.connection import Pipe, wait
 from typing import Any, TypeVar
 
+from botohe_moo.study.file.model import Run
 from botohe_moo.study.run.environment import THREAD_SETTINGS, environment
 from botohe_moo.study.run.perform import verify
 from botohe_moo.study.run.task import (
@@ -68,7 +70,10 @@ class WorkerPool:
         try:
             while not stopped():
                 for task in islice(waiting, workers - len(busy)):
-                    worker = self._take_worker()
+                    try:
+                        worker = self._idle.pop()
+                    except IndexError:  # there is none, or another thread has taken it
+                        worker = _Worker()
                     busy[worker.connection] = task, _Job(task, worker)
                 if not busy:
                     return
@@ -83,15 +88,6 @@ class WorkerPool:
         finally:
             for _, job in busy.values():
                 job.worker.close()
-
-    def _take_worker(self) -> "_Worker":
-        with contextlib.suppress(IndexError):  # there is none, or another thread has taken it
-            while True:
-                worker = self._idle.pop()
-                if worker.is_alive():
-                    return worker
-                worker.close()
-        return _Worker()
 
     def close(self) -> None:
         """End the processes that wait for a task."""
@@ -186,14 +182,17 @@ class _Job:
         elif kind == "end":
             if isinstance(task, BoundTask):
                 return content
-            if task.origin["source"] is not None:  # its code might leave something behind
-                self.worker.close()
+            if task.run.algorithm.origin["source"] is not None:
+                self.worker.close()  # its code might leave something behind
             return self._complete(content)
         elif kind == "died":
             status, output = self.worker.last_words()
             if isinstance(task, Task) and status == -signal.SIGALRM:
                 return self._complete(_killed(task, self.began, self.records))
-            said = f"its process died ({_exit_words(status)})"
+            how = (
+                f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+            )
+            said = f"its process died ({how})"
             last = self.records[-1] if self.records else None
             failed = failure(said, output, last)
             return said if isinstance(task, BoundTask) else self._complete(failed)
@@ -202,7 +201,7 @@ class _Job:
     def _complete(self, outcome: Outcome) -> Outcome:
         assert isinstance(self.task, Task)
         return replace(
-            checked_outcome(self.task, outcome, self.records),
+            checked_outcome(self.task.run, outcome, self.records),
             environment=self.environment,
             began=self.began,
         )
@@ -215,7 +214,7 @@ def add_record(records: list[Record], record: Record) -> None:
     records.append(record)
 
 
-def checked_outcome(task: Task, outcome: Outcome, records: list[Record]) -> Outcome:
+def checked_outcome(run: Run, outcome: Outcome, records: list[Record]) -> Outcome:
     """Return the outcome of a run with its records; a failed run has none.
 
     The final front is evaluated again in this process, where no algorithm has run. A run fails
@@ -226,9 +225,9 @@ def checked_outcome(task: Task, outcome: Outcome, records: list[Record]) -> Outc
         return outcome
     if last is not None and last.plans is not None:
         try:
-            verify(task, *last.plans)
-        except ValueError as error:
-            return failure(str(error), last=last)
+            verify(run, *last.plans)
+        except Exception as error:  # of a problem of your own, too
+            return failure(f"{type(error).__name__}: {error}", traceback.format_exc(), last)
     # Only the last record's plans are kept.
     return replace(
         outcome, records=(*(replace(record, plans=None) for record in records[:-1]), *records[-1:])
@@ -238,9 +237,10 @@ def checked_outcome(task: Task, outcome: Outcome, records: list[Record]) -> Outc
 def _killed(task: Task, began: str | None, records: list[Record]) -> Outcome:
     """Return the outcome of a run that has ended at its time limit."""
     last = records[-1] if records else None
+    budget = task.run.mission.budget
     if began is None:
         return failure(f"killed: it did not start within {MOST_SECONDS_TO_START:g} s")
-    if task.seconds is None:
+    if budget.seconds is None:
         return failure(
             f"killed: it had evaluated no plan for {task.patience:g} s; a budget of seconds "
             "would have ended it, --patience allows it more",
@@ -250,15 +250,10 @@ def _killed(task: Task, began: str | None, records: list[Record]) -> Outcome:
         status="timeout",
         stopped_by="limit",
         evaluations=last.evaluations if last else 0,
-        seconds=task.seconds,
+        seconds=budget.seconds,
         recording_seconds=0.0,
         error=(
-            f"killed: {task.grace_seconds:g} s after its {task.seconds:g} s were up it had "
+            f"killed: {budget.grace_seconds:g} s after its {budget.seconds:g} s were up it had "
             "still not come to the end of an iteration"
         ),
     )
-
-
-def _exit_words(status: int) -> str:
-    known = {member.value: member.name for member in signal.Signals}
-    return f"signal {known.get(-status, -status)}" if status < 0 else f"exit status {status}"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.mission.model import Mission
+from botohe_moo.study.file.model import Run, StudyMission
 from botohe_moo.trails import PlanBatch
 
 PATIENCE = 3600.0
@@ -14,41 +14,28 @@ MOST_SECONDS_TO_START = 600.0  # kernels are compiled then, perhaps on a slow ma
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker needs to know of a run."""
+    """A run to be performed."""
 
-    digest: str  # the name of the run
-    mission: Mission
-    min_survival: float
-    algorithm: str  # a registered name or module:Class
-    parameters: dict[str, Any]
-    origin: dict[str, str | None]  # package, version and source of the algorithm; the problem
-    seed: int
-    evaluations: int | None  # budget; None for no limit
-    seconds: float | None
-    grace_seconds: float
-    per_decade: int  # when the front is recorded
-    start: float
-    at: tuple[int, ...]
-    version: str  # of this package, when the study was planned
-    max_length: float = math.inf  # infinite without a travel budget
+    run: Run
     # Seconds without an evaluation after which the run of another package's algorithm fails, if it
     # has no budget of seconds. No result depends on it.
     patience: float = PATIENCE
 
     @property
-    def problem(self) -> str | None:
-        """A problem of your own as ``module:Class``; None for BOTOHE."""
-        return self.origin.get("problem")
+    def seconds_allowed(self) -> float:
+        """How long it may take, or without a budget of seconds, go without an evaluation."""
+        budget, origin = self.run.mission.budget, self.run.algorithm.origin
+        if budget.seconds is not None:
+            return budget.seconds + budget.grace_seconds
+        ours = origin["package"] == "botohe-moo" and origin["source"] is None
+        return math.inf if ours else self.patience
 
 
 @dataclass(frozen=True)
 class BoundTask:
-    """What a worker needs to know to bound the front of a mission."""
+    """A mission whose front is to be bounded."""
 
-    digest: str  # the name of the bound
-    mission: Mission
-    min_survival: float
-    max_length: float  # infinite without a travel budget
+    mission: StudyMission
     front: FloatArray  # E[R] and E[S] of what runs have found (n, 2)
     seconds: float
 
@@ -85,14 +72,6 @@ class Outcome:
     traceback: str | None = None
     environment: dict[str, Any] = field(default_factory=dict)
     began: str | None = None  # UTC, as 2026-11-22T04:30:12Z; None if it never did
-
-
-def seconds_allowed(task: Task) -> float:
-    """Return how long a run may take, or without a budget of seconds, go without an evaluation."""
-    if task.seconds is not None:
-        return task.seconds + task.grace_seconds
-    ours = task.origin["package"] == "botohe-moo" and task.origin["source"] is None
-    return math.inf if ours else task.patience
 
 
 def failure(error: str, where: str | None = None, last: Record | None = None) -> Outcome:

@@ -2,28 +2,36 @@
 
 import contextlib
 import errno
+import io
+import json
 import os
 import warnings
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import filelock
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
-from botohe_moo._base.files import replace_file
-from botohe_moo.mission.formats.files import save_mission
+from botohe_moo._base.checks import nearest_first
+from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo.mission.formats.files import read_mission, save_mission
 from botohe_moo.search.bounds import FrontBound
-from botohe_moo.study.file.digest import canonical
 from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, StudyMission
-from botohe_moo.study.run.task import Outcome
-from botohe_moo.study.store.manifest import pack_study, read_manifest
-from botohe_moo.study.store.run_files import pack_run, read_run
+from botohe_moo.study.file.values import canonical
+from botohe_moo.study.run.task import Outcome, Record
+from botohe_moo.trails import PlanBatch
 
 # The folders in it; tables are made of the files in the first three.
 RUNS, FAILURES, BOUNDS, MISSIONS = PARTS = ("runs", "failures", "bounds", "missions")
+OUTCOME_FIELDS = [field.name for field in fields(Outcome) if field.name != "records"]
+_STUDY = TypeAdapter(Study)
 _LOCK = ".lock"
 _UNFINISHED = f".{'?' * 16}.tmp"  # as replace_file names them
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_LONG = 200  # characters of a reason
 
 
 class StudyFolder:
@@ -78,12 +86,22 @@ class StudyFolder:
             )
 
     def write_study(self, study: Study) -> None:
-        """Write the study file, the missions and the manifest."""
+        """Write the study file, the missions and ``study.json``.
+
+        The latter has the manifest, and all else that a study consists of.
+        """
+        kept = _STUDY.dump_python(
+            study,
+            mode="json",
+            exclude={"missions": {"__all__": {"mission"}}},  # which are in files of their own
+            exclude_defaults=True,  # a file need not have them, and some have no value to write
+        )
+        content = json.dumps({**study.manifest(), "kept": kept}, indent=1) + "\n"
         with writing(self.path):
             for mission in study.missions:
                 save_mission(mission.mission, self.path / MISSIONS / f"{mission.digest}.json")
             replace_file(self.path / "study.yaml", study.text.encode())
-            replace_file(self.path / MANIFEST, pack_study(study))
+            replace_file(self.path / MANIFEST, content.encode())
 
     def digests(self, part: str = RUNS) -> set[str]:
         """List the digests of all runs that are finished, or have failed."""
@@ -94,17 +112,31 @@ class StudyFolder:
         failed = self._path(run, FAILURES)
         with writing(self.path):
             if outcome.status == "failed":
-                replace_file(failed, pack_run(run, replace(outcome, records=())))
+                replace_file(failed, _pack_run(run, replace(outcome, records=())))
             else:
-                replace_file(self._path(run, RUNS), pack_run(run, outcome))
+                replace_file(self._path(run, RUNS), _pack_run(run, outcome))
                 failed.unlink(missing_ok=True)
 
     def load(self, run: Run) -> Outcome | None:
         """Read the outcome of a run, or its last failure; None if there is neither."""
         for path in (self._path(run, RUNS), self._path(run, FAILURES)):
             if path.exists():
-                return read_run(path, run.mission.mission.robots)
+                return _read_run(path, run.mission.mission.robots)
         return None
+
+    def outcomes(self, runs: Iterable[Run]) -> Iterator[tuple[Run, Outcome]]:
+        """Read the outcomes of those runs that have one; a StudyError names all damaged files."""
+        damaged = []
+        for run in runs:
+            try:
+                outcome = self.load(run)
+            except StudyError as error:
+                damaged.append(str(error))
+            else:
+                if outcome is not None:
+                    yield run, outcome
+        if damaged:
+            raise StudyError("\n".join(damaged))
 
     def _path(self, run: Run, part: str) -> Path:
         return self.path / part / f"{run.digest}.npz"
@@ -142,6 +174,92 @@ class StudyFolder:
                     state = path.stat()
                     found.append((f"{part}/{path.name}", state.st_size, state.st_mtime_ns))
         return sorted(found)
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Read what ``study.json`` says; a StudyError if a folder has none."""
+    path = folder / MANIFEST
+    if not path.exists():
+        among = sorted(p.parent.name for p in folder.parent.glob(f"*/{MANIFEST}"))
+        near = nearest_first(folder.name, among)
+        known = f"; studies beside it are {', '.join(near)}" if near else ""
+        raise StudyError(f"{folder}: there is no study in this folder{known}.")
+    with _reading(path):
+        content: dict[str, Any] = json.loads(read_bytes(path))
+        content["name"]
+    return content
+
+
+def restore_study(folder: Path) -> Study:
+    """Read the study that a folder holds, as it was checked when its runs were planned.
+
+    No code is called: missions are read from the folder, and the packages that algorithms come
+    from need not be installed.
+    """
+    manifest = read_manifest(folder)
+    with _reading(folder / MANIFEST):
+        kept = manifest["kept"]
+        files = [folder / MISSIONS / f"{mission['digest']}.json" for mission in kept["missions"]]
+    for mission, file in zip(kept["missions"], files, strict=True):
+        with _reading(file):
+            mission["mission"] = read_mission(file)
+    try:
+        return _STUDY.validate_python(kept)
+    except ValidationError:
+        raise StudyError(
+            f"{folder / MANIFEST}: written by another version; `botohe study run` with the study's "
+            "file takes its runs over."
+        ) from None
+
+
+def _pack_run(run: Run, outcome: Outcome) -> bytes:
+    """Return the file of a run: arrays of its records and plans as ``npz``, all else as JSON."""
+    records = outcome.records
+    plans, objectives = (records[-1].plans if records else None) or (None, np.empty((0, 2)))
+    header = {"identity": run.identity, **{n: getattr(outcome, n) for n in OUTCOME_FIELDS}}
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        header=np.frombuffer(json.dumps(header).encode(), np.uint8),
+        evaluations=np.array([record.evaluations for record in records], np.int64),
+        seconds=np.array([record.seconds for record in records], np.float64),
+        ties=np.array([record.ties for record in records], np.int64),
+        n_points=np.array([record.front_size for record in records], np.int64),
+        points=np.concatenate([np.empty((0, 2)), *(r.objectives for r in records)]),
+        plan_objectives=objectives,
+        plan_nodes=np.empty(0, np.int32) if plans is None else plans.nodes,
+        plan_offsets=np.zeros(1, np.int64) if plans is None else plans.offsets,
+    )
+    return buffer.getvalue()
+
+
+def _read_run(path: Path, robots: int) -> Outcome:
+    """Read the outcome of a run with a team of ``robots``."""
+    with _reading(path):
+        with np.load(io.BytesIO(read_bytes(path)), allow_pickle=False) as file:
+            arrays: dict[str, Any] = dict(file)
+        header = json.loads(arrays["header"].tobytes())
+        fronts = np.split(arrays["points"], np.cumsum(arrays["n_points"]))[:-1]
+        evaluations, seconds, ties = (
+            arrays[n].tolist() for n in ("evaluations", "seconds", "ties")
+        )
+        records = list(map(Record, evaluations, seconds, fronts, ties))
+        if records:
+            plans = PlanBatch(arrays["plan_nodes"], arrays["plan_offsets"], robots)
+            records[-1] = replace(records[-1], plans=(plans, arrays["plan_objectives"]))
+        return Outcome(**{name: header[name] for name in OUTCOME_FIELDS}, records=tuple(records))
+
+
+@contextlib.contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Turn whatever a damaged file causes into the StudyError that names it."""
+    try:
+        yield
+    except Exception as error:  # numpy, zipfile and what they decode with declare none
+        said = " ".join(f"{error}".split())[:_LONG]
+        raise StudyError(
+            f"{path}: damaged ({said}); remove the file, and run the study again."
+        ) from error
 
 
 @contextlib.contextmanager

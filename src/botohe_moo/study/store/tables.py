@@ -17,7 +17,7 @@ from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.mission.formats.files import read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.model import StudyError
-from botohe_moo.study.store.manifest import read_manifest
+from botohe_moo.study.store.folder import read_manifest
 from botohe_moo.study.store.schemas import SCHEMAS
 from botohe_moo.trails import TrailPlan
 
@@ -194,13 +194,7 @@ class StudyTables:
         if len(found) != 1:
             raise KeyError(f"Expected one plan {plan_id} of a run {run!r}, found {len(found)}.")
         row = found.iloc[0]
-        trails = json.loads(row["trails"])
-        return self.mission(row["mission"]).plan([[_label(v) for v in trail] for trail in trails])
-
-
-def _label(value: Any) -> Any:
-    """Return a node label as missions have it: JSON knows no tuples."""
-    return tuple(map(_label, value)) if isinstance(value, list) else value
+        return self.mission(row["mission"]).plan(json.loads(row["trails"]))
 
 
 def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
@@ -271,8 +265,6 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
         try:
             table = _read_parquet(path)
             metadata = table.schema.metadata
-            if _MADE_FROM not in metadata:
-                raise ValueError("written by another version")
             moments.add(metadata[_MADE_FROM])
             manifest = metadata.get(_MANIFEST, manifest)
             tables[name] = table.to_pandas(use_threads=False)

@@ -1,9 +1,9 @@
-"""Problems of your own, which a study file names as ``module:Class``."""
+"""The code that a study names: problems of your own, and whether a worker has the same code."""
 
 import functools
 import math
-import sys
-from typing import Any, Protocol
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -11,35 +11,23 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.entry_points import imported
 from botohe_moo._plugins.factories import named
+from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.indicators import largest_objectives
-from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
+from botohe_moo.study.file.model import PACKAGES, StudyAlgorithm, StudyMission, installed_versions
 
 _ROUNDING = 1e-9
 
 
-class _Limited(Protocol):
-    """A mission with its limits: a study's, or that of a task."""
-
-    @property
-    def mission(self) -> Mission: ...
-    @property
-    def min_survival(self) -> float: ...
-    @property
-    def max_length(self) -> float | None: ...
-
-
 def find_problem(path: str | None) -> type[BOTOHE]:
-    """Import the class of a problem, BOTOHE for None; a ValueError says why it cannot be had.
+    """Import the class of a problem, BOTOHE for None; a ValueError says why it cannot be used.
 
     Importing its module runs it.
     """
     if path is None:
         return BOTOHE
-    found: Any = None
-    if path.partition(":")[0].partition(".")[0] not in sys.stdlib_module_names:
-        found = imported(functools.partial(named, path), "it")
+    found: Any = imported(functools.partial(named, path), "it")
     if not (isinstance(found, type) and issubclass(found, BOTOHE)):
         raise ValueError(f"expected a class derived from BOTOHE, got {quoted(found)}")
     if found._evaluate is not BOTOHE._evaluate:
@@ -56,17 +44,17 @@ def find_problem(path: str | None) -> type[BOTOHE]:
     return found
 
 
-def problem_on(limited: _Limited, path: str | None) -> BOTOHE:
+def problem_on(mission: StudyMission, path: str | None) -> BOTOHE:
     """Make the problem of a class, or BOTOHE, on a mission with its limits."""
-    limit = math.inf if limited.max_length is None else limited.max_length
+    limit = math.inf if mission.max_length is None else mission.max_length
     kind = find_problem(path)
-    return kind(limited.mission, min_survival=limited.min_survival, max_length=limit)
+    return kind(mission.mission, min_survival=mission.min_survival, max_length=limit)
 
 
-def stated_bounds(limited: _Limited, path: str) -> tuple[float, float]:
+def stated_bounds(mission: StudyMission, path: str) -> tuple[float, float]:
     """Return upper bounds of a problem's two objectives; a ValueError says what is wrong."""
     try:
-        problem = problem_on(limited, path)
+        problem = problem_on(mission, path)
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         raise ValueError(f"it cannot be made ({type(error).__name__}: {error})") from error
     if problem.n_obj != 2:
@@ -103,3 +91,26 @@ def check_objectives(problem: BOTOHE, points: FloatArray) -> None:
             f"{kind.__module__}:{kind.__qualname__} says by objective_bounds that −F is in "
             f"[0, {most[0]:g}] and [0, {most[1]:g}], and gives {outside[0].tolist()}"
         )
+
+
+def code_mismatch(versions: Mapping[str, str], algorithms: Iterable[StudyAlgorithm]) -> str | None:
+    """Return how this process's code differs from that of a study; None if it is the same.
+
+    ``versions`` and ``algorithms`` are those of the study. The text continues a sentence about the
+    worker.
+    """
+    ours = installed_versions()
+    differing = [name for name in versions if versions[name] != ours[name]]
+    if differing:
+        installed = " and ".join(f"{PACKAGES[name]} {ours[name]}" for name in differing)
+        return f"has {installed}, the study {' and '.join(versions[name] for name in differing)}"
+    for algorithm in algorithms:
+        name, problem = algorithm.algorithm, algorithm.origin.get("problem")
+        try:
+            found = algorithm_origin(name, algorithm.parameters, problem)
+        except Exception as error:
+            also = f" or the problem {problem!r}" if problem else ""
+            return f"cannot import the algorithm {name!r}{also}: {str(error).rstrip('.')}"
+        if found != algorithm.origin:
+            return f"has {name!r} from {found}, the study from {algorithm.origin}"
+    return None
