@@ -105,13 +105,6 @@ def test_geojson_needs_the_places_that_are_visited():
         plan_geojson(mission, trips(mission, "b"))
 
 
-@pytest.mark.parametrize("pos", [[1, float("nan")], [1, 2, 3]])
-def test_bad_places_are_named(pos):
-    mission = placed(**{**PLACES, "a": pos})
-    with pytest.raises(ValueError, match=r"^Node 'a': expected pos \[x, y\], two finite numbers"):
-        plan_csv(mission, trips(mission, "a"))
-
-
 def test_labels_that_json_cannot_hold():
     mission = star({frozenset({3}): (1, 0.5)})
     for write in (plan_json, plan_csv):

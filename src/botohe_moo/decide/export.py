@@ -12,8 +12,8 @@ from typing import Any
 
 from botohe_moo._base.files import replace_file
 from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.graphs import given_places
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.mission.places import given_places
 from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.trails import TrailPlan
 

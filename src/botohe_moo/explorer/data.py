@@ -18,8 +18,8 @@ from botohe_moo.decide.wishes import Wish
 from botohe_moo.explorer.labels import file_labels, isolating, shown_names
 from botohe_moo.explorer.numbers import bin_codes, bin_edges, probability_codes, texts
 from botohe_moo.explorer.thinning import thinned
+from botohe_moo.mission.graphs import given_places
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.places import given_places
 from botohe_moo.outcomes import Distribution, reach_probabilities, team_reach
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.trails import TrailPlan
