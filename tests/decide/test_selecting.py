@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import TrailPlan
 from botohe_moo.decide import representatives
-from botohe_moo.decide.fronts import front_rows
-from botohe_moo.decide.selecting import arc_counts, distances
+from botohe_moo.decide.fronts import arc_counts, distances, front_rows
 from botohe_moo.trails import PlanBatch
 from tests.decide.made import MISSION, NAMES, PLANS, star, trips
 from tests.decide.test_choosing import fronts

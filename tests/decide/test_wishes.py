@@ -178,8 +178,8 @@ def test_what_cannot_be_read_gets_one_message_with_the_forms():
         with pytest.raises(ValueError, match=r"^Expected a wish, got ") as caught:
             parse_wishes(MISSION, ["reward >= 0", text])
         assert all(form in str(caught.value) for form in FORMS)
-    with pytest.raises(ValueError, match=re.escape("got 'robots'. Wishes are reward >= 5; P(")):
-        parse_wishes(MISSION, ["reward >= 1 and robots"])
+    with pytest.raises(ValueError, match=r"got 'robots >= 80 %'\. Wishes.* Write 80 % as 0\.8\.$"):
+        parse_wishes(MISSION, ["reward >= 1 and robots >= 80 %"])
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import check_row, scales, short
 from botohe_moo.decide.grammar import parse_wishes
 from botohe_moo.decide.judging import N_SAMPLES, Candidates, effort, takes_reward_distribution
-from botohe_moo.decide.marking import ExchangeRate, Neighbours, exchange_rate, neighbours
+from botohe_moo.decide.tradeoffs import ExchangeRate, Neighbours, exchange_rate, neighbours
 from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish, exact
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import Plans, TrailPlan

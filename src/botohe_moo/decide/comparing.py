@@ -9,8 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from botohe_moo.decide.fronts import more
-from botohe_moo.decide.selecting import arc_counts, distances
+from botohe_moo.decide.fronts import arc_counts, distances, more
 from botohe_moo.decide.wishes import label_text
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, TrailPlan

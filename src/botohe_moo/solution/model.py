@@ -18,7 +18,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
-from botohe_moo.decide import choosing, marking, selecting
+from botohe_moo.decide import choosing, fronts, tradeoffs
 from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.digest import numbers_digest
@@ -147,11 +147,11 @@ class Solution:
         """
         return choosing.toward(self.mission, self.plans, reward=reward, survivors=survivors)
 
-    def knees(self) -> tuple[marking.Mark, ...]:
+    def knees(self) -> tuple[fronts.Mark, ...]:
         """Mark where the front bends; see :func:`botohe_moo.decide.knees`."""
-        return marking.knees(self.mission, self.objectives)
+        return fronts.knees(self.mission, self.objectives)
 
-    def exchange_rate(self, index: int, *, window: float = 0.25) -> marking.ExchangeRate:
+    def exchange_rate(self, index: int, *, window: float = 0.25) -> tradeoffs.ExchangeRate:
         """Compute what 0.1 survivors cost in reward at a plan.
 
         Parameters
@@ -159,7 +159,7 @@ class Solution:
         index, window
             As for :func:`botohe_moo.decide.exchange_rate`, which also says what is raised.
         """
-        return marking.exchange_rate(self.mission, self.objectives, index, window=window)
+        return tradeoffs.exchange_rate(self.mission, self.objectives, index, window=window)
 
     def representatives(self, k: int = 5) -> tuple[int, ...]:
         """Select plans that represent the front, by their rows.
@@ -169,7 +169,7 @@ class Solution:
         k
             As for :func:`botohe_moo.decide.representatives`, which also says what is raised.
         """
-        return selecting.representatives(self.mission, self.plans, k)
+        return fronts.representatives(self.mission, self.plans, k)
 
     def _columns(self) -> tuple[Any, FloatArray, FloatArray]:
         return np.arange(len(self.plans)), self.objectives[:, 0], self.objectives[:, 1]

@@ -3,9 +3,7 @@
 from itertools import pairwise
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.decide.fronts import short
-from botohe_moo.decide.marking import knees
-from botohe_moo.decide.selecting import representatives
+from botohe_moo.decide.fronts import knees, representatives, short
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
 

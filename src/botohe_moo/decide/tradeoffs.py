@@ -1,4 +1,4 @@
-"""Marks on a front: its knee, a plan's neighbours, and what survivors cost in reward."""
+"""What a plan costs: its neighbours on the front, and the reward that survivors cost."""
 
 import math
 from dataclasses import dataclass
@@ -18,102 +18,7 @@ from botohe_moo.decide.fronts import (
 )
 from botohe_moo.mission.model import Mission
 
-
-@dataclass(frozen=True)
-class Mark:
-    """A plan that is marked on a front; a mark, not a verdict.
-
-    Attributes
-    ----------
-    index
-        Row of the plan.
-    name, definition
-        What it is, in short and exactly.
-    reward, survivors
-        Its E[R] and E[S].
-
-    Examples
-    --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import Mark, knees
-    >>> toy = load_mission("toy")
-    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
-    >>> print(knees(toy, front)[0])
-    plan 1 (reward 7, survivors 1): farthest above the chord between the end points of the front
-    """
-
-    index: int
-    name: str
-    definition: str
-    reward: float
-    survivors: float
-
-    def __str__(self) -> str:
-        where = f"reward {short(self.reward)}, survivors {short(self.survivors)}"
-        return f"plan {self.index} ({where}): {self.definition}"
-
-
 _SLACK = 1e-9  # of the total reward and of the robots: below, objectives differ by rounding
-
-_CHORD = (
-    "farthest from the chord",
-    "farthest above the chord between the end points of the front",
-)
-_PRODUCT = ("largest product", "largest product of expected reward and expected survivors")
-
-
-def knees(mission: Mission, plans: PlansOrObjectives) -> tuple[Mark, ...]:
-    """Mark where a front bends: the plan farthest above its chord, and that of largest E[R]·E[S].
-
-    Parameters
-    ----------
-    mission
-        The mission.
-    plans
-        Its plans, or their objectives E[R] and E[S] (n_plans, 2).
-
-    Returns
-    -------
-    tuple of Mark
-        Both marks, which may be the same plan. The end points are the plans of most reward and of
-        most survivors. Where no plan lies above their chord, as on a front of one or two plans,
-        only the largest product is marked. Of equal plans the first is marked.
-
-    Raises
-    ------
-    ValueError
-        If there is no plan, or these are not objectives.
-
-    Notes
-    -----
-    Distances from the chord: Das, "On characterizing the knee of the Pareto curve based on
-    normal-boundary intersection", Structural Optimization 18, 1999. Neither mark depends on the
-    units of the objectives; the chord's depends on where the front ends.
-
-    Examples
-    --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import knees
-    >>> toy = load_mission("toy")  # a total reward of 10, and 2 robots
-    >>> for mark in knees(toy, [[8, 0], [7, 1], [4, 1.4], [0, 2]]):
-    ...     print(mark.index, mark.name)
-    1 farthest from the chord
-    1 largest product
-    """
-    objectives = objectives_of(mission, plans)
-    rows = front_rows(objectives)
-    scaled = objectives[rows] / scales(mission)
-    (right, low), (left, high) = scaled[0], scaled[-1]
-    above = (high - low) * (scaled[:, 0] - right) + (right - left) * (scaled[:, 1] - low)
-    marks = []
-    if above.max() > 1e-12:
-        marks.append(_mark(objectives, int(rows[above.argmax()]), *_CHORD))
-    marks.append(_mark(objectives, int(rows[scaled.prod(axis=1).argmax()]), *_PRODUCT))
-    return tuple(marks)
-
-
-def _mark(objectives: FloatArray, row: int, name: str, definition: str) -> Mark:
-    return Mark(row, name, definition, *objectives[row].tolist())
 
 
 @dataclass(frozen=True)
