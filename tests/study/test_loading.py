@@ -17,7 +17,7 @@ from ruamel.yaml import YAML
 
 from botohe_moo import Mission, load_mission, save_mission
 from botohe_moo.algorithms import algorithm_names
-from botohe_moo.mission.digest import mission_digest
+from botohe_moo.mission.model import mission_digest
 from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError

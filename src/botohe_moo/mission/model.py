@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from collections.abc import Hashable, Iterable, Sequence
 from operator import index
@@ -99,10 +101,7 @@ class Mission:
 
     @property
     def max_length(self) -> float | None:
-        """The graph's attribute ``max_length``: how long every trail may be; None for no limit.
-
-        It is the default travel budget of :class:`~botohe_moo.BOTOHE`; plans are valid without it.
-        """
+        """The default travel budget of :class:`~botohe_moo.BOTOHE`; None for no limit."""
         budget = self.graph.graph.get("max_length")
         return None if budget is None else float(budget)
 
@@ -112,13 +111,7 @@ class Mission:
         return self.arrays.balanced
 
     def with_robots(self, robots: int) -> Mission:
-        """Return the same mission for a team of another size.
-
-        Parameters
-        ----------
-        robots
-            Team size: an integer of at least 1.
-        """
+        """Return the same mission for a team of another size, at least 1."""
         if fault := team_size_fault(robots):
             raise MissionError(fault, f"Mission {quoted(self.name)}")
         other = object.__new__(Mission)
@@ -173,13 +166,7 @@ class Mission:
         return TrailPlan([[self.arrays.base]] * self.robots)
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
-        """Return the trails of a plan of this mission as node labels, robot by robot.
-
-        Parameters
-        ----------
-        plan
-            The plan; a TypeError is raised if it is not a TrailPlan.
-        """
+        """Return the trails of a plan of this mission as node labels, robot by robot."""
         if not isinstance(plan, TrailPlan):
             raise TypeError(f"Expected a TrailPlan, got {quoted(plan)}.")
         return tuple(tuple(self.nodes[i] for i in trail) for trail in plan.trails)
@@ -207,20 +194,14 @@ class Mission:
     def robot_survival(self, plans: Plans) -> FloatArray:
         """Compute the probability that each robot survives (n_plans, robots).
 
-        Parameters
-        ----------
-        plans
-            Trail plans, as for ``batch``; on an invalid trail no robot survives.
+        On a trail that is not valid no robot survives.
         """
         return self._values(plans, strict=False).alive
 
     def trail_lengths(self, plans: Plans) -> FloatArray:
         """Compute the length of each robot's trail, the sum of its arcs' (n_plans, robots).
 
-        Parameters
-        ----------
-        plans
-            Trail plans, as for ``batch``; an invalid trail counts up to its first fault.
+        A trail that is not valid counts up to its first fault.
         """
         return self._values(plans, strict=False).lengths
 
@@ -229,11 +210,6 @@ class Mission:
 
         A robot walks its trail up to the first fault, where it is lost. Faults (n_plans,) are
         trails that do not begin or do not end at base, missing arcs, and arcs used again.
-
-        Parameters
-        ----------
-        plans
-            Plans of any node indices, as for ``batch``.
         """
         values = self._values(plans, strict=False)
         return values.objectives, values.faults
@@ -298,3 +274,26 @@ def check_mission(value: object) -> Mission:
     raise TypeError(
         f"Expected a Mission, got {quoted(value)}; load_mission(name_or_path) gives one."
     )
+
+
+def mission_digest(mission: Mission) -> str:
+    """Return the digest of all that results depend on: not of names and positions."""
+    return _digest(mission, [[repr(node) for node in mission.nodes], repr(mission.base)])
+
+
+def numbers_digest(mission: Mission) -> str:
+    """Return the digest without labels, whose types may change when they are read from a file."""
+    return _digest(mission, [mission.arrays.base])
+
+
+def _digest(mission: Mission, first: list[object]) -> str:
+    limits = [] if mission.max_length is None else [mission.max_length]
+    text = json.dumps([*first, mission.robots, *limits], separators=(",", ":"))
+    hashed = hashlib.sha256(text.encode())
+    arrays = mission.arrays
+    numbers = [arrays.tail, arrays.head, arrays.survival, arrays.reward]
+    if (arrays.length != 1.0).any():  # without lengths every hop is one long
+        numbers.append(arrays.length)
+    for values in numbers:
+        hashed.update(np.ascontiguousarray(values, f"<{values.dtype.kind}8").tobytes())
+    return hashed.hexdigest()[:16]

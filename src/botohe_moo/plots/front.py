@@ -15,8 +15,7 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import check_objectives
-from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.model import Mission, check_mission, numbers_digest
 from botohe_moo.plots.draw.space import Space
 from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, colours, new_axes, theme, tint
 from botohe_moo.plots.draw.titles import title_above
