@@ -11,7 +11,7 @@ from botohe_moo._base.checks import check_choice, check_number
 from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import check_row, scales, short
 from botohe_moo.decide.grammar import parse_wishes
-from botohe_moo.decide.judging import N_SAMPLES, Candidates, effort, takes_reward_distribution
+from botohe_moo.decide.judging import N_SAMPLES, Candidates, takes_reward_distribution
 from botohe_moo.decide.tradeoffs import ExchangeRate, Neighbours, exchange_rate, neighbours
 from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish, exact
 from botohe_moo.mission.model import Mission
@@ -173,9 +173,9 @@ def best(front: Candidates, wishes: Iterable[str | Wish], most: Quantity | None 
         most = "survivors" if of_reward else "reward"
     first = QUANTITIES.index(most)
     order = np.lexsort((-front.objectives[:, 1 - first], -front.objectives[:, first])).tolist()
-    cheapest_first = sorted(wanted, key=effort)
+    quickest_first = sorted(wanted, key=takes_reward_distribution)
     for i in order:
-        if not any(front.missing(wish, i) for wish in cheapest_first):
+        if not any(front.missing(wish, i) for wish in quickest_first):
             values = " and ".join(f"{wish} ({short(front.value(wish, i))})" for wish in wanted)
             why = (
                 f"The best among these plans ({len(front)}): plan {i} has the most {most} with "

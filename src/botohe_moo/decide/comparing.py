@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -138,7 +137,7 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
     visits = [[set(trail) for trail in plan] for plan in map(mission.labels, (first, second))]
     trails = first.trails, second.trails
     robots = []
-    for robot, other in _matched(batch, *trails):
+    for robot, other in _matched(batch, first, second):
         ours, others = visits[0][robot], visits[1][other]
         change = Change(
             robot=robot,
@@ -169,30 +168,16 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
     )
 
 
-_Trails = tuple[tuple[int, ...], ...]
-
-
-def _matched(batch: PlanBatch, first: _Trails, second: _Trails) -> list[tuple[int, int]]:
+def _matched(batch: PlanBatch, first: TrailPlan, second: TrailPlan) -> list[tuple[int, int]]:
     """Match the robots of two plans; equal trails come first, then the nearest ones."""
     from scipy.optimize import linear_sum_assignment
 
-    pairs = _equal(first, second)
-    # Trails of the same arcs in another order have no distance, so equal ones are left out here.
-    robots = range(len(first))
-    ours = np.setdiff1d(robots, [robot for robot, _ in pairs])
-    others = np.setdiff1d(robots, [other for _, other in pairs])
     counts, other_counts = np.split(arc_counts(batch, per_robot=True), 2)
-    rows, columns = linear_sum_assignment(distances(counts[ours], other_counts[others]))
-    pairs += zip(ours[rows].tolist(), others[columns].tolist(), strict=True)
-    return sorted(pairs)
-
-
-def _equal(first: _Trails, second: _Trails) -> list[tuple[int, int]]:
-    """Match as many robots as have equal trails, in their order."""
-    free = defaultdict(list)
-    for robot in reversed(range(len(second))):
-        free[second[robot]].append(robot)
-    return [(robot, free[trail].pop()) for robot, trail in enumerate(first) if free[trail]]
+    # Trails of the same arcs in another order have no distance, but are not equal.
+    differ = [[trail != other for other in second.trails] for trail in first.trails]
+    apart = distances(counts, other_counts) + 1e-9 * np.array(differ)
+    rows, columns = linear_sum_assignment(apart)
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))
 
 
 def _in_order(mission: Mission, nodes: set[Hashable]) -> tuple[Hashable, ...]:

@@ -1,6 +1,5 @@
 """Fronts: objectives, the plans that are not dominated, knees and representatives."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,18 +18,14 @@ PlansOrObjectives = Plans | FloatArray
 def objectives_of(mission: Mission, given: PlansOrObjectives) -> FloatArray:
     """Return the objectives (n_plans, 2) of plans; objectives themselves are checked."""
     check_mission(mission)
-    if not isinstance(given, PlanBatch | np.ndarray) and isinstance(given, Iterable):
-        given = list(given)
-    try:
-        points = np.asarray([] if isinstance(given, PlanBatch) else given)
-    except ValueError:  # of several lengths, hence not objectives
-        points = np.empty(0, object)
-    if points.dtype.kind not in "iuf" or points.size == 0:
-        points = mission.evaluate(given)
-    checked = check_objectives(points, "plans or objectives")
-    if not len(checked):
+    listed: list[Any] = list(given)
+    if not listed:
         raise ValueError("Expected at least one plan, got none.")
-    return checked
+    try:
+        points = np.array(listed, float)
+    except (TypeError, ValueError):  # plans
+        points = mission.evaluate(listed)
+    return check_objectives(points, "plans or objectives")
 
 
 def check_objectives(points: NDArray[Any], expected: str = "objectives") -> FloatArray:

@@ -107,13 +107,6 @@ class Candidates:
         return lowest
 
 
-def effort(wish: Wish) -> int:
-    """Rank a wish by how long judging it takes: the distribution of the reward takes longest."""
-    if takes_reward_distribution(wish):
-        return 2
-    return int(isinstance(wish, Chance | TailMean | Reach))
-
-
 def takes_reward_distribution(wish: Wish) -> bool:
     """Return whether a wish is judged by the distribution of the reward."""
     return isinstance(wish, Chance | TailMean) and wish.quantity == "reward"
