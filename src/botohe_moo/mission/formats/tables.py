@@ -8,9 +8,7 @@ import io
 import os
 from collections.abc import Hashable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from botohe_moo._base.checks import check_frame, quoted
 from botohe_moo.mission.formats.files import file_content
@@ -118,10 +116,7 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
         reason = f"{error}; save it as 'CSV UTF-8', as spreadsheets call it"
         raise MissionError(reason, str(path)) from None
     separator = max(_SEPARATORS, key=text.partition("\n")[0].count)
-    try:
-        lines = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
-    except csv.Error as error:
-        raise MissionError(f"expected a table (CSV), found: {error}", str(path)) from None
+    lines = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
     rows = {i: cells for i, cells in enumerate(lines, 1) if any(cell.strip() for cell in cells)}
     if not rows:
         reason = "expected a first row of column names, found an empty file"
@@ -153,10 +148,11 @@ def _rows(
         return [], [f"{table}: expected one column {quoted(name)}, found {found}" for name in wrong]
     rows: list[Entry] = []
     faults = list(frame.attrs.get(_FAULTS, ()))
-    columns = [[_plain(value) for value in frame.iloc[:, i]] for i in range(len(names))]
-    for index, *cells in zip(frame.index, *columns, strict=True):
-        filled = zip(names, cells, strict=True)
-        row = {key: cell for key, cell in filled if key and cell is not None}
+    cells = frame.astype(object).where(frame.notna(), None)
+    for index, *values in cells.itertuples(name=None):
+        stripped = [value.strip() if isinstance(value, str) else value for value in values]
+        filled = zip(names, stripped, strict=True)
+        row = {key: value for key, value in filled if key and value is not None and value != ""}
         where = f"{table}, row {index}"
         if missing := [key for key in labels if key not in row]:
             faults.append(f"{where}: expected {missing[0]}, found nothing")
@@ -170,14 +166,3 @@ def _rows(
             row["pos"] = [row.pop("x", None), row.pop("y", None)]
         rows.append((where, ends, row))
     return rows, faults
-
-
-def _plain(value: Any) -> Any:
-    """Return text without the blanks around it, Python's own numbers, and None for nothing."""
-    import pandas as pd
-
-    if isinstance(value, str):
-        return value.strip() or None
-    if pd.api.types.is_scalar(value) and pd.isna(value):
-        return None
-    return value.item() if isinstance(value, np.generic) else value
