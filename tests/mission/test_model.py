@@ -210,20 +210,14 @@ class TestFaults:
         twin = pickle.loads(pickle.dumps(error))
         assert (twin.faults, str(twin)) == (error.faults, str(error))
 
-    @pytest.mark.parametrize(
-        ("graph", "fault"),
-        [
-            (
-                nx.Graph([(0, 1)]),
-                r"expected directed arcs \(nx\.DiGraph\), got a Graph; graph",
-            ),
+    def test_kind_of_graph(self):
+        for graph, fault in (
+            (nx.Graph([(0, 1)]), r"expected directed arcs \(nx\.DiGraph\), got a Graph; graph"),
             (nx.MultiDiGraph([(0, 1)]), r"expected at most one arc .* got a MultiDiGraph"),
             ({0: [1]}, r"expected an nx\.DiGraph, got \{0: \[1\]\}"),
-        ],
-    )
-    def test_kind_of_graph(self, graph, fault):
-        with pytest.raises(MissionError, match=fault):
-            Mission(graph, base=0, robots=1)
+        ):
+            with pytest.raises(MissionError, match=fault):
+                Mission(graph, base=0, robots=1)
 
 
 class TestEquality:
@@ -235,25 +229,18 @@ class TestEquality:
         assert mission.with_robots(3).with_robots(2) == mission
         assert mission != "harbour"
 
-    @pytest.mark.parametrize("change", ["reward", "survival", "arc", "base", "order", "label"])
-    def test_what_makes_them_differ(self, graph, mission, change):
-        base = "dock"
-        if change == "reward":
-            graph.nodes["reef"]["reward"] = 6
-        elif change == "survival":
-            graph.edges["dock", "reef"]["survival"] = 0.95
-        elif change == "arc":
-            graph.remove_edge("dock", ("buoy", 2))
-        elif change == "base":
-            base = "reef"
-        elif change == "order":
-            ordered = nx.DiGraph()
-            ordered.add_nodes_from(reversed(list(graph.nodes(data=True))))
-            ordered.add_edges_from(graph.edges(data=True))
-            graph = ordered
-        else:
-            graph = nx.relabel_nodes(graph, {"reef": "rift"})
-        assert Mission(graph, base=base, robots=2) != mission
+    def test_what_makes_them_differ(self, graph, mission):
+        others = [graph.copy() for _ in range(3)]
+        others[0].nodes["reef"]["reward"] = 6
+        others[1].edges["dock", "reef"]["survival"] = 0.95
+        others[2].remove_edge("dock", ("buoy", 2))
+        others.append(nx.relabel_nodes(graph, {"reef": "rift"}))
+        others.append(nx.DiGraph())
+        others[-1].add_nodes_from(reversed(list(graph.nodes(data=True))))
+        others[-1].add_edges_from(graph.edges(data=True))
+        for other in others:
+            assert Mission(other, base="dock", robots=2) != mission
+        assert Mission(graph, base="reef", robots=2) != mission
 
     def test_with_robots(self, mission):
         larger = mission.with_robots(np.int64(5))
@@ -306,12 +293,6 @@ class TestPlan:
                 [["dock"], ["dock", "deck", "dock"]],
                 "Robot 1, position 1: mission 'harbour' has no node 'deck'.",
             ),
-            (
-                [["dock", ["reef"], "dock"], ["dock"]],
-                "Robot 0, position 1: mission 'harbour' has no node ['reef'].",
-            ),
-            ([["dock"], "dock"], "Robot 1: expected a sequence of node labels, got 'dock'."),
-            ([["dock"], []], "Robot 1: expected a trail of at least one node, the base, got an em"),
             (
                 [["reef", "dock"], ["dock"]],
                 "Robot 0, position 0: expected the trail to begin at base 'dock', got 'reef'.",
