@@ -531,7 +531,7 @@ class TestReading:
         solution._write_tables(tmp_path)
         (tmp_path / "mission.json").unlink()
         missing = r"mission\.json: there is no such file\. Solve the mission again, or put back"
-        with pytest.raises(MissionError, match=missing):
+        with pytest.raises(ValueError, match=missing):
             read_solution(tmp_path)
         assert parts(read_solution(tmp_path, mission=toy)) == parts(solution)
         with pytest.raises(ValueError, match=r"^mission 'toy': expected the mission that the pla"):

@@ -105,9 +105,6 @@ class TrailPlan:
     def __reduce__(self) -> tuple[object, ...]:
         return type(self)._wrap, (self._nodes, self._offsets)
 
-    def __copy__(self) -> Self:
-        return self
-
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from botohe_moo._base.checks import most_alike, quoted
 from botohe_moo.decide.wishes import Chance, EveryRobot, Expected, Reach, TailMean, Wish
-from botohe_moo.mission.formats.nodelink import read_label
 from botohe_moo.mission.model import Mission
+from botohe_moo.mission.validation import read_label
 
 FORMS = (
     "reward >= 5",

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from botohe_moo._base.checks import check_choice, check_number
-from botohe_moo.mission.formats.nodelink import plain_label, read_label
+from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.validation import read_label
 
 Quantity = Literal["reward", "survivors"]
 QUANTITIES = ("reward", "survivors")

@@ -198,8 +198,8 @@ def trail_indices(
     indices = []
     for position, label in enumerate(trail):
         try:
-            indices.append(index[_hashable(label)])
-        except (KeyError, TypeError):
+            indices.append(index[read_label(label)])
+        except (KeyError, TypeError, ValueError):
             raise PlanError(
                 f"Robot {robot}, position {position}: mission {quoted(mission)} has no node "
                 f"{quoted(label)}."
@@ -207,9 +207,14 @@ def trail_indices(
     return indices
 
 
-def _hashable(label: object) -> Any:
-    """Convert lists, as which files hold tuples."""
-    return tuple(map(_hashable, label)) if isinstance(label, list) else label
+def read_label(value: object) -> Hashable:
+    """Convert a JSON value to a node label; raises ValueError if it cannot be one."""
+    if isinstance(value, list):
+        return tuple(None if item is None else read_label(item) for item in value)
+    if value is None or isinstance(value, dict):
+        expected = "a string, a number, a boolean or a list of them"
+        raise ValueError(f"expected a label, {expected}, got {quoted(value)}")
+    return value
 
 
 def fault_text(

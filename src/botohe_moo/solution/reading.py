@@ -10,7 +10,6 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, NonNegativeInt, 
 from botohe_moo._plugins.messages import wrong_value
 from botohe_moo.mission.formats.files import file_content, read_mission
 from botohe_moo.mission.model import Mission, numbers_digest
-from botohe_moo.mission.validation import MissionError
 from botohe_moo.solution.model import Solution, as_json
 
 _REMEDY = "Solve the mission again, or put back what was written."
@@ -68,10 +67,6 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
     folder = Path(folder)
     try:
         return _read(folder, mission)
-    except MissionError as error:
-        *others, last = error.faults
-        faults = [*others, f"{last.removesuffix('.')}. {_REMEDY}"]
-        raise MissionError(faults, error.source) from None
     except ValueError as error:
         raise ValueError(f"{str(error).removesuffix('.')}. {_REMEDY}") from None
 

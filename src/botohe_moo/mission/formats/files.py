@@ -1,7 +1,7 @@
 """Mission files: which format a file is in, reading it and writing it."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +66,7 @@ def read_mission(
     path = Path(path)
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
-        raise MissionError(_unknown_suffix(path, SUFFIXES), str(path))
+        raise MissionError(suffix_fault(path, SUFFIXES), str(path))
     known = [parameter.name for parameter in signature_parameters(reader)]
     check_parameters(f"Mission file {path}", options, known, also=("robots",))
     try:
@@ -113,7 +113,7 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     path = Path(path)
     writer = _WRITERS.get(path.suffix.lower())
     if writer is None:
-        raise ValueError(f"{path}: {_unknown_suffix(path, _WRITERS)}.")
+        raise ValueError(f"{path}: {suffix_fault(path, _WRITERS)}.")
     try:
         data = writer(mission_content(check_mission(mission)))
     except ValueError as error:
@@ -121,7 +121,8 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     replace_file(path, data)
 
 
-def _unknown_suffix(path: Path, known: Mapping[str, object] | Iterable[str]) -> str:
+def suffix_fault(path: Path, known: Iterable[str]) -> str:
+    """Describe the fault of a file's name that has none of the ``known`` suffixes."""
     found = f"the suffix {path.suffix!r}" if path.suffix else "no suffix"
     return f"expected a file name that ends in one of {', '.join(known)}; found {found}"
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from botohe_moo._base.checks import quoted
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.validation import MissionError, attribute_faults
+from botohe_moo.mission.validation import MissionError, attribute_faults, read_label
 
 _KEYS = {
     "directed": (bool, "true or false"),
@@ -68,16 +68,6 @@ def _entry(where: str, entry: object, *keys: str) -> Entry:
     except ValueError as error:
         raise MissionError(f"{where}: {error}") from None
     return where, labels, entry
-
-
-def read_label(value: object) -> Hashable:
-    """Convert a JSON value to a node label; raises ValueError if it cannot be one."""
-    if isinstance(value, list):
-        return tuple(None if item is None else read_label(item) for item in value)
-    if value is None or isinstance(value, dict):
-        expected = "a string, a number, a boolean or a list of them"
-        raise ValueError(f"expected a label, {expected}, got {quoted(value)}")
-    return value
 
 
 def graph_of(
