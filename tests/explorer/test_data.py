@@ -259,12 +259,6 @@ class TestSites:
         assert data["labels"] is None
         json.dumps(data)
 
-    def test_a_wrong_position_is_named(self):
-        graph = self.graph(x=(1, 2), y="north")
-        nx.set_node_attributes(graph, {1: (0, 0), "1": (5, 5)}, "pos")
-        with pytest.raises(ValueError, match="Node 'y': expected pos"):
-            self.data(graph)
-
 
 class TestBadInput:
     """One message that names the file and the remedy."""

@@ -7,7 +7,6 @@ import csv
 import io
 import json
 import os
-import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from botohe_moo._base.files import replace_file
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
 from botohe_moo.decide import choosing, fronts, tradeoffs
@@ -23,7 +23,6 @@ from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.formats.nodelink import mission_content, write_node_link
 from botohe_moo.mission.model import Mission, numbers_digest
-from botohe_moo.solution import overview
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:
@@ -168,8 +167,8 @@ class Solution:
         expected survivor, from one row to the next.
         """
         front = self.mission, self.plans, self.objectives
-        rows = tuple(range(len(self.plans))) if all_plans else overview.shown_rows(*front)
-        table = overview.front_table(self.mission, self.objectives, rows) if rows else "no plans"
+        rows = tuple(range(len(self.plans))) if all_plans else tradeoffs.shown_rows(*front)
+        table = tradeoffs.front_table(self.mission, self.objectives, rows) if rows else "no plans"
         some = f", {len(rows)} of them above" if len(rows) < len(self.plans) else ""
         start = self.startup_seconds if self.startup_seconds >= _LONG_START else 0.0
         took, started = "", ""
@@ -266,14 +265,11 @@ class Solution:
         tables = {"front.csv": front.getvalue().encode(), "plans.json": self.to_json().encode()}
         with contextlib.suppress(ValueError):
             tables["mission.json"] = write_node_link(mission_content(self.mission))
-        with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder) as drafts:
-            for name, data in tables.items():
-                Path(drafts, name).write_bytes(data)
-            for name in FILES:
-                if name in tables:
-                    Path(drafts, name).replace(folder / name)
-                else:
-                    (folder / name).unlink(missing_ok=True)
+        for name in FILES:
+            if name in tables:
+                replace_file(folder / name, tables[name])
+            else:
+                (folder / name).unlink(missing_ok=True)
 
 
 def draw_picture(path: Path, plot: Callable[..., Axes], *shown: Any, **options: Any) -> None:
