@@ -70,7 +70,7 @@ def benchmark_faults(tmp_path):
     return lambda data, **options: faults_of(tmp_path / "bad.txt", data, **options)
 
 
-def held(mission):
+def attributes_of(mission):
     """All that a file must hold: the attributes of the graph, of its nodes and of its arcs."""
     graph = mission.graph
     own = {"name": mission.name, "base": mission.base, "robots": mission.robots}
@@ -428,7 +428,7 @@ class TestRoundTrip:
         save_mission(mission, path)
         read = read_mission(path)
         assert read == mission
-        assert held(read) == held(mission)
+        assert attributes_of(read) == attributes_of(mission)
 
     @given(labelled_missions(xml_text, xml_values))
     def test_graphml(self, tmp_path_factory, mission):
@@ -436,7 +436,7 @@ class TestRoundTrip:
         save_mission(mission, path)
         read = read_mission(path)
         assert read == mission
-        assert held(read) == held(mission)
+        assert attributes_of(read) == attributes_of(mission)
 
     @given(json_values, json_values, json_values)
     def test_whatever_json_holds(self, tmp_path_factory, label, reward, survival):

@@ -152,7 +152,7 @@ class TestFromPos:
         assert caught.value.faults[0] == "node 0: expected pos [x, y], found none"
 
 
-def held(mission):
+def lengths_of(mission):
     arcs = {arc: mission.graph.edges[arc] for arc in mission.graph.edges}
     return {arc: own["length"] for arc, own in arcs.items() if "length" in own}
 
@@ -170,7 +170,7 @@ class TestFiles:
         read = read_mission(path)
         assert read == mission
         assert read.arrays.length.tobytes() == mission.arrays.length.tobytes()
-        assert held(read) == held(mission)  # and no arc has been given one
+        assert lengths_of(read) == lengths_of(mission)  # and no arc has been given one
         assert read.max_length == budget
         assert ("max_length" in path.read_text()) == (budget is not None)
 

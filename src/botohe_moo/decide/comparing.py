@@ -18,7 +18,7 @@ _SHOWN = 8  # nodes in a sentence
 
 @dataclass(frozen=True)
 class Change:
-    """What one robot does otherwise in the other plan.
+    """The difference that a robot makes between two plans.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Difference:
-    """What the second of two plans has that the first has not; ``str`` says it in sentences.
+    """The difference of two plans; ``str`` describes it in sentences.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Difference:
     at_base
         Numbers of robots that stay at base in the first and in the second plan.
     robots
-        What each robot does otherwise, by the robots of the first plan.
+        The change of each robot, in the order of the first plan.
 
     Examples
     --------
@@ -100,11 +100,10 @@ class Difference:
 
 
 def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference:
-    """Compare two plans: what the second has that the first has not.
+    """Compare two plans: rewards, survivors, nodes, and the trails of matched robots.
 
-    Robots are identical, so each of the first plan is matched with one of the second: first those
-    with equal trails, then the others such that the sum of the distances of their trails,
-    ``1 − |A ∩ B| / |A ∪ B|`` of their arcs, is the smallest.
+    Robots are identical, so each robot of the first plan is matched with one of the second. The sum
+    of the distances of their trails, ``1 − |A ∩ B| / |A ∪ B|`` of their arcs, is the smallest.
 
     Parameters
     ----------

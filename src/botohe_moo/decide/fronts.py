@@ -82,14 +82,14 @@ def more(value: float, what: str) -> str:
 
 @dataclass(frozen=True)
 class Mark:
-    """A plan that is marked on a front; a mark, not a verdict.
+    """A plan that is marked on a front.
 
     Attributes
     ----------
     index
         Row of the plan.
     name, definition
-        What it is, in short and exactly.
+        Its name, and its definition.
     reward, survivors
         Its E[R] and E[S].
 

@@ -99,7 +99,7 @@ class Neighbours:
 
 
 def neighbours(mission: Mission, plans: PlansOrObjectives, index: int) -> Neighbours:
-    """Find the plans beside a plan on the front, and what they have more and less.
+    """Find the plans beside a plan on the front, and the differences to them.
 
     Parameters
     ----------
