@@ -88,11 +88,11 @@ def graph_of(
             faults.append(f"{where}: node {quoted(label)} is listed more than once")
         graph.add_nodes_from([(label, attributes)])
     for where, (tail, head), attributes in arcs:
-        arc = f"{where}: arc {quoted(tail)} -> {quoted(head)}"
         unknown = [label for label in dict.fromkeys((tail, head)) if label not in graph]
-        faults += [f"{arc}: there is no node {quoted(label)}" for label in unknown]
+        wrong = [f"there is no node {quoted(label)}" for label in unknown]
         if graph.has_edge(tail, head):
-            faults.append(f"{arc} is listed more than once")
+            wrong.append("is listed more than once")
+        faults += [f"{where}: arc {quoted(tail)} -> {quoted(head)}: {fault}" for fault in wrong]
         if not unknown:
             graph.add_edges_from([(tail, head, attributes)])
     if faults:
@@ -105,16 +105,15 @@ def mission_content(mission: Mission) -> dict[str, Any]:
     graph = mission.graph
     own = {"name": None, **graph.graph, "base": None}
     own.update(name=mission.name, robots=mission.robots)  # not the graph's, which may differ
-    own = _attributes("the graph", own) | {"base": plain_label(mission.base)}
-    nodes = [
-        {"id": plain_label(node), **_attributes(f"node {quoted(node)}", attributes, "id")}
-        for node, attributes in graph.nodes(data=True)
-    ]
-    arcs = []
+    own = _attributes("the graph", (), own) | {"base": plain_label(mission.base)}
+    labels = {node: plain_label(node) for node in graph}
+    nodes, arcs = [], []
+    for node, attributes in graph.nodes(data=True):
+        label = {"id": labels[node]}
+        nodes.append(label | _attributes("node ", (node,), attributes, *label))
     for tail, head, attributes in graph.edges(data=True):
-        arc = f"arc {quoted(tail)} -> {quoted(head)}"
-        ends = {"source": plain_label(tail), "target": plain_label(head)}
-        arcs.append({**ends, **_attributes(arc, attributes, "source", "target")})
+        ends = {"source": labels[tail], "target": labels[head]}
+        arcs.append(ends | _attributes("arc ", (tail, head), attributes, *ends))
     return {"directed": True, "multigraph": False, "graph": own, "nodes": nodes, "edges": arcs}
 
 
@@ -140,12 +139,16 @@ def plain_label(label: Hashable) -> object:
     raise ValueError(f"Node {quoted(label)} cannot be saved under its label: {reason}.")
 
 
-def _attributes(owner: str, attributes: dict[Any, Any], *reserved: str) -> dict[str, Any]:
-    if names := [name for name in reserved if name in attributes]:
-        raise ValueError(f"{owner}: {names[0]!r} is the name of a label, expected another one.")
+def _attributes(
+    kind: str, labels: tuple[Hashable, ...], attributes: dict[Any, Any], *reserved: str
+) -> dict[str, Any]:
+    """Return attributes as JSON holds them; a ValueError names their owner by kind and labels."""
     try:
+        if names := [name for name in reserved if name in attributes]:
+            raise ValueError(f"{names[0]!r} is the name of a label")
         plain: dict[str, Any] = _plain(attributes)
     except (TypeError, ValueError) as error:
+        owner = kind + " -> ".join(map(quoted, labels))
         raise ValueError(f"{owner}: {quoted(attributes)} cannot be saved: {error}.") from None
     return plain
 
