@@ -264,14 +264,6 @@ def test_layout_is_reproducible_and_used_when_one_pos_is_missing():
     assert first.shape == (61, 2)
 
 
-@pytest.mark.parametrize("pos", [[1.0, 2.0, 3.0], [0.0, math.nan]])
-def test_malformed_pos_is_named(pos):
-    nodes = {"dock": {"reward": 0, "pos": [0, 0]}, "reef": {"reward": 1, "pos": pos}}
-    mission = make(nodes, [("dock", "reef", 0.9), ("reef", "dock", 0.9)])
-    with pytest.raises(ValueError, match=r"Node 'reef': expected pos \[x, y\]"):
-        plot_mission(mission)
-
-
 # Plans
 
 
