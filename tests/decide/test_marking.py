@@ -183,3 +183,11 @@ def test_pymoos_negatives_are_refused():
     for function in (knees, lambda *given: neighbours(*given, 0), lambda *g: exchange_rate(*g, 0)):
         with pytest.raises(ValueError, match=expected):
             function(TOY, np.array([[0.0, 2.0], [-7.0, -1.0]]))
+
+
+def test_plans_in_any_container():
+    plans = [TOY.plan([trail, [1]]) for trail in ([1], [1, 2, 1], [1, 2, 4, 2, 1])]
+    batch = TOY.batch(plans)
+    expected = knees(TOY, TOY.evaluate(plans))
+    for front in (plans, iter(plans), batch, batch.to_array(), batch.to_array()[:, 0]):
+        assert knees(TOY, front) == expected

@@ -18,8 +18,8 @@ PlansOrObjectives = Plans | FloatArray
 def objectives_of(mission: Mission, given: PlansOrObjectives) -> FloatArray:
     """Return the objectives (n_plans, 2) of plans; objectives themselves are checked."""
     check_mission(mission)
-    listed: list[Any] = list(given)
-    if not listed:
+    listed: Any = given if isinstance(given, np.ndarray) else list(given)
+    if not len(listed):
         raise ValueError("Expected at least one plan, got none.")
     try:
         points = np.array(listed, float)
