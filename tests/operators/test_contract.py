@@ -237,8 +237,10 @@ def test_batches_are_checked(name):
     toy = load_mission("toy")
     none = PlanBatch.from_plans([], 2)
     assert len(MUTATIONS[name]().mutate_batch(toy, none, generator(1))) == 0
-    with pytest.raises(ValueError, match="Expected 2 trails a plan for the 2 robots"):
-        MUTATIONS[name]().mutate_batch(toy, PlanBatch.from_plans([], 3), generator(1))
+    with pytest.raises(ValueError, match="Plan 0: expected 2 trails, got "):
+        MUTATIONS[name]().mutate_batch(
+            toy, PlanBatch.from_plans([TrailPlan([[0]] * 3)], 3), generator(1)
+        )
     empty = PlanBatch(np.array([0], np.int32), np.array([0, 1, 1]), 2)
     with pytest.raises(ValueError, match="Plan 0, robot 1: expected at least one node, got none"):
         MUTATIONS[name]().mutate_batch(toy, empty, generator(1))
