@@ -1063,10 +1063,14 @@ class TestImport:
     @pytest.mark.parametrize(
         ("file", "damage", "words"),
         [
-            ("nodes.csv", ("7;0;6;0", "7;0,5;6;0"), ["nodes.csv, row 8: expected reward", "'0,5'"]),
+            (
+                "nodes.csv",
+                ("7;0;6;0", "7;0,5;6;0"),
+                ["node '7': expected a finite reward >= 0, got '0,5'"],
+            ),
             ("arcs.csv", ("7,8,", "7,88,"), ["arcs.csv, row 14: arc '7' -> '88'", "no node '88'"]),
             ("arcs.csv", None, ["arcs.csv: there is no such file"]),
-            ("nodes.csv", ("X;Y", "Pos;Z"), ["nodes.csv: Node '1': expected pos [x, y]"]),
+            ("nodes.csv", ("X;Y", "Pos;Z"), ["node '1': expected pos [x, y]"]),
         ],
     )
     def test_what_is_wrong_is_named(self, refused, tmp_path, file, damage, words):

@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission, mission_from_tables, read_solution, solve
 from botohe_moo.mission import MissionError, read_mission, save_mission
-from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.tables import read_table
+from botohe_moo.mission.model import mission_digest
 from botohe_moo.search.bounds import FrontBound, bound_front
 from tests.examples import examples
 
@@ -30,7 +30,7 @@ VALUE = re.compile(rb'(?<=")[^"\n]+(?=")|(?<=>)[^<>\n]+(?=<)|[0-9.]+')
 TOKENS = [
     *(b"", b"NaN", b"-Infinity", b"nan", b"1e999", b"-1", b"1" * 30, b"9" * 5000, b"\xff", b"\0"),
     *(b"&#13;", b"&x;", b"&#xFFFE;", b"]]>", b"<!DOCTYPE a []>", b"\r", b" ", b";", b"\xc2\x85"),
-    *(b"null", b"{}", b"[", b"[" * 3000, b'"', b'"base": 1,', b"\\ud800", b"1_0", b"../../x"),
+    *(b"null", b"{}", b"[", b'"', b'"base": 1,', b"\\ud800", b"1_0", b"../../x"),
 ]
 VALUES = [
     *(None, True, 0, 2, -1, 0.5, -0.0, 1e308, 10**400, float("nan"), float("inf"), "", "a", "\0"),
@@ -150,20 +150,17 @@ def read_and_saved(path, data):
     except MissionError as error:
         check_message(error, path)
         return
-    for suffix in (".json", ".graphml"):
-        saved = path.with_name(f"saved{suffix}")
-        try:
-            save_mission(mission, saved)
-        except ValueError as error:
-            # GraphML cannot hold all that JSON can, and no file a lone surrogate.
-            assert suffix == ".graphml" or "surrogates" in str(error)  # noqa: PT017
-            check_message(error, saved)
-            continue
-        again = read_mission(saved)
-        if suffix == ".json" or isinstance(mission.base, str):
-            assert again == mission
-            assert (again.name, again.title) == (mission.name, mission.title)
-            assert mission_digest(again) == mission_digest(mission)
+    saved = path.with_name("saved.json")
+    try:
+        save_mission(mission, saved)
+    except ValueError as error:
+        assert "surrogates" in str(error)  # noqa: PT017 - no file can hold a lone one
+        check_message(error, saved)
+        return
+    again = read_mission(saved)
+    assert again == mission
+    assert (again.name, again.title) == (mission.name, mission.title)
+    assert mission_digest(again) == mission_digest(mission)
 
 
 @examples(300)

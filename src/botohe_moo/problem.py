@@ -38,10 +38,9 @@ class BOTOHE(Problem):
         Survival floor: every robot has to survive with at least this probability, in [0, 1]. It
         becomes an inequality constraint of pymoo's; 0 sets none.
     max_length
-        Travel budget: the arcs of every robot's trail are at most so long together, in the unit of
-        their ``length`` (1 a hop where a mission has none), at least 0. It becomes an inequality
-        constraint, too. Default: the mission's own (:attr:`Mission.max_length`), if it has one;
-        ``math.inf`` sets none.
+        Travel budget: the lengths of the arcs of every robot's trail sum to at most this, at least
+        0; an arc without ``length`` counts 1. It becomes an inequality constraint, too. Default:
+        the mission's own (:attr:`Mission.max_length`), if it has one; ``math.inf`` sets none.
     allow_invalid
         Evaluate invalid plans, too, and count their faults as constraint violation, as operators
         without a repair need (:class:`~botohe_moo.operators.PenaltyOnly`).
@@ -88,7 +87,7 @@ class BOTOHE(Problem):
         self.allow_invalid = allow_invalid
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
-        """Compute F (n, 2), −E[R] and −E[S]; every evaluation of every algorithm passes here.
+        """Compute F (n, 2), −E[R] and −E[S]; all algorithms evaluate plans by this method.
 
         Parameters
         ----------
@@ -103,10 +102,10 @@ class BOTOHE(Problem):
     def constrain_batch(self, batch: PlanBatch) -> FloatArray:
         """Compute the inequality constraints G (n, n_ieq_constr), at most 0 where they are kept.
 
-        With ``allow_invalid`` the number of faults (:meth:`Mission.evaluate_drafts`), with a
-        survival floor by how much the robot in the greatest danger falls short of it, and with a
-        travel budget what share of it the longest trail takes beyond it (of a budget of 0: how long
-        that trail is).
+        With ``allow_invalid`` there is a column for the number of faults
+        (:meth:`Mission.evaluate_drafts`), with a survival floor one for how far the robot in the
+        greatest danger falls short of it, and with a travel budget one for the share of it by which
+        the longest trail exceeds it (for a budget of 0: the length of that trail).
 
         Parameters
         ----------
@@ -128,10 +127,10 @@ class BOTOHE(Problem):
 
     @property
     def objective_bounds(self) -> tuple[float, float]:
-        """What −F is at most, column by column: here total reward and team size. It is at least 0.
+        """Upper bounds of −F, column by column, at least 0: the total reward and the team size.
 
-        Areas, IGD+ and epsilon of studies are shares of these. A subclass with objectives of its
-        own states its own, as a property; without, studies refuse it.
+        Areas, IGD+ and epsilon of studies are shares of these. A subclass with other objectives
+        has to override this property, or studies refuse it.
 
         Examples
         --------
@@ -153,17 +152,17 @@ class BOTOHE(Problem):
 
     @property
     def survival_floor(self) -> float:
-        """The survival floor less what rounding may cost a product of survivals."""
+        """The survival floor minus what rounding may take from a product of survivals."""
         return self.min_survival * (1.0 - _ROUNDING)
 
     @property
     def travel_budget(self) -> float:
-        """The travel budget and what rounding may add to a sum of lengths; without one, inf."""
+        """The travel budget plus what rounding may add to a sum of lengths; inf without one."""
         return math.inf if self.max_length is None else self.max_length * (1.0 + _ROUNDING)
 
     @property
     def planning_limits(self) -> Limits:
-        """What planners hold robots to: halfway, so that rounding never makes a plan infeasible."""
+        """The limits for planners: halfway, so that rounding never makes a plan infeasible."""
         longest = math.inf if self.max_length is None else self.max_length * (1.0 + _ROUNDING / 2)
         return Limits(self.min_survival * (1.0 - _ROUNDING / 2), longest)
 
@@ -188,7 +187,7 @@ class BOTOHE(Problem):
 
     @property
     def is_plain(self) -> bool:
-        """Whether the objectives are E[R] and E[S], as far as one can tell: nothing overrides them.
+        """Whether the objectives are E[R] and E[S]: no method that computes them is overridden.
 
         Examples
         --------
@@ -239,8 +238,7 @@ def overrides(problem: BOTOHE, method: str) -> bool:
 class FrontOutput(Output):
     """What pymoo prints under ``verbose=True``: area, largest expected reward, front size.
 
-    Of a problem with objectives of its own, too, area and reward are those of the plans' E[R] and
-    E[S].
+    For a problem with other objectives, too, area and reward are those of E[R] and E[S].
 
     Examples
     --------

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, Self, TypeAlias, overload
+from typing import Self, TypeAlias, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from botohe_moo._base.checks import check_integer, quoted
 from botohe_moo._base.types import IntArray, ObjectArray, OffsetArray
@@ -30,14 +30,8 @@ class TrailPlan:
     Parameters
     ----------
     trails
-        One sequence of node indices (int, at least 0) per robot, each of at least one node.
-
-    Raises
-    ------
-    ValueError
-        If there is no trail, or a robot's is empty or has anything but node indices.
-    TypeError
-        If ``trails`` is not iterable.
+        One sequence of node indices (int, at least 0) per robot, each of at least one node; a
+        ValueError names the robot of anything else.
 
     Examples
     --------
@@ -50,30 +44,27 @@ class TrailPlan:
     """
 
     # No __len__ and __getitem__: numpy would take a plan for a sequence and unpack it.
-    __slots__ = ("_hash", "_key", "_nodes", "_offsets")
+    __slots__ = ("_key", "_nodes", "_offsets")
 
     # In bytes, since most plans are only compared or packed; `nodes` and `offsets` are views.
     _nodes: bytes
     _offsets: bytes
     _key: tuple[bytes, ...] | None
-    _hash: int | None
 
     def __init__(self, trails: Iterable[Sequence[int]]) -> None:
-        if not isinstance(trails, Iterable):
-            raise TypeError(f"Expected one trail of node indices per robot, got {trails!r}.")
         arrays = [_indices(trail, robot) for robot, trail in enumerate(trails)]
         if not arrays:
             raise ValueError("Expected at least one trail, got none.")
         self._nodes = np.concatenate(arrays).tobytes()
         self._offsets = _offsets([len(array) for array in arrays]).tobytes()
-        self._key = self._hash = None
+        self._key = None
 
     @classmethod
     def _wrap(cls, nodes: bytes, offsets: bytes) -> Self:
         """Take the bytes of arrays (int32, int64) that are known to be well-formed."""
         plan = cls.__new__(cls)
         plan._nodes, plan._offsets = nodes, offsets
-        plan._key = plan._hash = None
+        plan._key = None
         return plan
 
     @property
@@ -109,15 +100,10 @@ class TrailPlan:
         return self._multiset() == other._multiset()
 
     def __hash__(self) -> int:
-        if self._hash is None:
-            self._hash = hash(self._multiset())
-        return self._hash
+        return hash(self._multiset())
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self)._wrap, (self._nodes, self._offsets)
-
-    def __copy__(self) -> Self:
-        return self
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
@@ -136,28 +122,13 @@ def _indices(trail: Sequence[int], robot: int) -> IntArray:
             f"Robot {robot}: expected a trail, a sequence of node indices, got {trail!r}; "
             "a robot that stays at base has the trail (base,)."
         )
-    # Among integers in a list, numpy takes True for 1.
-    truths = not isinstance(trail, np.ndarray) and not {bool, np.bool_}.isdisjoint(map(type, trail))
-    if truths or array.dtype.kind not in "iu" or array.min() < 0 or array.max() > _MAX_INDEX:
+    if array.dtype.kind not in "iu" or array.min() < 0 or array.max() > _MAX_INDEX:
         raise ValueError(f"Robot {robot}: expected node indices (integers from 0), got {trail!r}.")
     return array.astype(np.int32)
 
 
-def _integers(name: str, values: ArrayLike, dtype: type[np.integer[Any]]) -> NDArray[Any]:
-    """Convert integers to ``dtype``; values that do not fit are refused."""
-    found = np.asarray(values)
-    limits = np.iinfo(dtype)
-    if found.ndim != 1 or not (found.size == 0 or found.dtype.kind in "iu"):
-        raise ValueError(f"Expected {name} to be one-dimensional and of integers, got {values!r}.")
-    if found.size and not limits.min <= found.min() <= found.max() <= limits.max:
-        raise ValueError(f"Expected {name} that fit into {dtype.__name__}, got {values!r}.")
-    return np.ascontiguousarray(found, dtype)
-
-
 class PlanBatch:
-    """Many trail plans of one team size in one pair of ragged arrays.
-
-    A sequence: ``batch[i]`` is a plan, ``batch[i:j]`` a batch.
+    """Many plans of one team size in ragged arrays: ``batch[i]`` is a plan, ``batch[i:j]`` a batch.
 
     Parameters
     ----------
@@ -166,14 +137,9 @@ class PlanBatch:
         when it evaluates the plans.
     offsets
         Where each trail begins in ``nodes``, and their length at the end
-        (n_plans · n_robots + 1, int64).
+        (n_plans · n_robots + 1, int64). A ValueError is raised if both do not fit together.
     n_robots
         Trails per plan.
-
-    Raises
-    ------
-    ValueError
-        If these are not integers, or do not fit together.
 
     Examples
     --------
@@ -197,11 +163,10 @@ class PlanBatch:
 
     def __init__(self, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> None:
         n_robots = check_integer("n_robots", n_robots, at_least=1)
-        nodes = _integers("nodes", nodes, np.int32)
-        offsets = _integers("offsets", offsets, np.int64)
-        if len(offsets) == 0:
-            raise ValueError("Expected at least one of offsets, got none.")
-        if offsets[0] != 0 or offsets[-1] != len(nodes) or np.any(np.diff(offsets) < 0):
+        nodes = np.asarray(nodes).astype(np.int32, casting="same_kind")
+        offsets = np.asarray(offsets).astype(np.int64, casting="same_kind")
+        sizes = np.diff(offsets, prepend=0, append=len(nodes))
+        if len(offsets) == 0 or sizes[0] != 0 or sizes[-1] != 0 or sizes.min() < 0:
             raise ValueError(
                 f"Expected offsets that ascend from 0 to the number of nodes ({len(nodes)}), "
                 f"got {offsets}."
@@ -210,7 +175,7 @@ class PlanBatch:
             raise ValueError(
                 f"Expected a multiple of n_robots = {n_robots} trails, got {len(offsets) - 1}."
             )
-        self._nodes, self._offsets, self.n_robots = nodes.copy(), offsets.copy(), n_robots
+        self._nodes, self._offsets, self.n_robots = nodes, offsets, n_robots
 
     @classmethod
     def _wrap(cls, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> Self:
@@ -235,34 +200,23 @@ class PlanBatch:
 
     @property
     def arrays(self) -> tuple[IntArray, OffsetArray]:
-        """Nodes and offsets as kernels take them, which are compiled for arrays one may write to.
-
-        Not to be changed.
-        """
+        """Nodes and offsets as kernels take them, compiled for writable arrays; do not change."""
         return self._nodes, self._offsets
 
     @classmethod
     def from_plans(cls, plans: Iterable[TrailPlan] | ObjectArray, n_robots: int) -> Self:
         """Pack plans of ``n_robots`` trails, for example ``result.X``, into one batch.
 
-        Raises
-        ------
-        TypeError
-            If something in ``plans`` is not a TrailPlan.
-        ValueError
-            If a plan has another number of trails, or ``n_robots`` is not an integer of at least 1.
+        A TypeError names what is not a TrailPlan, a ValueError a plan of another number of trails.
         """
         n_robots = check_integer("n_robots", n_robots, at_least=1)
         if isinstance(plans, TrailPlan):
             raise TypeError("Expected a sequence of TrailPlans, got one TrailPlan: put it in [ ].")
-        if not isinstance(plans, Iterable):
-            raise TypeError(f"Expected a sequence of TrailPlans, got {plans!r}.")
         listed = list(plans.ravel()) if isinstance(plans, np.ndarray) else list(plans)
         for i, plan in enumerate(listed):
             if not isinstance(plan, TrailPlan):
-                raise TypeError(
-                    f"Plan {i}: expected a TrailPlan, got {quoted(plan)}; {_remedy(plan)}"
-                )
+                made = "mission.plan(trails) makes one from node labels"
+                raise TypeError(f"Plan {i}: expected a TrailPlan, got {quoted(plan)}; {made}.")
             if plan.n_robots != n_robots:
                 raise ValueError(f"Plan {i}: expected {n_robots} trails, got {plan.n_robots}.")
         if not listed:
@@ -275,12 +229,10 @@ class PlanBatch:
 
     @classmethod
     def concatenate(cls, batches: Sequence[Self]) -> Self:
-        """Concatenate at least one batch; a ValueError for teams of different sizes."""
-        sizes = {batch.n_robots for batch in batches}
-        if len(sizes) != 1:
-            raise ValueError(f"Expected batches of one team size, got {sorted(sizes) or 'none'}.")
+        """Concatenate at least one batch, all of teams of one size."""
         offsets = _offsets(np.concatenate([np.diff(batch._offsets) for batch in batches]))
-        return cls._wrap(np.concatenate([batch._nodes for batch in batches]), offsets, sizes.pop())
+        nodes = np.concatenate([batch._nodes for batch in batches])
+        return cls._wrap(nodes, offsets, batches[0].n_robots)
 
     def __len__(self) -> int:
         return (len(self._offsets) - 1) // self.n_robots
@@ -292,12 +244,7 @@ class PlanBatch:
     def __getitem__(self, index: int | slice) -> TrailPlan | Self:
         if isinstance(index, slice):
             return self.take(np.arange(len(self))[index])
-        try:
-            cut = range(len(self))[index] * self.n_robots
-        except TypeError:
-            raise TypeError(f"Expected a plan index or a slice, got {index!r}.") from None
-        except IndexError:
-            raise IndexError(f"Expected a plan index below {len(self)}, got {index}.") from None
+        cut = range(len(self))[index] * self.n_robots
         offsets = self._offsets[cut : cut + self.n_robots + 1]
         nodes = self._nodes[offsets[0] : offsets[-1]]
         return TrailPlan._wrap(nodes.tobytes(), (offsets - offsets[0]).tobytes())
@@ -328,9 +275,6 @@ class PlanBatch:
         array[:, 0] = list(self)
         return array
 
-    def __reduce__(self) -> tuple[object, ...]:
-        return type(self)._wrap, (self._nodes, self._offsets, self.n_robots)
-
     def __repr__(self) -> str:
         return f"<PlanBatch of {len(self)} plans, {self.n_robots} robots, {len(self._nodes)} nodes>"
 
@@ -339,21 +283,12 @@ class PlanBatch:
 Plans: TypeAlias = PlanBatch | Iterable[TrailPlan] | ObjectArray
 
 
-def _remedy(found: object) -> str:
-    if isinstance(found, np.ndarray) and found.size == 1:
-        return "of a row of result.X, X[i, 0] is the plan."
-    return "mission.plan(trails) makes one from node labels."
-
-
 def listed_plans(plans: Iterable[TrailPlan] | ObjectArray) -> list[TrailPlan]:
-    """List plans to start from: any iterable of them, an array like ``result.X``, or a population.
-
-    Anything else among them raises a TypeError.
-    """
+    """List plans to start from: an iterable of them, an array as ``result.X``, or a population."""
     found = plans.get("X") if hasattr(plans, "get") and not isinstance(plans, Mapping) else plans
     if isinstance(found, np.ndarray):
         found = found.ravel()
-    listed = list(found) if isinstance(found, Iterable) else [found]
+    listed = list(found)
     for plan in listed:
         if not isinstance(plan, TrailPlan):
             raise TypeError(f"Expected sampling to hold TrailPlans, got {plan!r}.")

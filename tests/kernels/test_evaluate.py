@@ -226,7 +226,7 @@ class TestFaults:
     def test_another_team_size(self, toy):
         with pytest.raises(PlanError, match="2 robots"):
             toy.evaluate([TrailPlan([[0]])])
-        with pytest.raises(PlanError, match="Expected 2 trails a plan"):
+        with pytest.raises(PlanError, match="Plan 0: expected 2 trails, got 3"):
             toy.evaluate(PlanBatch(np.zeros(3, np.int32), np.arange(4), 3))
 
 

@@ -70,7 +70,7 @@ def benchmark_faults(tmp_path):
     return lambda data, **options: faults_of(tmp_path / "bad.txt", data, **options)
 
 
-def held(mission):
+def attributes_of(mission):
     """All that a file must hold: the attributes of the graph, of its nodes and of its arcs."""
     graph = mission.graph
     own = {"name": mission.name, "base": mission.base, "robots": mission.robots}
@@ -79,8 +79,8 @@ def held(mission):
 
 
 class TestAnyFile:
-    @pytest.mark.parametrize("name", ["pier.xml", "pier"])
-    def test_unknown_suffix(self, tmp_path, name):
+    def test_unknown_suffix(self, tmp_path):
+        name = "pier.xml"
         with pytest.raises(MissionError, match=r"one of \.json, \.graphml, \.txt; found"):
             read_mission(tmp_path / name)
         with pytest.raises(ValueError, match=r"one of \.json, \.graphml; found"):
@@ -95,17 +95,6 @@ class TestAnyFile:
             read_mission(path)
         with pytest.raises(IsADirectoryError):
             save_mission(mission_of(), path)
-        with pytest.raises(FileNotFoundError):
-            save_mission(mission_of(), tmp_path / "nowhere" / "x.json")
-
-    def test_unreadable(self, tmp_path, monkeypatch):
-        def refuse(path):
-            raise PermissionError(13, "Permission denied")
-
-        (tmp_path / "x.json").touch()
-        monkeypatch.setattr(Path, "read_bytes", refuse)
-        with pytest.raises(MissionError, match=r"x\.json: the file cannot be read: Permission de"):
-            read_mission(tmp_path / "x.json")
 
     def test_suffix_in_any_case_and_path_as_string(self, tmp_path):
         path = str(tmp_path / "Pier.JSON")
@@ -159,15 +148,9 @@ class TestJSON:
     @pytest.mark.parametrize(
         ("text", "fault"),
         [
-            (b'{"a": "\xff"}', "expected text in UTF-8, found the byte 0xff at position 7"),
-            ('{\n "directed": tru', "line 2, column 14: expected JSON"),
+            (b'{"a": "\xff"}', "can't decode byte 0xff in position 7"),
+            ('{\n "directed": tru', "Expecting value: line 2 column 14"),
             ("[]", "expected node-link data, a JSON object, got []"),
-            (
-                '{"graph": {"base": 1, "base": 2}}',
-                "expected each key once in an object, found 'base'",
-            ),
-            ('{"nodes": %s}' % ("9" * 5000), "expected JSON of numbers in range"),
-            ("[" * 100_000, "nested too deeply"),
             (content(directed=False), "expected directed arcs"),
             (content(multigraph=True), "expected at most one arc from a node to another"),
             (content(nodes=[7]), "nodes[0]: expected an object, got 7"),
@@ -181,16 +164,20 @@ class TestJSON:
         assert fault in found
 
     def test_missing_and_wrong_keys_all_at_once(self, json_faults):
-        assert json_faults({"directed": "yes", "graph": [], "links": []}) == [
+        assert json_faults({"directed": "yes", "graph": [], "nodes": []}) == [
             "expected the key \"directed\" to hold true or false, got 'yes'",
             'expected the key "graph" to hold an object, got []',
-            'expected the key "nodes", a list; found no such key',
-            'expected the key "edges", a list; found no such key, but "links": '
-            'nx.node_link_data(graph, edges="edges") writes "edges"',
+            'expected the key "edges" to hold a list, got None',
         ]
+
+    def test_arcs_as_older_networkx_names_them(self, tmp_path):
+        path = tmp_path / "links.json"
+        path.write_text(json.dumps(content()).replace('"edges"', '"links"'))
+        assert read_mission(path).arrays.survival.tolist() == [0.5, 0.25]
 
     def test_every_node_and_arc_that_is_named_twice_or_not_at_all(self, json_faults):
         data = content()
+        data["edges"][1]["survival"] = 2
         data["nodes"].append({"id": "b", "reward": 3})
         data["edges"] += [
             {"source": "a", "target": "b", "survival": 0.1},
@@ -198,9 +185,10 @@ class TestJSON:
         ]
         assert json_faults(data) == [
             "nodes[2]: node 'b' is listed more than once",
-            "edges[2]: arc 'a' -> 'b' is listed more than once",
+            "edges[2]: arc 'a' -> 'b': is listed more than once",
             "edges[3]: arc 'y' -> 'x': there is no node 'y'",
             "edges[3]: arc 'y' -> 'x': there is no node 'x'",
+            "arc 'b' -> 'a': expected survival in (0, 1], got 2",
         ]
 
     def test_numbers_that_are_none_and_attributes_that_could_not_be_saved(self, json_faults):
@@ -210,31 +198,13 @@ class TestJSON:
             "arc 'b' -> 'a': expected survival in (0, 1], got inf",
         ]
         (fault,) = json_faults(content(nodes=[{"id": "a", "reward": 1, "h": math.nan}], edges=[]))
-        assert fault.startswith("node 'a': attribute 'h', nan, cannot be saved: JSON has no infin")
+        assert fault.startswith("node 'a': {'reward': 1, 'h': nan} cannot be saved: Out of range")
 
     def test_no_base_and_no_robots(self, json_faults):
         assert json_faults(content(graph={})) == [
             "expected robots to be an integer >= 1, found no graph attribute 'robots'",
             "expected the label of the base, found no graph attribute 'base'",
         ]
-
-    def test_messages_stay_short_whatever_is_found(self, json_faults):
-        long = "x" * 10**6
-        data = content(graph={"base": long, "robots": long})
-        data["nodes"][0]["reward"] = long
-        data["edges"][0]["survival"] = [long] * 9
-        faults = json_faults(data)
-        assert len(faults) == 4
-        assert max(map(len, faults)) < 600
-
-    def test_attributes_named_like_networkx_parameters(self, tmp_path):
-        data = content()
-        data["nodes"][0]["node_for_adding"] = data["edges"][0]["u_of_edge"] = 1
-        path = tmp_path / "names.json"
-        path.write_text(json.dumps(data))
-        mission = read_mission(path)
-        assert mission.graph.nodes["a"]["node_for_adding"] == 1
-        assert mission.graph.edges["a", "b"]["u_of_edge"] == 1
 
 
 def graphml(body, edgedefault="directed"):
@@ -288,25 +258,19 @@ class TestGraphML:
         save_mission(theirs, path)  # with the defaults that networkx' reader leaves in the graph
         assert read_mission(path) == gephis
 
-    def test_other_encodings(self, tmp_path):
-        path = tmp_path / "wide.graphml"
-        path.write_bytes(
-            ('<?xml version="1.0" encoding="UTF-16"?>' + graphml(TWO)).encode("utf-16")
-        )
-        assert read_mission(path).nodes == ("a", "b")
-
     @pytest.mark.parametrize(
         ("text", "fault"),
         [
             ("", "no element found: line 1, column 0"),
-            ("<graphml>\n <node></graphml>", "mismatched tag: line 2"),
             ("<svg/>", "expected GraphML with one directed graph, found NetworkXError"),
-            ('<?xml version="1.0" encoding="latin-99"?><a/>', "unknown encoding"),
             (graphml(TWO, edgedefault="undirected"), "expected directed arcs (nx.DiGraph), got a"),
-            (graphml(TWO.replace(">1<", ">much<")), "could not convert string to float: 'much'"),
+            (graphml(TWO + "</graph><graph>"), "with one directed graph, found 2 graphs"),
+            (
+                graphml(TWO.replace(">1<", ">five<")),
+                "node 'b': expected a number as reward",
+            ),
             (graphml(TWO.replace('key="r"', 'key="z"')), "no key z"),
-            (graphml(TWO + '<edge source="a" target="b"/>'), "arc 'a' -> 'b' is listed more than"),
-            (graphml(TWO + '<edge source="a" target="x"/>'), "node 'x': expected a finite reward"),
+            (graphml(TWO + '<edge source="a" target="b"/>'), "arc 'a' -> 'b': is listed more than"),
         ],
     )
     def test_what_is_not_a_mission(self, graphml_faults, text, fault):
@@ -315,11 +279,8 @@ class TestGraphML:
     @pytest.mark.parametrize(
         ("label", "attributes", "message"),
         [
-            (2, {}, "node 2: expected a label of letters that XML has; a .json file can hold it."),
-            ("a\0", {}, "the graph: expected numbers, booleans and texts of letters that XML has"),
-            ("a", {"tags": ["a"]}, "node 'a': expected numbers, booleans and texts of letters"),
-            ("a", {"pos": [1, 2, 3]}, "got [1, 2, 3] for 'pos'"),
-            ("a", {"note": "a\rb"}, "got 'a\\rb' for 'note'"),
+            (2, {}, "Node 2: expected a label that is text, as all labels in GraphML"),
+            ("a", {"tags": ["a"]}, "node 'a': expected numbers, booleans and texts"),
         ],
     )
     def test_what_it_cannot_hold_is_refused(self, tmp_path, label, attributes, message):
@@ -364,39 +325,27 @@ class TestBenchmark:
         with pytest.raises(MissionError, match="expected tmax > 0 to be the scale, got 0; give a"):
             read_mission(path)
 
-    def test_survival_that_vanishes(self, benchmark_faults):
-        text = "n 3\nm 1\ntmax 9\n0 0 0\n1 0 1\n9000 0 1\n"
-        fault = (
-            "arc {} -> 2: expected survival in (0, 1], got exp(-{} / 9), which is 0 in "
-            "floating-point numbers; give a larger scale"
-        )
-        assert benchmark_faults(text) == [fault.format(0, 9000), fault.format(1, 8999)]
-
     @pytest.mark.parametrize(
         ("text", "faults"),
         [
             (
-                "n five\nk 3\ntmax inf\n\n0 0\n",
+                "n five\n\nk 3\n",
                 [
-                    "expected the lines 'n N', 'm M' and 'tmax T' first, with numbers, found "
-                    "'n five; k 3; tmax inf'"
+                    "line 1: expected 'n' and a number, got 'n five'",
+                    "line 3: expected 'm' and a number, got 'k 3'",
+                    "expected lines of n, m, tmax, got 2 lines",
                 ],
             ),
             (
-                "n 4\nm 3\ntmax 9\n\n0 0\n1 2 three\n1 nan 3\n1 2 3\n",
+                "n 4\nm 3\ntmax 9\n\n0 0\n1 2 three\n1 2 3\n",
                 [
-                    "line 5: expected three finite numbers, x, y and a score, got '0 0'",
-                    "line 6: expected three finite numbers, x, y and a score, got '1 2 three'",
-                    "line 7: expected three finite numbers, x, y and a score, got '1 nan 3'",
+                    "line 5: expected three numbers, x, y and a score, got '0 0'",
+                    "line 6: expected three numbers, x, y and a score, got '1 2 three'",
                 ],
             ),
             (
                 "n 2\nm 1\ntmax 9\n0 0 0",
-                ["expected 2 lines 'x y score' after tmax, got 1"],
-            ),
-            (
-                "n 0\nm 1\ntmax 9\n",
-                ["expected 1 lines 'x y score' after tmax, got 0"],
+                ["line 1: expected n 1, the number of lines after tmax, got n 2"],
             ),
             (
                 "n 1\nm 0\ntmax 9\n0 0 -1",
@@ -410,16 +359,9 @@ class TestBenchmark:
     def test_bad_lines(self, benchmark_faults, text, faults):
         assert benchmark_faults(text) == faults
 
-    @pytest.mark.parametrize(
-        ("options", "message"),
-        [
-            ({"neighbours": 0}, "Expected neighbours >= 1 or 'all', got 0."),
-            ({"scale": 0}, "Expected scale > 0, got 0."),
-        ],
-    )
-    def test_options_out_of_range(self, options, message):
-        with pytest.raises(ValueError, match=re.escape(message)):
-            read_mission(DATA / "points.txt", **options)
+    def test_options_out_of_range(self):
+        with pytest.raises(ValueError, match=r"Expected neighbours >= 1 or 'all', got 0\."):
+            read_mission(DATA / "points.txt", neighbours=0)
 
     @given(st.lists(st.tuples(*[st.integers(0, 5)] * 2), min_size=1, max_size=12))
     def test_spanning_tree_is_as_short_as_networkx_finds(self, grid):
@@ -486,7 +428,7 @@ class TestRoundTrip:
         save_mission(mission, path)
         read = read_mission(path)
         assert read == mission
-        assert held(read) == held(mission)
+        assert attributes_of(read) == attributes_of(mission)
 
     @given(labelled_missions(xml_text, xml_values))
     def test_graphml(self, tmp_path_factory, mission):
@@ -494,7 +436,7 @@ class TestRoundTrip:
         save_mission(mission, path)
         read = read_mission(path)
         assert read == mission
-        assert held(read) == held(mission)
+        assert attributes_of(read) == attributes_of(mission)
 
     @given(json_values, json_values, json_values)
     def test_whatever_json_holds(self, tmp_path_factory, label, reward, survival):
@@ -517,13 +459,12 @@ class TestRoundTrip:
         save_mission(read_mission(DATA / "pier.json"), path)
         assert path.read_bytes() == (DATA / "pier.json").read_bytes()
 
-    @pytest.mark.parametrize("suffix", [".json", ".graphml"])
-    def test_mission_rules_over_its_graphs_attributes(self, tmp_path, suffix):
+    def test_mission_rules_over_its_graphs_attributes(self, tmp_path):
         graph = mission_of(name="old").graph.copy()
         graph.graph.update(base="b", robots=9, title="A pier")
         mission = Mission(graph, base="a", robots=3, name="new").with_robots(4)
-        save_mission(mission, tmp_path / f"x{suffix}")
-        read = read_mission(tmp_path / f"x{suffix}")
+        save_mission(mission, tmp_path / "x.json")
+        read = read_mission(tmp_path / "x.json")
         assert (read.base, read.robots, read.name, read.title) == ("a", 4, "new", "A pier")
 
     def test_a_title_alone_stays_the_name(self, tmp_path):
@@ -555,7 +496,7 @@ class TestRoundTrip:
         assert read == mission
         assert [type(label) for label in read.nodes] == [int, float, tuple, bool]
 
-    @pytest.mark.parametrize("label", [b"x", frozenset({1}), math.nan, ("a", b"x"), Fraction(1, 3)])
+    @pytest.mark.parametrize("label", [b"x", math.nan, Fraction(1, 3)])
     def test_labels_that_json_cannot_hold(self, tmp_path, label):
         path = tmp_path / "x.json"
         with pytest.raises(ValueError, match=re.escape(f"{path}: Node {label!r} cannot be saved")):
@@ -564,34 +505,13 @@ class TestRoundTrip:
 
     def test_attributes_that_json_cannot_hold_are_named(self, tmp_path):
         path = tmp_path / "x.json"
-        with pytest.raises(ValueError, match="the graph: attribute 'when', datetime"):
+        with pytest.raises(ValueError, match=r"the graph: {.*} cannot be saved: JSON has no date"):
             save_mission(mission_of(when=date(2025, 1, 1)), path)
         graph = mission_of().graph.copy()
         graph.edges["b", "a"]["target"] = 1
-        with pytest.raises(ValueError, match="arc 'b' -> 'a': expected a string other than source"):
+        with pytest.raises(ValueError, match=r"arc 'b' -> 'a': .* 'target' is the name of a label"):
             save_mission(Mission(graph, base="a", robots=1), path)
         graph = mission_of().graph.copy()
         graph.nodes["b"]["h"] = [math.inf]
-        with pytest.raises(ValueError, match=r"node 'b': attribute 'h', \[inf\], cannot be saved"):
+        with pytest.raises(ValueError, match=r"node 'b': {.*\[inf\]} cannot be saved"):
             save_mission(Mission(graph, base="a", robots=1), path)
-
-    def test_attribute_that_holds_itself(self, tmp_path):
-        endless = []
-        endless.append(endless)
-        with pytest.raises(ValueError, match=r"x\.json: a label or an attribute is nested too dee"):
-            save_mission(mission_of(endless=endless), tmp_path / "x.json")
-
-    @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-    def test_old_file_survives_a_failure(self, tmp_path, monkeypatch, error):
-        path = tmp_path / "x.json"
-        save_mission(mission_of(), path)
-        before = path.read_bytes()
-
-        def fail(*_):
-            raise error
-
-        monkeypatch.setattr("os.fsync", fail)
-        with pytest.raises(type(error)):
-            save_mission(mission_of(("c", "d")), path)
-        assert path.read_bytes() == before
-        assert list(tmp_path.iterdir()) == [path]

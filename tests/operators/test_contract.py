@@ -226,8 +226,9 @@ def test_given_plans_come_first_and_all():
 def test_batches_are_checked():
     toy, none = load_mission("toy"), PlanBatch.from_plans([], 2)
     assert len(RuinRecreate().mutate_batch(toy, none, generator(1))) == 0
-    with pytest.raises(ValueError, match="Expected 2 trails a plan for the 2 robots"):
-        RuinRecreate().mutate_batch(toy, PlanBatch.from_plans([], 3), generator(1))
+    threes = PlanBatch.from_plans([TrailPlan([[0]] * 3)], 3)
+    with pytest.raises(ValueError, match="Plan 0: expected 2 trails, got 3"):
+        RuinRecreate().mutate_batch(toy, threes, generator(1))
     empty = PlanBatch(np.array([0], np.int32), np.array([0, 1, 1]), 2)
     with pytest.raises(ValueError, match="Plan 0, robot 1: expected at least one node, got none"):
         RuinRecreate().mutate_batch(toy, empty, generator(1))

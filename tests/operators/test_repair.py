@@ -179,8 +179,9 @@ class TestCounts:
     def test_no_plans_and_plans_of_another_team(self):
         none = PlanBatch.from_plans([], 1)
         assert len(SafestPathRepair().repair_batch(ring(), none)) == 0
-        with pytest.raises(ValueError, match="Expected 1 trails a plan for the 1 robots"):
-            SafestPathRepair().repair_batch(ring(), PlanBatch.from_plans([], 2))
+        pairs = PlanBatch.from_plans([TrailPlan([[0], [0]])], 2)
+        with pytest.raises(ValueError, match="expected 1 trails, got 2"):
+            SafestPathRepair().repair_batch(ring(), pairs)
 
     def test_are_readable_from_a_result_of_plain_pymoo(self):
         mission = load_mission("toy")

@@ -246,13 +246,6 @@ def test_layout_is_reproducible_and_used_when_one_pos_is_missing():
     assert first.shape == (61, 2)
 
 
-def test_malformed_pos_is_named():
-    nodes = {"dock": {"reward": 0, "pos": [0, 0]}, "reef": {"reward": 1, "pos": [0.0, math.nan]}}
-    mission = make(nodes, [("dock", "reef", 0.9), ("reef", "dock", 0.9)])
-    with pytest.raises(ValueError, match=r"Node 'reef': expected pos \[x, y\]"):
-        plot_mission(mission)
-
-
 # Plans
 
 

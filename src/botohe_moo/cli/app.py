@@ -147,13 +147,12 @@ def solve_mission(
         from botohe_moo._base.checks import check_number
         from botohe_moo.algorithms import make_algorithm
         from botohe_moo.algorithms.registry import algorithm_faults
-        from botohe_moo.cli.checks import check_places, refuse
+        from botohe_moo.cli.checks import refuse
         from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
         from botohe_moo.problem import BOTOHE
 
         loaded = load_mission(**source)
-        check_places(loaded)
         wishes = parse_wishes(loaded, wish) if wish else ()
         refuse(f"Algorithm {algorithm!r}", algorithm_faults(algorithm, parameters, plain=True))
         built = make_algorithm(algorithm, **parameters)

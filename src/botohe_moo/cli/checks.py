@@ -1,4 +1,4 @@
-"""What is checked before a search: that its results can be written and drawn."""
+"""What is checked before a search: that its results can be written."""
 
 import contextlib
 import tempfile
@@ -6,8 +6,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from botohe_moo._plugins.checks import Fault
-from botohe_moo.mission.model import Mission
-from botohe_moo.mission.places import given_places
 
 
 def check_folder(folder: Path) -> None:
@@ -24,14 +22,6 @@ def check_folder(folder: Path) -> None:
         for path in missing:
             with contextlib.suppress(OSError):
                 path.rmdir()
-
-
-def check_places(mission: Mission, source: object = None) -> None:
-    """Raise a ValueError that names a node whose ``pos`` is wrong, and the file or mission."""
-    try:
-        given_places(mission.graph)
-    except ValueError as error:
-        raise ValueError(f"{source or f'Mission {mission.name!r}'}: {error}") from None
 
 
 def refuse(source: str, faults: Iterable[Fault]) -> None:

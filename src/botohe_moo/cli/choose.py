@@ -91,7 +91,6 @@ def choose_plan(
     """
     with failing():
         from botohe_moo._base.files import check_parent
-        from botohe_moo.cli.checks import check_places
         from botohe_moo.decide.choosing import taken
         from botohe_moo.decide.export import check_plan_file
         from botohe_moo.decide.fronts import check_row
@@ -104,8 +103,6 @@ def choose_plan(
             check_parent(out)
             _check_own(folder, out)
         solution = read_solution(folder)
-        if out is not None:
-            check_places(solution.mission, folder / "mission.json")
         if toward is not None:
             choice = solution.toward(reward=toward[0], survivors=toward[1])
         elif wish:

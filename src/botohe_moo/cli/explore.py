@@ -37,13 +37,11 @@ def explore_front(
     one, and the exit status is still 0. It is 2 for bad input, and if the page cannot be written.
     """
     with failing():
-        from botohe_moo.cli.checks import check_places
         from botohe_moo.explorer.page import check_page_file
         from botohe_moo.solution import read_solution
         from botohe_moo.solution.model import PAGE
 
         solution = read_solution(folder)
-        check_places(solution.mission, folder / "mission.json")
         path = check_page_file(folder / PAGE if out is None else out)
         choice = solution.choose(*wish) if wish else None
     if choice is not None:

@@ -65,12 +65,10 @@ def show_mission(
     if picture is None:
         return
     from botohe_moo._base.files import check_parent
-    from botohe_moo.cli.checks import check_places
     from botohe_moo.plots import plot_mission, save_plot
 
     with failing():
         check_parent(picture)
-        check_places(loaded)
         save_plot(plot_mission(loaded), picture)
     tell(f"wrote {picture}")
 
@@ -80,14 +78,12 @@ def check_missions(
     files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Mission files.")],
 ) -> None:
     """Check mission files; name everything that is wrong with them."""
-    from botohe_moo.cli.checks import check_places
     from botohe_moo.mission import read_mission
 
     failed = False
     for path in files:
         try:
             loaded = read_mission(path)
-            check_places(loaded, path)
         except ValueError as error:
             say(error)
             failed = True
@@ -148,7 +144,6 @@ def import_mission(
     Labels are texts. Names of columns may be in upper or lower case; further columns become
     attributes. What is wrong is named by file and row.
     """
-    from botohe_moo.cli.checks import check_places
     from botohe_moo.mission import MissionError, mission_from_tables, save_mission
     from botohe_moo.mission.formats.tables import read_table
 
@@ -168,6 +163,5 @@ def import_mission(
                 loaded = loaded.with_lengths_from_pos()
         except MissionError as error:
             raise MissionError(list(error.faults), f"The mission of {nodes} and {arcs}") from None
-        check_places(loaded, nodes)
         save_mission(loaded, out)
     tell(f"wrote {out}: {brief(loaded, loaded.max_length)}")

@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from botohe_moo.decide.export import plan_geojson as plan_geojson
     from botohe_moo.decide.export import plan_json as plan_json
     from botohe_moo.decide.export import write_plan as write_plan
+    from botohe_moo.decide.fronts import Mark as Mark
+    from botohe_moo.decide.fronts import knees as knees
+    from botohe_moo.decide.fronts import representatives as representatives
     from botohe_moo.decide.grammar import parse_wishes as parse_wishes
     from botohe_moo.decide.hazards import after_losses as after_losses
     from botohe_moo.decide.hazards import robustness as robustness
-    from botohe_moo.decide.marking import ExchangeRate as ExchangeRate
-    from botohe_moo.decide.marking import Mark as Mark
-    from botohe_moo.decide.marking import Neighbours as Neighbours
-    from botohe_moo.decide.marking import Step as Step
-    from botohe_moo.decide.marking import exchange_rate as exchange_rate
-    from botohe_moo.decide.marking import knees as knees
-    from botohe_moo.decide.marking import neighbours as neighbours
-    from botohe_moo.decide.selecting import representatives as representatives
+    from botohe_moo.decide.tradeoffs import ExchangeRate as ExchangeRate
+    from botohe_moo.decide.tradeoffs import Neighbours as Neighbours
+    from botohe_moo.decide.tradeoffs import Step as Step
+    from botohe_moo.decide.tradeoffs import exchange_rate as exchange_rate
+    from botohe_moo.decide.tradeoffs import neighbours as neighbours
     from botohe_moo.decide.wishes import Chance as Chance
     from botohe_moo.decide.wishes import EveryRobot as EveryRobot
     from botohe_moo.decide.wishes import Expected as Expected

@@ -11,8 +11,8 @@ from botohe_moo._base.checks import check_choice, check_number
 from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import check_row, scales, short
 from botohe_moo.decide.grammar import parse_wishes
-from botohe_moo.decide.judging import N_SAMPLES, Candidates, effort, takes_reward_distribution
-from botohe_moo.decide.marking import ExchangeRate, Neighbours, exchange_rate, neighbours
+from botohe_moo.decide.judging import N_SAMPLES, Candidates, takes_reward_distribution
+from botohe_moo.decide.tradeoffs import ExchangeRate, Neighbours, exchange_rate, neighbours
 from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish, exact
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import Plans, TrailPlan
@@ -29,7 +29,7 @@ class Miss:
     wish
         The wish.
     value, by
-        What the plan has of it, and how much it lacks.
+        The value that the plan has, and how much is missing.
 
     Examples
     --------
@@ -69,7 +69,7 @@ class Choice:
     met
         Whether it meets all wishes. If no plan does, it is the one that comes nearest.
     wishes, missed
-        What was wished, and which of it the plan does not meet and by how much.
+        The wishes, and those that the plan does not meet.
 
     Examples
     --------
@@ -108,9 +108,9 @@ def choose(
 ) -> Choice:
     """Choose the plan of most expected reward among those that meet all wishes.
 
-    Of equal plans the one of more survivors is chosen, then the first. The best among these plans
-    need not be the best of all: a front is optimal in the two expectations only, and a plan beyond
-    it may be better in a probability or a conditional value at risk.
+    Of plans with equal rewards, the one with more survivors is chosen, then the first. The best
+    among these plans need not be the best of all. A front is optimal in the two expectations only:
+    a plan that is not on it may be better in a probability or a conditional value at risk.
 
     Parameters
     ----------
@@ -128,9 +128,9 @@ def choose(
     Returns
     -------
     Choice
-        If no plan meets all wishes, the plan that comes nearest: whose largest shortfall is the
-        smallest, each shortfall divided by what a plan can have: 1 for probabilities, the number of
-        robots for survivors, the total reward for rewards.
+        If no plan meets all wishes, the plan whose largest shortfall is the smallest. Shortfalls
+        are divided by what a plan can have: 1 for probabilities, the number of robots for
+        survivors, the total reward for rewards.
 
     Raises
     ------
@@ -173,9 +173,9 @@ def best(front: Candidates, wishes: Iterable[str | Wish], most: Quantity | None 
         most = "survivors" if of_reward else "reward"
     first = QUANTITIES.index(most)
     order = np.lexsort((-front.objectives[:, 1 - first], -front.objectives[:, first])).tolist()
-    cheapest_first = sorted(wanted, key=effort)
+    quickest_first = sorted(wanted, key=takes_reward_distribution)
     for i in order:
-        if not any(front.missing(wish, i) for wish in cheapest_first):
+        if not any(front.missing(wish, i) for wish in quickest_first):
             values = " and ".join(f"{wish} ({short(front.value(wish, i))})" for wish in wanted)
             why = (
                 f"The best among these plans ({len(front)}): plan {i} has the most {most} with "
@@ -202,8 +202,7 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
     mission, plans
         As for :func:`choose`.
     reward, survivors
-        The reference point: what one would like to have of both, at least 0. It need not be
-        possible.
+        The reference point: the values to aim at, at least 0. They need not be possible.
 
     Returns
     -------

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from botohe_moo.decide.fronts import more
-from botohe_moo.decide.selecting import arc_counts, distances
+from botohe_moo.decide.fronts import arc_counts, distances, more
 from botohe_moo.decide.wishes import label_text
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -20,7 +18,7 @@ _SHOWN = 8  # nodes in a sentence
 
 @dataclass(frozen=True)
 class Change:
-    """What one robot does otherwise in the other plan.
+    """The difference that a robot makes between two plans.
 
     Attributes
     ----------
@@ -57,7 +55,7 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Difference:
-    """What the second of two plans has that the first has not; ``str`` says it in sentences.
+    """The difference of two plans; ``str`` describes it in sentences.
 
     Attributes
     ----------
@@ -70,7 +68,7 @@ class Difference:
     at_base
         Numbers of robots that stay at base in the first and in the second plan.
     robots
-        What each robot does otherwise, by the robots of the first plan.
+        The change of each robot, in the order of the first plan.
 
     Examples
     --------
@@ -102,11 +100,10 @@ class Difference:
 
 
 def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference:
-    """Compare two plans: what the second has that the first has not.
+    """Compare two plans: rewards, survivors, nodes, and the trails of matched robots.
 
-    Robots are identical, so each of the first plan is matched with one of the second: first those
-    with equal trails, then the others such that the sum of the distances of their trails,
-    ``1 − |A ∩ B| / |A ∪ B|`` of their arcs, is the smallest.
+    Robots are identical, so each robot of the first plan is matched with one of the second. The sum
+    of the distances of their trails, ``1 − |A ∩ B| / |A ∪ B|`` of their arcs, is the smallest.
 
     Parameters
     ----------
@@ -139,7 +136,7 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
     visits = [[set(trail) for trail in plan] for plan in map(mission.labels, (first, second))]
     trails = first.trails, second.trails
     robots = []
-    for robot, other in _matched(batch, *trails):
+    for robot, other in _matched(batch, first, second):
         ours, others = visits[0][robot], visits[1][other]
         change = Change(
             robot=robot,
@@ -170,30 +167,16 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
     )
 
 
-_Trails = tuple[tuple[int, ...], ...]
-
-
-def _matched(batch: PlanBatch, first: _Trails, second: _Trails) -> list[tuple[int, int]]:
+def _matched(batch: PlanBatch, first: TrailPlan, second: TrailPlan) -> list[tuple[int, int]]:
     """Match the robots of two plans; equal trails come first, then the nearest ones."""
     from scipy.optimize import linear_sum_assignment
 
-    pairs = _equal(first, second)
-    # Trails of the same arcs in another order have no distance, so equal ones are left out here.
-    robots = range(len(first))
-    ours = np.setdiff1d(robots, [robot for robot, _ in pairs])
-    others = np.setdiff1d(robots, [other for _, other in pairs])
     counts, other_counts = np.split(arc_counts(batch, per_robot=True), 2)
-    rows, columns = linear_sum_assignment(distances(counts[ours], other_counts[others]))
-    pairs += zip(ours[rows].tolist(), others[columns].tolist(), strict=True)
-    return sorted(pairs)
-
-
-def _equal(first: _Trails, second: _Trails) -> list[tuple[int, int]]:
-    """Match as many robots as have equal trails, in their order."""
-    free = defaultdict(list)
-    for robot in reversed(range(len(second))):
-        free[second[robot]].append(robot)
-    return [(robot, free[trail].pop()) for robot, trail in enumerate(first) if free[trail]]
+    # Trails of the same arcs in another order have no distance, but are not equal.
+    differ = [[trail != other for other in second.trails] for trail in first.trails]
+    apart = distances(counts, other_counts) + 1e-9 * np.array(differ)
+    rows, columns = linear_sum_assignment(apart)
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))
 
 
 def _in_order(mission: Mission, nodes: set[Hashable]) -> tuple[Hashable, ...]:

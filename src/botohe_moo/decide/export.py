@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from botohe_moo._base.files import replace_file
+from botohe_moo.mission.formats.files import suffix_fault
 from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.graphs import given_places
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.mission.places import given_places
 from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.trails import TrailPlan
 
@@ -156,13 +157,9 @@ _WRITERS: dict[str, Callable[[Mission, TrailPlan], str]] = {
 
 def check_plan_file(path: str | os.PathLike[str], *, also: Iterable[str] = ()) -> None:
     """Refuse, with a ValueError, a suffix that is neither a plan's format nor one of ``also``."""
-    suffix = Path(path).suffix
     known = [*_WRITERS, *also]
-    if suffix.lower() not in known:
-        found = f"the suffix {suffix!r}" if suffix else "no suffix"
-        raise ValueError(
-            f"{path}: expected a file name that ends in one of {', '.join(known)}; found {found}."
-        )
+    if Path(path).suffix.lower() not in known:
+        raise ValueError(f"{path}: {suffix_fault(Path(path), known)}.")
 
 
 def write_plan(mission: Mission, plan: TrailPlan, path: str | os.PathLike[str]) -> None:

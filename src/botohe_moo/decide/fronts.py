@@ -1,6 +1,6 @@
-"""Fronts: objectives and their scales, the plans that are not dominated, numbers in words."""
+"""Fronts: objectives, the plans that are not dominated, knees and representatives."""
 
-from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,18 +18,14 @@ PlansOrObjectives = Plans | FloatArray
 def objectives_of(mission: Mission, given: PlansOrObjectives) -> FloatArray:
     """Return the objectives (n_plans, 2) of plans; objectives themselves are checked."""
     check_mission(mission)
-    if not isinstance(given, PlanBatch | np.ndarray) and isinstance(given, Iterable):
-        given = list(given)
-    try:
-        points = np.asarray([] if isinstance(given, PlanBatch) else given)
-    except ValueError:  # of several lengths, hence not objectives
-        points = np.empty(0, object)
-    if points.dtype.kind not in "iuf" or points.size == 0:
-        points = mission.evaluate(given)
-    checked = check_objectives(points, "plans or objectives")
-    if not len(checked):
+    listed: Any = given if isinstance(given, np.ndarray) else list(given)
+    if not len(listed):
         raise ValueError("Expected at least one plan, got none.")
-    return checked
+    try:
+        points = np.array(listed, float)
+    except (TypeError, ValueError):  # plans
+        points = mission.evaluate(listed)
+    return check_objectives(points, "plans or objectives")
 
 
 def check_objectives(points: NDArray[Any], expected: str = "objectives") -> FloatArray:
@@ -82,3 +78,196 @@ def more(value: float, what: str) -> str:
         return f"as {'many' if survivors else 'much'} {what}"
     less = "fewer" if survivors else "less"
     return f"{short(abs(value))} {'more' if value > 0 else less} {what}"
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A plan that is marked on a front.
+
+    Attributes
+    ----------
+    index
+        Row of the plan.
+    name, definition
+        Its name, and its definition.
+    reward, survivors
+        Its E[R] and E[S].
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import Mark, knees
+    >>> toy = load_mission("toy")
+    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
+    >>> print(knees(toy, front)[0])
+    plan 1 (reward 7, survivors 1): farthest above the chord between the end points of the front
+    """
+
+    index: int
+    name: str
+    definition: str
+    reward: float
+    survivors: float
+
+    def __str__(self) -> str:
+        where = f"reward {short(self.reward)}, survivors {short(self.survivors)}"
+        return f"plan {self.index} ({where}): {self.definition}"
+
+
+_CHORD = (
+    "farthest from the chord",
+    "farthest above the chord between the end points of the front",
+)
+_PRODUCT = ("largest product", "largest product of expected reward and expected survivors")
+
+
+def knees(mission: Mission, plans: PlansOrObjectives) -> tuple[Mark, ...]:
+    """Mark where a front bends: the plan farthest above its chord, and that of largest E[R]·E[S].
+
+    Parameters
+    ----------
+    mission
+        The mission.
+    plans
+        Its plans, or their objectives E[R] and E[S] (n_plans, 2).
+
+    Returns
+    -------
+    tuple of Mark
+        Both marks, which may be the same plan. The end points are the plans of most reward and of
+        most survivors. Where no plan lies above their chord, as on a front of one or two plans,
+        only the largest product is marked. Of equal plans the first is marked.
+
+    Raises
+    ------
+    ValueError
+        If there is no plan, or these are not objectives.
+
+    Notes
+    -----
+    Distances from the chord: Das, "On characterizing the knee of the Pareto curve based on
+    normal-boundary intersection", Structural Optimization 18, 1999. Neither mark depends on the
+    units of the objectives; the chord's depends on where the front ends.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import knees
+    >>> toy = load_mission("toy")  # a total reward of 10, and 2 robots
+    >>> for mark in knees(toy, [[8, 0], [7, 1], [4, 1.4], [0, 2]]):
+    ...     print(mark.index, mark.name)
+    1 farthest from the chord
+    1 largest product
+    """
+    objectives = objectives_of(mission, plans)
+    rows = front_rows(objectives)
+    scaled = objectives[rows] / scales(mission)
+    (right, low), (left, high) = scaled[0], scaled[-1]
+    above = (high - low) * (scaled[:, 0] - right) + (right - left) * (scaled[:, 1] - low)
+    marks: list[tuple[Any, ...]] = []
+    if above.max() > 1e-12:
+        marks.append((rows[above.argmax()], *_CHORD))
+    marks.append((rows[scaled.prod(axis=1).argmax()], *_PRODUCT))
+    return tuple(Mark(int(row), *words, *objectives[row].tolist()) for row, *words in marks)
+
+
+def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ...]:
+    """Select ``k`` plans that represent the front: one from each part of the front.
+
+    The front, by descending reward, is cut into ``k`` segments of equal length, in objectives
+    divided by the total reward and the number of robots. Each is represented by its medoid, the
+    plan with the smallest sum of distances to the others. The distance of two plans is
+    ``1 − |A ∩ B| / |A ∪ B|`` of the multisets of their arcs. For segments without a plan, those
+    plans of the front are added, one after another, that are farthest from all selected ones. Plans
+    that are dominated, or equal another in both objectives, are only added if the front has fewer
+    than ``k`` plans.
+
+    Parameters
+    ----------
+    mission
+        The mission.
+    plans
+        Its plans, in any order.
+    k
+        How many, at least 1; of fewer plans all are returned.
+
+    Returns
+    -------
+    tuple of int
+        Rows of the plans, by descending reward. The same for the same plans, always.
+
+    Raises
+    ------
+    ValueError
+        If there is no plan, or ``k`` is not an integer of at least 1.
+    PlanError
+        If a plan is not valid for the mission.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import representatives
+    >>> toy = load_mission("toy")
+    >>> out = [1, 3, 2, 4, 2, 3, 1]
+    >>> teams = [[[1], [1]], [out, [1]], [out, [1, 2, 4, 2, 1]], [out, out]]
+    >>> representatives(toy, [toy.plan(team) for team in teams], k=2)
+    (3, 0)
+    """
+    k = check_integer("k", k, at_least=1)
+    batch = check_mission(mission).batch(plans)
+    objectives = objectives_of(mission, batch)
+    rows = front_rows(objectives)
+    dominated = np.setdiff1d(np.arange(len(batch)), rows)
+    order = np.append(rows, dominated)
+    counts = arc_counts(batch.take(order), per_robot=False)
+    segments = _segments(objectives[rows] / scales(mission), k)
+    chosen = []
+    for segment in np.unique(segments):
+        members = np.flatnonzero(segments == segment)
+        apart = distances(counts[members], counts[members])
+        chosen.append(int(members[apart.sum(axis=1).argmin()]))
+    for end in (len(rows), len(order)):  # others only if the front has too few
+        _add_farthest(chosen, counts[:end], k)
+    found = order[chosen]
+    by_reward = np.lexsort((objectives[found, 1], -objectives[found, 0]))
+    return tuple(found[by_reward].tolist())
+
+
+def _add_farthest(chosen: list[int], counts: FloatArray, k: int) -> None:
+    """Add the plan that is farthest from all chosen ones, until there are ``k``, or all."""
+    while len(chosen) < min(k, len(counts)):
+        nearest = distances(counts, counts[chosen]).min(axis=1)
+        nearest[chosen] = -1
+        chosen.append(int(nearest.argmax()))
+
+
+def _segments(points: FloatArray, k: int) -> OffsetArray:
+    """Return which of ``k`` equally long segments of the way along all points each is in (n)."""
+    way = np.append(0.0, np.hypot(*np.diff(points, axis=0).T).cumsum())
+    segments: OffsetArray = np.minimum((way / (way[-1] or 1.0) * k).astype(np.int64), k - 1)
+    return segments
+
+
+def arc_counts(batch: PlanBatch, *, per_robot: bool) -> FloatArray:
+    """Count how often each plan, or each robot's trail, uses each arc that any of them uses."""
+    lengths = np.diff(batch.offsets)
+    trails = np.repeat(np.arange(len(lengths)), lengths)
+    hops = trails[1:] == trails[:-1]
+    tail, head = (ends[hops].astype(np.int64) for ends in (batch.nodes[:-1], batch.nodes[1:]))
+    arcs, column = np.unique(tail << 32 | head, return_inverse=True)
+    n_shared = 1 if per_robot else batch.n_robots
+    counts = np.zeros((len(lengths) // n_shared, len(arcs)))
+    np.add.at(counts, (trails[1:][hops] // n_shared, column), 1)
+    return counts
+
+
+def distances(ours: FloatArray, others: FloatArray) -> FloatArray:
+    """Compute 1 − |A ∩ B| / |A ∪ B| of multisets (n, n_arcs) and (m, n_arcs), in [0, 1] (n, m)."""
+    most = int(max(ours.max(initial=0), others.max(initial=0)))
+    # Of multisets: how many are in both at least once, twice, and so on.
+    levels = range(1, most + 1)
+    shared = sum((1.0 * (ours >= n) @ (others >= n).T for n in levels), np.zeros(()))
+    union = ours.sum(axis=1)[:, None] + others.sum(axis=1) - shared
+    apart = union - shared
+    found: FloatArray = np.divide(apart, union, out=np.zeros_like(apart), where=union > 0)
+    return found

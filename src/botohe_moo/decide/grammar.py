@@ -7,16 +7,9 @@ from contextlib import suppress
 from typing import Any
 
 from botohe_moo._base.checks import most_alike, quoted
-from botohe_moo.decide.wishes import (
-    Chance,
-    EveryRobot,
-    Expected,
-    Reach,
-    TailMean,
-    Wish,
-)
-from botohe_moo.mission.formats.nodelink import read_label
+from botohe_moo.decide.wishes import Chance, EveryRobot, Expected, Reach, TailMean, Wish
 from botohe_moo.mission.model import Mission
+from botohe_moo.mission.validation import read_label
 
 FORMS = (
     "reward >= 5",
@@ -119,9 +112,10 @@ def _parse(mission: Mission, text: str) -> Iterator[Wish]:
 
 
 def _not_a_wish(found: object) -> ValueError:
+    hint = " Write 80 % as 0.8." if "%" in str(found) else ""
     return ValueError(
         f"Expected a wish, got {quoted(found)}. Wishes are {'; '.join(FORMS)}; the first three "
-        "may have survivors in place of reward. Join several by ' and '."
+        f"may have survivors in place of reward. Join several by ' and '.{hint}"
     )
 
 

@@ -30,7 +30,7 @@ _SLACK = 1e-9  # of a wish's range: sums of rounded numbers reach what they shou
 
 
 class Candidates:
-    """Plans of one mission; what a plan may bring is computed when it is first asked for."""
+    """Plans of one mission; distributions of rewards are computed when they are first needed."""
 
     def __init__(self, mission: Mission, plans: Plans) -> None:
         self.mission = mission
@@ -45,7 +45,7 @@ class Candidates:
         return len(self.plans)
 
     def value(self, wish: Wish, i: int) -> float:
-        """Compute what plan ``i`` has of what a wish is about."""
+        """Compute the value of plan ``i`` that a wish limits."""
         match wish:
             case Expected(quantity=quantity):
                 return float(self.objectives[i, QUANTITIES.index(quantity)])
@@ -61,7 +61,7 @@ class Candidates:
         raise TypeError(f"Expected a wish of this package, got {wish!r}.")
 
     def missing(self, wish: Wish, i: int) -> float:
-        """Compute how much plan ``i`` lacks; 0 if it meets the wish."""
+        """Compute the shortfall of plan ``i``; 0 if it meets the wish."""
         lacking = wish.at_least - self.value(wish, i)
         return lacking if lacking > _SLACK * self.span(wish) else 0.0
 
@@ -105,13 +105,6 @@ class Candidates:
     def _weakest_robot(self) -> FloatArray:
         lowest: FloatArray = self.mission.robot_survival(self.batch).min(axis=1)
         return lowest
-
-
-def effort(wish: Wish) -> int:
-    """Rank a wish by how long judging it takes: the distribution of the reward takes longest."""
-    if takes_reward_distribution(wish):
-        return 2
-    return int(isinstance(wish, Chance | TailMean | Reach))
 
 
 def takes_reward_distribution(wish: Wish) -> bool:

@@ -1,14 +1,16 @@
 """What planners may wish of a plan: each wish is a lower limit on a quantity."""
 
 import json
+import math
 import re
 from collections.abc import Hashable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 from botohe_moo._base.checks import check_choice, check_number
-from botohe_moo.mission.formats.nodelink import plain_label, read_label
+from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.validation import read_label
 
 Quantity = Literal["reward", "survivors"]
 QUANTITIES = ("reward", "survivors")
@@ -36,13 +38,20 @@ class Wish:
 
     at_least: float
 
-    def __post_init__(self) -> None:
-        self._check("at_least")
+    is_probability: ClassVar[bool] = False
 
-    def _check(self, name: str, **limits: float) -> None:
-        """Replace a number by a float, or raise a ValueError."""
-        number = check_number(name, getattr(self, name), **(limits or {"at_least": 0}))
-        object.__setattr__(self, name, number)
+    def __post_init__(self) -> None:
+        if hasattr(self, "quantity"):
+            check_choice("quantity", self.quantity, QUANTITIES)
+        limits: dict[str, dict[str, float]] = {
+            "value": {"at_least": 0},
+            "alpha": {"above": 0, "at_most": 1},
+            "at_least": {"at_least": 0, "at_most": 1 if self.is_probability else math.inf},
+        }
+        for name in limits:
+            if name in vars(self):
+                number = check_number(name, vars(self)[name], **limits[name])
+                object.__setattr__(self, name, number)
 
     @property
     def subject(self) -> str:
@@ -71,12 +80,7 @@ class Expected(Wish):
     survivors >= 2
     """
 
-    at_least: float
     quantity: Quantity
-
-    def __post_init__(self) -> None:
-        check_choice("quantity", self.quantity, QUANTITIES)
-        self._check("at_least")
 
     @property
     def subject(self) -> str:
@@ -104,14 +108,10 @@ class Chance(Wish):
     P(reward >= 5) >= 0.8
     """
 
-    at_least: float
     quantity: Quantity
     value: float
 
-    def __post_init__(self) -> None:
-        check_choice("quantity", self.quantity, QUANTITIES)
-        self._check("value")
-        self._check("at_least", at_least=0, at_most=1)
+    is_probability = True
 
     @property
     def subject(self) -> str:
@@ -139,14 +139,8 @@ class TailMean(Wish):
     CVaR(reward, 0.1) >= 3
     """
 
-    at_least: float
     quantity: Quantity
     alpha: float
-
-    def __post_init__(self) -> None:
-        check_choice("quantity", self.quantity, QUANTITIES)
-        self._check("alpha", above=0, at_most=1)
-        self._check("at_least")
 
     @property
     def subject(self) -> str:
@@ -170,10 +164,7 @@ class EveryRobot(Wish):
     every robot >= 0.5
     """
 
-    at_least: float
-
-    def __post_init__(self) -> None:
-        self._check("at_least", at_least=0, at_most=1)
+    is_probability = True
 
     @property
     def subject(self) -> str:
@@ -199,11 +190,9 @@ class Reach(Wish):
     reach "north hall" >= 0.9
     """
 
-    at_least: float
     node: Hashable
 
-    def __post_init__(self) -> None:
-        self._check("at_least", at_least=0, at_most=1)
+    is_probability = True
 
     @property
     def subject(self) -> str:

@@ -25,8 +25,8 @@ from botohe_moo.explorer.texts import (
     shown_names,
 )
 from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.graphs import given_places
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.places import given_places
 from botohe_moo.outcomes import Distribution, reach_probabilities, team_reach
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.trails import TrailPlan

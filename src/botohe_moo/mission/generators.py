@@ -8,7 +8,6 @@ has no reward.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Annotated, Any, TypeAlias
 
 import networkx as nx
@@ -63,15 +62,16 @@ def two_communities(*, seed: Seed = 0, robots: Robots = 2) -> Mission:
     rewards = [_truncated(rng, 1, 0.5, poor), _truncated(rng, 5, 2, rich)]
     survivals = _truncated(rng, 0.9, 0.3, len(pairs), *_SURVIVALS)
     survivals[pairs[:, 0] == 0] = 1
+    title = f"Two communities, seed {seed}"
+    graph: nx.DiGraph[Any] = nx.DiGraph(name="two_communities", title=title, base=0, robots=robots)
+    zones = np.array(["base", "community 1", "community 2"])[block].tolist()
+    graph.add_nodes_from((node, {"zone": zone}) for node, zone in enumerate(zones))
     return _mission(
-        nx.DiGraph(
-            name="two_communities", title=f"Two communities, seed {seed}", base=0, robots=robots
-        ),
+        graph,
         np.concatenate([[0], *rewards]),
         np.concatenate([[[0.5, 0]], _circle(poor, 0.2, 0.2), _circle(rich, 0.8, 0.2)]),
         pairs,
         np.column_stack([survivals, survivals]),
-        zones=np.array(["base", "community 1", "community 2"])[block].tolist(),
     )
 
 
@@ -191,10 +191,8 @@ def _mission(
     positions: FloatArray,
     pairs: OffsetArray,
     survivals: FloatArray,
-    *,
-    zones: Sequence[str] | None = None,
 ) -> Mission:
-    """Make a mission of a graph without nodes.
+    """Make a mission of a graph without arcs.
 
     Its nodes get rewards (n) and positions (n, 2), and each of the pairs of nodes (m, 2) an arc
     each way with its survival (m, 2).
@@ -204,8 +202,6 @@ def _mission(
         zip(rewards.tolist(), positions.tolist(), strict=True)
     ):
         graph.add_node(node, reward=0.0 if node == base else reward, pos=position)
-        if zones is not None:
-            graph.nodes[node]["zone"] = zones[node]
     for (tail, head), (there, back) in zip(pairs.tolist(), survivals.tolist(), strict=True):
         graph.add_edge(tail, head, survival=there)
         graph.add_edge(head, tail, survival=back)

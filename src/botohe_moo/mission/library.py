@@ -79,11 +79,11 @@ def load_mission(
     Parameters
     ----------
     name_or_path
-        One of `mission_names`, or the path of a file that `read_mission` reads: what ends like one,
-        holds a path separator, is an ``os.PathLike``, or is the name of a file but no mission's.
-        ``module:function`` names a mission that is not registered: a function whose annotation says
-        that it returns a `Mission`, or a class derived from it. Nothing else is called, but
-        importing the module runs it.
+        A name among `mission_names`, or the path of a file that `read_mission` reads. A text is a
+        path if it has a suffix of such files or a path separator, or if it names a file and no
+        mission. ``module:function`` names a mission that is not registered: a function whose
+        annotation says that it returns a `Mission`, or a class derived from it. Nothing else is
+        called, but importing the module runs it.
     robots
         Team size; default: the mission's own.
     lengths_from_pos

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from collections.abc import Hashable, Iterable, Sequence
 from operator import index
@@ -12,10 +14,8 @@ import numpy as np
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
-from botohe_moo.kernels.graph.graph import Graph, new_graph
 from botohe_moo.kernels.plans import evaluate as kernels
-from botohe_moo.mission.frozen import frozen_copy
-from botohe_moo.mission.places import given_places
+from botohe_moo.mission.graphs import arrays_of, frozen_copy, given_places
 from botohe_moo.mission.validation import (
     MissionError,
     PlanError,
@@ -33,17 +33,16 @@ class Mission:
     Parameters
     ----------
     graph
-        Directed graph with the node attribute ``reward`` (finite, at least 0) and the arc
-        attribute ``survival`` (probability in (0, 1]). Arcs may have a ``length`` (finite, at
-        least 0; default 1), and the graph a ``max_length``, the travel budget. Node labels are
-        anything hashable. The mission keeps a frozen copy.
+        Directed graph with the node attribute ``reward`` (finite, at least 0) and the arc attribute
+        ``survival`` (probability in (0, 1]). Nodes may have a position ``pos`` [x, y], arcs a
+        ``length`` (finite, at least 0; default 1), and the graph a ``max_length``, the travel
+        budget. Node labels are anything hashable. The mission keeps a frozen copy.
     base
-        Label of the node that all robots leave from and return to; default: the graph's own
-        attribute ``base``.
+        Label of the node that all robots leave from and return to.
     robots
-        Team size, at least 1; default: the graph's own attribute ``robots``.
+        Team size, at least 1.
     name
-        Short name; default: the graph's own attribute ``name``, or else its ``title``.
+        Short name. All three are by default attributes of the graph; the name may be its ``title``.
 
     Raises
     ------
@@ -88,22 +87,7 @@ class Mission:
         self.name = str(name) if name else "mission"
         self.nodes: tuple[Any, ...] = tuple(self.graph)
         self._index = {node: i for i, node in enumerate(self.nodes)}
-        self.arrays = self._as_arrays()
-
-    def _as_arrays(self) -> Graph:
-        index = self._index
-        arcs = sorted(
-            (index[u], index[v], arc["survival"], arc.get("length", 1.0))
-            for u, v, arc in self.graph.edges(data=True)
-        )
-        return new_graph(
-            tail=np.array([u for u, *_ in arcs], np.int64),
-            head=np.array([v for _, v, *_ in arcs], np.int64),
-            survival=np.array([s for _, _, s, _ in arcs], np.float64),
-            length=np.array([d for *_, d in arcs], np.float64),
-            reward=np.array([r for _, r in self.graph.nodes(data="reward")], np.float64),
-            base=index[self.base],
-        )
+        self.arrays = arrays_of(self.graph, base, self._index)
 
     @property
     def title(self) -> str:
@@ -117,10 +101,7 @@ class Mission:
 
     @property
     def max_length(self) -> float | None:
-        """The graph's attribute ``max_length``: how long every trail may be; None for no limit.
-
-        It is the default travel budget of :class:`~botohe_moo.BOTOHE`; plans are valid without it.
-        """
+        """The default travel budget of :class:`~botohe_moo.BOTOHE`; None for no limit."""
         budget = self.graph.graph.get("max_length")
         return None if budget is None else float(budget)
 
@@ -130,13 +111,7 @@ class Mission:
         return self.arrays.balanced
 
     def with_robots(self, robots: int) -> Mission:
-        """Return the same mission for a team of another size.
-
-        Parameters
-        ----------
-        robots
-            Team size: an integer of at least 1, or a MissionError is raised.
-        """
+        """Return the same mission for a team of another size, at least 1."""
         if fault := team_size_fault(robots):
             raise MissionError(fault, f"Mission {quoted(self.name)}")
         other = object.__new__(Mission)
@@ -144,37 +119,22 @@ class Mission:
         return other
 
     def with_lengths_from_pos(self) -> Mission:
-        """Return the same mission with the distance between its nodes as every arc's ``length``.
+        """Return the same mission with Euclidean distances between positions as lengths of arcs.
 
-        Distances are Euclidean, in the unit of the node attribute ``pos`` [x, y]. Lengths that arcs
-        have are replaced; ``max_length`` stays. A MissionError names nodes without a ``pos``, or
-        one whose ``pos`` is not two numbers.
+        Replaces the lengths that arcs have; ``max_length``, in the same unit, stays. A MissionError
+        names the nodes without ``pos``.
         """
-        source = f"Mission {quoted(self.name)}"
-        try:
-            places = given_places(self.graph)
-        except ValueError as error:
-            raise MissionError(str(error), source) from None
-        if missing := [quoted(node) for node, place in places.items() if place is None]:
-            more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-            raise MissionError(
-                "expected pos [x, y] of every node to take lengths from, found none of "
-                f"{', '.join(missing[:3])}{more}",
-                source,
-            )
+        places = given_places(self.graph)
+        if missing := [node for node, place in places.items() if place is None]:
+            faults = [f"node {quoted(node)}: expected pos [x, y], found none" for node in missing]
+            raise MissionError(faults, f"Mission {quoted(self.name)}")
         graph = self.graph.copy()
         for tail, head, attributes in graph.edges(data=True):
             attributes["length"] = math.dist(places[tail], places[head])  # type: ignore[arg-type]
         return Mission(graph, base=self.base, robots=self.robots, name=self.name)
 
     def index(self, label: Hashable) -> int:
-        """Return the index of a node, by which kernels know it.
-
-        Parameters
-        ----------
-        label
-            The node's label; a KeyError is raised if there is no such node.
-        """
+        """Return the index of a node, by which kernels know it; a KeyError for an unknown label."""
         return self._index[label]
 
     def plan(self, trails: Iterable[Sequence[Hashable]]) -> TrailPlan:
@@ -183,23 +143,13 @@ class Mission:
         Parameters
         ----------
         trails
-            For every robot the nodes that it visits, from the base to the base; ``[base]`` if it
-            stays there. Lists as labels become tuples, as in mission files.
-
-        Raises
-        ------
-        PlanError
-            If ``trails`` holds none, a label is unknown, or as for ``evaluate``.
+            The nodes that each robot visits, from the base to the base; ``[base]`` if it stays
+            there. Lists as labels become tuples, as in mission files. A PlanError names a label
+            that is unknown, and what is not valid.
         """
-        if not isinstance(trails, Iterable):
-            raise PlanError(f"Expected one trail of node labels per robot, got {quoted(trails)}.")
-        indices = [trail_indices(self.name, self._index, *trail) for trail in enumerate(trails)]
-        if len(indices) != self.robots:
-            raise PlanError(
-                f"Expected {self.robots} trails for the {self.robots} robots of mission "
-                f"{quoted(self.name)}, got {len(indices)}."
-            )
-        plan = TrailPlan(indices)
+        plan = TrailPlan(
+            trail_indices(self.name, self._index, *trail) for trail in enumerate(trails)
+        )
         self.evaluate([plan])
         return plan
 
@@ -216,44 +166,21 @@ class Mission:
         return TrailPlan([[self.arrays.base]] * self.robots)
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
-        """Return the trails of a plan as node labels, robot by robot.
-
-        Parameters
-        ----------
-        plan
-            A plan of this mission; a PlanError is raised if it visits other nodes, and a TypeError
-            if it is not a TrailPlan.
-        """
+        """Return the trails of a plan of this mission as node labels, robot by robot."""
         if not isinstance(plan, TrailPlan):
             raise TypeError(f"Expected a TrailPlan, got {quoted(plan)}.")
-        for node in (int(plan.nodes.min()), int(plan.nodes.max())):
-            if not 0 <= node < len(self.nodes):
-                known = f"mission {quoted(self.name)} has {len(self.nodes)} nodes"
-                raise PlanError(f"Node index {node} is unknown, {known}.")
         return tuple(tuple(self.nodes[i] for i in trail) for trail in plan.trails)
 
     def evaluate(self, plans: Plans) -> FloatArray:
-        """Compute the objectives of plans.
+        """Compute the objectives of plans: E[R] and E[S] (n_plans, 2).
+
+        Plans with the same trails get the same bits, whatever the order of their robots.
 
         Parameters
         ----------
         plans
-            Trail plans: a batch, any iterable of them, or an array such as ``result.X``.
-
-        Returns
-        -------
-        numpy.ndarray
-            Shape (n_plans, 2): expected team reward E[R] and expected number of survivors E[S].
-            Plans with the same trails get the same bits, whatever the order of their robots.
-
-        Raises
-        ------
-        PlanError
-            If a plan has another number of trails than the team has robots, or a trail does not
-            begin and end at base, uses a missing arc, or uses an arc twice. Plans, robots and
-            positions count from 0.
-        TypeError
-            If something in ``plans`` is not a TrailPlan.
+            Trail plans, as for ``batch``. A PlanError is raised if a trail does not begin and end
+            at base, uses a missing arc, or uses an arc twice. Counts from 0.
 
         Notes
         -----
@@ -265,53 +192,24 @@ class Mission:
         return self._values(plans, strict=True).objectives
 
     def robot_survival(self, plans: Plans) -> FloatArray:
-        """Compute the probability that each robot survives.
+        """Compute the probability that each robot survives (n_plans, robots).
 
-        Parameters
-        ----------
-        plans
-            Trail plans, as for ``batch``.
-
-        Returns
-        -------
-        numpy.ndarray
-            Shape (n_plans, robots), robots in the order of each plan's trails; 0 for a robot whose
-            trail is not valid.
+        On a trail that is not valid no robot survives.
         """
         return self._values(plans, strict=False).alive
 
     def trail_lengths(self, plans: Plans) -> FloatArray:
-        """Compute how long each robot's trail is: the sum of the lengths of its arcs.
+        """Compute the length of each robot's trail, the sum of its arcs' (n_plans, robots).
 
-        Parameters
-        ----------
-        plans
-            Trail plans, as for ``batch``.
-
-        Returns
-        -------
-        numpy.ndarray
-            Shape (n_plans, robots), in the unit of the arcs' ``length``, robots in the order of
-            each plan's trails; a trail that is not valid counts up to its first fault.
+        A trail that is not valid counts up to its first fault.
         """
         return self._values(plans, strict=False).lengths
 
     def evaluate_drafts(self, plans: Plans) -> tuple[FloatArray, FloatArray]:
-        """Compute the objectives of plans that need not be valid.
+        """Compute the objectives (n_plans, 2) of plans that need not be valid, and their faults.
 
-        A robot walks its trail up to the first fault, where it is lost.
-
-        Parameters
-        ----------
-        plans
-            Plans of any node indices, as for ``batch``.
-
-        Returns
-        -------
-        tuple of numpy.ndarray
-            E[R] and E[S] (n_plans, 2), for valid plans those of ``evaluate``, and the number of
-            faults of each plan (n_plans,): trails that do not begin or do not end at base, missing
-            arcs, arcs used again.
+        A robot walks its trail up to the first fault, where it is lost. Faults (n_plans,) are
+        trails that do not begin or do not end at base, missing arcs, and arcs used again.
         """
         values = self._values(plans, strict=False)
         return values.objectives, values.faults
@@ -331,21 +229,10 @@ class Mission:
         ----------
         plans
             Trail plans: any iterable of them, or an array such as ``result.X``; a batch is returned
-            as it is.
-
-        Raises
-        ------
-        PlanError
-            If a plan has another number of trails than the team has robots.
-        TypeError
-            If something in ``plans`` is not a TrailPlan.
+            as it is. A TypeError names what is not a plan, a PlanError a plan for another number of
+            robots.
         """
-        if isinstance(plans, PlanBatch):
-            if plans.n_robots != self.robots:
-                raise PlanError(
-                    f"Expected {self.robots} trails a plan for the {self.robots} robots of mission "
-                    f"{quoted(self.name)}, got {plans.n_robots}."
-                )
+        if isinstance(plans, PlanBatch) and plans.n_robots == self.robots:
             return plans
         try:
             return PlanBatch.from_plans(plans, self.robots)
@@ -368,9 +255,6 @@ class Mission:
     def __hash__(self) -> int:
         return hash((self.nodes, self.base, self.robots, self.arrays.survival.tobytes()))
 
-    def __copy__(self) -> Self:
-        return self
-
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self  # immutable, and pymoo deep-copies algorithms together with their problem
 
@@ -384,15 +268,32 @@ class Mission:
 
 
 def check_mission(value: object) -> Mission:
-    """Return ``value`` if it is a mission; the TypeError of anything else says how to get one.
-
-    Parameters
-    ----------
-    value
-        What should be a mission.
-    """
+    """Return ``value`` if it is a mission; the TypeError of anything else says how to get one."""
     if isinstance(value, Mission):
         return value
     raise TypeError(
         f"Expected a Mission, got {quoted(value)}; load_mission(name_or_path) gives one."
     )
+
+
+def mission_digest(mission: Mission) -> str:
+    """Return the digest of all that results depend on: not of names and positions."""
+    return _digest(mission, [[repr(node) for node in mission.nodes], repr(mission.base)])
+
+
+def numbers_digest(mission: Mission) -> str:
+    """Return the digest without labels, whose types may change when they are read from a file."""
+    return _digest(mission, [mission.arrays.base])
+
+
+def _digest(mission: Mission, first: list[object]) -> str:
+    limits = [] if mission.max_length is None else [mission.max_length]
+    text = json.dumps([*first, mission.robots, *limits], separators=(",", ":"))
+    hashed = hashlib.sha256(text.encode())
+    arrays = mission.arrays
+    numbers = [arrays.tail, arrays.head, arrays.survival, arrays.reward]
+    if (arrays.length != 1.0).any():  # without lengths every hop is one long
+        numbers.append(arrays.length)
+    for values in numbers:
+        hashed.update(np.ascontiguousarray(values, f"<{values.dtype.kind}8").tobytes())
+    return hashed.hexdigest()[:16]

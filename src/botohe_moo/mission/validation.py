@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from operator import index
 from typing import Any
 
@@ -79,10 +79,12 @@ def mission_faults(graph: Any, base: Hashable, robots: object) -> list[str]:
     elif fault := team_size_fault(robots):
         faults.append(fault)
     budget = graph.graph.get("max_length")
-    if budget is not None and not _is_length(budget):
+    if budget is not None and not _is_amount(budget):
         faults.append(f"expected a finite max_length >= 0, got {quoted(budget)}")
-    faults += _reward_faults(graph)
-    faults += _arc_faults(graph)
+    faults += attribute_faults(graph)
+    for node in nx.nodes_with_selfloops(graph):
+        arc = f"arc {quoted(node)} -> {quoted(node)}"
+        faults.append(f"{arc}: a node must not have an arc to itself")
     if base is None:
         faults.append("expected the label of the base, found no graph attribute 'base'")
     elif base not in graph:
@@ -115,31 +117,49 @@ def _not_a_digraph(graph: Any) -> str:
     return f"expected an nx.DiGraph, got {quoted(graph)}"
 
 
-def _found(attributes: dict[str, Any], key: str) -> str:
-    return f"got {quoted(attributes[key])}" if key in attributes else f"found no attribute {key!r}"
-
-
-def _reward_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
-    for node, attributes in graph.nodes(data=True):
-        if not 0 <= as_float(attributes.get("reward")) < math.inf:
-            found = _found(attributes, "reward")
-            yield f"node {quoted(node)}: expected a finite reward >= 0, {found}"
-
-
-def _arc_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
-    for node in nx.nodes_with_selfloops(graph):
-        yield f"arc {quoted(node)} -> {quoted(node)}: a node must not have an arc to itself"
-    for tail, head, attributes in graph.edges(data=True):
-        if not 0 < as_float(attributes.get("survival")) <= 1:
-            found = _found(attributes, "survival")
-            yield f"arc {quoted(tail)} -> {quoted(head)}: expected survival in (0, 1], {found}"
-        if not _is_length(attributes.get("length", 1.0)):
-            found = _found(attributes, "length")
-            yield f"arc {quoted(tail)} -> {quoted(head)}: expected a finite length >= 0, {found}"
-
-
-def _is_length(value: object) -> bool:
+def _is_amount(value: object) -> bool:
     return 0 <= as_float(value) < math.inf
+
+
+def _is_place(value: Any) -> bool:
+    try:
+        x, y = map(as_float, value)
+    except (TypeError, ValueError):
+        return value is None
+    return math.isfinite(x) and math.isfinite(y)
+
+
+_Rules = dict[str, tuple[str, Callable[[Any], bool]]]
+_OF_NODES: _Rules = {
+    "reward": ("a finite reward >= 0", _is_amount),
+    "pos": ("pos [x, y], two finite numbers", _is_place),
+}
+_OF_ARCS: _Rules = {
+    "survival": ("survival in (0, 1]", lambda value: 0 < as_float(value) <= 1),
+    "length": ("a finite length >= 0", _is_amount),
+}
+_OPTIONAL = ("pos", "length")
+
+
+def attribute_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
+    """List the attributes of nodes and arcs that are missing or wrong."""
+    for node, attributes in graph.nodes(data=True):
+        for fault in _faults_of(attributes, _OF_NODES):
+            yield f"node {quoted(node)}: {fault}"
+    for tail, head, attributes in graph.edges(data=True):
+        for fault in _faults_of(attributes, _OF_ARCS):
+            yield f"arc {quoted(tail)} -> {quoted(head)}: {fault}"
+
+
+def _faults_of(attributes: Mapping[str, Any], rules: _Rules) -> Iterator[str]:
+    for name, (expected, is_valid) in rules.items():
+        if name not in attributes:
+            if name not in _OPTIONAL:
+                yield f"expected {expected}, found no attribute {name!r}"
+        elif not is_valid(value := attributes[name]):
+            has_comma = isinstance(value, str) and "," in value
+            hint = "; write numbers with a point" if has_comma else ""
+            yield f"expected {expected}, got {quoted(value)}{hint}"
 
 
 def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> Iterator[str]:
@@ -178,8 +198,8 @@ def trail_indices(
     indices = []
     for position, label in enumerate(trail):
         try:
-            indices.append(index[_hashable(label)])
-        except (KeyError, TypeError):
+            indices.append(index[read_label(label)])
+        except (KeyError, TypeError, ValueError):
             raise PlanError(
                 f"Robot {robot}, position {position}: mission {quoted(mission)} has no node "
                 f"{quoted(label)}."
@@ -187,9 +207,14 @@ def trail_indices(
     return indices
 
 
-def _hashable(label: object) -> Any:
-    """Convert lists, as which files hold tuples."""
-    return tuple(map(_hashable, label)) if isinstance(label, list) else label
+def read_label(value: object) -> Hashable:
+    """Convert a JSON value to a node label; raises ValueError if it cannot be one."""
+    if isinstance(value, list):
+        return tuple(None if item is None else read_label(item) for item in value)
+    if value is None or isinstance(value, dict):
+        expected = "a string, a number, a boolean or a list of them"
+        raise ValueError(f"expected a label, {expected}, got {quoted(value)}")
+    return value
 
 
 def fault_text(

@@ -7,7 +7,6 @@ import csv
 import io
 import json
 import os
-import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -16,15 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from botohe_moo._base.files import replace_file
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
-from botohe_moo.decide import choosing, marking, selecting
+from botohe_moo.decide import choosing, fronts, tradeoffs
 from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator
-from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.formats.nodelink import mission_content, write_node_link
-from botohe_moo.mission.model import Mission
-from botohe_moo.solution import overview
+from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:
@@ -80,10 +78,8 @@ class Solution:
         to compile kernels, and from the command line that to import libraries.
     source
         Arguments of :func:`load_mission` that make the mission, where they are known.
-    min_survival
-        The survival floor; 0 if there was none.
-    max_length
-        The travel budget; None if there was none.
+    min_survival, max_length
+        The survival floor, 0 for none, and the travel budget, None for none.
 
     Examples
     --------
@@ -125,58 +121,36 @@ class Solution:
         """The front: ``plan_id``, ``reward`` (E[R]) and ``survivors`` (E[S])."""
         import pandas as pd
 
-        return pd.DataFrame(dict(zip(COLUMNS, self._columns(), strict=True)))
+        table = pd.DataFrame(self.objectives, columns=COLUMNS[1:])
+        table.insert(0, COLUMNS[0], np.arange(len(table)))
+        return table
 
     def choose(self, *wishes: str | Wish, most: Quantity | None = None) -> choosing.Choice:
-        """Choose the plan of most expected reward among those that meet all wishes.
+        """Choose the plan of most expected reward that meets all wishes.
 
-        Parameters
-        ----------
-        *wishes, most
-            As for :func:`botohe_moo.decide.choose`, which also says what is raised.
+        See :func:`botohe_moo.decide.choose`.
         """
         return choosing.choose(self.mission, self.plans, *wishes, most=most)
 
     def toward(self, *, reward: float, survivors: float) -> choosing.Choice:
-        """Choose the plan that comes nearest to a reference point.
-
-        Parameters
-        ----------
-        reward, survivors
-            As for :func:`botohe_moo.decide.toward`, which also says what is raised.
-        """
+        """Choose the plan nearest to a reference point; see :func:`botohe_moo.decide.toward`."""
         return choosing.toward(self.mission, self.plans, reward=reward, survivors=survivors)
 
-    def knees(self) -> tuple[marking.Mark, ...]:
+    def knees(self) -> tuple[fronts.Mark, ...]:
         """Mark where the front bends; see :func:`botohe_moo.decide.knees`."""
-        return marking.knees(self.mission, self.objectives)
+        return fronts.knees(self.mission, self.objectives)
 
-    def exchange_rate(self, index: int, *, window: float = 0.25) -> marking.ExchangeRate:
-        """Compute what 0.1 survivors cost in reward at a plan.
-
-        Parameters
-        ----------
-        index, window
-            As for :func:`botohe_moo.decide.exchange_rate`, which also says what is raised.
-        """
-        return marking.exchange_rate(self.mission, self.objectives, index, window=window)
+    def exchange_rate(self, index: int, *, window: float = 0.25) -> tradeoffs.ExchangeRate:
+        """Compute what 0.1 survivors cost; see :func:`botohe_moo.decide.exchange_rate`."""
+        return tradeoffs.exchange_rate(self.mission, self.objectives, index, window=window)
 
     def representatives(self, k: int = 5) -> tuple[int, ...]:
-        """Select plans that represent the front, by their rows.
-
-        Parameters
-        ----------
-        k
-            As for :func:`botohe_moo.decide.representatives`, which also says what is raised.
-        """
-        return selecting.representatives(self.mission, self.plans, k)
-
-    def _columns(self) -> tuple[Any, FloatArray, FloatArray]:
-        return np.arange(len(self.plans)), self.objectives[:, 0], self.objectives[:, 1]
+        """Select ``k`` plans, by their rows; see :func:`botohe_moo.decide.representatives`."""
+        return fronts.representatives(self.mission, self.plans, k)
 
     def rows(self) -> list[tuple[int, float, float]]:
         """Return the rows of ``table`` as plain numbers."""
-        return list(zip(*(column.tolist() for column in self._columns()), strict=True))
+        return [(i, reward, alive) for i, (reward, alive) in enumerate(self.objectives.tolist())]
 
     def __repr__(self) -> str:
         return (
@@ -188,18 +162,13 @@ class Solution:
     def describe(self, *, all_plans: bool = False) -> str:
         """Describe the search and its front in words and a table.
 
-        The table's last column is the reward that is given up for each further expected survivor,
-        from one row to the next.
-
-        Parameters
-        ----------
-        all_plans
-            Whether all plans have a row, not only some ten: the ends of the front, its knee
-            (see :meth:`knees`), and those that represent it (see :meth:`representatives`).
+        The table has some ten plans, or all: the ends of the front, its knee (see :meth:`knees`)
+        and :meth:`representatives`. Its last column is the reward that is given up for each further
+        expected survivor, from one row to the next.
         """
         front = self.mission, self.plans, self.objectives
-        rows = tuple(range(len(self.plans))) if all_plans else overview.shown_rows(*front)
-        table = overview.front_table(self.mission, self.objectives, rows) if rows else "no plans"
+        rows = tuple(range(len(self.plans))) if all_plans else tradeoffs.shown_rows(*front)
+        table = tradeoffs.front_table(self.mission, self.objectives, rows) if rows else "no plans"
         some = f", {len(rows)} of them above" if len(rows) < len(self.plans) else ""
         start = self.startup_seconds if self.startup_seconds >= _LONG_START else 0.0
         took, started = "", ""
@@ -222,10 +191,7 @@ class Solution:
     ) -> Path:
         """Write a page on which to walk along the front, look at its plans and compare them.
 
-        Parameters
-        ----------
-        path, wishes
-            As for :func:`botohe_moo.explorer.explore`, which also says what is raised.
+        See :func:`botohe_moo.explorer.explore`.
         """
         from botohe_moo.explorer import explore
 
@@ -238,10 +204,9 @@ class Solution:
         return notebook_frame(self) if self.plans else None
 
     def to_json(self) -> str:
-        """Write everything but mission and pictures: how it was found, and each plan's trails.
+        """Write how it was found, and each plan's trails as lists of node labels.
 
-        Trails are lists of node labels. Tuples are lists, as JSON has none; what else JSON cannot
-        hold is written as its ``repr``.
+        What JSON cannot hold is written as its ``repr``.
         """
         content = {
             "mission": self.mission.name,
@@ -277,16 +242,10 @@ class Solution:
         Parameters
         ----------
         folder
-            Folder to write to; made if it does not exist.
+            Folder to write to; made if it does not exist. An OSError is raised if it cannot be
+            written to, and a PictureError if a picture cannot be drawn.
         before_pictures
             Called when the tables are written, before pictures are drawn.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written to.
-        PictureError
-            If a picture cannot be drawn.
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
@@ -304,16 +263,13 @@ class Solution:
         front = io.StringIO()
         csv.writer(front, lineterminator="\n").writerows([COLUMNS, *self.rows()])
         tables = {"front.csv": front.getvalue().encode(), "plans.json": self.to_json().encode()}
-        with contextlib.suppress(ValueError, RecursionError):
+        with contextlib.suppress(ValueError):
             tables["mission.json"] = write_node_link(mission_content(self.mission))
-        with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder) as drafts:
-            for name, data in tables.items():
-                Path(drafts, name).write_bytes(data)
-            for name in FILES:
-                if name in tables:
-                    Path(drafts, name).replace(folder / name)
-                else:
-                    (folder / name).unlink(missing_ok=True)
+        for name in FILES:
+            if name in tables:
+                replace_file(folder / name, tables[name])
+            else:
+                (folder / name).unlink(missing_ok=True)
 
 
 def draw_picture(path: Path, plot: Callable[..., Axes], *shown: Any, **options: Any) -> None:

@@ -1,8 +1,6 @@
 """Reading the folder of a solution; nothing in it is executed or unpickled."""
 
-import json
 import os
-from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,13 +8,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, NonNegativeInt, ValidationError
 
 from botohe_moo._plugins.messages import wrong_value
-from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.formats.files import file_content, read_mission
-from botohe_moo.mission.formats.nodelink import decode, read_label
-from botohe_moo.mission.model import Mission
-from botohe_moo.mission.validation import MissionError
+from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.solution.model import Solution, as_json
-from botohe_moo.trails import TrailPlan
 
 _REMEDY = "Solve the mission again, or put back what was written."
 
@@ -24,7 +18,6 @@ _REMEDY = "Solve the mission again, or put back what was written."
 class _Plan(BaseModel):
     model_config = ConfigDict(strict=True)
 
-    plan_id: int
     reward: FiniteFloat
     survivors: FiniteFloat
     trails: list[list[Any]]
@@ -74,10 +67,6 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
     folder = Path(folder)
     try:
         return _read(folder, mission)
-    except MissionError as error:
-        *others, last = error.faults
-        faults = [*others, f"{last.removesuffix('.')}. {_REMEDY}"]
-        raise MissionError(faults, error.source) from None
     except ValueError as error:
         raise ValueError(f"{str(error).removesuffix('.')}. {_REMEDY}") from None
 
@@ -93,9 +82,15 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
             f"{source}: expected the mission that the plans in {path} were made for, found one "
             f"whose nodes, arcs, rewards, survivals, lengths, base or robots are others."
         )
+    labels = {as_json(node): node for node in mission.nodes}  # by what is written of them
+    plans = []
+    for i, read in enumerate(record.plans):
+        trails = [[labels.get(as_json(node), node) for node in trail] for trail in read.trails]
+        try:
+            plans.append(mission.plan(trails))
+        except ValueError as error:
+            raise ValueError(f"{path}: plan {i}: {error}") from None
     objectives = np.array([(p.reward, p.survivors) for p in record.plans], float).reshape(-1, 2)
-    own = {as_json(node): node for node in mission.nodes}
-    plans = tuple(_plan(path, i, plan, mission, own) for i, plan in enumerate(record.plans))
     for i, (said, found) in enumerate(zip(objectives, mission.evaluate(plans), strict=True)):
         if not np.allclose(said, found, rtol=1e-9, atol=1e-9):
             raise ValueError(
@@ -104,7 +99,7 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
             )
     return Solution(
         mission=mission,
-        plans=plans,
+        plans=tuple(plans),
         objectives=objectives,
         seconds=None,
         source=record.mission_source,
@@ -113,40 +108,12 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
 
 
 def _record(path: Path) -> _Record:
-    text = _text(path)
     try:
-        return _Record.model_validate(json.loads(text))
+        return _Record.model_validate_json(file_content(path))
     except ValidationError as error:
         first = error.errors()[0]
+        if first["type"] == "json_invalid":
+            raise ValueError(f"{path}: {first['msg']}.") from None
         way = first["loc"][:-1] if first["type"] == "missing" else first["loc"]
         name = ".".join(map(str, way)) or "its content"
         raise ValueError(f"{path}: {wrong_value(name, first)}") from None
-    except json.JSONDecodeError as error:
-        where = f"line {error.lineno}, column {error.colno}"
-        raise ValueError(f"{path}: {where}: expected JSON, found: {error.msg}.") from None
-    except (RecursionError, ValueError) as error:  # nested too deeply, or too many digits
-        raise ValueError(f"{path}: expected a solution, found: {error}.") from None
-
-
-def _plan(
-    path: Path, number: int, read: _Plan, mission: Mission, own: Mapping[str, Hashable]
-) -> TrailPlan:
-    """Make a plan of what was read; ``own`` are the mission's labels by what is written of them."""
-
-    def label(written: object) -> Hashable:
-        found = read_label(written)
-        return found if found in mission.graph else own.get(as_json(written), found)
-
-    try:
-        if read.plan_id != number:
-            raise ValueError(f"expected the plan_id {number}, got {read.plan_id}.")
-        return mission.plan([[label(written) for written in trail] for trail in read.trails])
-    except ValueError as error:
-        raise ValueError(f"{path}: plan {number}: {error}") from None
-
-
-def _text(path: Path) -> str:
-    try:
-        return decode(file_content(path))
-    except MissionError as error:
-        raise ValueError(f"{path}: {error.faults[0]}.") from None

@@ -14,8 +14,9 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Positive
-from botohe_moo.mission.formats.nodelink import decode
 from botohe_moo.mission.validation import MissionError
+
+_HEADER = {"n": int, "m": int, "tmax": float}
 
 
 @checked
@@ -37,70 +38,61 @@ def read_benchmark(
     tours may need any of them. An arc's length is the distance, its survival
     exp(−distance / ``scale``), with tmax as the default scale; tmax is the mission's travel budget.
 
-    A MissionError is raised if a line is missing, superfluous or wrong, or an arc's survival is 0
-    in floating-point numbers.
+    A MissionError names the lines that are missing, superfluous or wrong.
 
     References
     ----------
     Chao, Golden and Wasil, "The team orienteering problem", European Journal of Operational
     Research 88 (1996) 464-474.
     """
-    robots, tmax, points, scores = _parse(decode(data))
-    if scale is None and tmax <= 0:
+    robots, tmax, table = _parse(data.decode("utf-8-sig"))
+    scale = tmax if scale is None else scale
+    if scale <= 0:
         raise MissionError(f"expected tmax > 0 to be the scale, got {tmax:g}; give a scale")
-    degree = len(points) - 1 if neighbours == "all" else min(neighbours, len(points) - 1)
+    points = table[:, :2]
     title = f"Team orienteering benchmark: {len(points)} points, tmax {tmax:g}"
     graph: nx.DiGraph[Any] = nx.DiGraph(base=0, robots=robots, title=title, max_length=tmax)
-    for node, (point, score) in enumerate(zip(points.tolist(), scores, strict=True)):
-        graph.add_node(node, reward=score, pos=point)
-    _add_arcs(graph, points, degree, tmax if scale is None else scale)
-    return graph
-
-
-def _add_arcs(graph: nx.DiGraph[Any], points: FloatArray, degree: int, scale: float) -> None:
-    faults = []
+    for node, (x, y, score) in enumerate(table.tolist()):
+        graph.add_node(node, reward=score, pos=[x, y])
+    degree = len(points) - 1 if neighbours == "all" else min(neighbours, len(points) - 1)
     for tail, head in sorted({*_nearest_pairs(points, degree), *spanning_pairs(points)}):
         distance = math.dist(points[tail], points[head])
         survival = math.exp(-distance / scale)
-        if survival == 0:
-            faults.append(
-                f"arc {tail} -> {head}: expected survival in (0, 1], got exp(-{distance:g} / "
-                f"{scale:g}), which is 0 in floating-point numbers; give a larger scale"
-            )
         graph.add_edge(tail, head, survival=survival, length=distance)
         graph.add_edge(head, tail, survival=survival, length=distance)
-    if faults:
-        raise MissionError(faults)
+    return graph
 
 
-def _parse(text: str) -> tuple[int, float, FloatArray, list[float]]:
-    """Return the number of robots, tmax, the points (n, 2) and their scores."""
+def _parse(text: str) -> tuple[int, float, FloatArray]:
+    """Return the number of robots, tmax, and the points with their scores (n, 3)."""
     lines = enumerate(text.replace(";", " ").splitlines(), 1)
     rows = [(number, line.split()) for number, line in lines if line.strip()]
-    try:
-        (n, n_points), (m, robots), (tmax, budget) = (fields for _, fields in rows[:3])
-        if (n.lower(), m.lower(), tmax.lower()) != ("n", "m", "tmax"):
-            raise ValueError
-        header = int(n_points), int(robots), float(budget)
-    except ValueError:
-        found = "; ".join(" ".join(fields) for _, fields in rows[:3])
-        expected = "expected the lines 'n N', 'm M' and 'tmax T' first, with numbers"
-        raise MissionError(f"{expected}, found {quoted(found)}") from None
-    faults, points = [], []
-    for number, fields in rows[3:]:
+    header: dict[str, Any] = {}
+    points, faults = [], []
+    for (name, kind), (number, fields) in zip(_HEADER.items(), rows, strict=False):
         try:
-            points.append([float(field) for field in fields])
-            if len(fields) != 3 or not np.isfinite(points[-1]).all():
-                raise ValueError
+            key, value = fields
+            header[name] = kind(value)
         except ValueError:
-            expected = "expected three finite numbers, x, y and a score"
-            faults.append(f"line {number}: {expected}, got {quoted(' '.join(fields))}")
-    if (n_lines := max(header[0], 1)) != len(rows) - 3:
-        faults.append(f"expected {n_lines} lines 'x y score' after tmax, got {len(rows) - 3}")
+            key = ""
+        if key.lower() != name:
+            found = quoted(" ".join(fields))
+            faults.append(f"line {number}: expected {name!r} and a number, got {found}")
+    for number, fields in rows[len(_HEADER) :]:
+        try:
+            x, y, score = map(float, fields)
+            points.append((x, y, score))
+        except ValueError:
+            found = quoted(" ".join(fields))
+            faults.append(f"line {number}: expected three numbers, x, y and a score, got {found}")
+    if len(rows) < len(_HEADER):
+        faults.append(f"expected lines of {', '.join(_HEADER)}, got {len(rows)} lines")
+    elif not faults and header["n"] != len(points):
+        expected = f"expected n {len(points)}, the number of lines after tmax"
+        faults.append(f"line {rows[0][0]}: {expected}, got n {header['n']}")
     if faults:
         raise MissionError(faults)
-    table = np.array(points).reshape(-1, 3)
-    return header[1], header[2], table[:, :2], table[:, 2].tolist()
+    return header["m"], header["tmax"], np.array(points).reshape(-1, 3)
 
 
 def spanning_pairs(points: FloatArray) -> list[tuple[int, int]]:

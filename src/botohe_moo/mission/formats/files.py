@@ -1,7 +1,7 @@
 """Mission files: which format a file is in, reading it and writing it."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -66,12 +66,12 @@ def read_mission(
     path = Path(path)
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
-        raise MissionError(_unknown_suffix(path, SUFFIXES), str(path))
+        raise MissionError(suffix_fault(path, SUFFIXES), str(path))
     known = [parameter.name for parameter in signature_parameters(reader)]
     check_parameters(f"Mission file {path}", options, known, also=("robots",))
     try:
         graph = reader(file_content(path), **options)
-        mission = Mission(graph, robots=robots, name=graph.graph.get("name") or _text(path.stem))
+        mission = Mission(graph, robots=robots, name=graph.graph.get("name") or path.stem)
         mission_content(mission)  # what cannot be saved is refused at once, not after a search
     except MissionError as error:
         raise MissionError(list(error.faults), str(path)) from None
@@ -79,8 +79,6 @@ def read_mission(
         raise
     except ValueError as error:
         raise MissionError(str(error).rstrip("."), str(path)) from None
-    except RecursionError:
-        raise MissionError("expected a mission, found lists nested too deeply", str(path)) from None
     return mission
 
 
@@ -115,34 +113,27 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     path = Path(path)
     writer = _WRITERS.get(path.suffix.lower())
     if writer is None:
-        raise ValueError(f"{path}: {_unknown_suffix(path, _WRITERS)}.")
+        raise ValueError(f"{path}: {suffix_fault(path, _WRITERS)}.")
     try:
         data = writer(mission_content(check_mission(mission)))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    except RecursionError:
-        raise ValueError(f"{path}: a label or an attribute is nested too deeply.") from None
     replace_file(path, data)
 
 
-def _unknown_suffix(path: Path, known: Mapping[str, object] | Iterable[str]) -> str:
+def suffix_fault(path: Path, known: Iterable[str]) -> str:
+    """Describe the fault of a file's name that has none of the ``known`` suffixes."""
     found = f"the suffix {path.suffix!r}" if path.suffix else "no suffix"
     return f"expected a file name that ends in one of {', '.join(known)}; found {found}"
 
 
-def _text(stem: str) -> str:
-    """Make valid Unicode of a file's name, which may hold any bytes."""
-    return stem.encode(errors="backslashreplace").decode()
-
-
 def file_content(path: Path) -> bytes:
-    """Read a file; raises MissionError, which does not name the file."""
+    """Return what is in a file; the MissionError for what cannot be read names the file."""
     try:
         return read_bytes(path)
     except FileNotFoundError:
-        raise MissionError("there is no such file") from None
+        raise MissionError("there is no such file", str(path)) from None
     except IsADirectoryError:
-        raise MissionError("expected a file, found a directory") from None
-    except (OSError, ValueError) as error:  # ValueError: a path with a null character
-        reason = getattr(error, "strerror", None) or error
-        raise MissionError(f"the file cannot be read: {reason}") from None
+        raise MissionError("expected a file, found a directory", str(path)) from None
+    except OSError as error:
+        raise MissionError(f"the file cannot be read: {error.strerror}", str(path)) from None

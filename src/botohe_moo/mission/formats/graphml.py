@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-import re
+from collections.abc import Iterator
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -13,11 +13,10 @@ from botohe_moo._base.checks import quoted
 from botohe_moo.mission.formats.nodelink import graph_of
 from botohe_moo.mission.validation import MissionError
 
-_LONGEST = 200  # characters of what a parser says
-_NOT_IN_XML = re.compile("[^\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 # What its reader raises for wrong values and types is not declared.
 _OF_NETWORKX = (nx.NetworkXError, ET.ParseError, LookupError, ValueError, TypeError, AttributeError)
 _DEFAULTS = ("node_default", "edge_default")  # where networkx keeps them
+_NUMBERS = ("int", "long", "float", "double")
 
 
 def read_graphml(data: bytes, /) -> nx.Graph[Any]:
@@ -25,14 +24,20 @@ def read_graphml(data: bytes, /) -> nx.Graph[Any]:
 
     Node labels are the nodes' ids, hence strings, and so is the base, whatever its declared type.
     The node attributes ``x`` and ``y`` become ``pos``. A MissionError is raised for what is not
-    GraphML, and for arcs that are there more than once.
+    GraphML of one graph, for values that are not of their type, and as in `graph_of`.
     """
     try:
         root = ET.fromstring(data)
+        if (n_graphs := len(root.findall("{*}graph"))) > 1:
+            raise MissionError(f"expected GraphML with one directed graph, found {n_graphs} graphs")
         _remove_drawings(root)
+        if faults := list(_value_faults(root)):
+            raise MissionError(faults)
         found = nx.parse_graphml(ET.tostring(root, "unicode"), force_multigraph=True)
+    except MissionError:
+        raise
     except _OF_NETWORKX as error:
-        said = f"{type(error).__name__}: {error}"[:_LONGEST]
+        said = f"{type(error).__name__}: {error}"
         raise MissionError(f"expected GraphML with one directed graph, found {said}") from None
     if not found.is_directed():
         return nx.Graph(found)
@@ -60,6 +65,30 @@ def _remove_drawings(root: ET.Element) -> None:
             owner.remove(drawing)
 
 
+def _value_faults(root: ET.Element) -> Iterator[str]:
+    """List the values that should be numbers and are not; networkx does not say whose they are."""
+    names = {
+        key.get("id"): key.get("attr.name")
+        for key in root.findall("{*}key")
+        if key.get("attr.type") in _NUMBERS
+    }
+    for owner in root.iter():
+        for data in owner.findall("{*}data"):
+            name = names.get(data.get("key"))
+            if name is not None and not _is_number(data.text):
+                arc = f"arc {owner.get('source')!r} -> {owner.get('target')!r}"
+                whose = arc if owner.get("source") else f"node {owner.get('id')!r}"
+                yield f"{whose}: expected a number as {name}, got {quoted(data.text)}"
+
+
+def _is_number(text: str | None) -> bool:
+    try:
+        float(text or "")
+    except ValueError:
+        return False
+    return True
+
+
 def _with_pos(attributes: dict[str, Any]) -> dict[str, Any]:
     place = [attributes.get("x"), attributes.get("y")]
     if all(type(part) in (int, float) for part in place):
@@ -70,47 +99,37 @@ def _with_pos(attributes: dict[str, Any]) -> dict[str, Any]:
 
 def write_graphml(content: dict[str, Any]) -> bytes:
     """Write node-link data as GraphML; a ValueError names what GraphML cannot hold."""
-    graph: nx.DiGraph[Any] = nx.DiGraph()
-    graph.graph.update(_writable("the graph", content["graph"]))
+    graph: nx.DiGraph[Any] = nx.DiGraph(**_writable("the graph", content["graph"]))
     for node in content["nodes"]:
         label = node.pop("id")
-        owner = f"node {quoted(label)}"
-        if not (isinstance(label, str) and _is_writable(label)):
-            raise _unwritable(f"{owner}: expected a label of letters that XML has")
-        graph.add_node(label)
-        graph.nodes[label].update(_writable(owner, _with_coordinates(node)))
+        if not isinstance(label, str):
+            raise ValueError(
+                f"Node {quoted(label)}: expected a label that is text, as all labels in GraphML; a "
+                ".json file can hold it."
+            )
+        attributes = _writable(f"node {quoted(label)}", _with_coordinates(node))
+        graph.add_nodes_from([(label, attributes)])
     for arc in content["edges"]:
-        ends = arc.pop("source"), arc.pop("target")
-        graph.add_edge(*ends)
-        graph.edges[ends].update(_writable(f"arc {quoted(ends[0])} -> {quoted(ends[1])}", arc))
+        tail, head = arc.pop("source"), arc.pop("target")
+        attributes = _writable(f"arc {quoted(tail)} -> {quoted(head)}", arc)
+        graph.add_edges_from([(tail, head, attributes)])
     written = io.BytesIO()
     nx.write_graphml_xml(graph, written)
     return written.getvalue() + b"\n"
 
 
 def _with_coordinates(node: dict[str, Any]) -> dict[str, Any]:
-    place = node.get("pos")
-    if not isinstance(place, list) or len(place) != 2 or "x" in node or "y" in node:
+    if node.get("pos") is None or "x" in node or "y" in node:
         return node
-    del node["pos"]
-    return {**node, "x": place[0], "y": place[1]}
+    x, y = node.pop("pos")
+    return {**node, "x": x, "y": y}
 
 
 def _writable(owner: str, attributes: dict[str, Any]) -> dict[str, Any]:
     for name, value in attributes.items():
-        if name not in _DEFAULTS and not (_is_writable(name) and _is_writable(value)):
-            raise _unwritable(
-                f"{owner}: expected numbers, booleans and texts of letters that XML has, got "
-                f"{quoted(value)} for {quoted(name)}"
+        if name not in _DEFAULTS and not isinstance(value, bool | int | float | str):
+            raise ValueError(
+                f"{owner}: expected numbers, booleans and texts, as GraphML holds them, got "
+                f"{quoted(value)} for {quoted(name)}; a .json file can hold it."
             )
     return attributes
-
-
-def _is_writable(value: object) -> bool:
-    if isinstance(value, str):
-        return not _NOT_IN_XML.search(value)
-    return isinstance(value, bool | int | float)
-
-
-def _unwritable(reason: str) -> ValueError:
-    return ValueError(f"{reason}; a .json file can hold it.")

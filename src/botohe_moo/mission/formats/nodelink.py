@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Hashable, Iterable, Mapping
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import networkx as nx
@@ -13,13 +12,18 @@ import numpy as np
 
 from botohe_moo._base.checks import quoted
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.validation import MissionError
+from botohe_moo.mission.validation import MissionError, attribute_faults, read_label
 
-_KEYS = {"directed": bool, "multigraph": bool, "graph": dict, "nodes": list, "edges": list}
-_WORDS = {bool: "true or false", dict: "an object", list: "a list"}
+_KEYS = {
+    "directed": (bool, "true or false"),
+    "multigraph": (bool, "true or false"),
+    "graph": (dict, "an object"),
+    "nodes": (list, "a list"),
+    "edges": (list, "a list"),
+}
 
 # Where an entry is in its file, its labels, and its attributes.
-Entry = tuple[str, tuple[Any, ...], Mapping[str, Any]]
+Entry = tuple[str, tuple[Any, ...], dict[str, Any]]
 
 
 def read_node_link(data: bytes, /) -> nx.Graph[Any]:
@@ -29,20 +33,17 @@ def read_node_link(data: bytes, /) -> nx.Graph[Any]:
     equal nodes or arcs win, and keep the base's label as a list. A MissionError is raised for what
     is not node-link data, and as in `graph_of`.
     """
-    text = decode(data)
-    try:
-        content = json.loads(text, object_pairs_hook=_object)
-    except MissionError:
-        raise
-    except json.JSONDecodeError as error:
-        where = f"line {error.lineno}, column {error.colno}"
-        raise MissionError(f"{where}: expected JSON, found: {error.msg}") from None
-    except ValueError as error:  # an integer of thousands of digits
-        raise MissionError(f"expected JSON of numbers in range, found: {error}") from None
+    content = json.loads(data.decode("utf-8-sig"))
     if not isinstance(content, dict):
         raise MissionError(f"expected node-link data, a JSON object, got {quoted(content)}")
-    content = {"directed": False, "multigraph": False, "graph": {}, **content}
-    if faults := _key_faults(content):
+    links = content.get("links")  # as networkx before 3.4 names the arcs
+    content = {"directed": False, "multigraph": False, "graph": {}, "edges": links, **content}
+    faults = [
+        f'expected the key "{key}" to hold {expected}, got {quoted(content.get(key))}'
+        for key, (kind, expected) in _KEYS.items()
+        if not isinstance(content.get(key), kind)
+    ]
+    if faults:
         raise MissionError(faults)
     if not content["directed"] or content["multigraph"]:
         return nx.MultiDiGraph() if content["multigraph"] else nx.Graph()  # which are refused
@@ -54,38 +55,6 @@ def read_node_link(data: bytes, /) -> nx.Graph[Any]:
     if "base" in own:
         own["base"] = read_label(own["base"])
     return graph_of(own, nodes, arcs)
-
-
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object of JSON, which has each key once."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        again = next(key for key in keys if keys.count(key) > 1)
-        raise MissionError(f"expected each key once in an object, found {quoted(again)} again")
-    return found
-
-
-def decode(data: bytes, remedy: str = "") -> str:
-    """Decode UTF-8, with or without a byte order mark; a MissionError ends with the remedy."""
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        found = f"the byte {data[error.start]:#04x} at position {error.start}"
-        raise MissionError(f"expected text in UTF-8, found {found}{remedy}") from None
-
-
-def _key_faults(content: dict[str, Any]) -> list[str]:
-    faults = []
-    for key, kind in _KEYS.items():
-        if key not in content:
-            hint = ', but "links": nx.node_link_data(graph, edges="edges") writes "edges"'
-            hint = hint if key == "edges" and "links" in content else ""
-            faults.append(f'expected the key "{key}", {_WORDS[kind]}; found no such key{hint}')
-        elif not isinstance(content[key], kind):
-            found = quoted(content[key])
-            faults.append(f'expected the key "{key}" to hold {_WORDS[kind]}, got {found}')
-    return faults
 
 
 def _entry(where: str, entry: object, *keys: str) -> Entry:
@@ -101,43 +70,33 @@ def _entry(where: str, entry: object, *keys: str) -> Entry:
     return where, labels, entry
 
 
-def read_label(value: object) -> Hashable:
-    """Convert a JSON value to a node label; raises ValueError if it cannot be one."""
-    if isinstance(value, list):
-        return tuple(None if item is None else read_label(item) for item in value)
-    if value is None or isinstance(value, dict):
-        expected = "a string, a number, a boolean or a list of them"
-        raise ValueError(f"expected a label, {expected}, got {quoted(value)}")
-    return value
-
-
 def graph_of(
-    own: Mapping[str, Any], nodes: Iterable[Entry], arcs: Iterable[Entry]
+    own: Mapping[str, Any],
+    nodes: Iterable[Entry],
+    arcs: Iterable[Entry],
+    faults: Iterable[str] = (),
 ) -> nx.DiGraph[Any]:
     """Make a graph with attributes of its own, of entries for its nodes and for its arcs.
 
-    A MissionError lists the nodes and arcs that are there more than once, and the arcs whose ends
-    are not among the nodes.
+    If there are ``faults``, if nodes or arcs are listed more than once, or if ends of arcs are not
+    among the nodes, a MissionError lists all this, and the attributes that are wrong.
     """
-    graph: nx.DiGraph[Any] = nx.DiGraph()
-    graph.graph.update(own)
-    faults = []
+    graph: nx.DiGraph[Any] = nx.DiGraph(**own)
+    faults = list(faults)
     for where, (label,), attributes in nodes:
         if label in graph:
             faults.append(f"{where}: node {quoted(label)} is listed more than once")
-        graph.add_node(label)
-        graph.nodes[label].update(attributes)  # whose names may be those of parameters
+        graph.add_nodes_from([(label, attributes)])
     for where, (tail, head), attributes in arcs:
-        arc = f"{where}: arc {quoted(tail)} -> {quoted(head)}"
         unknown = [label for label in dict.fromkeys((tail, head)) if label not in graph]
-        faults += [f"{arc}: there is no node {quoted(label)}" for label in unknown]
+        wrong = [f"there is no node {quoted(label)}" for label in unknown]
         if graph.has_edge(tail, head):
-            faults.append(f"{arc} is listed more than once")
+            wrong.append("is listed more than once")
+        faults += [f"{where}: arc {quoted(tail)} -> {quoted(head)}: {fault}" for fault in wrong]
         if not unknown:
-            graph.add_edge(tail, head)
-            graph.edges[tail, head].update(attributes)
+            graph.add_edges_from([(tail, head, attributes)])
     if faults:
-        raise MissionError(faults)
+        raise MissionError([*faults, *attribute_faults(graph)])
     return graph
 
 
@@ -146,16 +105,15 @@ def mission_content(mission: Mission) -> dict[str, Any]:
     graph = mission.graph
     own = {"name": None, **graph.graph, "base": None}
     own.update(name=mission.name, robots=mission.robots)  # not the graph's, which may differ
-    own = _attributes("the graph", own) | {"base": plain_label(mission.base)}
-    nodes = [
-        {"id": plain_label(node), **_attributes(f"node {quoted(node)}", attributes, "id")}
-        for node, attributes in graph.nodes(data=True)
-    ]
-    arcs = []
+    own = _attributes("the graph", (), own) | {"base": plain_label(mission.base)}
+    labels = {node: plain_label(node) for node in graph}
+    nodes, arcs = [], []
+    for node, attributes in graph.nodes(data=True):
+        label = {"id": labels[node]}
+        nodes.append(label | _attributes("node ", (node,), attributes, *label))
     for tail, head, attributes in graph.edges(data=True):
-        arc = f"arc {quoted(tail)} -> {quoted(head)}"
-        ends = {"source": plain_label(tail), "target": plain_label(head)}
-        arcs.append({**ends, **_attributes(arc, attributes, "source", "target")})
+        ends = {"source": labels[tail], "target": labels[head]}
+        arcs.append(ends | _attributes("arc ", (tail, head), attributes, *ends))
     return {"directed": True, "multigraph": False, "graph": own, "nodes": nodes, "edges": arcs}
 
 
@@ -176,41 +134,33 @@ def plain_label(label: Hashable) -> object:
         if label == read_label(plain):
             return plain
         reason = f"it would come back as {quoted(plain)}"
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         reason = str(error)
     raise ValueError(f"Node {quoted(label)} cannot be saved under its label: {reason}.")
 
 
-def _attributes(owner: str, attributes: dict[Any, Any], *reserved: str) -> dict[str, Any]:
-    plain = {}
-    for key, value in attributes.items():
-        if not isinstance(key, str) or key in reserved:
-            expected = f"a string other than {' and '.join(reserved)}" if reserved else "a string"
-            found = f"expected {expected} as an attribute's name, got {quoted(key)}"
-            raise ValueError(f"{owner}: {found}.")
-        try:
-            plain[key] = _plain(value)
-        except ValueError as error:
-            raise ValueError(
-                f"{owner}: attribute {quoted(key)}, {quoted(value)}, cannot be saved: {error}."
-            ) from None
+def _attributes(
+    kind: str, labels: tuple[Hashable, ...], attributes: dict[Any, Any], *reserved: str
+) -> dict[str, Any]:
+    """Return attributes as JSON holds them; a ValueError names their owner by kind and labels."""
+    try:
+        if names := [name for name in reserved if name in attributes]:
+            raise ValueError(f"{names[0]!r} is the name of a label")
+        plain: dict[str, Any] = _plain(attributes)
+    except (TypeError, ValueError) as error:
+        owner = kind + " -> ".join(map(quoted, labels))
+        raise ValueError(f"{owner}: {quoted(attributes)} cannot be saved: {error}.") from None
     return plain
 
 
-def _plain(value: Any) -> Any:
-    """Convert ``value`` to JSON's own types; raises ValueError."""
+def _plain(value: object) -> Any:
+    """Return what is read again of ``value`` if it is written as JSON."""
+    return json.loads(json.dumps(value, default=_number, allow_nan=False))
+
+
+def _number(value: object) -> object:
     if isinstance(value, np.generic | np.ndarray):
-        value = value.tolist()
-    if value is None or isinstance(value, bool | str):
-        return value
-    if isinstance(value, Integral):
-        return int(value)
+        return value.tolist()
     if isinstance(value, Real):
-        if not math.isfinite(value):
-            raise ValueError("JSON has no infinite numbers and no NaN")
         return float(value)
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, dict) and all(isinstance(key, str) for key in value):
-        return {key: _plain(item) for key, item in value.items()}
-    raise ValueError(f"JSON has no {type(value).__name__}")
+    raise TypeError(f"JSON has no {type(value).__name__}")

@@ -1,7 +1,8 @@
-"""Marks on a front: its knee, a plan's neighbours, and what survivors cost in reward."""
+"""What a plan costs: its neighbours on the front, and the reward that survivors cost."""
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,109 +12,19 @@ from botohe_moo.decide.fronts import (
     PlansOrObjectives,
     check_row,
     front_rows,
+    knees,
     more,
     objectives_of,
+    representatives,
     scales,
     short,
 )
 from botohe_moo.mission.model import Mission
+from botohe_moo.trails import TrailPlan
 
-
-@dataclass(frozen=True)
-class Mark:
-    """A plan that is marked on a front; a mark, not a verdict.
-
-    Attributes
-    ----------
-    index
-        Row of the plan.
-    name, definition
-        What it is, in short and exactly.
-    reward, survivors
-        Its E[R] and E[S].
-
-    Examples
-    --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import Mark, knees
-    >>> toy = load_mission("toy")
-    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
-    >>> print(knees(toy, front)[0])
-    plan 1 (reward 7, survivors 1): farthest above the chord between the end points of the front
-    """
-
-    index: int
-    name: str
-    definition: str
-    reward: float
-    survivors: float
-
-    def __str__(self) -> str:
-        where = f"reward {short(self.reward)}, survivors {short(self.survivors)}"
-        return f"plan {self.index} ({where}): {self.definition}"
-
-
+_ROWS = 10
+_HEADING = ("plan_id", "reward", "survivors", "reward per survivor more, to next row")
 _SLACK = 1e-9  # of the total reward and of the robots: below, objectives differ by rounding
-
-_CHORD = (
-    "farthest from the chord",
-    "farthest above the chord between the end points of the front",
-)
-_PRODUCT = ("largest product", "largest product of expected reward and expected survivors")
-
-
-def knees(mission: Mission, plans: PlansOrObjectives) -> tuple[Mark, ...]:
-    """Mark where a front bends: the plan farthest above its chord, and that of largest E[R]·E[S].
-
-    Parameters
-    ----------
-    mission
-        The mission.
-    plans
-        Its plans, or their objectives E[R] and E[S] (n_plans, 2).
-
-    Returns
-    -------
-    tuple of Mark
-        Both marks, which may be the same plan. The end points are the plans of most reward and of
-        most survivors. Where no plan lies above their chord, as on a front of one or two plans,
-        only the largest product is marked. Of equal plans the first is marked.
-
-    Raises
-    ------
-    ValueError
-        If there is no plan, or these are not objectives.
-
-    Notes
-    -----
-    Distances from the chord: Das, "On characterizing the knee of the Pareto curve based on
-    normal-boundary intersection", Structural Optimization 18, 1999. Neither mark depends on the
-    units of the objectives; the chord's depends on where the front ends.
-
-    Examples
-    --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import knees
-    >>> toy = load_mission("toy")  # a total reward of 10, and 2 robots
-    >>> for mark in knees(toy, [[8, 0], [7, 1], [4, 1.4], [0, 2]]):
-    ...     print(mark.index, mark.name)
-    1 farthest from the chord
-    1 largest product
-    """
-    objectives = objectives_of(mission, plans)
-    rows = front_rows(objectives)
-    scaled = objectives[rows] / scales(mission)
-    (right, low), (left, high) = scaled[0], scaled[-1]
-    above = (high - low) * (scaled[:, 0] - right) + (right - left) * (scaled[:, 1] - low)
-    marks = []
-    if above.max() > 1e-12:
-        marks.append(_mark(objectives, int(rows[above.argmax()]), *_CHORD))
-    marks.append(_mark(objectives, int(rows[scaled.prod(axis=1).argmax()]), *_PRODUCT))
-    return tuple(marks)
-
-
-def _mark(objectives: FloatArray, row: int, name: str, definition: str) -> Mark:
-    return Mark(row, name, definition, *objectives[row].tolist())
 
 
 @dataclass(frozen=True)
@@ -188,7 +99,7 @@ class Neighbours:
 
 
 def neighbours(mission: Mission, plans: PlansOrObjectives, index: int) -> Neighbours:
-    """Find the plans beside a plan on the front, and what they have more and less.
+    """Find the plans beside a plan on the front, and the differences to them.
 
     Parameters
     ----------
@@ -319,3 +230,37 @@ def exchange_rate(
         within = int((distance <= window).sum())
         steps.append(_step(objectives, index, side[max(within, 1) - 1 :][:1]))
     return ExchangeRate(index, window, *steps)
+
+
+def shown_rows(
+    mission: Mission, plans: tuple[TrailPlan, ...], objectives: FloatArray
+) -> tuple[int, ...]:
+    """Select some ten rows along a front: its ends, its knee, and plans that represent it."""
+    if len(plans) <= _ROWS:
+        return tuple(range(len(plans)))
+    marked = {0, len(plans) - 1, knees(mission, objectives)[0].index}
+    return tuple(sorted(marked.union(representatives(mission, plans, _ROWS - len(marked)))))
+
+
+def front_table(mission: Mission, objectives: FloatArray, rows: tuple[int, ...]) -> str:
+    """Lay out rows of a front, with what a survivor more costs, and mark the knee."""
+    knee = knees(mission, objectives)[0].index if len(objectives) > 2 else None
+    costs = [_cost(mission, *objectives[[row, safer]]) for row, safer in pairwise(rows)]
+    table = [_HEADING]
+    for row, cost in zip(rows, [*costs, ""], strict=True):
+        reward, survivors = objectives[row].tolist()
+        table.append((str(row), f"{reward:.4f}", f"{survivors:.4f}", cost))
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = [
+        "  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True))
+        for line in table
+    ]
+    marks = ["", *("  knee" if row == knee else "" for row in rows)]
+    return "\n".join(f"{line}{mark}".rstrip() for line, mark in zip(lines, marks, strict=True))
+
+
+def _cost(mission: Mission, plan: FloatArray, safer: FloatArray) -> str:
+    """Write the reward that is given up for each further expected survivor, from plan to plan."""
+    reward, survivors = (plan - safer).tolist()
+    is_more = survivors < -_SLACK * mission.robots
+    return short(reward / -survivors) if is_more else "-"
