@@ -369,7 +369,7 @@ def test_terminal_and_interrupt(tmp_path):
             except OSError:  # the other end is closed
                 break
             plain = re.sub(rb"\x1b\[[0-9;?]*[A-Za-z]", b"", shown)
-            if not pressed and re.search(rb"area 0\.[5-9]\d{3}  \d+:\d\d:\d\d left", plain):
+            if not pressed and re.search(rb"area 0\.[5-9]\d{3}  \d:\d\d:\d\d +\d+:\d\d:\d\d", plain):
                 pressed = True
                 process.send_signal(signal.SIGINT)
         out = process.communicate()[0]

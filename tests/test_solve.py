@@ -33,10 +33,9 @@ from botohe_moo import (
     save_mission,
     solve,
 )
-from botohe_moo._base.interrupts import hold_interrupt
 from botohe_moo.cli.checks import check_places
 from botohe_moo.solution import PictureError, Solution
-from botohe_moo.solving import RefusalError
+from botohe_moo.solving import RefusalError, hold_interrupt
 from tests.examples import examples
 from tests.strategies import missions_with_plans
 

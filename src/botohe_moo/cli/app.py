@@ -33,7 +33,7 @@ from botohe_moo.cli.options import (
     out_option,
     read_parameters,
 )
-from botohe_moo.cli.shell import FAILED, INTERRUPTED, fail, failing, run, tell
+from botohe_moo.cli.shell import FAILED, INTERRUPTED, fail, failing, run, stoppable, tell
 from botohe_moo.cli.study import study_app
 
 if TYPE_CHECKING:
@@ -190,14 +190,13 @@ def _search_and_write(
     problem: BOTOHE, algorithm: Algorithm, out: Path | None, *, show_all: bool, **how: Any
 ) -> tuple[Solution, Path]:
     from botohe_moo._base.files import new_folder
-    from botohe_moo._base.interrupts import hold_interrupt
     from botohe_moo.cli.checks import check_folder
     from botohe_moo.cli.progress import showing_search
     from botohe_moo.solution import PictureError
     from botohe_moo.solving import RefusalError, search
 
     default = Path("results", "solve", Path(how["record"]["source"]["name_or_path"]).stem)
-    with hold_interrupt(answer=_STOPPING) as stop, ExitStack() as stack:
+    with stoppable(_STOPPING) as stop, ExitStack() as stack:
         with failing():
             check_folder(default.parent if out is None else out)
             folder = stack.enter_context(new_folder(default)) if out is None else out

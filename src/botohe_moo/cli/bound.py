@@ -19,7 +19,7 @@ from botohe_moo.cli.options import (
     mission_source,
     out_option,
 )
-from botohe_moo.cli.shell import FAILED, INTERRUPTED, fail, failing, tell
+from botohe_moo.cli.shell import FAILED, INTERRUPTED, fail, failing, stoppable, tell
 
 if TYPE_CHECKING:
     from threading import Event
@@ -72,7 +72,6 @@ def bound_mission(
         source = mission_source(mission, robots, mission_parameter)
         from botohe_moo._base.checks import check_number
         from botohe_moo._base.files import check_parent
-        from botohe_moo._base.interrupts import hold_interrupt
         from botohe_moo.mission import load_mission
 
         check_number("--time-limit", time_limit, above=0)
@@ -88,7 +87,7 @@ def bound_mission(
                 raise ValueError(f"{out}: expected a file to write, found a folder.")
     shown = loaded.max_length if budget is None else budget
     tell(f"{loaded.title}: {brief(loaded, None if shown == math.inf else shown)}\n")
-    with hold_interrupt(answer=_STOPPING) as stop:
+    with stoppable(_STOPPING) as stop:
         bound = _prove(
             loaded,
             solution,
@@ -109,11 +108,10 @@ def bound_mission(
 
 def certify(solution: Solution, folder: Path, time_limit: float) -> None:
     """Bound the front of a solution, say how good it is, and write the bound to its folder."""
-    from botohe_moo._base.interrupts import hold_interrupt
     from botohe_moo.plots import plot_front
     from botohe_moo.solution.model import BOUND, FRONT_PICTURE, PictureError, draw_picture
 
-    with hold_interrupt(answer=_STOPPING) as stop:
+    with stoppable(_STOPPING) as stop:
         bound = _prove(
             solution.mission,
             solution,

@@ -5,10 +5,12 @@ import gc
 import logging
 import os
 import re
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import NoReturn, TextIO
 
 import typer
@@ -95,3 +97,37 @@ def failing(status: int = BAD_INPUT) -> Iterator[None]:
         fail(f"{error.filename}: {error.strerror}" if error.filename else error, status)
     except ValueError as error:
         fail(error, status)
+
+
+@contextmanager
+def stoppable(answer: str) -> Iterator[threading.Event]:
+    """Let Ctrl-C set an event, and print an answer at once, however long the current step takes.
+
+    Python calls handlers between two steps of the main thread, which may be inside of a kernel for
+    minutes. Kernels hold no lock, though, and a signal is written to the wakeup descriptor at once:
+    another thread reads it.
+    """
+    from botohe_moo.solving import hold_interrupt
+
+    def wait() -> None:
+        while (came := os.read(reader, 1)) and came[0] != signal.SIGINT:
+            pass
+        if came:
+            # Not by rich or sys.stderr, whose locks the main thread may hold; below the bar.
+            line = f"{os.linesep if os.isatty(2) else ''}botohe: {answer}{os.linesep}"
+            with suppress(OSError):
+                os.write(2, line.encode())
+
+    with hold_interrupt() as pressed:
+        reader, writer = os.pipe()
+        os.set_blocking(writer, False)
+        usual = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+        thread = threading.Thread(target=wait, daemon=True)
+        thread.start()
+        try:
+            yield pressed
+        finally:
+            signal.set_wakeup_fd(usual)
+            os.close(writer)  # which ends the thread
+            thread.join()
+            os.close(reader)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from botohe_moo._base.checks import check_integer, check_number
-from botohe_moo._base.interrupts import hold_interrupt
+from botohe_moo.solving import hold_interrupt
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import Run, Study, StudyMission, study_folder
 from botohe_moo.study.planning import Plan, make_bound_task, make_task, plan_study, refresh_tables
