@@ -33,7 +33,7 @@ from botohe_moo import (
     save_mission,
     solve,
 )
-from botohe_moo.cli.checks import check_places
+from botohe_moo.cli.options import check_places
 from botohe_moo.solution import PictureError, Solution
 from botohe_moo.solving import RefusalError, hold_interrupt
 from tests.examples import examples

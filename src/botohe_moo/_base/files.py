@@ -6,6 +6,7 @@ import itertools
 import os
 import secrets
 import stat
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -29,6 +30,22 @@ def new_folder(wanted: Path) -> Iterator[Path]:
         yield made
     finally:
         for path in (made, *missing):
+            with contextlib.suppress(OSError):
+                path.rmdir()
+
+
+def check_folder(folder: Path) -> None:
+    """Check that files can be written to a folder, which need not exist; nothing is left behind."""
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder):
+            pass
+    except OSError as error:
+        reason = "it is a file" if folder.is_file() else error.strerror
+        raise OSError(f"{folder}: expected a folder to write to; {reason}.") from None
+    finally:
+        for path in missing:
             with contextlib.suppress(OSError):
                 path.rmdir()
 

@@ -13,9 +13,8 @@ from botohe_moo._base.checks import (
     unknown_parameters,
 )
 from botohe_moo._plugins.entry_points import PluginError
-from botohe_moo._plugins.messages import Error, fault_messages, own_message
 from botohe_moo._plugins.stated import Accepted, Factory, Parameter, signature_parameters
-from botohe_moo._plugins.types import is_scalar
+from botohe_moo._plugins.types import Error, fault_messages, is_scalar, own_message
 
 P = ParamSpec("P")
 R = TypeVar("R")

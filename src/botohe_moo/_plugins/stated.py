@@ -5,6 +5,7 @@ By its signature and docstring, or by a pydantic model: the attribute ``Paramete
 
 import functools
 import inspect
+import re
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -13,10 +14,9 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import BaseModel, ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
-from botohe_moo._plugins.docstrings import described_parameters
-from botohe_moo._plugins.messages import fault_messages
 from botohe_moo._plugins.types import (
     changes_nothing,
+    fault_messages,
     plain_number,
     range_text,
     resolved,
@@ -185,3 +185,39 @@ def _scope(function: Any) -> Mapping[str, Any]:
     elif not inspect.isroutine(function):
         function = type(function).__call__
     return getattr(inspect.unwrap(function), "__globals__", {})
+
+
+def _docstring_of(function: Callable[..., Any]) -> str:
+    """Return the docstring of a function or class, also of one with some arguments fixed."""
+    # A partial would answer with what partials are.
+    documented = function.func if isinstance(function, functools.partial) else function
+    return inspect.getdoc(documented) or ""
+
+
+def summary_of(function: Callable[..., Any]) -> str:
+    """Return the paragraph that a docstring begins with, in one line; may be empty."""
+    return " ".join(_docstring_of(function).partition("\n\n")[0].split())
+
+
+def described_parameters(function: Callable[..., Any]) -> dict[str, str]:
+    """Read the Parameters sections of the numpydoc docstrings of a function, or class and bases."""
+    sources = function.__mro__[-2::-1] if isinstance(function, type) else (function,)
+    described: dict[str, str] = {}
+    for source in sources:
+        described |= _described_by(source)
+    return described
+
+
+def _described_by(function: Callable[..., Any]) -> dict[str, str]:
+    section = re.search(
+        r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", _docstring_of(function), re.M | re.S
+    )
+    described: dict[str, str] = {}
+    names: list[str] = []
+    for line in section[1].splitlines() if section else []:
+        if line[:1].strip():
+            names = [name.strip(" *") for name in line.partition(":")[0].split(",")]
+        elif line.strip():
+            for parameter in names:
+                described[parameter] = f"{described.get(parameter, '')} {line.strip()}".strip()
+    return described

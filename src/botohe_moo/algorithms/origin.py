@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from botohe_moo._plugins.checks import call_factory
-from botohe_moo._plugins.factories import is_path, named
+from botohe_moo._plugins.entry_points import is_path, named
 from botohe_moo._plugins.types import plain_value
 from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm
 

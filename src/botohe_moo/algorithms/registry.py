@@ -9,10 +9,8 @@ from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._base.checks import mapping_of, quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
-from botohe_moo._plugins.docstrings import summary_of
-from botohe_moo._plugins.entry_points import PluginError, PluginGroup
-from botohe_moo._plugins.factories import declared_factory, is_path
-from botohe_moo._plugins.stated import Accepted, Parameter, accepted_parameters
+from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, is_path
+from botohe_moo._plugins.stated import Accepted, Parameter, accepted_parameters, summary_of
 
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
 # Options of a run: the caller of ``minimize`` sets them.

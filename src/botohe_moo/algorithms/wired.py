@@ -10,7 +10,7 @@ import numpy as np
 from pymoo.algorithms.base.genetic import GeneticAlgorithm
 
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.factories import named
+from botohe_moo._plugins.entry_points import named
 from botohe_moo._plugins.types import Count
 from botohe_moo.algorithms.population import (
     PopulationAlgorithm,

@@ -46,7 +46,7 @@ def bound_mission(
     ] = None,
     time_limit: Annotated[
         float,
-        typer.Option("--time-limit", "-t", metavar="S", min=0, help="Seconds that it may take."),
+        typer.Option("--time-limit", "-t", metavar="S", help="Seconds that it may take."),
     ] = 60.0,
     robots: RobotsOption = None,
     mission_parameter: MissionParameterOption = None,
@@ -70,11 +70,12 @@ def bound_mission(
     """
     with failing():
         source = mission_source(mission, robots, mission_parameter)
-        from botohe_moo._base.checks import check_number
+        from botohe_moo._base.checks import check_integer, check_number
         from botohe_moo._base.files import check_parent
         from botohe_moo.mission import load_mission
 
         check_number("--time-limit", time_limit, above=0)
+        check_integer("--seed", seed, at_least=0)
         loaded = load_mission(**source)
         floor, budget = min_survival, max_length
         solution = None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from botohe_moo.cli.options import read_parameters
+from botohe_moo.cli.options import read_parameters, refuse
 from botohe_moo.cli.shell import FAILED, failing, tell
 
 if TYPE_CHECKING:
@@ -45,7 +45,6 @@ def check_conformance(
         parameters = read_parameters(parameter)
         from botohe_moo import testing
         from botohe_moo.algorithms import registry
-        from botohe_moo.cli.checks import refuse
         from botohe_moo.mission import library
         from botohe_moo.testing.checking import kind_of
 

@@ -12,6 +12,7 @@ from botohe_moo.cli.options import (
     MissionArgument,
     MissionParameterOption,
     RobotsOption,
+    check_places,
     mission_source,
     out_option,
 )
@@ -65,7 +66,6 @@ def show_mission(
     if picture is None:
         return
     from botohe_moo._base.files import check_parent
-    from botohe_moo.cli.checks import check_places
     from botohe_moo.plots import plot_mission, save_plot
 
     with failing():
@@ -80,7 +80,6 @@ def check_missions(
     files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Mission files.")],
 ) -> None:
     """Check mission files; name everything that is wrong with them."""
-    from botohe_moo.cli.checks import check_places
     from botohe_moo.mission import read_mission
 
     failed = False
@@ -116,7 +115,7 @@ def import_mission(
         ),
     ],
     base: Annotated[str, typer.Option("--base", metavar="LABEL", help="Label of the base.")],
-    robots: Annotated[int, typer.Option("--robots", metavar="K", min=1, help="Number of robots.")],
+    robots: Annotated[int, typer.Option("--robots", metavar="K", help="Number of robots.")],
     out: Annotated[
         Path,
         out_option("FILE", "Mission file to write: .json, .graphml."),
@@ -129,7 +128,6 @@ def import_mission(
         typer.Option(
             "--max-length",
             metavar="L",
-            min=0,
             help="Travel budget of every robot, in the unit of length.",
         ),
     ] = None,
@@ -148,7 +146,6 @@ def import_mission(
     Labels are texts. Names of columns may be in upper or lower case; further columns become
     attributes. What is wrong is named by file and row.
     """
-    from botohe_moo.cli.checks import check_places
     from botohe_moo.mission import MissionError, mission_from_tables, save_mission
     from botohe_moo.mission.formats.tables import read_table
 

@@ -1,23 +1,21 @@
 """Arguments and options that several commands take."""
 
-from collections.abc import Iterable
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from botohe_moo._plugins.checks import Fault
+    from botohe_moo.mission.model import Mission
 
 
 def out_option(metavar: str, help: str) -> Any:  # noqa: A002
     """Make an option for what is written."""
-    return typer.Option("--out", "-o", metavar=metavar, help=help, parser=_path)
-
-
-def _path(text: str) -> Path:
-    """Return a path; an empty text, which a variable that is not set leaves, is refused."""
-    if not text:
-        raise typer.BadParameter("expected a path, got an empty text")
-    return Path(text)
+    return typer.Option("--out", "-o", metavar=metavar, help=help)
 
 
 MissionArgument = Annotated[
@@ -25,15 +23,13 @@ MissionArgument = Annotated[
 ]
 RobotsOption = Annotated[
     int | None,
-    typer.Option("--robots", metavar="K", min=1, help="Another number of robots."),
+    typer.Option("--robots", metavar="K", help="Another number of robots."),
 ]
 MinSurvivalOption = Annotated[
     float,
     typer.Option(
         "--min-survival",
         metavar="P",
-        min=0,
-        max=1,
         help="Survival floor: every robot survives with at least this probability.",
     ),
 ]
@@ -42,7 +38,6 @@ MaxLengthOption = Annotated[
     typer.Option(
         "--max-length",
         metavar="L",
-        min=0,
         help="Travel budget: every robot's trail is at most this long, in the unit of the arcs' "
         "length; by default the mission's own, if it has one; inf for none.",
     ),
@@ -66,7 +61,7 @@ ParameterOption = Annotated[
     ),
 ]
 SeedOption = Annotated[
-    int, typer.Option("--seed", "-s", metavar="S", min=0, help="Seed of the random numbers.")
+    int, typer.Option("--seed", "-s", metavar="S", help="Seed of the random numbers.")
 ]
 
 
@@ -104,3 +99,19 @@ def mission_source(mission: str, robots: int | None, pairs: list[str] | None) ->
     if "name_or_path" in parameters:
         raise ValueError(f"Mission {mission!r}: there is no parameter 'name_or_path'.")
     return {"name_or_path": mission, **parameters}
+
+
+def check_places(mission: Mission, source: object = None) -> None:
+    """Raise a ValueError that names a node whose ``pos`` is wrong, and the file or mission."""
+    from botohe_moo.mission.places import given_places
+
+    try:
+        given_places(mission.graph)
+    except ValueError as error:
+        raise ValueError(f"{source or f'Mission {mission.name!r}'}: {error}") from None
+
+
+def refuse(source: str, faults: Sequence[Fault]) -> None:
+    """Raise a ValueError that names all faults of an algorithm or a mission, if there are any."""
+    if faults:
+        raise ValueError(f"{source}: {' '.join(message for _, message in faults)}")

@@ -34,7 +34,6 @@ WorkersOption = Annotated[
         "--workers",
         "-w",
         metavar="N",
-        min=1,
         help="Runs at a time; by default as many as there are processors.",
     ),
 ]
@@ -44,7 +43,6 @@ PatienceOption = Annotated[
     typer.Option(
         "--patience",
         metavar="SECONDS",
-        min=1,
         help="A run of another package's algorithm fails that evaluates nothing for that long, "
         "where its budget has no seconds.",
     ),
@@ -52,9 +50,10 @@ PatienceOption = Annotated[
 
 
 def _workers(given: int | None) -> int:
+    from botohe_moo._base.checks import check_integer
     from botohe_moo.study.run.environment import n_cpus
 
-    return n_cpus() if given is None else given
+    return n_cpus() if given is None else check_integer("--workers", given, at_least=1)
 
 
 @study_app.command("run")
@@ -73,12 +72,15 @@ def run(
     Ctrl-C, SIGTERM and SIGHUP stop; what is done stays done, and the same command goes on from
     there.
     """
+    from botohe_moo._base.checks import check_integer
     from botohe_moo.cli.progress import StudyWatcher, showing
     from botohe_moo.study.file.loading import load_study
     from botohe_moo.study.file.model import study_folder
     from botohe_moo.study.runner import StudyInterrupted, run_study
 
     with failing():
+        n_workers = _workers(workers)
+        check_integer("--patience", patience, at_least=1)
         study = load_study(file, out=out)
     folder = study_folder(study.name, out)
     try:
@@ -86,7 +88,7 @@ def run(
             tables = run_study(
                 study,
                 folder,
-                workers=_workers(workers),
+                workers=n_workers,
                 dask=dask,
                 patience=patience,
                 watcher=StudyWatcher(show),
@@ -140,6 +142,7 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
     from botohe_moo.study.store.folder import StudyFolder
 
     with failing():
+        n_workers = _workers(workers)
         study = load_study(file, out=out)
         folder = StudyFolder(study_folder(study.name, out))
         folder.check(study)
@@ -148,7 +151,7 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
     tell(_plan_table(estimates))
     n_there, n_runs = len(planned.finished), len(planned.runs)
     tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder.path}")
-    n_workers, n_bounds = _workers(workers), len(planned.unbounded)
+    n_bounds = len(planned.unbounded)
     if n_bounds:
         each = _duration(study.bound_seconds)
         tell(f"{counted(n_bounds, 'bound')} to compute when the runs are done, at most {each} each")

@@ -10,10 +10,8 @@ import networkx as nx
 
 from botohe_moo._base.checks import ParameterError, mapping_of, quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
-from botohe_moo._plugins.docstrings import summary_of
-from botohe_moo._plugins.entry_points import PluginError, PluginGroup
-from botohe_moo._plugins.factories import declared_factory
-from botohe_moo._plugins.stated import Parameter, accepted_parameters
+from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory
+from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 from botohe_moo._plugins.types import Robots
 from botohe_moo.mission.formats.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission

@@ -12,8 +12,13 @@ from pymoo.core.repair import Repair
 from pymoo.core.sampling import Sampling
 
 from botohe_moo._base.checks import ParameterError, nearest_first, quoted
-from botohe_moo._plugins.entry_points import PluginError, PluginGroup
-from botohe_moo._plugins.factories import declared_factory, is_path, says_it_makes
+from botohe_moo._plugins.entry_points import (
+    PluginError,
+    PluginGroup,
+    declared_factory,
+    is_path,
+    says_it_makes,
+)
 from botohe_moo.operators.crossover import TrailExchange, TrailSplice
 from botohe_moo.operators.mutation import RuinRecreate, SendHome, ShareTrails, TrailMoves
 from botohe_moo.operators.repair import PenaltyOnly, SafestPathRepair, TruncateRepair

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from botohe_moo._base.checks import quoted
-from botohe_moo._plugins.docstrings import summary_of
+from botohe_moo._plugins.stated import summary_of
 
 _OURS = str(Path(__file__).parents[1]) + os.sep
 _LONGEST = 500  # characters of another package's message

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias, get_args
 from pydantic import BaseModel, ValidationError
 
 from botohe_moo._base.checks import nearest_first, quoted
-from botohe_moo._plugins.messages import own_message, way_into, wrong_value
+from botohe_moo._plugins.types import own_message, way_into, wrong_value
 from botohe_moo.study.file.config import StudyFile
 
 Place: TypeAlias = tuple[int | str, ...]  # keys and positions on the way to a value

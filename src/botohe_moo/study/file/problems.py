@@ -9,8 +9,7 @@ import numpy as np
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
-from botohe_moo._plugins.entry_points import imported
-from botohe_moo._plugins.factories import named
+from botohe_moo._plugins.entry_points import imported, named
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.indicators import largest_objectives
 from botohe_moo.mission.model import Mission
