@@ -3,7 +3,6 @@
 import hashlib
 import inspect
 import os
-import re
 import sys
 import textwrap
 from importlib.metadata import version
@@ -203,9 +202,9 @@ class TestRefusals:
                 function(name)
 
     def test_unknown_parameters_list_the_nearest_first(self):
-        said = "Algorithm 'bo-aco': there is no parameter 'n_ant' or 'note'; known are n_ants, "
+        said = "Algorithm 'bo-aco': there is no parameter 'n_ant'; known are n_ants, "
         with pytest.raises(ValueError, match=said):
-            make_algorithm("bo-aco", n_ant=3, note=0.1)
+            make_algorithm("bo-aco", n_ant=3)
 
     @pytest.mark.parametrize("option", ["verbose", "callback", "termination", "seed"])
     def test_options_of_pymoo_are_for_minimize(self, option):
@@ -331,68 +330,6 @@ class TestOtherPackages:
         with pytest.raises(ValueError, match=r"(reef|rival) and (reef|rival) both register this"):
             make_algorithm("reef", width=2)
         assert isinstance(make_algorithm("bo-aco"), BOACO)  # this package's names are its own
-
-
-CAVE = '''
-    import enum
-    from pathlib import Path
-    from pydantic import BaseModel, Field
-    from pymoo.core.algorithm import Algorithm
-
-    class Rock(enum.Enum):
-        LIME = "lime"
-        SAND = "sand"
-
-    class Cave(Algorithm):
-        """Look into caves."""
-
-        class Parameters(BaseModel):
-            depth: int = Field(2, ge=1, le=9, description="How deep.")
-            light: float = Field(gt=0)
-            rock: Rock = Rock.LIME
-            map: Path = Path("a/b")
-            levels: tuple[int, ...] = (1, 2)
-
-        def __init__(self, depth, light, **_):
-            super().__init__()
-            self.depth, self.light = depth, light
-            if depth == 7:
-                raise OSError("it is flooded")
-'''
-
-
-class TestModel:
-    def test_it_states_and_checks(self, install):
-        install("cave", CAVE, cave="Cave")
-        depth, light, *_ = algorithm_parameters("cave")
-        assert (depth.default, depth.annotation, depth.range) == (2, "int", "in [1, 9]")
-        assert (depth.description, light.required, light.range) == ("How deep.", True, "> 0")
-        assert algorithm_faults("cave", {"depth": "x", "lihgt": 1}) == [
-            ("lihgt", "there is no parameter 'lihgt'; known are light, depth, levels, map, rock."),
-            ("light", "missing a required parameter 'light'."),
-            ("depth", "Expected depth to be an integer in [1, 9], got 'x'."),
-        ]
-        made = make_algorithm("cave", light=3)
-        assert (made.depth, made.light, type(made.light)) == (2, 3.0, float)
-        with pytest.raises(ValueError, match=r"^Algorithm 'cave': Expected light > 0, got -1\.$"):
-            make_algorithm("cave", light=-1)
-
-    def test_whatever_a_constructor_raises(self, install):
-        install("cave", CAVE, cave="Cave")
-        said = "cave:Cave of package cave raised OSError: it is flooded."
-        given = {"depth": 7, "light": 1}
-        [(blamed, found)] = algorithm_faults("cave", given)
-        assert (blamed, found) == (None, said)
-        with pytest.raises(ValueError, match=re.escape(f"Algorithm 'cave': {said}")):
-            make_algorithm("cave", **given)
-
-    def test_values_count_as_written(self, install):
-        install("cave", CAVE, cave="Cave")
-        same = {"rock": "lime", "map": "a/b", "levels": [1, 2], "depth": 2}
-        assert algorithm_identity("cave", {"light": 1, **same}).parameters == {"light": 1}
-        other = {"rock": "sand", "map": "a", "levels": [1], "depth": 3, "light": 1}
-        assert algorithm_identity("cave", other).parameters == other
-        assert algorithm_identity("cave", {"light": 1}).effective == {"light": 1, **same}
 
 
 class TestOnlyAlgorithmsAreCalled:

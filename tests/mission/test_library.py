@@ -148,11 +148,7 @@ class TestRefusals:
         ("name", "parameters", "message"),
         [
             ("terrain", {"node": 3}, r"there is no parameter 'node'; known are nodes, .*robots"),
-            (
-                "toy",
-                {"seed": 3, "nodes": 2},
-                "no parameter 'seed' or 'nodes'; known are robots, l",
-            ),
+            ("toy", {"seed": 3}, "no parameter 'seed'; known are robots, l"),
             ("random", {"arc_probabilty": 1}, r"known are arc_probability, "),
             ("terrain", {"nodes": 1}, r"Expected nodes >= 2, got 1\."),
             ("toy", {"robots": 0}, r"Mission 'toy': Expected robots >= 1, got 0\."),

@@ -31,7 +31,7 @@ DIVERS = '''
 
     import networkx as nx
     import numpy as np
-    from pydantic import BaseModel, Field
+    from pydantic import Field
     from pymoo.core.algorithm import Algorithm
     from pymoo.core.population import Population
     from typing import Annotated
@@ -39,19 +39,24 @@ DIVERS = '''
     from botohe_moo import Mission
 
 
-    class DiveParameters(BaseModel):
-        """What a diver is told."""
-
-        n_dives: int = Field(8, ge=1, le=100, description="Dives in a generation.")
-        breath: float = Field(gt=0, description="Share of the trails that go on.")
-
-
     class Diver(Algorithm):
-        """Dive at random, and keep what is best."""
+        """Dive at random, and keep what is best.
 
-        Parameters = DiveParameters
+        Parameters
+        ----------
+        n_dives
+            Dives in a generation.
+        breath
+            Share of the trails that go on.
+        """
 
-        def __init__(self, *, n_dives, breath, **options):
+        def __init__(
+            self,
+            *,
+            n_dives: Annotated[int, Field(ge=1, le=100)] = 8,
+            breath: Annotated[float, Field(gt=0)],
+            **options,
+        ):
             super().__init__(**options)
             self.n_dives = n_dives
             self.breath = breath

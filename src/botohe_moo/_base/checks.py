@@ -132,16 +132,16 @@ def check_parameters(
     ``owner`` says whom the parameters are for. The names in ``also`` are known, too.
     """
     known = {*accepted, *also}
-    if unknown := [name for name in given if name not in known]:
-        raise ParameterError(f"{owner}: {unknown_parameters(unknown, known)}", unknown[0])
+    for name in given:
+        if name not in known:
+            raise ParameterError(f"{owner}: {unknown_parameter(name, known)}", name)
 
 
-def unknown_parameters(unknown: list[str], known: Iterable[str]) -> str:
-    """Say that there are no parameters of these names, and which there are, nearest first."""
-    named = " or ".join(map(repr, unknown))
-    among = ", ".join(nearest_first(str(unknown[0]), known))
+def unknown_parameter(name: object, known: Iterable[str]) -> str:
+    """Write that there is no parameter of this name, and which there are, nearest first."""
+    among = ", ".join(nearest_first(str(name), known))
     remedy = f"known are {among}" if among else "it takes none"
-    return f"there is no parameter {named}; {remedy}."
+    return f"there is no parameter {name!r}; {remedy}."
 
 
 def nearest_first(word: str, words: Iterable[str]) -> list[str]:

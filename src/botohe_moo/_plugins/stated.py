@@ -1,7 +1,4 @@
-"""What a factory of algorithms or missions can be given, as it states it itself.
-
-By its signature and docstring, or by a pydantic model: the attribute ``Parameters``.
-"""
+"""What a factory of algorithms or missions can be given, by its signature and docstring."""
 
 import functools
 import inspect
@@ -9,9 +6,9 @@ import re
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, TypeAlias
+from typing import Any, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, PydanticUserError, TypeAdapter, ValidationError
+from pydantic import ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from botohe_moo._plugins.types import (
@@ -31,7 +28,7 @@ _BY_KEYWORD = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_K
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a factory, as its signature or model, and its docstring state it."""
+    """One parameter of a factory, as its signature and docstring state it."""
 
     name: str
     default: Any = _EMPTY  # where a value must be given
@@ -94,61 +91,27 @@ class Parameter:
             return value, [f"{self.name}: {type(error).__name__}: {error}"]
 
 
-@dataclass(frozen=True)
-class Accepted:
-    """All that a factory can be given by name."""
-
-    parameters: tuple[Parameter, ...]
-    any_name: bool = False  # whether it would take other names, too
-    model: type[BaseModel] | None = None  # checks and converts all values; None: the signature
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of the parameters."""
-        return tuple(parameter.name for parameter in self.parameters)
-
-
-def accepted_parameters(factory: Factory, *, hidden: Collection[str] = ()) -> Accepted:
-    """Find out what a factory can be given: a function, a class or one of its methods.
+def accepted_parameters(factory: Factory, *, hidden: Collection[str] = ()) -> tuple[Parameter, ...]:
+    """Find out what a factory can be given by name: a function, a class or one of its methods.
 
     A factory that is a class's method and takes any keywords, such as :meth:`BOACO.journal`,
     states what it changes, and its class the rest. The names in ``hidden`` cannot be given, and
     neither can names that are not stated, even to a factory that takes any.
     """
-    if model := _model_of(factory):
-        return Accepted(tuple(_from_model(model, factory)), model=model)
-    signature = _signature(factory)
-    takes_any = any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
     stated = {p.name: p for p in signature_parameters(factory)}
     owner = getattr(factory, "__self__", None)
-    if isinstance(owner, type) and takes_any:
-        for parameter in accepted_parameters(owner).parameters:
+    if isinstance(owner, type) and takes_any_name(factory):
+        for parameter in accepted_parameters(owner):
             known = stated.get(parameter.name) or replace(parameter, own=False)
             # A factory often only refers to its class, which describes the meaning.
             described = parameter.description or known.description
             stated[parameter.name] = replace(known, description=described)
-    given = tuple(p for name, p in stated.items() if name not in hidden)
-    return Accepted(given, any_name=takes_any)
+    return tuple(p for name, p in stated.items() if name not in hidden)
 
 
-def _model_of(factory: Factory) -> type[BaseModel] | None:
-    model = getattr(factory, "Parameters", None)
-    return model if isinstance(model, type) and issubclass(model, BaseModel) else None
-
-
-def _from_model(model: type[BaseModel], factory: Factory) -> Iterator[Parameter]:
-    described = described_parameters(factory) | described_parameters(model)
-    for name, field in model.model_fields.items():
-        hint: Any = field.annotation
-        for constraint in field.metadata:
-            hint = Annotated[hint, constraint]
-        yield Parameter(
-            name,
-            _EMPTY if field.is_required() else field.get_default(call_default_factory=True),
-            hint,
-            type_text(field.annotation),
-            field.description or described.get(name, ""),
-        )
+def takes_any_name(factory: Factory) -> bool:
+    """Return whether a factory takes keywords that it does not state."""
+    return any(p.kind is p.VAR_KEYWORD for p in _signature(factory).parameters.values())
 
 
 def signature_parameters(function: Factory) -> Iterator[Parameter]:

@@ -42,7 +42,7 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
     factory = find_algorithm(name)
     accepted = accepted_by(factory)
     # Of a method that takes any keywords only itself knows which defaults its class has then.
-    stated = [p for p in accepted.parameters if p.own and not p.required]
+    stated = [p for p in accepted if p.own and not p.required]
     defaults = {p.name: plain_value(p.default) for p in stated}
     made = call_factory(PLUGINS.source(name), factory, accepted, parameters)
     given = {key: plain_value(value) for key, value in parameters.items()}
@@ -54,7 +54,7 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
             for key, value in parameters.items()
             if key not in defaults or not _same(plain_value(value), defaults[key])
         },
-        neutral=frozenset(p.name for p in accepted.parameters if p.same_result),
+        neutral=frozenset(p.name for p in accepted if p.same_result),
         effective={k: value for k, value in effective.items() if value is not NotImplemented},
     )
 
@@ -68,7 +68,7 @@ def _attributes(made: Any) -> dict[str, Any]:
     values = getattr(made, "__dict__", {})
     found: dict[str, Any] = {}
     for kind in type(made).__mro__:
-        found |= {name: values[name] for name in accepted_by(kind).names if name in values}
+        found |= {p.name: values[p.name] for p in accepted_by(kind) if p.name in values}
         if kind.__module__.partition(".")[0] in _VERSIONED:
             break
     return _plain(found)

@@ -10,7 +10,7 @@ from pymoo.core.algorithm import Algorithm
 from botohe_moo._base.checks import mapping_of, quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, is_path
-from botohe_moo._plugins.stated import Accepted, Parameter, accepted_parameters, summary_of
+from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
 # Options of a run: the caller of ``minimize`` sets them.
@@ -38,9 +38,8 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     -----
     Packages register algorithms in the entry-point group ``botohe_moo.algorithms``: callables
     that return a pymoo algorithm. They state their parameters by a typed signature, with ranges as
-    in ``Annotated[float, Field(gt=0)]``, or by a pydantic model, their attribute ``Parameters``,
-    which checks and converts values before these are handed over as keywords. Only parameters that
-    are stated can be given: ``**kwargs`` would swallow every misspelt name.
+    in ``Annotated[float, Field(gt=0)]``. Only parameters that are stated can be given:
+    ``**kwargs`` would swallow every misspelt name.
 
     ``module:Class`` names one that is not registered: a class derived from pymoo's ``Algorithm``,
     or a function whose annotation says that it returns one. Nothing else is called, but importing
@@ -100,7 +99,7 @@ def algorithm_names() -> tuple[str, ...]:
 
 def algorithm_parameters(name: str) -> tuple[Parameter, ...]:
     """List the parameters that an algorithm states, in the order of its signature."""
-    return accepted_by(find_algorithm(name)).parameters
+    return accepted_by(find_algorithm(name))
 
 
 def describe_algorithm(name: str) -> str:
@@ -109,7 +108,10 @@ def describe_algorithm(name: str) -> str:
 
 
 def _made(
-    name: str, factory: Callable[..., Any], accepted: Accepted, parameters: Mapping[str, Any]
+    name: str,
+    factory: Callable[..., Any],
+    accepted: tuple[Parameter, ...],
+    parameters: Mapping[str, Any],
 ) -> Algorithm:
     source, origin = PLUGINS.source(name), PLUGINS.origin(name)
     algorithm = call_factory(source, factory, accepted, parameters, origin=origin)
@@ -135,6 +137,6 @@ def find_algorithm(name: str) -> Callable[..., Any]:
 
 
 @functools.lru_cache(maxsize=64)  # a grid asks for every combination
-def accepted_by(factory: Callable[..., Any]) -> Accepted:
+def accepted_by(factory: Callable[..., Any]) -> tuple[Parameter, ...]:
     """Find out what a factory can be given: what it states, but for pymoo's own options."""
     return accepted_parameters(factory, hidden=_PYMOOS_OWN)

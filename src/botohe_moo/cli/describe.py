@@ -7,7 +7,6 @@ import re
 import shutil
 import textwrap
 from collections.abc import Mapping
-from enum import Enum
 from typing import TYPE_CHECKING
 
 from botohe_moo._base.words import counted
@@ -76,8 +75,6 @@ def parameter_example(parameter: Parameter) -> str:
 
 def _default(parameter: Parameter) -> str:
     default = parameter.default
-    if isinstance(default, Enum):
-        return str(default.value)
     if isinstance(default, Mapping):
         return "{" + ", ".join(f"{name}: {value}" for name, value in default.items()) + "}"
     return json.dumps(default) if default is None or isinstance(default, bool) else str(default)

@@ -189,7 +189,7 @@ def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None
 def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
     """List the parameters that a named mission states besides ``robots``; a file has none."""
     function = find_factory(name_or_path)
-    stated = () if function is None else accepted_parameters(function).parameters
+    stated = () if function is None else accepted_parameters(function)
     return tuple(parameter for parameter in stated if parameter.name != "robots")
 
 
@@ -229,7 +229,7 @@ def _make(
 ) -> Mission:
     source, origin = _PLUGINS.source(name), _PLUGINS.origin(name)
     accepted = accepted_parameters(function)
-    if robots is not None and "robots" in accepted.names:
+    if robots is not None and any(parameter.name == "robots" for parameter in accepted):
         parameters = {**parameters, "robots": robots}
     passing = (MissionError, MemoryError)
     try:

@@ -54,7 +54,7 @@ def runs_end(subject: Subject) -> None:
 @rule("State each parameter in the signature, by name, with its type and its default.")
 def parameters_stated(subject: Subject) -> None:
     """All parameters are in the signature, with their types."""
-    stated = accepted_by(subject.factory).parameters
+    stated = accepted_by(subject.factory)
     untyped = [parameter.name for parameter in stated if not parameter.annotation]
     expect(not untyped, f"no type is stated of {', '.join(untyped)}")
 
