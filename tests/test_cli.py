@@ -545,7 +545,6 @@ class TestBadMissions:
             (["-m", "nodes=1"], ["Expected nodes >= 2, got 1."]),
             (["-m", "nodes=many"], ["Expected nodes to be an integer >= 2, got 'many'."]),
             (["-m", "robots=3", "--robots", "3"], ["each parameter once, got 'robots' twice"]),
-            (["-m", "name_or_path=toy"], ["there is no parameter 'name_or_path'"]),
         ],
     )
     def test_parameters(self, refused, given, named):

@@ -229,7 +229,6 @@ class TestRefusals:
         [
             ("no_such_module:X", {}, "it cannot be imported (ModuleNotFoundError: No module named"),
             (3, {}, "Expected the name of an algorithm, got 3."),
-            ("bo-aco", [1], "Expected parameters to be a mapping from names to values, got [1]."),
             ("builtins:dict", {}, "it is not called, because it does not state that it makes an "),
         ],
     )

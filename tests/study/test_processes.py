@@ -522,8 +522,8 @@ class TestCommands:
             (["plan", "missing.yaml"], "missing.yaml: there is no such file"),
             (["report", "nowhere"], "nowhere: there is no study in this folder"),
             (["tables", "nowhere"], "nowhere: there is no study in this folder"),
-            (["run", "x.yaml", "--workers", "0"], "Invalid value for '--workers'"),
-            (["run", "x.yaml", "--patience", "0"], "Invalid value for '--patience'"),
+            (["run", "x.yaml", "--workers", "0"], "Expected --workers >= 1, got 0."),
+            (["run", "x.yaml", "--patience", "0"], "Expected --patience >= 1, got 0."),
         ],
     )
     def test_bad_input(self, arguments, said):

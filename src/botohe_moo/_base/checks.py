@@ -7,8 +7,6 @@ from numbers import Integral, Real
 from reprlib import Repr
 from typing import Any
 
-import numpy as np
-
 _LONG = 120
 
 _REPR = Repr()
@@ -25,8 +23,8 @@ class ParameterError(ValueError):
 
 
 def check_integer(name: str, value: Any, *, at_least: int, at_most: int | None = None) -> int:
-    """Give ``value`` as an int, or raise the ParameterError that says what was expected."""
-    if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
+    """Return ``value`` as an int, or raise the ParameterError that says what was expected."""
+    if isinstance(value, bool) or not isinstance(value, Integral):
         expected = f"{name} to be an integer >= {at_least}"
         raise ParameterError(f"Expected {expected}, got {quoted(value)}.", name)
     number = int(value)
@@ -46,7 +44,7 @@ def check_number(
     below: float = math.inf,
     at_most: float = math.inf,
 ) -> float:
-    """Give ``value`` as a finite float, or raise the ParameterError that says what was expected."""
+    """Return ``value`` as a finite float, or raise a ParameterError that says what was expected."""
     number = as_float(value)
     if math.isfinite(number) and above < number < below and at_least <= number <= at_most:
         return number
@@ -66,7 +64,7 @@ def check_number(
 
 def as_float(value: Any) -> float:
     """Convert a number; NaN for anything else."""
-    number = isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+    number = isinstance(value, Real) and not isinstance(value, bool)
     try:
         return float(value) if number else math.nan
     except OverflowError:
@@ -87,41 +85,23 @@ def check_choice(parameter: str, name: Any, known: Collection[str]) -> None:
 
 
 def check_weights(
-    parameter: str, given: Any, known: Collection[str], *, what: str = "", needed: str = ""
+    parameter: str, given: Any, known: Collection[str], *, needed: str = ""
 ) -> dict[str, float]:
-    """Give a mapping from known names to weights >= 0 of finite sum, or raise a ParameterError.
+    """Return a mapping from known names to weights >= 0, or raise a ParameterError.
 
-    ``what`` the names are of is by default the parameter. With ``needed``, what one of them is
-    called, some weight has to be above 0.
+    With ``needed``, what one of them is called, some weight has to be above 0.
     """
-    what = what or parameter
     if not isinstance(given, Mapping):
         expected = f"{parameter} to be a mapping from names to weights"
         raise ParameterError(f"Expected {expected}, got {quoted(given)}.", parameter)
     weights = {}
-    expected = ""
-    try:
-        for name, weight in given.items():
-            check_choice(what, name, known)
-            weights[name] = check_number(f"weight of {name!r} in {what}", weight, at_least=0)
-    except ParameterError as error:
-        raise ParameterError(str(error), parameter) from None
-    if sum(weights.values()) == math.inf:
-        expected = f"weights of {what} with a finite sum"
-    elif needed and not any(weights.values()):
+    for name, weight in given.items():
+        check_choice(parameter, name, known)
+        weights[name] = check_number(f"{parameter}[{name!r}]", weight, at_least=0)
+    if needed and not any(weights.values()):
         expected = f"a {needed} of weight above 0"
-    if expected:
         raise ParameterError(f"Expected {expected}, got {quoted(given)}.", parameter)
     return weights
-
-
-def mapping_of(parameters: Any) -> Mapping[str, Any]:
-    """Give parameters by name, none for None; a ParameterError if they are not a mapping."""
-    given = {} if parameters is None else parameters
-    if not isinstance(given, Mapping):
-        expected = "parameters to be a mapping from names to values"
-        raise ParameterError(f"Expected {expected}, got {quoted(given)}.")
-    return given
 
 
 def check_parameters(

@@ -126,14 +126,15 @@ def call_factory(
         raise PluginError(f"{source}: {origin} raised {type(error).__name__}: {error}.") from error
 
 
-def raised_fault(error: BaseException, names: Collection[str] | None, *, source: str) -> Fault:
+def raised_fault(error: BaseException, names: Collection[str], *, source: str) -> Fault:
     """Turn what a factory raised into a fault of the parameter among ``names`` that it is about.
 
-    That is what the error holds as ``parameter``, or the name with which its message begins.
+    That is what the error holds as ``parameter``, or the name with which its message begins; it may
+    be a part of a parameter, such as ``moves['visit']``.
     """
     expected = isinstance(error, TypeError | ValueError)
     message = str(error) if expected else f"{type(error).__name__}: {error}"
     message = message.removeprefix(f"{source}: ")
     first = message.removeprefix("Expected ").partition(" ")[0].rstrip(":,")
-    name = getattr(error, "parameter", None) or first
-    return (name if isinstance(names, Collection) and name in names else None), message
+    name = (getattr(error, "parameter", None) or first).partition("[")[0]
+    return (name if name in names else None), message

@@ -57,8 +57,6 @@ class Parameter:
         """What checks values by the type; None where pydantic cannot."""
         try:
             return TypeAdapter(self.hint, config=ConfigDict(arbitrary_types_allowed=True))
-        except PydanticUserError:  # pydantic's own models bring their configuration
-            return TypeAdapter(self.hint)
         except Exception:  # whatever another package's type does when it is looked at
             return None
 

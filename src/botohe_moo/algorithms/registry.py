@@ -7,7 +7,7 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._base.checks import mapping_of, quoted
+from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, is_path
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
@@ -73,15 +73,15 @@ def algorithm_faults(
     >>> algorithm_faults("bo-aco", {"evaporation": 1.3})
     [('evaporation', 'Expected evaporation in (0, 1), got 1.3.')]
     """
+    given = parameters or {}
     try:
-        given = mapping_of(parameters)
         factory = find_algorithm(name)
         accepted = accepted_by(factory)
         if faults := check_values(accepted, given, plain=plain):
             return faults
         _made(name, factory, accepted, given)
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        return [raised_fault(error, parameters, source=PLUGINS.source(name))]
+        return [raised_fault(error, given, source=PLUGINS.source(name))]
     return []
 
 

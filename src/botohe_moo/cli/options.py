@@ -95,10 +95,7 @@ def _value(name: str, text: str) -> Any:
 def mission_source(mission: str, robots: int | None, pairs: list[str] | None) -> dict[str, Any]:
     """Collect the arguments of `load_mission`."""
     given = [*(pairs or []), *([] if robots is None else [f"robots={robots}"])]
-    parameters = read_parameters(given)
-    if "name_or_path" in parameters:
-        raise ValueError(f"Mission {mission!r}: there is no parameter 'name_or_path'.")
-    return {"name_or_path": mission, **parameters}
+    return {**read_parameters(given), "name_or_path": mission}
 
 
 def check_places(mission: Mission, source: object = None) -> None:

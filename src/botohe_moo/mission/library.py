@@ -8,7 +8,7 @@ from typing import Any
 
 import networkx as nx
 
-from botohe_moo._base.checks import ParameterError, mapping_of, quoted
+from botohe_moo._base.checks import ParameterError, quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
@@ -139,8 +139,8 @@ def mission_faults(
     >>> mission_faults("terrain", {"nodes": "50", "robots": 3})
     [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
     """
+    given = parameters or {}
     try:
-        given = mapping_of(parameters)
         function = find_factory(name_or_path)
         if function is not None:
             accepted = accepted_parameters(function)
@@ -152,7 +152,7 @@ def mission_faults(
     except OSError as error:
         return [(None, f"{error.filename}: {error.strerror}.")]
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        return [raised_fault(error, parameters, source=_PLUGINS.source(name_or_path))]
+        return [raised_fault(error, given, source=_PLUGINS.source(name_or_path))]
     return []
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from botohe_moo._base.checks import mapping_of, nearest_first, quoted
+from botohe_moo._base.checks import nearest_first, quoted
 from botohe_moo.testing.rules import (
     BrokenRuleError,
     CheckResult,
@@ -124,7 +124,6 @@ def rules_and_subject(
     kind: Kind,
 ) -> tuple[tuple[Rule, ...], Subject]:
     """Return the rules for algorithms or missions, and what they are checked on."""
-    given = mapping_of(parameters)
     if kind == "algorithm":
         from botohe_moo.algorithms.registry import find_algorithm, make_algorithm
         from botohe_moo.testing.algorithms import RULES
@@ -142,12 +141,8 @@ def rules_and_subject(
     if not callable(found):
         expected = f"a class or function that makes {'an' if kind[0] == 'a' else 'a'} {kind}"
         raise TypeError(f"Expected {expected}, or its name, got {quoted(factory)}.")
-    make = functools.partial(by_name, factory) if isinstance(factory, str) else factory
-
-    def made(**others: Any) -> Any:
-        return make(**{**given, **others})
-
-    return rules, Subject(name_of(factory), found, made)
+    make: Any = functools.partial(by_name, factory) if isinstance(factory, str) else factory
+    return rules, Subject(name_of(factory), found, functools.partial(make, **(parameters or {})))
 
 
 if TYPE_CHECKING:

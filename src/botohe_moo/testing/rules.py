@@ -35,7 +35,7 @@ class Subject:
 
     name: str
     factory: Callable[..., Any]  # the class or function itself
-    make: Callable[..., Any]  # makes one, given keywords that replace those of the check
+    make: Callable[[], Any]
 
 
 @dataclass(frozen=True)
