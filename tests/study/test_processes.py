@@ -20,6 +20,7 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
+from rich.cells import cell_len
 from typer.testing import CliRunner
 
 from botohe_moo.cli.study import _plan_table, study_app
@@ -536,11 +537,9 @@ class TestCommands:
         status, out, err = finish(start("run", "missing.yaml"))
         assert (status, out) == (2, "")
         assert err == "botohe: missing.yaml: there is no such file.\n"
-        ended = CliRunner().invoke(study_app, ["run", "x.yaml", "--workers", "0"])
-        assert ended.exit_code == 2
-        assert "--workers" in ended.output
 
     def test_columns_of_the_plan_allow_for_wide_letters(self):
         made = [Estimate(m, "a", 1, 0, 0, 1.0, at_most=False) for m in ("美术馆", "toy")]
         lines = _plan_table(made).splitlines()
-        assert lines[1].index(" a ") + 3 == lines[2].index(" a ") == lines[0].index(" algorithm")
+        assert len({cell_len(line) for line in lines}) == 1
+        assert len({len(line) for line in lines}) == 2

@@ -18,7 +18,6 @@ import typer
 from botohe_moo.cli.bound import bound_mission, certify
 from botohe_moo.cli.check import check_conformance
 from botohe_moo.cli.choose import ChooseOption, choose_plan, explore_front, tell_choice, write_page
-from botohe_moo.cli.describe import brief, listing, paragraph, parameter_example, parameter_text
 from botohe_moo.cli.missions import missions_app
 from botohe_moo.cli.options import (
     MaxLengthOption,
@@ -34,7 +33,20 @@ from botohe_moo.cli.options import (
     read_parameters,
     refuse,
 )
-from botohe_moo.cli.shell import FAILED, INTERRUPTED, fail, failing, run, stoppable, tell
+from botohe_moo.cli.shell import (
+    FAILED,
+    INTERRUPTED,
+    brief,
+    fail,
+    failing,
+    listing,
+    paragraph,
+    parameter_example,
+    parameter_text,
+    run,
+    stoppable,
+    tell,
+)
 from botohe_moo.cli.study import study_app
 
 if TYPE_CHECKING:

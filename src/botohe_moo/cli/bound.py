@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from botohe_moo.cli.describe import brief
 from botohe_moo.cli.options import (
     MaxLengthOption,
     MinSurvivalOption,
@@ -19,7 +18,7 @@ from botohe_moo.cli.options import (
     mission_source,
     out_option,
 )
-from botohe_moo.cli.shell import FAILED, INTERRUPTED, fail, failing, stoppable, tell
+from botohe_moo.cli.shell import FAILED, INTERRUPTED, brief, fail, failing, stoppable, tell
 
 if TYPE_CHECKING:
     from threading import Event

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from botohe_moo.cli.options import read_parameters, refuse
-from botohe_moo.cli.shell import FAILED, failing, tell
+from botohe_moo.cli.shell import FAILED, failing, paragraph, tell
 
 if TYPE_CHECKING:
     from botohe_moo.testing import CheckResult
@@ -67,8 +67,6 @@ def check_conformance(
 
 
 def _tell_results(results: list[CheckResult]) -> None:
-    from botohe_moo.cli.describe import paragraph
-
     width = max(len(result.rule) for result in results)
     for result in results:
         tell(f"{result.rule:{width}}  {result.status:8} {result.seconds:6.1f} s")

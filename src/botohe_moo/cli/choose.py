@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from botohe_moo.cli.describe import paragraph
 from botohe_moo.cli.options import check_places, out_option
-from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
+from botohe_moo.cli.shell import FAILED, fail, failing, paragraph, say, tell
 
 if TYPE_CHECKING:
     from botohe_moo.decide import Choice

@@ -12,6 +12,10 @@ from botohe_moo.cli.options import out_option
 from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pandas import DataFrame
+
     from botohe_moo.study.planning import Estimate
     from botohe_moo.study.store.tables import StudyTables
 
@@ -109,8 +113,6 @@ def run(
 
 def _outcome(tables: StudyTables) -> str:
     """Return the medians as a table for each mission."""
-    from pandas import option_context
-
     summary = tables.summary
     lines = []
     for mission in tables.mission_labels:
@@ -125,11 +127,7 @@ def _outcome(tables: StudyTables) -> str:
         if rows["area_gap"].notna().any():
             shown.insert(5, "gap at most", rows["area_gap"])
         formats = {"seconds": "{:.2f}".format, "gap at most": "{:.2%}".format}
-        with option_context("display.unicode.east_asian_width", True):
-            table = shown.to_string(
-                index=False, float_format="{:.4f}".format, formatters=formats, justify="right"
-            )
-        lines.append(f"{mission}\n{table}")
+        lines.append(f"{mission}\n{_table(shown, **formats)}")
     return "\n\n".join(lines)
 
 
@@ -167,15 +165,19 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
 
 
 def _plan_table(estimates: list[Estimate]) -> str:
-    from rich.cells import cell_len, set_cell_size  # Chinese letters take two columns
+    import pandas as pd
 
-    header = ("mission", "algorithm", "runs", "there", "failed", "each takes")
-    rows = [
-        (e.mission, e.algorithm, *map(str, (e.n_runs, e.n_there, e.n_failed)), _each(e))
-        for e in estimates
-    ]
-    widths = [max(map(cell_len, column)) for column in zip(header, *rows, strict=True)]
-    return "\n".join("  ".join(map(set_cell_size, row, widths)).rstrip() for row in (header, *rows))
+    rows = [(e.mission, e.algorithm, e.n_runs, e.n_there, e.n_failed, _each(e)) for e in estimates]
+    header = ["mission", "algorithm", "runs", "there", "failed", "each takes"]
+    return _table(pd.DataFrame(rows, columns=header))
+
+
+def _table(frame: DataFrame, **formats: Callable[[float], str]) -> str:
+    """Lay out a table for a terminal, where Chinese letters take two columns."""
+    from pandas import option_context
+
+    with option_context("display.unicode.east_asian_width", True):
+        return frame.to_string(index=False, float_format="{:.4f}".format, formatters=formats)
 
 
 def _each(estimate: Estimate) -> str:
