@@ -171,6 +171,7 @@ class TestCommand:
 
     def test_parameters_and_missions(self):
         assert self.check("bo-aco", "-p", "n_ants=20").exit_code == 0
+        assert "Expected n_ants in" in self.check("bo-aco", "-p", "n_ants=0").output
         assert self.check("terrain", "-p", "nodes=20").exit_code == 0
         assert self.check("tests.testing.test_missions:fork").exit_code == 0
         assert "file_round_trip" in self.check("random", "--mission").output
@@ -180,7 +181,6 @@ class TestCommand:
         [
             (["no-such"], "there is no such algorithm"),
             (["no-such", "--mission"], "there is no such mission"),
-            (["bo-aco", "-p", "n_ants=0"], "Expected n_ants in"),
         ],
     )
     def test_bad_input(self, given, named):

@@ -31,7 +31,6 @@ from botohe_moo.cli.options import (
     mission_source,
     out_option,
     read_parameters,
-    refuse,
 )
 from botohe_moo.cli.shell import (
     FAILED,
@@ -166,7 +165,8 @@ def solve_mission(
         loaded = load_mission(**source)
         check_places(loaded)
         wishes = parse_wishes(loaded, wish) if wish else ()
-        refuse(f"Algorithm {algorithm!r}", algorithm_faults(algorithm, parameters, plain=True))
+        if faults := algorithm_faults(algorithm, parameters, plain=True):
+            raise ValueError(f"Algorithm {algorithm!r}: {' '.join(fault for _, fault in faults)}")
         built = make_algorithm(algorithm, **parameters)
         problem = BOTOHE(loaded, min_survival=min_survival, max_length=max_length)
         check_integer("--evaluations", evaluations, at_least=1)

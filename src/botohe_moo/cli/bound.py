@@ -63,7 +63,7 @@ def bound_mission(
     time lowers it; Ctrl-C stops, and shows what is proved.
 
     The front has to be of the same mission: give --robots and the mission's parameters as to
-    `solve`. Its limits count; no stricter ones can be given.
+    `solve`. Its limits count; no others can be given.
 
     The exit status is 2 for bad input.
     """
@@ -79,8 +79,10 @@ def bound_mission(
         floor, budget = min_survival, max_length
         solution = None
         if front is not None:
+            if min_survival or max_length is not None:
+                raise ValueError("Expected no limits with --front, whose own count.")
             solution = _read_front(front, loaded)
-            floor, budget = _limits_of(solution, front, min_survival, max_length)
+            floor, budget = solution.min_survival, _budget_of(solution)
         if out is not None:
             check_parent(out)
             if out.is_dir():
@@ -169,23 +171,6 @@ def _read_front(folder: Path, mission: Mission) -> Solution:
             f"of robots: it has {solution.mission.robots}, the mission {mission.robots}."
         )
     return solution
-
-
-def _limits_of(
-    solution: Solution, folder: Path, min_survival: float, max_length: float | None
-) -> tuple[float, float]:
-    """Return the limits of a front, or raise a ValueError where stricter ones are given."""
-    budget = _budget_of(solution)
-    for name, given, kept in (
-        ("--min-survival", -min_survival, -solution.min_survival),
-        ("--max-length", math.inf if max_length is None else max_length, budget),
-    ):
-        if given < kept:
-            raise ValueError(
-                f"{name} {abs(given):g} is stricter than the limit of the front in {folder}, "
-                f"{abs(kept):g}: its plans need not keep it."
-            )
-    return solution.min_survival, budget
 
 
 def _budget_of(solution: Solution) -> float:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
-    from botohe_moo._plugins.checks import Fault
     from botohe_moo.mission.model import Mission
 
 
@@ -66,14 +65,12 @@ SeedOption = Annotated[
 
 
 def read_parameters(pairs: Iterable[str] | None) -> dict[str, Any]:
-    """Read NAME=VALUE pairs, each name once; numbers as in Python, everything else as in YAML."""
+    """Read NAME=VALUE pairs: numbers as in Python, everything else as in YAML."""
     found: dict[str, Any] = {}
     for pair in pairs or ():
         name, equals, value = pair.partition("=")
         if not equals or not name.isidentifier():
             raise ValueError(f"Expected a parameter as NAME=VALUE, got {pair!r}.")
-        if name in found:
-            raise ValueError(f"Expected each parameter once, got {name!r} twice.")
         found[name] = _value(name, value)
     return found
 
@@ -106,9 +103,3 @@ def check_places(mission: Mission, source: object = None) -> None:
         given_places(mission.graph)
     except ValueError as error:
         raise ValueError(f"{source or f'Mission {mission.name!r}'}: {error}") from None
-
-
-def refuse(source: str, faults: Sequence[Fault]) -> None:
-    """Raise a ValueError that names all faults of an algorithm or a mission, if there are any."""
-    if faults:
-        raise ValueError(f"{source}: {' '.join(message for _, message in faults)}")
