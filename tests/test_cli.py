@@ -27,55 +27,10 @@ import pytest
 import botohe_moo.kernels.compile  # noqa: F401
 from botohe_moo import FrontBound, Mission, load_mission, read_solution, save_mission
 from botohe_moo.cli.progress import showing
+from tests.forked import run_forked
 
 BOTOHE = Path(sys.executable).parent / "botohe"
 FILES = ["front.csv", "front.png", "mission.json", "mission.png", "plans.json"]
-
-# Runs command lines, each in a process of its own that is forked where everything is imported
-# already: a start costs seconds, a fork none. Code, if any, runs before the command.
-SERVER = """
-import gc, json, os, pydantic, ruamel.yaml, signal, sys, tempfile, traceback
-signal.signal(signal.SIGINT, signal.default_int_handler)  # shells may start us with it ignored
-os.environ.pop("COLUMNS", None)  # which pytest's readline sets for those that it starts
-import botohe_moo.cli, botohe_moo.solving
-import botohe_moo.plots.front, botohe_moo.plots.mission
-from botohe_moo import bound_front, load_mission
-os.environ["MPLBACKEND"] = "Agg"
-with tempfile.TemporaryDirectory() as folder:  # loads the kernels, and fonts for pictures
-    for algorithm in ("random", "pareto-local-search", "bo-aco", "nsga2", "greedy"):
-        botohe_moo.solving.solve("toy", algorithm, evaluations=250).write(folder)
-    bound_front(load_mission("toy"))
-    bound_front(load_mission("art_museum"), time_limit=0.1)
-del os.environ["MPLBACKEND"]
-gc.freeze()
-for line in sys.stdin:
-    given = json.loads(line)
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        child = os.fork()
-        if child == 0:
-            status = 1
-            try:
-                os.chdir(given["cwd"])
-                os.environ.update(given["env"])
-                os.dup2(out.fileno(), 1)
-                os.dup2(err.fileno(), 2)
-                sys.argv = ["botohe", *given["args"]]
-                exec(given["code"], {})
-                botohe_moo.cli.main()
-            except SystemExit as stop:
-                status = stop.code or 0
-            except BaseException:
-                traceback.print_exc()
-            for stream in (sys.stdout, sys.stderr):
-                stream and stream.flush()
-            os._exit(status)
-        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        texts = []
-        for file in (out, err):
-            file.seek(0)
-            texts.append(file.read().decode(errors="replace"))
-    print(json.dumps([status, *texts]), flush=True)
-"""
 
 
 class Ended(NamedTuple):
@@ -84,24 +39,19 @@ class Ended(NamedTuple):
     err: str
 
 
-@pytest.fixture(scope="module")
-def server():
-    process = subprocess.Popen(
-        [sys.executable, "-c", SERVER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    with process:
-        yield process
-        process.stdin.close()
-
-
 @pytest.fixture
-def botohe(server, tmp_path):
-    """Run a command line in the test's own folder."""
+def botohe(tmp_path):
+    """Run a command line in the test's own folder; code, if any, runs before it."""
 
     def botohe(*args, code="", **env):
-        given = {"args": list(map(str, args)), "cwd": str(tmp_path), "env": env}
-        print(json.dumps({**given, "code": textwrap.dedent(code)}), file=server.stdin, flush=True)
-        return Ended(*json.loads(server.stdout.readline()))
+        command = [BOTOHE, *map(str, args)]
+        if code:
+            start = f"import botohe_moo.cli, sys; sys.argv = {list(map(str, command))}"
+            code = f"{start}\n{textwrap.dedent(code)}\nbotohe_moo.cli.main()"
+            command = [sys.executable, "-c", code]
+        usual = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
+        done = run_forked(command, cwd=tmp_path, env={**usual, **env})
+        return Ended(done.returncode, done.stdout, done.stderr)
 
     return botohe
 
