@@ -52,14 +52,12 @@ def check_folder(folder: Path) -> None:
 
 def read_bytes(path: Path) -> bytes:
     """Read a file; an OSError refuses devices and pipes, which may have no end."""
-    mode = path.stat().st_mode
-    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-        raise OSError(errno.EINVAL, "expected a file, found a device or a pipe", str(path))
+    _mode_of(path)
     return path.read_bytes()
 
 
 def _mode_of(path: Path) -> int | None:
-    """Return the permissions of a file; None if it is not there."""
+    """Return the permissions of a file, None if it is not there; refuse what is not a file."""
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:
@@ -78,6 +76,12 @@ def check_parent(path: Path) -> None:
         raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(folder))
     if not folder.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "expected a folder, found a file", str(folder))
+
+
+def check_file(path: Path) -> None:
+    """Refuse, with an OSError, a file in a folder that does not exist, or in place of a folder."""
+    check_parent(path)
+    _mode_of(path)
 
 
 def replace_file(path: Path, data: bytes) -> None:

@@ -157,7 +157,6 @@ def solve_mission(
         parameters = read_parameters(parameter)
         from botohe_moo._base.checks import check_integer, check_number
         from botohe_moo.algorithms import make_algorithm
-        from botohe_moo.algorithms.registry import algorithm_faults
         from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
         from botohe_moo.problem import BOTOHE
@@ -165,8 +164,6 @@ def solve_mission(
         loaded = load_mission(**source)
         check_places(loaded)
         wishes = parse_wishes(loaded, wish) if wish else ()
-        if faults := algorithm_faults(algorithm, parameters, plain=True):
-            raise ValueError(f"Algorithm {algorithm!r}: {' '.join(fault for _, fault in faults)}")
         built = make_algorithm(algorithm, **parameters)
         problem = BOTOHE(loaded, min_survival=min_survival, max_length=max_length)
         check_integer("--evaluations", evaluations, at_least=1)

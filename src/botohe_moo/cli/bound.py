@@ -70,7 +70,7 @@ def bound_mission(
     with failing():
         source = mission_source(mission, robots, mission_parameter)
         from botohe_moo._base.checks import check_integer, check_number
-        from botohe_moo._base.files import check_parent
+        from botohe_moo._base.files import check_file
         from botohe_moo.mission import load_mission
 
         check_number("--time-limit", time_limit, above=0)
@@ -84,9 +84,7 @@ def bound_mission(
             solution = _read_front(front, loaded)
             floor, budget = solution.min_survival, _budget_of(solution)
         if out is not None:
-            check_parent(out)
-            if out.is_dir():
-                raise ValueError(f"{out}: expected a file to write, found a folder.")
+            check_file(out)
     shown = loaded.max_length if budget is None else budget
     tell(f"{loaded.title}: {brief(loaded, None if shown == math.inf else shown)}\n")
     with stoppable(_STOPPING) as stop:

@@ -89,7 +89,7 @@ def choose_plan(
     written. It is 2 for bad input, and if the file cannot be written.
     """
     with failing():
-        from botohe_moo._base.files import check_parent
+        from botohe_moo._base.files import check_file
         from botohe_moo.decide.choosing import taken
         from botohe_moo.decide.export import check_plan_file
         from botohe_moo.decide.fronts import check_row
@@ -99,7 +99,7 @@ def choose_plan(
         _check_options(asked, most, out)
         if out is not None:
             check_plan_file(out, also=_PICTURES)
-            check_parent(out)
+            check_file(out)
             _check_own(folder, out)
         solution = read_solution(folder)
         if out is not None:

@@ -77,11 +77,11 @@ def show_mission(
         tell(f"\n{parameter_text(parameter)}")
     if picture is None:
         return
-    from botohe_moo._base.files import check_parent
+    from botohe_moo._base.files import check_file
     from botohe_moo.plots import plot_mission, save_plot
 
     with failing():
-        check_parent(picture)
+        check_file(picture)
         check_places(loaded)
         save_plot(plot_mission(loaded), picture)
     tell(f"wrote {picture}")
