@@ -86,8 +86,6 @@ class PluginGroup:
             raise PluginError(
                 f"there is no such {self.kind}; known are {known}; "
                 "a package that registers it may not be installed"
-                if known
-                else f"no {self.kind}s are registered; is the package {_OURS} installed?"
             )
         first, *others = claims[name]
         if all(other.value == first.value for other in others):
@@ -133,7 +131,7 @@ def declared_factory(path: str, group: PluginGroup, wanted: type) -> Callable[..
     Importing the module runs it. A PluginError is raised if it cannot be imported, or neither
     states that it makes what is wanted nor is registered in the group.
     """
-    found = imported(functools.partial(named, path), "it")
+    found = imported(functools.partial(pkgutil.resolve_name, path), "it")
     registered = {entry.value for claimants in group.claims().values() for entry in claimants}
     if path not in registered and not says_it_makes(found, wanted):
         kind = wanted.__name__
@@ -144,14 +142,6 @@ def declared_factory(path: str, group: PluginGroup, wanted: type) -> Callable[..
             f"register it as entry point of {group.group!r}"
         )
     return found  # type: ignore[no-any-return]
-
-
-def named(path: str) -> Any:
-    """Import ``module:name`` or ``module.name``, such as a class's method, and call nothing.
-
-    An ImportError, AttributeError or ValueError is raised if there is none.
-    """
-    return pkgutil.resolve_name(path)
 
 
 def says_it_makes(factory: Any, wanted: type) -> bool:

@@ -7,10 +7,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from botohe_moo._plugins.checks import call_factory
-from botohe_moo._plugins.entry_points import is_path, named
+from botohe_moo._plugins.entry_points import is_path
 from botohe_moo._plugins.types import plain_value
 from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm
 
@@ -92,7 +93,7 @@ def _one_name(name: str) -> str:
     """
     if not is_path(name):
         return name
-    found = named(name)
+    found = resolve_name(name)
     owner = getattr(found, "__self__", None)  # of a class's method
     module = getattr(owner if isinstance(owner, type) else found, "__module__", None)
     within = getattr(found, "__qualname__", None)
@@ -129,7 +130,7 @@ def algorithm_origin(
         parts += named_operators(parameters or {})
     origin = _distribution(owner)
     if problem is not None:
-        parts.append((problem, named(problem)))
+        parts.append((problem, resolve_name(problem)))
         theirs = _distribution(_distribution_of(problem.partition(":")[0]))
         origin |= {"problem": problem, **{f"problem_{key}": theirs[key] for key in theirs}}
     return {**origin, "source": _source_digest(parts)}

@@ -4,13 +4,13 @@ import copy
 import functools
 import inspect
 from collections.abc import Callable
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
 from pymoo.algorithms.base.genetic import GeneticAlgorithm
 
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.entry_points import named
 from botohe_moo._plugins.types import Count
 from botohe_moo.algorithms.population import (
     PopulationAlgorithm,
@@ -130,5 +130,5 @@ def _stated(parameter: inspect.Parameter) -> inspect.Parameter:
 
 def _revive(path: str) -> PopulationAlgorithm:
     """Make an empty instance for unpickling: classes made here have no name to be found by."""
-    found = _wire(path, named(path))
+    found = _wire(path, resolve_name(path))
     return found.__new__(found)

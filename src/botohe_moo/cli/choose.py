@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -124,8 +123,7 @@ def choose_plan(
 def _check_own(folder: Path, out: Path) -> None:
     from botohe_moo.solution.model import FILES
 
-    # Path.resolve would raise what no caller expects where a link leads to itself.
-    if any(realpath(out) == realpath(folder / name) for name in FILES):
+    if any(out.resolve() == (folder / name).resolve() for name in FILES):
         raise ValueError(f"{out}: a file of the solution itself; give another name.")
 
 

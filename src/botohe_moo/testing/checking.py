@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from botohe_moo._base.checks import nearest_first, quoted
@@ -101,7 +102,7 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
 
     It is taken for an algorithm where it does not say, and where both have the name.
     """
-    from botohe_moo._plugins.entry_points import is_path, named, says_it_makes
+    from botohe_moo._plugins.entry_points import is_path, says_it_makes
     from botohe_moo.algorithms.registry import PLUGINS
     from botohe_moo.mission.library import mission_names
     from botohe_moo.mission.model import Mission
@@ -112,7 +113,7 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
             is_mission = factory not in PLUGINS.claims() and factory in mission_names()
             return "mission" if is_mission else "algorithm"
         try:
-            found = named(factory)
+            found = resolve_name(factory)
         except Exception:  # of another package's code: making it says which
             return "algorithm"
     return "mission" if says_it_makes(found, Mission) else "algorithm"

@@ -3,13 +3,14 @@
 import functools
 import math
 import sys
+from pkgutil import resolve_name
 from typing import Any, Protocol
 
 import numpy as np
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
-from botohe_moo._plugins.entry_points import imported, named
+from botohe_moo._plugins.entry_points import imported
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.indicators import largest_objectives
 from botohe_moo.mission.model import Mission
@@ -38,7 +39,7 @@ def find_problem(path: str | None) -> type[BOTOHE]:
         return BOTOHE
     found: Any = None
     if path.partition(":")[0].partition(".")[0] not in sys.stdlib_module_names:
-        found = imported(functools.partial(named, path), "it")
+        found = imported(functools.partial(resolve_name, path), "it")
     if not (isinstance(found, type) and issubclass(found, BOTOHE)):
         raise ValueError(f"expected a class derived from BOTOHE, got {quoted(found)}")
     if found._evaluate is not BOTOHE._evaluate:
