@@ -739,11 +739,11 @@ class TestBound:
         toy, solution = load_mission("toy"), read_solution(solved[1])
         bound = FrontBound.load(tmp_path / "bound.json", toy)
         gap = bound.gap(solution.objectives)
-        title, empty, told, blank, head, *rows, wrote = ended.out.splitlines()
+        title, empty, verdict, blank, head, *rows, wrote = ended.out.splitlines()
         assert title.startswith(toy.title)
         assert "budget" not in title
         assert (empty, blank, wrote) == ("", "", "wrote bound.json")
-        assert told.startswith(
+        assert verdict.startswith(
             f"area {solution.area:.4f}; no plans whatsoever reach more than {bound.area:.4f}: "
             f"within {100 * gap:.2f} % of the optimum, proved "
         )
@@ -801,9 +801,9 @@ class TestCertify:
         bound = FrontBound.load(folder / "bound.json", solution.mission)
         gap = bound.gap(solution.objectives)
         assert gap > 0.01
-        *_, empty, told, first, second = ended.out.partition("\n\nNext:")[0].splitlines()
+        *_, empty, verdict, first, second = ended.out.partition("\n\nNext:")[0].splitlines()
         assert (empty, first, second) == ("", "wrote out/bound.json", "wrote out/front.png")
-        assert told.startswith(
+        assert verdict.startswith(
             f"area {solution.area:.4f}; no plans whatsoever reach more than {bound.area:.4f}: "
             f"within {100 * gap:.2f} % of the optimum, proved "
         )

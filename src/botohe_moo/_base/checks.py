@@ -15,7 +15,7 @@ _REPR.maxstring, _REPR.maxother = 60, _LONG
 
 
 class ParameterError(ValueError):
-    """Says what was expected and what was given; ``parameter`` is its name, if it is one."""
+    """A value is not as expected; ``parameter`` is the name of the parameter, if it is one."""
 
     def __init__(self, message: str, parameter: str | None = None) -> None:
         super().__init__(message)
@@ -131,7 +131,7 @@ def nearest_first(word: str, words: Iterable[str]) -> list[str]:
 
 
 def most_alike(word: str, words: Iterable[str]) -> str:
-    """Say which five words look most like ``word``; nothing if there are none."""
+    """Write which five words look most like ``word``; nothing if there are none."""
     near = [repr(other[:_LONG])[1:-1] for other in nearest_first(word, words)[:5]]
     return f"; most alike are {', '.join(near)}" if near else ""
 

@@ -23,7 +23,7 @@ _OURS = "botohe-moo"
 
 
 class PluginError(ValueError):
-    """Says why a name is not registered, or cannot be used."""
+    """A name is not registered, or cannot be used; says why."""
 
 
 @dataclass(frozen=True)

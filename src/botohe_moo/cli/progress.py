@@ -134,7 +134,7 @@ _SECONDS_BETWEEN_UPDATES = 0.5  # computing the area takes a while on large fron
 
 @contextmanager
 def showing_search(total: int) -> Iterator[Progress]:
-    """Show how many evaluations are done, and the area: for what calls itself ``progress``."""
+    """Show how many evaluations are done, and the area of the front."""
     with showing("starting") as show:
         shown_at = -math.inf
 
