@@ -117,7 +117,7 @@ def places(version: str) -> Iterator[str]:
 
 
 def clean_environment() -> dict[str, str]:
-    """Give the environment without what this interpreter is told."""
+    """Return the environment without the options of this interpreter."""
     return {name: text for name, text in os.environ.items() if not name.startswith("PYTHON")}
 
 

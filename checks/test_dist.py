@@ -65,21 +65,21 @@ class TestContents:
         }
         assert {"botohe_moo/py.typed", "botohe_moo/mission/data/toy.json"} <= files
         info = f"{STEM}.dist-info/"
-        held = contents(WHEEL)
-        assert {name for name in held if not name.startswith(info)} == files
-        assert {name.removeprefix(info) for name in held if name.startswith(info)} == {
+        packed = contents(WHEEL)
+        assert {name for name in packed if not name.startswith(info)} == files
+        assert {name.removeprefix(info) for name in packed if name.startswith(info)} == {
             "METADATA", "RECORD", "WHEEL", "entry_points.txt", "licenses/LICENSE",
             "licenses/src/botohe_moo/explorer/vendor/LICENSE",
         }  # fmt: skip
 
     def test_the_sdist_holds_what_is_committed(self):
         with tarfile.open(SDIST) as archive:
-            held = {name.removeprefix(f"{STEM}/") for name in archive.getnames()}
-        assert {"PKG-INFO", "Makefile", "constraints.txt", "tests/conftest.py"} <= held
+            packed = {name.removeprefix(f"{STEM}/") for name in archive.getnames()}
+        assert {"PKG-INFO", "Makefile", "constraints.txt", "tests/conftest.py"} <= packed
         if not (ROOT / ".git").exists():
             pytest.skip("What is committed is known in a checkout only.")
         committed = run("git", "ls-files", "-z", cwd=ROOT).stdout.split("\0")
-        assert held == {*filter(None, committed), "PKG-INFO"}
+        assert packed == {*filter(None, committed), "PKG-INFO"}
 
     def test_the_sdist_builds_the_wheel_of_the_checkout(self, tmp_path):
         with tarfile.open(SDIST) as archive:
@@ -130,7 +130,7 @@ def installed(tmp_path_factory):
 
 
 def outside(**more):
-    """The environment without what this process's own interpreter is told."""
+    """Return the environment without the options of this interpreter."""
     ours = re.compile(r"PYTHON|NUMBA_|VIRTUAL_ENV|XDG_|MPLCONFIGDIR|BOTOHE_")
     return {name: text for name, text in os.environ.items() if not ours.match(name)} | more
 

@@ -134,7 +134,10 @@ _LIBRARIES = (
     "alive_progress", "matplotlib.backends.backend_agg", "pandas", "psutil",
     "pyarrow.csv", "pyarrow.parquet", "rich.progress", "ruamel.yaml", "scipy.stats", "typer",
 )  # fmt: skip
-_OURS = ("file.loading", "file.schema", "merge", "report.page", "runner")
+_OURS = (
+    "plots.front", "plots.mission", "solving", "study.file.loading", "study.file.schema",
+    "study.merge", "study.report.page", "study.runner",
+)  # fmt: skip
 
 
 def load():
@@ -143,7 +146,7 @@ def load():
 
     from botohe_moo import BOTOHE, load_mission, make_algorithm
 
-    for name in (*_LIBRARIES, *(f"botohe_moo.study.{name}" for name in _OURS)):
+    for name in (*_LIBRARIES, *(f"botohe_moo.{name}" for name in _OURS)):
         importlib.import_module(name)
     problem = BOTOHE(load_mission("toy"))
     for name in ("bo-aco", "nsga2", "greedy", "pareto-local-search", "random"):

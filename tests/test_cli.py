@@ -27,55 +27,10 @@ import pytest
 import botohe_moo.kernels.compile  # noqa: F401
 from botohe_moo import FrontBound, Mission, load_mission, read_solution, save_mission
 from botohe_moo.cli.progress import showing
+from tests.forked import run_forked
 
 BOTOHE = Path(sys.executable).parent / "botohe"
 FILES = ["front.csv", "front.png", "mission.json", "mission.png", "plans.json"]
-
-# Runs command lines, each in a process of its own that is forked where everything is imported
-# already: a start costs seconds, a fork none. Code, if any, runs before the command.
-SERVER = """
-import gc, json, os, pydantic, ruamel.yaml, signal, sys, tempfile, traceback
-signal.signal(signal.SIGINT, signal.default_int_handler)  # shells may start us with it ignored
-os.environ.pop("COLUMNS", None)  # which pytest's readline sets for those that it starts
-import botohe_moo.cli, botohe_moo.solving
-import botohe_moo.plots.front, botohe_moo.plots.mission
-from botohe_moo import bound_front, load_mission
-os.environ["MPLBACKEND"] = "Agg"
-with tempfile.TemporaryDirectory() as folder:  # loads the kernels, and fonts for pictures
-    for algorithm in ("random", "pareto-local-search", "bo-aco", "nsga2", "greedy"):
-        botohe_moo.solving.solve("toy", algorithm, evaluations=250).write(folder)
-    bound_front(load_mission("toy"))
-    bound_front(load_mission("art_museum"), time_limit=0.1)
-del os.environ["MPLBACKEND"]
-gc.freeze()
-for line in sys.stdin:
-    given = json.loads(line)
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        child = os.fork()
-        if child == 0:
-            status = 1
-            try:
-                os.chdir(given["cwd"])
-                os.environ.update(given["env"])
-                os.dup2(out.fileno(), 1)
-                os.dup2(err.fileno(), 2)
-                sys.argv = ["botohe", *given["args"]]
-                exec(given["code"], {})
-                botohe_moo.cli.main()
-            except SystemExit as stop:
-                status = stop.code or 0
-            except BaseException:
-                traceback.print_exc()
-            for stream in (sys.stdout, sys.stderr):
-                stream and stream.flush()
-            os._exit(status)
-        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        texts = []
-        for file in (out, err):
-            file.seek(0)
-            texts.append(file.read().decode(errors="replace"))
-    print(json.dumps([status, *texts]), flush=True)
-"""
 
 
 class Ended(NamedTuple):
@@ -84,24 +39,19 @@ class Ended(NamedTuple):
     err: str
 
 
-@pytest.fixture(scope="module")
-def server():
-    process = subprocess.Popen(
-        [sys.executable, "-c", SERVER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    with process:
-        yield process
-        process.stdin.close()
-
-
 @pytest.fixture
-def botohe(server, tmp_path):
-    """Run a command line in the test's own folder."""
+def botohe(tmp_path):
+    """Run a command line in the test's own folder; code, if any, runs before it."""
 
     def botohe(*args, code="", **env):
-        given = {"args": list(map(str, args)), "cwd": str(tmp_path), "env": env}
-        print(json.dumps({**given, "code": textwrap.dedent(code)}), file=server.stdin, flush=True)
-        return Ended(*json.loads(server.stdout.readline()))
+        command = [BOTOHE, *map(str, args)]
+        if code:
+            start = f"import botohe_moo.cli, sys; sys.argv = {list(map(str, command))}"
+            code = f"{start}\n{textwrap.dedent(code)}\nbotohe_moo.cli.main()"
+            command = [sys.executable, "-c", code]
+        usual = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
+        done = run_forked(command, cwd=tmp_path, env={**usual, **env})
+        return Ended(done.returncode, done.stdout, done.stderr)
 
     return botohe
 
@@ -157,26 +107,22 @@ def flat(text):
     return " ".join(text.split())
 
 
-def node_link(nodes, arcs, **graph):
-    return {
-        "directed": True,
-        "multigraph": False,
-        "graph": {"name": "pier", "base": "a", "robots": 2, **graph},
-        "nodes": [{"id": node, "reward": reward} for node, reward in nodes],
-        "edges": [{"source": u, "target": v, "survival": s} for u, v, s in arcs],
-    }
-
-
-NODES = [("a", 0), ("b", 1.5)]
-ARCS = [("a", "b", 0.9), ("b", "a", 0.8)]
-
-
 @pytest.fixture
 def pier(tmp_path):
     """Write a mission file."""
 
-    def pier(nodes=NODES, arcs=ARCS, *, name="pier.json", **graph):
-        (tmp_path / name).write_text(json.dumps(node_link(nodes, arcs, **graph)))
+    def pier(name="pier.json", **graph):
+        content = {
+            "directed": True,
+            "multigraph": False,
+            "graph": {"name": "pier", "base": "a", "robots": 2, **graph},
+            "nodes": [{"id": "a", "reward": 0}, {"id": "b", "reward": 1.5}],
+            "edges": [
+                {"source": "a", "target": "b", "survival": 0.9},
+                {"source": "b", "target": "a", "survival": 0.8},
+            ],
+        }
+        (tmp_path / name).write_text(json.dumps(content))
         return name
 
     return pier
@@ -301,7 +247,7 @@ class TestSolve:
 
             def tell(message, usual=app.tell):
                 usual(message)
-                if "plan_id" in message:
+                if "plan_id" in message or "mission.png" in message:
                     print(*sys.modules, file=sys.stderr)
 
             app.tell = tell
@@ -315,9 +261,10 @@ class TestSolve:
             text=True,
         )
         assert done.returncode == 0
-        loaded = set(done.stderr.splitlines()[-1].split())
-        assert {"botohe_moo.solution", "numba"} <= loaded
-        assert not loaded & {"seaborn", "matplotlib.pyplot", "pandas", "scipy.spatial"}
+        front, pictures = (set(line.split()) for line in done.stderr.splitlines()[-2:])
+        assert {"botohe_moo.solution", "numba"} <= front
+        assert not front & {"matplotlib.pyplot", "scipy.spatial"}
+        assert not pictures & {"seaborn", "pandas", "scipy.stats"}
 
     @pytest.mark.slow
     def test_output_that_holds_odd_characters(self, botohe, pier, tmp_path):
@@ -369,7 +316,8 @@ def test_terminal_and_interrupt(tmp_path):
             except OSError:  # the other end is closed
                 break
             plain = re.sub(rb"\x1b\[[0-9;?]*[A-Za-z]", b"", shown)
-            if not pressed and re.search(rb"area 0\.[5-9]\d{3}  \d+:\d\d:\d\d left", plain):
+            times = rb"area 0\.[5-9]\d{3}  \d:\d\d:\d\d +\d+:\d\d:\d\d"  # passed and left
+            if not pressed and re.search(times, plain):
                 pressed = True
                 process.send_signal(signal.SIGINT)
         out = process.communicate()[0]
@@ -382,7 +330,7 @@ def test_terminal_and_interrupt(tmp_path):
     assert b"evaluations" in plain
     assert b"Traceback" not in plain
     assert b"\n" + STOPPING.strip().encode() + b"\r\n" in plain
-    assert shown.rstrip().endswith(b"\x1b[?25h")  # the cursor is there again
+    assert shown.rindex(b"\x1b[?25h") > shown.rindex(b"\x1b[?25l")  # the cursor is there again
     assert process.returncode == 130
     assert "stopped after" in out
     assert names_in(tmp_path) == ["out"]
@@ -477,22 +425,6 @@ class TestSignals:
         assert plans_in(tmp_path / "out")["interrupted"] is True
 
     @pytest.mark.slow
-    def test_before_the_first_iteration(self, botohe, tmp_path):
-        code = when_called("botohe_moo.solving", "search")
-        ended = botohe("solve", "toy", "-a", "bo-aco", "-n", 10**6, "-o", "out", code=code)
-        assert (ended.status, ended.err) == (130, STOPPING)
-        assert plans_in(tmp_path / "out")["evaluations"] == 100
-        assert names_in(tmp_path / "out") == FILES
-
-    @pytest.mark.slow
-    def test_once_while_writing(self, botohe, tmp_path):
-        code = when_called("botohe_moo.plots", "plot_mission")
-        ended = botohe("solve", "toy", "-n", 9, "-o", "out", code=code)
-        assert (ended.status, ended.err) == (130, STOPPING)
-        assert names_in(tmp_path / "out") == FILES
-        assert plans_in(tmp_path / "out")["interrupted"] is False
-
-    @pytest.mark.slow
     def test_twice_while_searching(self, botohe, tmp_path):
         code = when_called("botohe_moo.cli.progress", "showing_search", times=2)
         ended = botohe("solve", "toy", "-o", "out", code=code)
@@ -509,67 +441,28 @@ class TestBadMissions:
             message = refused(*command, "pier.json")
             assert message.startswith("botohe: pier.json: expected node-link data")
 
-    def test_all_faults_at_once(self, refused, pier):
-        nodes = [*NODES, ("[bold]", "much"), ("lost", -2)]
-        arcs = [("a", "b", 0), ("b", "a", 1.2), ("a", "[bold]", "0.5"), ("lost", "a", 1)]
-        name = pier(nodes, arcs, robots=2.5)
-        message = refused("solve", name)
-        assert message.startswith("botohe: pier.json has 8 faults:\n")
-        for fault in (
-            "robots to be an integer >= 1, got 2.5",
-            "node '[bold]': expected a finite reward >= 0, got 'much'",
-            "arc 'a' -> '[bold]': expected survival in (0, 1], got '0.5'",
-            "node 'lost': cannot be reached from base 'a'",
-        ):
-            assert fault in message
+    def test_missing(self, refused):
+        for command in (["solve"], ["missions", "show"]):
+            message = refused(*command, "lost.json")
+            assert message.startswith("botohe: lost.json: there is no such file")
+            message = refused(*command, "power-plant")
+            assert "there is no such mission; known are power_plant" in message
 
-    @pytest.mark.parametrize(
-        ("name", "message"),
-        [
-            ("lost.json", "lost.json: there is no such file"),
-            ("folder.json", "folder.json: expected a file, found a directory"),
-            ("notes.pdf", "Mission 'notes.pdf': there is no such mission"),
-            ("power-plant", "Mission 'power-plant': there is no such mission; known are power_pla"),
-        ],
-    )
-    def test_missing(self, refused, tmp_path, name, message):
-        (tmp_path / "folder.json").mkdir()
-        assert refused("solve", name).startswith(f"botohe: {message}")
-        assert refused("missions", "show", name).startswith(f"botohe: {message}")
-
-    @pytest.mark.parametrize(
-        ("given", "named"),
-        [
-            (["-m", "node=3"], ["'terrain': there is no parameter 'node'", "known are nodes, "]),
-            (["-m", "nodes=1"], ["Expected nodes >= 2, got 1."]),
-            (["-m", "nodes=many"], ["Expected nodes to be an integer >= 2, got 'many'."]),
-            (["-m", "robots=3", "--robots", "3"], ["each parameter once, got 'robots' twice"]),
-            (["-m", "name_or_path=toy"], ["there is no parameter 'name_or_path'"]),
-        ],
-    )
-    def test_parameters(self, refused, given, named):
-        message = refused("solve", "terrain", *given)
-        assert all(name in message for name in named)
-        assert refused("missions", "show", "terrain", *given) == message
+    def test_parameters(self, refused):
+        for command in (["solve"], ["missions", "show"]):
+            message = refused(*command, "terrain", "-m", "nodes=many")
+            assert "Expected nodes to be an integer >= 2, got 'many'." in message
 
 
 class TestBadOptions:
     @pytest.mark.parametrize(
         ("given", "named"),
         [
-            (["--evaluations", "0"], ["--evaluations"]),
+            (["--evaluations", "0"], ["botohe: Expected --evaluations >= 1, got 0."]),
             (["-n", "2.5"], ["--evaluations", "integer"]),
-            (["--seed", "-1"], ["--seed"]),
-            (["--min-survival", "1.5"], ["--min-survival"]),
+            (["--min-survival", "1.5"], ["Expected min_survival in [0, 1], got 1.5."]),
             (["--sed", "1"], ["--sed", "--seed"]),
-            (["--certify", "0"], ["Expected --certify > 0, got 0"]),
-            (["extra"], ["unexpected", "extra"]),
             (["--algorithm", "boaco"], ["'boaco': there is no such algorithm; known are bo-aco, "]),
-            (
-                ["-a", "bo-aco", "-p", "n_ant=3"],
-                ["'bo-aco': there is no parameter 'n_ant'; known are n_ants, "],
-            ),
-            (["-p", "seed=3"], ["there is no parameter 'seed'"]),
             (
                 ["-a", "bo-aco", "-p", "evaporation=1.3", "-p", "heuristic=maybe"],
                 [
@@ -577,10 +470,7 @@ class TestBadOptions:
                     "Expected heuristic to be true or false, got 'maybe'.",
                 ],
             ),
-            (["-p", "sampling=3"], ["sampling can be given from Python only"]),
-            (["--out", ""], ["'--out'", "expected a path, got an empty text"]),
             (["-p", "n_ants"], ["Expected a parameter as NAME=VALUE, got 'n_ants'."]),
-            (["-p", "n_ants=1", "-p", "n_ants=1"], ["each parameter once, got 'n_ants' twice"]),
             (["-p", "n_ants=[1"], ["a number, true, false or text for 'n_ants', got '[1'"]),
         ],
     )
@@ -593,18 +483,10 @@ class TestBadOptions:
         message = refused("solve", "toy", "--out", "file")
         assert message == "botohe: file: expected a folder to write to; it is a file.\n"
 
-    @pytest.mark.parametrize(
-        ("args", "named"),
-        [
-            (["slove"], ["'slove'", "'solve'", "botohe --help"]),
-            (["solve"], ["MISSION", "botohe solve --help"]),
-            (["missions", "check"], ["FILE"]),
-            (["algorithms", "boaco"], ["'boaco': there is no such algorithm; known are bo-aco, "]),
-        ],
-    )
-    def test_of_others(self, refused, args, named):
-        message = refused(*args)
-        assert all(name in message for name in named), message
+    def test_of_others(self, refused):
+        message = refused("slove")
+        assert all(name in message for name in ("'slove'", "'solve'", "botohe --help"))
+        assert "known are bo-aco, " in refused("algorithms", "boaco")
 
     @pytest.mark.slow
     def test_too_much_for_the_memory(self, botohe, tmp_path):
@@ -664,9 +546,7 @@ def odd(tmp_path_factory):
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: odd\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(
-        "[botohe_moo.algorithms]\nnothing = odd:Nothing\npicky = odd:Picky\nbroken = odd:Broken\n"
-        "random = odd:Nothing\n"
-        "[botohe_moo.missions]\ngone = odd:gone\n"
+        "[botohe_moo.algorithms]\nnothing = odd:Nothing\npicky = odd:Picky\n"
     )
     return f"import sys; sys.path.insert(0, {str(site)!r})"
 
@@ -687,16 +567,6 @@ class TestOtherPackages:
         ended = botohe(*args, "-p", "limit=3", code=odd)
         assert ended.status == 2
         assert ended.err == "botohe: Algorithm 'picky': Expected at most 3 nodes, got 5.\n"
-
-    def test_they_are_listed_and_what_is_broken_is_named_once(self, botohe, odd):
-        ended = botohe("algorithms", code=odd)
-        assert ended.status == 0
-        assert re.search(r"^nothing +Find nothing, which is hard to beat\.$", ended.out, re.M)
-        assert "broken" not in ended.out
-        assert re.fullmatch(r"botohe: Algorithm 'broken': .*; it is left out\.\n", ended.err)
-        ended = botohe("missions", code=odd)
-        assert "gone" not in ended.out
-        assert re.fullmatch(r"botohe: Mission 'gone': .*it is left out\.\n", ended.err)
 
     def test_their_parameters(self, botohe, odd):
         out = botohe("algorithms", "picky", code=odd).out
@@ -735,17 +605,15 @@ class TestListings:
         assert "\n  sampling  (from Python only)\n" in ended.out
         assert "-p n_ants=100`" in ended.out
 
-    @pytest.mark.parametrize("columns", [30, 300])
-    def test_they_are_wrapped_to_the_terminal(self, botohe, columns):
-        for args in (["missions"], ["algorithms"], ["algorithms", "bo-aco"]):
+    def test_they_are_wrapped_to_the_terminal(self, botohe):
+        for args in (["missions"], ["algorithms", "bo-aco"]):
             wide = botohe(*args).out
-            lines = botohe(*args, COLUMNS=str(columns)).out.splitlines()
+            lines = botohe(*args, COLUMNS="30").out.splitlines()
             assert flat("\n".join(lines)) == flat(wide)
-            long = [line for line in lines if len(line) > min(columns, 100)]
+            long = [line for line in lines if len(line) > 30]
             # No more than an example, or a word that is longer than the rest of a line.
             assert all("`" in line or len(line.split()) <= 6 for line in long), long
-            if columns == 30:
-                assert len(lines) > len(wide.splitlines())
+            assert len(lines) > len(wide.splitlines())
 
     def test_a_mission(self, botohe, tmp_path):
         ended = botohe("missions", "show", "toy", "--robots", 1, "--picture", "toy.png")
@@ -803,38 +671,25 @@ class TestChoose:
         assert (ended.status, ended.err) == (0, "")
         assert ended.out.startswith(f"{read_solution(folder).describe()}\n\nThe knee is a mark")
 
-    @pytest.mark.parametrize("name", ["plan.json", "plan.csv"])
-    def test_a_plan_is_written(self, botohe, solved, tmp_path, name):
+    def test_a_plan_is_written(self, botohe, solved, tmp_path):
         _, folder = solved
-        ended = botohe("choose", folder, "--plan", 2, "--out", name)
+        ended = botohe("choose", folder, "--plan", 2, "--out", "plan.csv")
         assert (ended.status, ended.err) == (0, "")
-        assert ended.out.endswith(f"wrote {name}\n")
-        trails = plans_in(folder)["plans"][2]["trails"]
-        text = (tmp_path / name).read_text()
-        if name == "plan.json":
-            content = json.loads(text)
-            assert content["trails"] == trails
-            mission = load_mission("toy")
-            [found] = mission.evaluate([mission.plan(content["trails"])]).tolist()
-            assert [content["reward"], content["survivors"]] == found
-        else:
-            found = [[], []]
-            for row in csv.DictReader(text.splitlines()):
-                found[int(row["robot"])].append(int(row["node"]))
-            assert found == trails
+        assert ended.out.endswith("wrote plan.csv\n")
+        found = [[], []]
+        for row in csv.DictReader((tmp_path / "plan.csv").read_text().splitlines()):
+            found[int(row["robot"])].append(int(row["node"]))
+        assert found == plans_in(folder)["plans"][2]["trails"]
 
-    @pytest.mark.parametrize("suffix", [".png", ".pdf"])
-    def test_a_plan_is_drawn(self, botohe, solved, tmp_path, suffix):
-        ended = botohe("choose", solved[1], "--plan", 2, "--out", f"plan{suffix}")
+    def test_a_plan_is_drawn(self, botohe, solved, tmp_path):
+        ended = botohe("choose", solved[1], "--plan", 2, "--out", "plan.pdf")
         assert (ended.status, ended.err) == (0, "")
-        signs = {".png": b"\x89PNG", ".pdf": b"%PDF"}
-        assert (tmp_path / f"plan{suffix}").read_bytes().startswith(signs[suffix])
+        assert (tmp_path / "plan.pdf").read_bytes().startswith(b"%PDF")
 
-    def test_a_file_that_cannot_be_written_has_another_status(self, botohe, solved, tmp_path):
+    def test_a_file_that_cannot_be_written_has_another_status(self, refused, solved, tmp_path):
         (tmp_path / "plan.png").mkdir()
-        ended = botohe("choose", solved[1], "--plan", 2, "--out", "plan.png")
-        assert ended.status == 2
-        assert ended.err == "botohe: plan.png: expected a file, found a folder\n"
+        said = refused("choose", solved[1], "--plan", 2, "--out", "plan.png")
+        assert said == "botohe: plan.png: expected a file, found a folder\n"
 
     def test_the_impossible(self, botohe, solved, tmp_path):
         args = ["choose", solved[1], "survivors >= 1.9", "reward >= 9", "--out", "plan.json"]
@@ -848,18 +703,13 @@ class TestChoose:
     @pytest.mark.parametrize(
         ("args", "words"),
         [
-            (["survivors > 2"], ["Expected a wish, got 'survivors > 2'", "every robot >= 0.5"]),
-            (["survivors >= 1", "--most", "both"], ["Expected most among", "got 'both'"]),
             (
                 ["survivors >= 1", "--plan", 1],
                 ["Expected only one of wishes", "got wishes and --plan."],
             ),
             (["--out", "plan.json"], ["Expected wishes, --toward or --plan with --out, got none"]),
-            (["P(reward >= 5) >= 2"], ["Expected at_least in [0, 1], got 2.0."]),
-            (["--most", "reward"], ["Expected wishes with --most, got none."]),
             (["--plan", 99], ["Expected --plan among the", "plans from 0, got 99"]),
             (["--plan", 1, "--out", "a/plan.csv"], ["a: there is no such folder"]),
-            (["--toward", -1, 2], ["Expected reward >= 0, got -1"]),
         ],
     )
     def test_bad_options(self, refused, solved, args, words):
@@ -889,11 +739,11 @@ class TestBound:
         toy, solution = load_mission("toy"), read_solution(solved[1])
         bound = FrontBound.load(tmp_path / "bound.json", toy)
         gap = bound.gap(solution.objectives)
-        title, empty, told, blank, head, *rows, wrote = ended.out.splitlines()
+        title, empty, verdict, blank, head, *rows, wrote = ended.out.splitlines()
         assert title.startswith(toy.title)
         assert "budget" not in title
         assert (empty, blank, wrote) == ("", "", "wrote bound.json")
-        assert told.startswith(
+        assert verdict.startswith(
             f"area {solution.area:.4f}; no plans whatsoever reach more than {bound.area:.4f}: "
             f"within {100 * gap:.2f} % of the optimum, proved "
         )
@@ -912,17 +762,11 @@ class TestBound:
         assert "stopping; what is proved will be shown" in ended.err
         assert "no plans whatsoever reach more than" in ended.out
 
-    @pytest.mark.parametrize(
-        ("args", "named"),
-        [
-            (["toy", "--time-limit", "0"], ["Expected --time-limit > 0, got 0"]),
-            (["toy", "--out", "no/where.json"], ["no"]),
-            (["toy", "--out", "."], [".: expected a file", "found a folder"]),
-        ],
-    )
-    def test_bad_options(self, refused, args, named):
-        message = refused("bound", *args)
-        assert all(name in message for name in named), message
+    def test_bad_options(self, refused):
+        message = refused("bound", "toy", "--time-limit", "0")
+        assert "Expected --time-limit > 0, got 0" in message
+        message = refused("bound", "toy", "--out", ".")
+        assert ".: expected a file, found a folder" in message
 
     @pytest.mark.slow
     def test_the_limits_of_the_front_count(self, botohe, refused, tmp_path):
@@ -933,10 +777,8 @@ class TestBound:
         assert "travel budget 6" in ended.out.splitlines()[0]
         record = json.loads((tmp_path / "bound.json").read_text())
         assert (record["min_survival"], record["max_length"]) == (0.4, 6.0)
-        message = refused("bound", "toy", "--front", "kept", "--min-survival", 0.5)
-        assert "--min-survival 0.5 is stricter than the limit of the front in kept, 0.4" in message
         message = refused("bound", "toy", "--front", "kept", "--max-length", 5)
-        assert "--max-length 5 is stricter than the limit of the front in kept, 6" in message
+        assert message == "botohe: Expected no limits with --front, whose own count.\n"
 
     def test_a_front_of_another_mission(self, refused, solved):
         message = refused("bound", "toy", "--robots", 3, "--front", solved[1])
@@ -959,9 +801,9 @@ class TestCertify:
         bound = FrontBound.load(folder / "bound.json", solution.mission)
         gap = bound.gap(solution.objectives)
         assert gap > 0.01
-        *_, empty, told, first, second = ended.out.partition("\n\nNext:")[0].splitlines()
+        *_, empty, verdict, first, second = ended.out.partition("\n\nNext:")[0].splitlines()
         assert (empty, first, second) == ("", "wrote out/bound.json", "wrote out/front.png")
-        assert told.startswith(
+        assert verdict.startswith(
             f"area {solution.area:.4f}; no plans whatsoever reach more than {bound.area:.4f}: "
             f"within {100 * gap:.2f} % of the optimum, proved "
         )
@@ -1128,11 +970,6 @@ class TestWhatATerminalWouldObey:
 
 
 class TestHelp:
-    def test_as_users_start_it(self):
-        done = subprocess.run([BOTOHE, "--help"], capture_output=True, text=True)
-        assert (done.returncode, done.stderr) == (0, "")
-        assert all(command in done.stdout for command in ("solve", "missions", "algorithms"))
-
     def test_of_commands(self, botohe):
         ended = botohe("solve", "--help")
         assert (ended.status, ended.err) == (0, "")
@@ -1150,27 +987,22 @@ class TestHelp:
         assert not re.search("<bool>|BOOLEAN", ended.out)
         assert "check" in botohe("missions", "--help").out
 
-    @pytest.mark.parametrize("command", [[], ["study"]])
-    def test_without_a_command(self, botohe, command):
-        ended = botohe(*command)
-        assert ended.out + ended.err == botohe(*command, "--help").out
+    def test_without_a_command(self, botohe):
+        ended = botohe("study")
+        assert ended.out + ended.err == botohe("study", "--help").out
 
     def test_version(self, botohe):
         assert re.fullmatch(r"botohe-moo \d+\.\d+\S*\n", botohe("--version").out)
 
-    @pytest.mark.parametrize(
-        "command",
-        [["--help"], ["solve", "--help"], ["study", "--help"]],
-    )
-    def test_it_waits_for_nothing(self, command):
-        code = f"""
+    def test_it_waits_for_nothing(self):
+        code = """
             import sys
             from botohe_moo import cli
-            sys.argv = ["botohe", *{command!r}]
+            sys.argv = ["botohe", "solve", "--help"]
             try:
                 cli.main()
             finally:
-                print(*sorted({{name.partition(".")[0] for name in sys.modules}}), file=sys.stderr)
+                print(*sorted({name.partition(".")[0] for name in sys.modules}), file=sys.stderr)
         """
         done = subprocess.run(
             [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True
@@ -1182,9 +1014,8 @@ class TestHelp:
         assert not loaded & slow
 
 
-@pytest.mark.parametrize("name", ["../found/plans.json", "bound.json"])
-def test_files_of_a_solution_are_not_replaced_by_a_plan(refused, solved, tmp_path, name):
+def test_files_of_a_solution_are_not_replaced_by_a_plan(refused, solved, tmp_path):
     shutil.copytree(solved[1], tmp_path / "found")
-    said = refused("choose", "found", "survivors >= 1", "--out", f"found/{name}")
+    said = refused("choose", "found", "survivors >= 1", "--out", "found/plans.json")
     assert "a file of the solution itself; give another name" in said
     assert read_solution(tmp_path / "found").plans == read_solution(solved[1]).plans

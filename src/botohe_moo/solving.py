@@ -1,10 +1,11 @@
 """From a mission and an algorithm to a front, in one call."""
 
 import os
+import signal
 import threading
 import time
-from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import moocore
@@ -12,7 +13,6 @@ import numpy as np
 from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._base.checks import check_integer
-from botohe_moo._base.interrupts import hold_interrupt
 from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.indicators import area_indicator
@@ -198,6 +198,32 @@ def search(
         **{**record, "algorithm": name},
         **startup,
     )
+
+
+@contextmanager
+def hold_interrupt() -> Iterator[threading.Event]:
+    """Let Ctrl-C set an event instead of breaking off; pressed again, it breaks off as usual.
+
+    Nothing changes outside the main thread, which alone may handle signals, and where Ctrl-C is
+    ignored, as for jobs in the background.
+    """
+    pressed = threading.Event()
+    usual = signal.getsignal(signal.SIGINT)
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if not in_main_thread or usual is None or usual is signal.SIG_IGN:
+        yield pressed
+        return
+
+    def note(*_: object) -> None:
+        # Not the usual handler: if that ends the process at once, nothing is put in order.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        pressed.set()
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield pressed
+    finally:
+        signal.signal(signal.SIGINT, usual)
 
 
 def _front(algorithm: Algorithm) -> tuple[FloatArray, tuple[TrailPlan, ...]]:

@@ -3,16 +3,14 @@
 import hashlib
 import inspect
 import os
-import re
 import sys
 import textwrap
 from importlib.metadata import version
 
 import pytest
 from pymoo.core.algorithm import Algorithm
-from pymoo.optimize import minimize
 
-from botohe_moo import BOACO, BOTOHE, algorithm_names, load_mission, make_algorithm
+from botohe_moo import BOACO, algorithm_names, load_mission, make_algorithm
 from botohe_moo.algorithms.origin import algorithm_identity, algorithm_origin
 from botohe_moo.algorithms.registry import (
     algorithm_faults,
@@ -152,17 +150,13 @@ class TestOurs:
         assert {"bo-aco", "random", "pareto-local-search"} <= set(names)
         assert list(names) == sorted(names)
 
-    @pytest.mark.parametrize("name", algorithm_names())
-    def test_each_solves_and_says_what_it_is(self, name):
-        algorithm = make_algorithm(name)
-        assert isinstance(algorithm, Algorithm)
-        mission = load_mission("toy")
-        result = minimize(BOTOHE(mission), algorithm, ("n_eval", 200), seed=1)
-        assert mission.evaluate(result.X) == pytest.approx(-result.F)
-        assert describe_algorithm(name)
-        for parameter in algorithm_parameters(name):
-            assert parameter.description, parameter.name
-            assert parameter.annotation, parameter.name
+    def test_each_says_what_it_is(self):
+        for name in algorithm_names():
+            assert isinstance(make_algorithm(name), Algorithm)
+            assert describe_algorithm(name)
+            for parameter in algorithm_parameters(name):
+                assert parameter.description, (name, parameter.name)
+                assert parameter.annotation, (name, parameter.name)
 
     def test_bo_aco_states_its_parameters(self):
         parameters = stated("bo-aco")
@@ -191,26 +185,22 @@ class TestOurs:
 
 
 class TestRefusals:
-    @pytest.mark.parametrize(("name", "nearest"), [("boaco", "bo-aco"), ("randon", "random")])
-    def test_unknown_names_list_the_nearest_first(self, name, nearest):
-        with pytest.raises(ValueError, match="no such algorithm") as caught:
-            make_algorithm(name)
-        said = f"Algorithm {name!r}: there is no such algorithm; known are {nearest}, "
-        assert str(caught.value).startswith(said)
-        assert str(caught.value).endswith("; a package that registers it may not be installed.")
-        for function in (algorithm_parameters, describe_algorithm, algorithm_origin):
-            with pytest.raises(ValueError, match=said):
-                function(name)
+    def test_unknown_names_list_the_nearest_first(self):
+        said = "^Algorithm 'boaco': there is no such algorithm; known are bo-aco, "
+        for function in (make_algorithm, algorithm_parameters, algorithm_origin):
+            with pytest.raises(ValueError, match=said) as caught:
+                function("boaco")
+            assert str(caught.value).endswith("; a package that registers it may not be installed.")
 
     def test_unknown_parameters_list_the_nearest_first(self):
-        said = "Algorithm 'bo-aco': there is no parameter 'n_ant' or 'note'; known are n_ants, "
+        said = "Algorithm 'bo-aco': there is no parameter 'n_ant'; known are n_ants, "
         with pytest.raises(ValueError, match=said):
-            make_algorithm("bo-aco", n_ant=3, note=0.1)
+            make_algorithm("bo-aco", n_ant=3)
 
-    @pytest.mark.parametrize("option", ["verbose", "callback", "termination", "seed"])
-    def test_options_of_pymoo_are_for_minimize(self, option):
-        with pytest.raises(ValueError, match=f"no parameter '{option}'"):
-            make_algorithm("bo-aco", **{option: None})
+    def test_options_of_pymoo_are_for_minimize(self):
+        for option in ("verbose", "callback", "termination", "seed"):
+            with pytest.raises(ValueError, match=f"no parameter '{option}'"):
+                make_algorithm("bo-aco", **{option: None})
 
     def test_all_faults_at_once(self):
         given = {"n_ant": 3, "heuristic": 1, "evaporation": 1.3, "n_ants": "100"}
@@ -225,19 +215,10 @@ class TestRefusals:
             make_algorithm("bo-aco", evaporation=1.3)
         assert algorithm_faults("bo-aco", None) == []
 
-    @pytest.mark.parametrize(
-        ("name", "parameters", "message"),
-        [
-            ("no_such_module:X", {}, "it cannot be imported (ModuleNotFoundError: No module named"),
-            (3, {}, "Expected the name of an algorithm, got 3."),
-            ("bo-aco", [1], "Expected parameters to be a mapping from names to values, got [1]."),
-            ("builtins:dict", {}, "it is not called, because it does not state that it makes an "),
-        ],
-    )
-    def test_what_no_parameter_is_to_blame_for(self, name, parameters, message):
-        [(blamed, found)] = algorithm_faults(name, parameters)
+    def test_what_no_parameter_is_to_blame_for(self):
+        [(blamed, found)] = algorithm_faults("no_such_module:X")
         assert blamed is None
-        assert found.startswith(message)
+        assert found.startswith("it cannot be imported (ModuleNotFoundError: No module named")
 
     def test_python_objects_are_for_python(self):
         plan = load_mission("toy").plan([[1], [1]])
@@ -296,8 +277,6 @@ class TestOtherPackages:
         ("code", "found"),
         [
             ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
-            ("def (", "SyntaxError"),
-            ("", "AttributeError"),
             ("broken = 3", "bad:broken of package bad to be a function"),
             ("import sys; sys.exit('enough')", "SystemExit: enough"),
         ],
@@ -333,146 +312,59 @@ class TestOtherPackages:
         assert isinstance(make_algorithm("bo-aco"), BOACO)  # this package's names are its own
 
 
-CAVE = '''
-    import enum
-    from pathlib import Path
-    from pydantic import BaseModel, Field
-    from pymoo.core.algorithm import Algorithm
-
-    class Rock(enum.Enum):
-        LIME = "lime"
-        SAND = "sand"
-
-    class Cave(Algorithm):
-        """Look into caves."""
-
-        class Parameters(BaseModel):
-            depth: int = Field(2, ge=1, le=9, description="How deep.")
-            light: float = Field(gt=0)
-            rock: Rock = Rock.LIME
-            map: Path = Path("a/b")
-            levels: tuple[int, ...] = (1, 2)
-
-        def __init__(self, depth, light, **_):
-            super().__init__()
-            self.depth, self.light = depth, light
-            if depth == 7:
-                raise OSError("it is flooded")
-'''
-
-
-class TestModel:
-    def test_it_states_and_checks(self, install):
-        install("cave", CAVE, cave="Cave")
-        depth, light, *_ = algorithm_parameters("cave")
-        assert (depth.default, depth.annotation, depth.range) == (2, "int", "in [1, 9]")
-        assert (depth.description, light.required, light.range) == ("How deep.", True, "> 0")
-        assert algorithm_faults("cave", {"depth": "x", "lihgt": 1}) == [
-            ("lihgt", "there is no parameter 'lihgt'; known are light, depth, levels, map, rock."),
-            ("light", "missing a required parameter 'light'."),
-            ("depth", "Expected depth to be an integer in [1, 9], got 'x'."),
-        ]
-        made = make_algorithm("cave", light=3)
-        assert (made.depth, made.light, type(made.light)) == (2, 3.0, float)
-        with pytest.raises(ValueError, match=r"^Algorithm 'cave': Expected light > 0, got -1\.$"):
-            make_algorithm("cave", light=-1)
-
-    def test_whatever_a_constructor_raises(self, install):
-        install("cave", CAVE, cave="Cave")
-        said = "cave:Cave of package cave raised OSError: it is flooded."
-        given = {"depth": 7, "light": 1}
-        [(blamed, found)] = algorithm_faults("cave", given)
-        assert (blamed, found) == (None, said)
-        with pytest.raises(ValueError, match=re.escape(f"Algorithm 'cave': {said}")):
-            make_algorithm("cave", **given)
-
-    def test_values_count_as_written(self, install):
-        install("cave", CAVE, cave="Cave")
-        same = {"rock": "lime", "map": "a/b", "levels": [1, 2], "depth": 2}
-        assert algorithm_identity("cave", {"light": 1, **same}).parameters == {"light": 1}
-        other = {"rock": "sand", "map": "a", "levels": [1], "depth": 3, "light": 1}
-        assert algorithm_identity("cave", other).parameters == other
-        assert algorithm_identity("cave", {"light": 1}).effective == {"light": 1, **same}
-
-
 class TestOnlyAlgorithmsAreCalled:
-    @pytest.mark.parametrize(
-        "path",
-        [
+    def test_what_states_that_it_makes_one_is(self, install):
+        install()
+        for path in (
             "reef:small",
             "reef.small",
             "reef:either",
             "reef:Quiet",
             "reef:Quiet.journal",
             "reef:Boat.named",
-            "reef:bm.BOACO",
             "botohe_moo:BOACO.journal",
-        ],
-    )
-    def test_what_states_that_it_makes_one_is(self, install, path):
-        install()
-        assert isinstance(make_algorithm(path), BOACO)
-        assert algorithm_faults(path) == []
+        ):
+            assert isinstance(make_algorithm(path), BOACO)
+            assert algorithm_faults(path) == []
 
-    @pytest.mark.parametrize(
-        "path",
-        [
+    def test_all_else_is_refused_by_name_and_never_called(self, install, monkeypatch):
+        install()
+        monkeypatch.setattr(os, "system", lambda command: pytest.fail(command))
+        for path in (
             "reef:lagoon",
             "reef:mission",
             "reef:checkers",
             "reef:unlikely",
-            "reef:called",
             "reef:Boat",
             "reef:Boat.built",
             "reef:Quiet.bare",
             "reef:Quiet.mro",
-            "pymoo.optimize:minimize",
-            "os:system",
             "os.system",
-            "subprocess:Popen",
             "builtins:exec",
-        ],
-    )
-    def test_all_else_is_refused_by_name_and_never_called(self, install, path, monkeypatch):
-        install()
-        monkeypatch.setattr(os, "system", lambda command: pytest.fail(command))
-        for function in (make_algorithm, algorithm_parameters, algorithm_origin):
-            with pytest.raises(ValueError, match="it does not state that it makes an") as caught:
-                function(path)
-            assert str(caught.value).startswith(f"Algorithm {path!r}: it is not called")
-        [(blamed, _)] = algorithm_faults(path, {"command": "true"}, plain=True)
-        assert blamed is None
-        if "reef" in sys.modules:
-            assert sys.modules["reef"].called == []
+        ):
+            said = f"^Algorithm {path!r}: it is not called, .* does not state that it makes an"
+            for function in (make_algorithm, algorithm_parameters, algorithm_origin):
+                with pytest.raises(ValueError, match=said):
+                    function(path)
+            [(blamed, _)] = algorithm_faults(path, {"command": "true"}, plain=True)
+            assert blamed is None
+        assert sys.modules["reef"].called == []
 
     def test_what_is_registered_may_be_called_by_its_path(self, install):
         install(bare="Quiet.bare")
         with pytest.raises(ValueError, match=r"'reef:Quiet\.bare'.* to give a pymoo .*, got N"):
             make_algorithm("reef:Quiet.bare")
 
-    def test_it_is_said_what_to_do(self):
-        with pytest.raises(ValueError, match="is not called") as caught:
-            make_algorithm("numpy:array")
-        assert str(caught.value) == (
-            "Algorithm 'numpy:array': it is not called, because it does not state that it makes an "
-            "Algorithm; name a class derived from Algorithm, annotate what the function returns "
-            "(-> Algorithm), or register it as entry point of 'botohe_moo.algorithms'."
-        )
-
 
 class TestIdentity:
-    @pytest.mark.parametrize(
-        ("path", "name"),
-        [
+    def test_of_ours_and_of_pymoos(self):
+        for path, name in (
             ("bo-aco", "bo-aco"),
             ("botohe_moo.algorithms.bo_aco.BOACO", "bo-aco"),
-            ("botohe_moo:RandomTrails", "random"),
             ("botohe_moo:BOACO.journal", "botohe_moo.algorithms.bo_aco:BOACO.journal"),
             ("pymoo.algorithms.moo.age.AGEMOEA", "pymoo.algorithms.moo.age:AGEMOEA"),
-        ],
-    )
-    def test_of_ours_and_of_pymoos(self, path, name):
-        assert algorithm_identity(path, {}).name == name
+        ):
+            assert algorithm_identity(path, {}).name == name
 
     def test_of_another_package(self, install):
         install(reef="reef", small="small", shallow="Atoll.shallow")

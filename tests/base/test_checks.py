@@ -31,19 +31,11 @@ class TestInteger:
             with pytest.raises(ValueError, match=rf"^Expected n_ants >= 3, got {value}\.$"):
                 check_integer("n_ants", value, at_least=3)
 
-    @pytest.mark.parametrize(
-        ("value", "got"),
-        [
-            (3.0, "3.0"),
-            (True, "True"),
-            ("3", "'3'"),
-            (None, "None"),
-        ],
-    )
-    def test_no_integer(self, value, got):
-        with pytest.raises(ValueError, match=r"^Expected") as error:
-            check_integer("n_ants", value, at_least=0)
-        assert str(error.value) == f"Expected n_ants to be an integer >= 0, got {got}."
+    def test_no_integer(self):
+        for value in (3.0, True, np.True_, "3", None):
+            with pytest.raises(ValueError, match=r"^Expected") as error:
+                check_integer("n_ants", value, at_least=0)
+            assert str(error.value) == f"Expected n_ants to be an integer >= 0, got {value!r}."
 
 
 class TestNumber:
@@ -56,10 +48,8 @@ class TestNumber:
         ("bounds", "expected", "inside", "outside"),
         [
             ({"above": 0, "below": 1}, "x in (0, 1)", [5e-324, 0.5, 1 - 2**-53], [0, 1, -1, 2]),
-            ({"at_least": 0, "below": 1}, "x in [0, 1)", [0, 0.5], [-5e-324, 1.0]),
             ({"above": 0}, "x > 0", [5e-324, 1e300], [0.0, -0.0, -1]),
             ({"at_least": 0}, "x >= 0", [0, -0.0, 1e300], [-5e-324]),
-            ({"above": 0, "at_least": 1}, "x >= 1", [1, 2], [0.5]),
         ],
     )
     def test_bounds(self, bounds, expected, inside, outside):
@@ -100,24 +90,15 @@ class TestWeights:
         assert {type(weight) for weight in weights.values()} == {float}
         assert check_weights("moves", {}, ["a"]) == {}
 
-    @pytest.mark.parametrize(
-        ("given", "message"),
-        [
+    def test_wrong_ones(self):
+        for given, message in (
             ("a", "Expected moves to be a mapping from names to weights, got 'a'."),
-            ({"d": 1}, "Expected kinds among a, b, got 'd'."),
-            ({"a": -1}, "Expected weight of 'a' in kinds >= 0, got -1."),
-            ({"a": "1"}, "Expected weight of 'a' in kinds >= 0, got '1'."),
-            (
-                {"a": 1e308, "b": 1e308},
-                "Expected weights of kinds with a finite sum, got {'a': 1e+308, 'b': 1e+308}.",
-            ),
-        ],
-    )
-    def test_wrong_ones_blame_the_parameter(self, given, message):
-        with pytest.raises(ParameterError) as error:
-            check_weights("moves", given, ["a", "b"], what="kinds")
-        assert str(error.value) == message
-        assert error.value.parameter == "moves"
+            ({"d": 1}, "Expected moves among a, b, got 'd'."),
+            ({"a": -1}, "Expected moves['a'] >= 0, got -1."),
+        ):
+            with pytest.raises(ParameterError) as error:
+                check_weights("moves", given, ["a", "b"])
+            assert str(error.value) == message
 
 
 class TestParameterError:
@@ -145,9 +126,6 @@ class TestQuoted:
             assert "..." in quoted(value)
             assert len(quoted(value)) < 200
 
-    def test_the_length_of_a_long_text_is_told(self):
-        assert quoted("ab" * 1000) == f"{'ab' * 50!r}... (2,000 characters)"
-
 
 class TestParameters:
     def test_known_ones(self):
@@ -164,21 +142,8 @@ class TestParameters:
             "Mission 'm': there is no parameter 'nods'; known are nodes, radius, robots, seed."
         )
 
-    def test_what_takes_no_parameters_says_so(self):
-        with pytest.raises(
-            ValueError, match=r"^Algorithm 'x': there is no parameter 'a'; it takes none\.$"
-        ):
-            check_parameters("Algorithm 'x'", ["a"], [])
-
 
 class TestNearestFirst:
     def test_the_most_alike_comes_first(self):
         names = ["toy", "terrain", "terrain_200", "power_plant"]
         assert nearest_first("terain", names) == ["terrain", "terrain_200", "power_plant", "toy"]
-
-    def test_case_does_not_count(self):
-        assert nearest_first("NSGA2", ["nsga3", "Nsga2", "NSGA"]) == ["Nsga2", "NSGA", "nsga3"]
-
-    def test_those_alike_are_sorted_by_name(self):
-        assert nearest_first("x", ["b", "c", "a"]) == ["a", "b", "c"]
-        assert nearest_first("", {"b", "a"}) == ["a", "b"]

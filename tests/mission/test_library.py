@@ -141,11 +141,9 @@ class TestRefusals:
         ("name", "parameters", "message"),
         [
             ("terrain", {"node": 3}, r"there is no parameter 'node'; known are nodes, .*robots"),
-            (
-                "toy",
-                {"seed": 3, "nodes": 2},
-                "no parameter 'seed' or 'nodes'; known are robots, l",
-            ),
+            ("toy", {"seed": 3}, "no parameter 'seed'; known are robots, l"),
+            ("random", {"arc_probabilty": 1}, r"known are arc_probability, "),
+            ("terrain", {"nodes": 1}, r"Expected nodes >= 2, got 1\."),
             ("toy", {"robots": 0}, r"Mission 'toy': Expected robots >= 1, got 0\."),
             ("toy", {"lengths_from_pos": 1}, r"Expected lengths_from_pos to be true or f.*, got 1"),
         ],
@@ -253,8 +251,8 @@ class TestCheck:
                 "there is no parameter 'depht'; known are depth, danger, lengths_from_pos, robots, "
                 "known.",
             ),
-            ("danger", "missing a required parameter 'danger'."),
             ("depth", "Expected depth to be an integer >= 1, got 2.5."),
+            ("danger", "missing a required parameter 'danger'."),
         ]
         assert "made" not in sys.modules["reef_missions"].__dict__
         assert mission_faults("wreck", {"danger": 0.5}) == []

@@ -31,7 +31,7 @@ DIVERS = '''
 
     import networkx as nx
     import numpy as np
-    from pydantic import BaseModel, Field
+    from pydantic import Field
     from pymoo.core.algorithm import Algorithm
     from pymoo.core.population import Population
     from typing import Annotated
@@ -39,19 +39,24 @@ DIVERS = '''
     from botohe_moo import Mission
 
 
-    class DiveParameters(BaseModel):
-        """What a diver is told."""
-
-        n_dives: int = Field(8, ge=1, le=100, description="Dives in a generation.")
-        breath: float = Field(gt=0, description="Share of the trails that go on.")
-
-
     class Diver(Algorithm):
-        """Dive at random, and keep what is best."""
+        """Dive at random, and keep what is best.
 
-        Parameters = DiveParameters
+        Parameters
+        ----------
+        n_dives
+            Dives in a generation.
+        breath
+            Share of the trails that go on.
+        """
 
-        def __init__(self, *, n_dives, breath, **options):
+        def __init__(
+            self,
+            *,
+            n_dives: Annotated[int, Field(ge=1, le=100)] = 8,
+            breath: Annotated[float, Field(gt=0)],
+            **options,
+        ):
             super().__init__(**options)
             self.n_dives = n_dives
             self.breath = breath
@@ -182,7 +187,7 @@ def third_party_site(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def broken_site(tmp_path_factory, third_party_site):
-    """The same, and packages that are broken or claim names of others."""
+    """The same, and packages that are broken."""
     folder = tmp_path_factory.mktemp("broken")
     shutil.copytree(third_party_site, folder / "site")
     wheels = [
@@ -198,11 +203,6 @@ def broken_site(tmp_path_factory, third_party_site):
                 "botohe-quitter",
                 "raise SystemExit(7)",
                 "[botohe_moo.algorithms]\nquit = botohe_quitter:X\n",
-            ),
-            (
-                "botohe-rival",
-                "print('buy our boats')\ndef lagoon(): ...\ndef toy(): ...",
-                "[botohe_moo.missions]\nlagoon = botohe_rival:lagoon\ntoy = botohe_rival:toy\n",
             ),
         )
     ]
@@ -284,20 +284,6 @@ class TestBroken:
             "imported (ModuleNotFoundError: No module named 'no_such_dependency'); it is left out.",
         ]
 
-    def test_names_that_two_claim(self, broken_site):
-        ended = botohe("missions", site=broken_site)
-        assert ended.status == 0
-        assert "buy our boats" not in ended.out
-        names = [line.split()[0] for line in ended.out.splitlines() if line]
-        assert "toy" in names
-        assert not {"lagoon", "wreck"} & set(names)
-        clash, wreck = ended.err.splitlines()
-        assert clash.startswith("botohe: Mission 'lagoon': the packages botohe-")
-        assert "botohe-divers" in clash
-        assert "botohe-rival" in clash
-        assert clash.endswith(" both register this name; it is left out.")
-        assert wreck.startswith("botohe: Mission 'wreck': ")
-
 
 STUDY = """\
 name: lagoons
@@ -342,18 +328,6 @@ class TestStudies:
         page = (folder / "results" / "lagoons" / "report" / "report.html").read_text()
         assert "divers" in page
         assert "lagoon" in page
-
-    def test_wrong_parameters_are_named(self, studied, tmp_path):
-        _, site = studied
-        wrong = STUDY.replace("breath: 0.5", "breath: 0, breadth: 1").replace(
-            "depth: 5", "depth: 51"
-        )
-        (tmp_path / "wrong.yaml").write_text(wrong)
-        ended = botohe("study", "run", "wrong.yaml", site=site, cwd=tmp_path)
-        assert (ended.status, ended.out) == (2, "")
-        assert "wrong.yaml:3: missions.lagoon.parameters.depth: Expected depth" in ended.err
-        assert "wrong.yaml:5: algorithms.divers.parameters.breadth: there is no" in ended.err
-        assert "wrong.yaml:5: algorithms.divers.parameters.breath: Expected breath" in ended.err
 
     def test_once_it_is_removed_the_study_says_so(self, studied):
         folder, site = studied

@@ -140,17 +140,6 @@ class SaysDeterministic(Walks):
     deterministic = True
 
 
-class Remembers(Walks):
-    """Goes on where the last run of the process ended."""
-
-    runs = 0
-
-    def _advance(self, **_):
-        Remembers.runs += 1
-        self.n = 10 + Remembers.runs % 10
-        super()._advance()
-
-
 class Lambda(Walks):
     """Holds what cannot be pickled."""
 

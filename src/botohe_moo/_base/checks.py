@@ -7,8 +7,6 @@ from numbers import Integral, Real
 from reprlib import Repr
 from typing import Any
 
-import numpy as np
-
 _LONG = 120
 
 _REPR = Repr()
@@ -17,7 +15,7 @@ _REPR.maxstring, _REPR.maxother = 60, _LONG
 
 
 class ParameterError(ValueError):
-    """Says what was expected and what was given; ``parameter`` is its name, if it is one."""
+    """A value is not as expected; ``parameter`` is the name of the parameter, if it is one."""
 
     def __init__(self, message: str, parameter: str | None = None) -> None:
         super().__init__(message)
@@ -25,8 +23,8 @@ class ParameterError(ValueError):
 
 
 def check_integer(name: str, value: Any, *, at_least: int, at_most: int | None = None) -> int:
-    """Give ``value`` as an int, or raise the ParameterError that says what was expected."""
-    if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
+    """Return ``value`` as an int, or raise the ParameterError that says what was expected."""
+    if isinstance(value, bool) or not isinstance(value, Integral):
         expected = f"{name} to be an integer >= {at_least}"
         raise ParameterError(f"Expected {expected}, got {quoted(value)}.", name)
     number = int(value)
@@ -46,7 +44,7 @@ def check_number(
     below: float = math.inf,
     at_most: float = math.inf,
 ) -> float:
-    """Give ``value`` as a finite float, or raise the ParameterError that says what was expected."""
+    """Return ``value`` as a finite float, or raise a ParameterError that says what was expected."""
     number = as_float(value)
     if math.isfinite(number) and above < number < below and at_least <= number <= at_most:
         return number
@@ -66,7 +64,7 @@ def check_number(
 
 def as_float(value: Any) -> float:
     """Convert a number; NaN for anything else."""
-    number = isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+    number = isinstance(value, Real) and not isinstance(value, bool)
     try:
         return float(value) if number else math.nan
     except OverflowError:
@@ -87,41 +85,23 @@ def check_choice(parameter: str, name: Any, known: Collection[str]) -> None:
 
 
 def check_weights(
-    parameter: str, given: Any, known: Collection[str], *, what: str = "", needed: str = ""
+    parameter: str, given: Any, known: Collection[str], *, needed: str = ""
 ) -> dict[str, float]:
-    """Give a mapping from known names to weights >= 0 of finite sum, or raise a ParameterError.
+    """Return a mapping from known names to weights >= 0, or raise a ParameterError.
 
-    ``what`` the names are of is by default the parameter. With ``needed``, what one of them is
-    called, some weight has to be above 0.
+    With ``needed``, what one of them is called, some weight has to be above 0.
     """
-    what = what or parameter
     if not isinstance(given, Mapping):
         expected = f"{parameter} to be a mapping from names to weights"
         raise ParameterError(f"Expected {expected}, got {quoted(given)}.", parameter)
     weights = {}
-    expected = ""
-    try:
-        for name, weight in given.items():
-            check_choice(what, name, known)
-            weights[name] = check_number(f"weight of {name!r} in {what}", weight, at_least=0)
-    except ParameterError as error:
-        raise ParameterError(str(error), parameter) from None
-    if sum(weights.values()) == math.inf:
-        expected = f"weights of {what} with a finite sum"
-    elif needed and not any(weights.values()):
+    for name, weight in given.items():
+        check_choice(parameter, name, known)
+        weights[name] = check_number(f"{parameter}[{name!r}]", weight, at_least=0)
+    if needed and not any(weights.values()):
         expected = f"a {needed} of weight above 0"
-    if expected:
         raise ParameterError(f"Expected {expected}, got {quoted(given)}.", parameter)
     return weights
-
-
-def mapping_of(parameters: Any) -> Mapping[str, Any]:
-    """Give parameters by name, none for None; a ParameterError if they are not a mapping."""
-    given = {} if parameters is None else parameters
-    if not isinstance(given, Mapping):
-        expected = "parameters to be a mapping from names to values"
-        raise ParameterError(f"Expected {expected}, got {quoted(given)}.")
-    return given
 
 
 def check_parameters(
@@ -132,16 +112,16 @@ def check_parameters(
     ``owner`` says whom the parameters are for. The names in ``also`` are known, too.
     """
     known = {*accepted, *also}
-    if unknown := [name for name in given if name not in known]:
-        raise ParameterError(f"{owner}: {unknown_parameters(unknown, known)}", unknown[0])
+    for name in given:
+        if name not in known:
+            raise ParameterError(f"{owner}: {unknown_parameter(name, known)}", name)
 
 
-def unknown_parameters(unknown: list[str], known: Iterable[str]) -> str:
-    """Say that there are no parameters of these names, and which there are, nearest first."""
-    named = " or ".join(map(repr, unknown))
-    among = ", ".join(nearest_first(str(unknown[0]), known))
+def unknown_parameter(name: object, known: Iterable[str]) -> str:
+    """Write that there is no parameter of this name, and which there are, nearest first."""
+    among = ", ".join(nearest_first(str(name), known))
     remedy = f"known are {among}" if among else "it takes none"
-    return f"there is no parameter {named}; {remedy}."
+    return f"there is no parameter {name!r}; {remedy}."
 
 
 def nearest_first(word: str, words: Iterable[str]) -> list[str]:
@@ -151,7 +131,7 @@ def nearest_first(word: str, words: Iterable[str]) -> list[str]:
 
 
 def most_alike(word: str, words: Iterable[str]) -> str:
-    """Say which five words look most like ``word``; nothing if there are none."""
+    """Write which five words look most like ``word``; nothing if there are none."""
     near = [repr(other[:_LONG])[1:-1] for other in nearest_first(word, words)[:5]]
     return f"; most alike are {', '.join(near)}" if near else ""
 

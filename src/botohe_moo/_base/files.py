@@ -6,6 +6,7 @@ import itertools
 import os
 import secrets
 import stat
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -33,16 +34,30 @@ def new_folder(wanted: Path) -> Iterator[Path]:
                 path.rmdir()
 
 
+def check_folder(folder: Path) -> None:
+    """Check that files can be written to a folder, which need not exist; nothing is left behind."""
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder):
+            pass
+    except OSError as error:
+        reason = "it is a file" if folder.is_file() else error.strerror
+        raise OSError(f"{folder}: expected a folder to write to; {reason}.") from None
+    finally:
+        for path in missing:
+            with contextlib.suppress(OSError):
+                path.rmdir()
+
+
 def read_bytes(path: Path) -> bytes:
     """Read a file; an OSError refuses devices and pipes, which may have no end."""
-    mode = path.stat().st_mode
-    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-        raise OSError(errno.EINVAL, "expected a file, found a device or a pipe", str(path))
+    _mode_of(path)
     return path.read_bytes()
 
 
 def _mode_of(path: Path) -> int | None:
-    """Return the permissions of a file; None if it is not there."""
+    """Return the permissions of a file, None if it is not there; refuse what is not a file."""
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:
@@ -61,6 +76,12 @@ def check_parent(path: Path) -> None:
         raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(folder))
     if not folder.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "expected a folder, found a file", str(folder))
+
+
+def check_file(path: Path) -> None:
+    """Refuse, with an OSError, a file in a folder that does not exist, or in place of a folder."""
+    check_parent(path)
+    _mode_of(path)
 
 
 def replace_file(path: Path, data: bytes) -> None:

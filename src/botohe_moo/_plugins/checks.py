@@ -4,17 +4,9 @@ import functools
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
-from pydantic import BaseModel, ValidationError
-
-from botohe_moo._base.checks import (
-    ParameterError,
-    check_parameters,
-    nearest_first,
-    unknown_parameters,
-)
+from botohe_moo._base.checks import ParameterError, nearest_first, unknown_parameter
 from botohe_moo._plugins.entry_points import PluginError
-from botohe_moo._plugins.messages import Error, fault_messages, own_message
-from botohe_moo._plugins.stated import Accepted, Factory, Parameter, signature_parameters
+from botohe_moo._plugins.stated import Factory, Parameter, signature_parameters
 from botohe_moo._plugins.types import is_scalar
 
 P = ParamSpec("P")
@@ -63,7 +55,7 @@ def _scalars(function: Callable[..., Any]) -> tuple[Parameter, ...]:
 
 
 def check_values(
-    accepted: Accepted,
+    accepted: Sequence[Parameter],
     values: Mapping[str, Any],
     *,
     plain: bool = False,
@@ -74,11 +66,20 @@ def check_values(
     With ``plain`` the values are from a text, so that they cannot be Python objects. The names in
     ``also`` are known, too; their values are not looked at.
     """
-    known = {*accepted.names, *also}
+    known = {*also, *(parameter.name for parameter in accepted)}
     faults: list[Fault] = [
-        (str(name), unknown_parameters([name], known)) for name in values if name not in known
+        (str(name), unknown_parameter(name, known)) for name in values if name not in known
     ]
-    return [*faults, *_checked(accepted, values, plain=plain)[0]]
+    for parameter in accepted:
+        name = parameter.name
+        if name not in values:
+            if parameter.required:
+                faults.append((name, f"missing a required parameter {name!r}."))
+        elif plain and not parameter.plain:
+            faults.append((name, f"{name} can be given from Python only."))
+        elif values[name] is not parameter.default:
+            faults += [(name, message) for message in parameter.checked(values[name])[1]]
+    return faults
 
 
 def check_keywords(given: Iterable[str], known: Collection[str], kinds: Sequence[type]) -> None:
@@ -98,7 +99,7 @@ def check_keywords(given: Iterable[str], known: Collection[str], kinds: Sequence
 def call_factory(
     source: str,
     factory: Factory,
-    accepted: Accepted,
+    accepted: Sequence[Parameter],
     values: Mapping[str, Any],
     *,
     origin: str = "it",
@@ -111,13 +112,11 @@ def call_factory(
     has raised, which is called ``origin``. Messages begin with ``source``, and list the names in
     ``also`` as known. Errors of the factory's in ``passing`` are not changed.
     """
-    check_parameters(source, values, accepted.names, also=also)
-    faults, given = _checked(accepted, values)
-    if faults:
+    if faults := check_values(accepted, values, also=also):
         expected = " ".join(message for _, message in faults)
         raise ParameterError(f"{source}: {expected}", faults[0][0])
     try:
-        return factory(**given)
+        return factory(**values)
     except passing:
         raise
     except (TypeError, ValueError) as error:
@@ -127,75 +126,15 @@ def call_factory(
         raise PluginError(f"{source}: {origin} raised {type(error).__name__}: {error}.") from error
 
 
-def raised_fault(error: BaseException, names: Collection[str] | None, *, source: str) -> Fault:
+def raised_fault(error: BaseException, names: Collection[str], *, source: str) -> Fault:
     """Turn what a factory raised into a fault of the parameter among ``names`` that it is about.
 
-    That is what the error holds as ``parameter``, or the name with which its message begins.
+    That is what the error holds as ``parameter``, or the name with which its message begins; it may
+    be a part of a parameter, such as ``moves['visit']``.
     """
     expected = isinstance(error, TypeError | ValueError)
     message = str(error) if expected else f"{type(error).__name__}: {error}"
     message = message.removeprefix(f"{source}: ")
     first = message.removeprefix("Expected ").partition(" ")[0].rstrip(":,")
-    name = getattr(error, "parameter", None) or first
-    return (name if isinstance(names, Collection) and name in names else None), message
-
-
-def _checked(
-    accepted: Accepted, values: Mapping[str, Any], *, plain: bool = False
-) -> tuple[list[Fault], dict[str, Any]]:
-    """Check the values of known names; return the faults, and what the factory is called with.
-
-    A signature's values are handed over as they are: pydantic's own copies may be other objects.
-    """
-    faults: list[Fault] = [
-        (p.name, f"missing a required parameter {p.name!r}.")
-        for p in accepted.parameters
-        if p.required and p.name not in values
-    ]
-    checkable = {}
-    for parameter in accepted.parameters:
-        name = parameter.name
-        if name not in values:
-            continue
-        if plain and not parameter.plain:
-            faults.append((name, f"{name} can be given from Python only."))
-            continue
-        checkable[name] = values[name]
-        if accepted.model is None and values[name] is not parameter.default:
-            faults += [(name, message) for message in parameter.checked(values[name])[1]]
-    if accepted.model is None:
-        return faults, dict(values)
-    found, given = _by_model(accepted, accepted.model, checkable)
-    return faults + found, given
-
-
-def _by_model(
-    accepted: Accepted, model: type[BaseModel], values: Mapping[str, Any]
-) -> tuple[list[Fault], dict[str, Any]]:
-    """Let a model check and convert values, by its own rules."""
-    aliases = {name: field.validation_alias for name, field in model.model_fields.items()}
-    keys = {name: key if isinstance(key, str) else name for name, key in aliases.items()}
-    try:
-        made = model.model_validate({keys[name]: value for name, value in values.items()})
-    except ValidationError as error:
-        errors = _by_field(error)
-    except Exception as error:  # whatever a validator of another package's raises
-        return [(None, f"{type(error).__name__}: {error}")], {}
-    else:
-        return [], {name: getattr(made, name) for name in model.model_fields}
-    faults: list[Fault] = [
-        (name, message)
-        for name, parameter in zip(accepted.names, accepted.parameters, strict=True)
-        if name in values and keys[name] in errors  # else it was said to be missing
-        for message in fault_messages(name, values[name], errors[keys[name]], parameter.range)
-    ]
-    return [*faults, *((None, own_message(error)) for error in errors.get(None, ()))], {}
-
-
-def _by_field(error: ValidationError) -> dict[Any, list[Error]]:
-    """Sort errors by the field they are in, None for the whole; locations then begin there."""
-    found: dict[Any, list[Error]] = {}
-    for detail in error.errors(include_url=False):
-        field, *rest = detail["loc"] or (None,)
-        found.setdefault(field, []).append({**detail, "loc": tuple(rest)})
-    return found
+    name = (getattr(error, "parameter", None) or first).partition("[")[0]
+    return (name if name in names else None), message

@@ -1,22 +1,19 @@
-"""What a factory of algorithms or missions can be given, as it states it itself.
-
-By its signature and docstring, or by a pydantic model: the attribute ``Parameters``.
-"""
+"""What a factory of algorithms or missions can be given, by its signature and docstring."""
 
 import functools
 import inspect
+import re
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, TypeAlias
+from typing import Any, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, PydanticUserError, TypeAdapter, ValidationError
+from pydantic import ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
-from botohe_moo._plugins.docstrings import described_parameters
-from botohe_moo._plugins.messages import fault_messages
 from botohe_moo._plugins.types import (
     changes_nothing,
+    fault_messages,
     plain_number,
     range_text,
     resolved,
@@ -31,7 +28,7 @@ _BY_KEYWORD = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_K
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a factory, as its signature or model, and its docstring state it."""
+    """One parameter of a factory, as its signature and docstring state it."""
 
     name: str
     default: Any = _EMPTY  # where a value must be given
@@ -60,8 +57,6 @@ class Parameter:
         """What checks values by the type; None where pydantic cannot."""
         try:
             return TypeAdapter(self.hint, config=ConfigDict(arbitrary_types_allowed=True))
-        except PydanticUserError:  # pydantic's own models bring their configuration
-            return TypeAdapter(self.hint)
         except Exception:  # whatever another package's type does when it is looked at
             return None
 
@@ -94,61 +89,27 @@ class Parameter:
             return value, [f"{self.name}: {type(error).__name__}: {error}"]
 
 
-@dataclass(frozen=True)
-class Accepted:
-    """All that a factory can be given by name."""
-
-    parameters: tuple[Parameter, ...]
-    any_name: bool = False  # whether it would take other names, too
-    model: type[BaseModel] | None = None  # checks and converts all values; None: the signature
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of the parameters."""
-        return tuple(parameter.name for parameter in self.parameters)
-
-
-def accepted_parameters(factory: Factory, *, hidden: Collection[str] = ()) -> Accepted:
-    """Find out what a factory can be given: a function, a class or one of its methods.
+def accepted_parameters(factory: Factory, *, hidden: Collection[str] = ()) -> tuple[Parameter, ...]:
+    """Find out what a factory can be given by name: a function, a class or one of its methods.
 
     A factory that is a class's method and takes any keywords, such as :meth:`BOACO.journal`,
     states what it changes, and its class the rest. The names in ``hidden`` cannot be given, and
     neither can names that are not stated, even to a factory that takes any.
     """
-    if model := _model_of(factory):
-        return Accepted(tuple(_from_model(model, factory)), model=model)
-    signature = _signature(factory)
-    takes_any = any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
     stated = {p.name: p for p in signature_parameters(factory)}
     owner = getattr(factory, "__self__", None)
-    if isinstance(owner, type) and takes_any:
-        for parameter in accepted_parameters(owner).parameters:
+    if isinstance(owner, type) and takes_any_name(factory):
+        for parameter in accepted_parameters(owner):
             known = stated.get(parameter.name) or replace(parameter, own=False)
             # A factory often only refers to its class, which describes the meaning.
             described = parameter.description or known.description
             stated[parameter.name] = replace(known, description=described)
-    given = tuple(p for name, p in stated.items() if name not in hidden)
-    return Accepted(given, any_name=takes_any)
+    return tuple(p for name, p in stated.items() if name not in hidden)
 
 
-def _model_of(factory: Factory) -> type[BaseModel] | None:
-    model = getattr(factory, "Parameters", None)
-    return model if isinstance(model, type) and issubclass(model, BaseModel) else None
-
-
-def _from_model(model: type[BaseModel], factory: Factory) -> Iterator[Parameter]:
-    described = described_parameters(factory) | described_parameters(model)
-    for name, field in model.model_fields.items():
-        hint: Any = field.annotation
-        for constraint in field.metadata:
-            hint = Annotated[hint, constraint]
-        yield Parameter(
-            name,
-            _EMPTY if field.is_required() else field.get_default(call_default_factory=True),
-            hint,
-            type_text(field.annotation),
-            field.description or described.get(name, ""),
-        )
+def takes_any_name(factory: Factory) -> bool:
+    """Return whether a factory takes keywords that it does not state."""
+    return any(p.kind is p.VAR_KEYWORD for p in _signature(factory).parameters.values())
 
 
 def signature_parameters(function: Factory) -> Iterator[Parameter]:
@@ -185,3 +146,39 @@ def _scope(function: Any) -> Mapping[str, Any]:
     elif not inspect.isroutine(function):
         function = type(function).__call__
     return getattr(inspect.unwrap(function), "__globals__", {})
+
+
+def _docstring_of(function: Callable[..., Any]) -> str:
+    """Return the docstring of a function or class, also of one with some arguments fixed."""
+    # A partial would answer with what partials are.
+    documented = function.func if isinstance(function, functools.partial) else function
+    return inspect.getdoc(documented) or ""
+
+
+def summary_of(function: Callable[..., Any]) -> str:
+    """Return the paragraph that a docstring begins with, in one line; may be empty."""
+    return " ".join(_docstring_of(function).partition("\n\n")[0].split())
+
+
+def described_parameters(function: Callable[..., Any]) -> dict[str, str]:
+    """Read the Parameters sections of the numpydoc docstrings of a function, or class and bases."""
+    sources = function.__mro__[-2::-1] if isinstance(function, type) else (function,)
+    described: dict[str, str] = {}
+    for source in sources:
+        described |= _described_by(source)
+    return described
+
+
+def _described_by(function: Callable[..., Any]) -> dict[str, str]:
+    section = re.search(
+        r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", _docstring_of(function), re.M | re.S
+    )
+    described: dict[str, str] = {}
+    names: list[str] = []
+    for line in section[1].splitlines() if section else []:
+        if line[:1].strip():
+            names = [name.strip(" *") for name in line.partition(":")[0].split(",")]
+        elif line.strip():
+            for parameter in names:
+                described[parameter] = f"{described.get(parameter, '')} {line.strip()}".strip()
+    return described

@@ -3,6 +3,7 @@
 import functools
 import inspect
 from collections.abc import Callable, Mapping
+from pkgutil import resolve_name
 from types import MappingProxyType
 from typing import Any
 
@@ -13,7 +14,6 @@ from pymoo.algorithms.moo.sms import SMSEMOA
 from pymoo.algorithms.moo.spea2 import SPEA2
 
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.factories import named
 from botohe_moo._plugins.types import Count
 from botohe_moo.algorithms.population import PopulationAlgorithm, PopulationSize, even_weights
 
@@ -224,5 +224,5 @@ def _stated(parameter: inspect.Parameter) -> inspect.Parameter:
 
 def _revive(path: str) -> PlanGeneticAlgorithm:
     """Make an empty instance for unpickling: pickle does not find derived classes by name."""
-    found = _wire(path, named(path))
+    found = _wire(path, resolve_name(path))
     return found.__new__(found)

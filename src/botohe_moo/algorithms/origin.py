@@ -7,10 +7,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from botohe_moo._plugins.checks import call_factory
-from botohe_moo._plugins.factories import is_path, named
+from botohe_moo._plugins.entry_points import is_path
 from botohe_moo._plugins.types import plain_value
 from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm
 
@@ -42,7 +43,7 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
     factory = find_algorithm(name)
     accepted = accepted_by(factory)
     # A method that takes any keywords may give its class other defaults, which are not stated.
-    stated = [p for p in accepted.parameters if p.own and not p.required]
+    stated = [p for p in accepted if p.own and not p.required]
     defaults = {p.name: plain_value(p.default) for p in stated}
     made = call_factory(PLUGINS.source(name), factory, accepted, parameters)
     given = {key: plain_value(value) for key, value in parameters.items()}
@@ -54,7 +55,7 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
             for key, value in parameters.items()
             if key not in defaults or not _same(plain_value(value), defaults[key])
         },
-        neutral=frozenset(p.name for p in accepted.parameters if p.same_result),
+        neutral=frozenset(p.name for p in accepted if p.same_result),
         effective={k: value for k, value in effective.items() if value is not NotImplemented},
     )
 
@@ -67,7 +68,7 @@ def _attributes(made: Any) -> dict[str, Any]:
     values = getattr(made, "__dict__", {})
     found: dict[str, Any] = {}
     for kind in type(made).__mro__:
-        found |= {name: values[name] for name in accepted_by(kind).names if name in values}
+        found |= {p.name: values[p.name] for p in accepted_by(kind) if p.name in values}
         if kind.__module__.partition(".")[0] in _VERSIONED:
             break
     return _plain(found)
@@ -88,7 +89,7 @@ def _one_name(name: str) -> str:
     """Return the registered name of an algorithm, or else ``module:Class`` where it is defined."""
     if not is_path(name):
         return name
-    found = named(name)
+    found = resolve_name(name)
     owner = getattr(found, "__self__", None)  # of a class's method
     module = getattr(owner if isinstance(owner, type) else found, "__module__", None)
     within = getattr(found, "__qualname__", None)
@@ -125,7 +126,7 @@ def algorithm_origin(
         parts += named_operators(parameters or {})
     origin = _distribution(owner)
     if problem is not None:
-        parts.append((problem, named(problem)))
+        parts.append((problem, resolve_name(problem)))
         theirs = _distribution(_distribution_of(problem.partition(":")[0]))
         origin |= {"problem": problem, **{f"problem_{key}": theirs[key] for key in theirs}}
     return {**origin, "source": _source_digest(parts)}

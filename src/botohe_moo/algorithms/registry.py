@@ -7,12 +7,10 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._base.checks import mapping_of, quoted
+from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
-from botohe_moo._plugins.docstrings import summary_of
-from botohe_moo._plugins.entry_points import PluginError, PluginGroup
-from botohe_moo._plugins.factories import declared_factory, is_path
-from botohe_moo._plugins.stated import Accepted, Parameter, accepted_parameters
+from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, is_path
+from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
 # Options of a run: the caller of ``minimize`` sets them.
@@ -40,9 +38,8 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     -----
     Packages register algorithms in the entry-point group ``botohe_moo.algorithms``: callables
     that return a pymoo algorithm. They state their parameters by a typed signature, with ranges as
-    in ``Annotated[float, Field(gt=0)]``, or by a pydantic model, their attribute ``Parameters``,
-    which checks and converts values before these are handed over as keywords. Only parameters that
-    are stated can be given: ``**kwargs`` would swallow every misspelt name.
+    in ``Annotated[float, Field(gt=0)]``. Only parameters that are stated can be given:
+    ``**kwargs`` would swallow every misspelt name.
 
     ``module:Class`` names one that is not registered: a class derived from pymoo's ``Algorithm``,
     or a function whose annotation says that it returns one. Nothing else is called, but importing
@@ -76,15 +73,15 @@ def algorithm_faults(
     >>> algorithm_faults("bo-aco", {"evaporation": 1.3})
     [('evaporation', 'Expected evaporation in (0, 1), got 1.3.')]
     """
+    given = parameters or {}
     try:
-        given = mapping_of(parameters)
         factory = find_algorithm(name)
         accepted = accepted_by(factory)
         if faults := check_values(accepted, given, plain=plain):
             return faults
         _made(name, factory, accepted, given)
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        return [raised_fault(error, parameters, source=PLUGINS.source(name))]
+        return [raised_fault(error, given, source=PLUGINS.source(name))]
     return []
 
 
@@ -102,7 +99,7 @@ def algorithm_names() -> tuple[str, ...]:
 
 def algorithm_parameters(name: str) -> tuple[Parameter, ...]:
     """Return the parameters that an algorithm states, in the order of its signature."""
-    return accepted_by(find_algorithm(name)).parameters
+    return accepted_by(find_algorithm(name))
 
 
 def describe_algorithm(name: str) -> str:
@@ -111,7 +108,10 @@ def describe_algorithm(name: str) -> str:
 
 
 def _made(
-    name: str, factory: Callable[..., Any], accepted: Accepted, parameters: Mapping[str, Any]
+    name: str,
+    factory: Callable[..., Any],
+    accepted: tuple[Parameter, ...],
+    parameters: Mapping[str, Any],
 ) -> Algorithm:
     source, origin = PLUGINS.source(name), PLUGINS.origin(name)
     algorithm = call_factory(source, factory, accepted, parameters, origin=origin)
@@ -137,6 +137,6 @@ def find_algorithm(name: str) -> Callable[..., Any]:
 
 
 @functools.lru_cache(maxsize=64)  # a grid asks for every combination
-def accepted_by(factory: Callable[..., Any]) -> Accepted:
+def accepted_by(factory: Callable[..., Any]) -> tuple[Parameter, ...]:
     """Return the parameters that a factory states, without pymoo's own options."""
     return accepted_parameters(factory, hidden=_PYMOOS_OWN)

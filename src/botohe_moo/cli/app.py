@@ -17,9 +17,7 @@ import typer
 
 from botohe_moo.cli.bound import bound_mission, certify
 from botohe_moo.cli.check import check_conformance
-from botohe_moo.cli.choose import ChooseOption, choose_plan, tell_choice
-from botohe_moo.cli.describe import brief, listing, paragraph, parameter_example, parameter_text
-from botohe_moo.cli.explore import explore_front, write_page
+from botohe_moo.cli.choose import ChooseOption, choose_plan, explore_front, tell_choice, write_page
 from botohe_moo.cli.missions import missions_app
 from botohe_moo.cli.options import (
     MaxLengthOption,
@@ -33,7 +31,20 @@ from botohe_moo.cli.options import (
     out_option,
     read_parameters,
 )
-from botohe_moo.cli.shell import FAILED, INTERRUPTED, fail, failing, run, tell
+from botohe_moo.cli.shell import (
+    FAILED,
+    INTERRUPTED,
+    brief,
+    fail,
+    failing,
+    listing,
+    paragraph,
+    parameter_example,
+    parameter_text,
+    run,
+    stoppable,
+    tell,
+)
 from botohe_moo.cli.study import study_app
 
 if TYPE_CHECKING:
@@ -96,7 +107,7 @@ def solve_mission(
     parameter: ParameterOption = None,
     evaluations: Annotated[
         int,
-        typer.Option("--evaluations", "-n", metavar="N", min=1, help="Trail plans to evaluate."),
+        typer.Option("--evaluations", "-n", metavar="N", help="Trail plans to evaluate."),
     ] = 100_000,
     seed: SeedOption = 1,
     robots: RobotsOption = None,
@@ -121,7 +132,6 @@ def solve_mission(
         typer.Option(
             "--certify",
             metavar="S",
-            min=0,
             help="Seconds to prove, as `botohe bound` does, how far the front is from the best "
             "there is. Also writes bound.json, and draws the bound in front.png.",
         ),
@@ -144,19 +154,18 @@ def solve_mission(
     with failing():
         source = mission_source(mission, robots, mission_parameter)
         parameters = read_parameters(parameter)
-        from botohe_moo._base.checks import check_number
+        from botohe_moo._base.checks import check_integer, check_number
         from botohe_moo.algorithms import make_algorithm
-        from botohe_moo.algorithms.registry import algorithm_faults
-        from botohe_moo.cli.checks import refuse
         from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
         from botohe_moo.problem import BOTOHE
 
         loaded = load_mission(**source)
         wishes = parse_wishes(loaded, wish) if wish else ()
-        refuse(f"Algorithm {algorithm!r}", algorithm_faults(algorithm, parameters, plain=True))
         built = make_algorithm(algorithm, **parameters)
         problem = BOTOHE(loaded, min_survival=min_survival, max_length=max_length)
+        check_integer("--evaluations", evaluations, at_least=1)
+        check_integer("--seed", seed, at_least=0)
         if certify_for is not None:
             check_number("--certify", certify_for, above=0)
     solution, folder = _search_and_write(
@@ -188,15 +197,13 @@ def solve_mission(
 def _search_and_write(
     problem: BOTOHE, algorithm: Algorithm, out: Path | None, *, show_all: bool, **how: Any
 ) -> tuple[Solution, Path]:
-    from botohe_moo._base.files import new_folder
-    from botohe_moo._base.interrupts import hold_interrupt
-    from botohe_moo.cli.checks import check_folder
+    from botohe_moo._base.files import check_folder, new_folder
     from botohe_moo.cli.progress import showing_search
     from botohe_moo.solution import PictureError
     from botohe_moo.solving import RefusalError, search
 
     default = Path("results", "solve", Path(how["record"]["source"]["name_or_path"]).stem)
-    with hold_interrupt(answer=_STOPPING) as stop, ExitStack() as stack:
+    with stoppable(_STOPPING) as stop, ExitStack() as stack:
         with failing():
             check_folder(default.parent if out is None else out)
             folder = stack.enter_context(new_folder(default)) if out is None else out

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from botohe_moo.cli.describe import brief
 from botohe_moo.cli.options import (
     MaxLengthOption,
     MinSurvivalOption,
@@ -19,7 +18,7 @@ from botohe_moo.cli.options import (
     mission_source,
     out_option,
 )
-from botohe_moo.cli.shell import FAILED, INTERRUPTED, fail, failing, tell
+from botohe_moo.cli.shell import FAILED, INTERRUPTED, brief, fail, failing, stoppable, tell
 
 if TYPE_CHECKING:
     from threading import Event
@@ -46,7 +45,7 @@ def bound_mission(
     ] = None,
     time_limit: Annotated[
         float,
-        typer.Option("--time-limit", "-t", metavar="S", min=0, help="Seconds that it may take."),
+        typer.Option("--time-limit", "-t", metavar="S", help="Seconds that it may take."),
     ] = 60.0,
     robots: RobotsOption = None,
     mission_parameter: MissionParameterOption = None,
@@ -64,31 +63,31 @@ def bound_mission(
     time lowers it; Ctrl-C stops, and shows what is proved.
 
     The front has to be of the same mission: give --robots and the mission's parameters as to
-    `solve`. Its limits count; no stricter ones can be given.
+    `solve`. Its limits count; no others can be given.
 
     The exit status is 2 for bad input.
     """
     with failing():
         source = mission_source(mission, robots, mission_parameter)
-        from botohe_moo._base.checks import check_number
-        from botohe_moo._base.files import check_parent
-        from botohe_moo._base.interrupts import hold_interrupt
+        from botohe_moo._base.checks import check_integer, check_number
+        from botohe_moo._base.files import check_file
         from botohe_moo.mission import load_mission
 
         check_number("--time-limit", time_limit, above=0)
+        check_integer("--seed", seed, at_least=0)
         loaded = load_mission(**source)
         floor, budget = min_survival, max_length
         solution = None
         if front is not None:
+            if min_survival or max_length is not None:
+                raise ValueError("Expected no limits with --front, whose own count.")
             solution = _read_front(front, loaded)
-            floor, budget = _limits_of(solution, front, min_survival, max_length)
+            floor, budget = solution.min_survival, _budget_of(solution)
         if out is not None:
-            check_parent(out)
-            if out.is_dir():
-                raise ValueError(f"{out}: expected a file to write, found a folder.")
+            check_file(out)
     shown = loaded.max_length if budget is None else budget
     tell(f"{loaded.title}: {brief(loaded, None if shown == math.inf else shown)}\n")
-    with hold_interrupt(answer=_STOPPING) as stop:
+    with stoppable(_STOPPING) as stop:
         bound = _prove(
             loaded,
             solution,
@@ -109,11 +108,10 @@ def bound_mission(
 
 def certify(solution: Solution, folder: Path, time_limit: float) -> None:
     """Bound the front of a solution, say how good it is, and write the bound to its folder."""
-    from botohe_moo._base.interrupts import hold_interrupt
     from botohe_moo.plots import plot_front
     from botohe_moo.solution.model import BOUND, FRONT_PICTURE, PictureError, draw_picture
 
-    with hold_interrupt(answer=_STOPPING) as stop:
+    with stoppable(_STOPPING) as stop:
         bound = _prove(
             solution.mission,
             solution,
@@ -171,23 +169,6 @@ def _read_front(folder: Path, mission: Mission) -> Solution:
             f"of robots: it has {solution.mission.robots}, the mission {mission.robots}."
         )
     return solution
-
-
-def _limits_of(
-    solution: Solution, folder: Path, min_survival: float, max_length: float | None
-) -> tuple[float, float]:
-    """Return the limits of a front, or raise a ValueError where stricter ones are given."""
-    budget = _budget_of(solution)
-    for name, given, kept in (
-        ("--min-survival", -min_survival, -solution.min_survival),
-        ("--max-length", math.inf if max_length is None else max_length, budget),
-    ):
-        if given < kept:
-            raise ValueError(
-                f"{name} {abs(given):g} is stricter than the limit of the front in {folder}, "
-                f"{abs(kept):g}: its plans need not keep it."
-            )
-    return solution.min_survival, budget
 
 
 def _budget_of(solution: Solution) -> float:

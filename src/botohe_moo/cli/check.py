@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from botohe_moo.cli.options import read_parameters
-from botohe_moo.cli.shell import FAILED, failing, tell
+from botohe_moo.cli.shell import FAILED, failing, paragraph, tell
 
 if TYPE_CHECKING:
     from botohe_moo.testing import CheckResult
@@ -44,15 +44,9 @@ def check_conformance(
     with failing():
         parameters = read_parameters(parameter)
         from botohe_moo import testing
-        from botohe_moo.algorithms import registry
-        from botohe_moo.cli.checks import refuse
-        from botohe_moo.mission import library
         from botohe_moo.testing.checking import kind_of
 
         mission = mission or kind_of(name) == "mission"
-        find_faults = library.mission_faults if mission else registry.algorithm_faults
-        if parameters:
-            refuse(name, find_faults(name, parameters, plain=True))
         check = testing.check_mission if mission else testing.check_algorithm
         with contextlib.redirect_stdout(sys.stderr):  # what an algorithm prints is not a result
             results = check(name, parameters)
@@ -68,8 +62,6 @@ def check_conformance(
 
 
 def _tell_results(results: list[CheckResult]) -> None:
-    from botohe_moo.cli.describe import paragraph
-
     width = max(len(result.rule) for result in results)
     for result in results:
         tell(f"{result.rule:{width}}  {result.status:8} {result.seconds:6.1f} s")

@@ -1,17 +1,15 @@
-"""The command ``botohe choose``: from a front to one plan."""
+"""The commands ``botohe choose`` and ``botohe explore``: what becomes of a front."""
 
 from __future__ import annotations
 
 import shlex
-from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from botohe_moo.cli.describe import paragraph
 from botohe_moo.cli.options import out_option
-from botohe_moo.cli.shell import FAILED, fail, failing, tell
+from botohe_moo.cli.shell import FAILED, fail, failing, paragraph, say, tell
 
 if TYPE_CHECKING:
     from botohe_moo.decide import Choice
@@ -48,7 +46,7 @@ TowardOption = Annotated[
 ]
 PlanOption = Annotated[
     int | None,
-    typer.Option("--plan", metavar="ID", min=0, help="Take this plan of front.csv."),
+    typer.Option("--plan", metavar="ID", help="Take this plan of front.csv."),
 ]
 ChooseOption = Annotated[
     list[str] | None,
@@ -90,7 +88,7 @@ def choose_plan(
     written. It is 2 for bad input, and if the file cannot be written.
     """
     with failing():
-        from botohe_moo._base.files import check_parent
+        from botohe_moo._base.files import check_file
         from botohe_moo.decide.choosing import taken
         from botohe_moo.decide.export import check_plan_file
         from botohe_moo.decide.fronts import check_row
@@ -100,7 +98,7 @@ def choose_plan(
         _check_options(asked, most, out)
         if out is not None:
             check_plan_file(out, also=_PICTURES)
-            check_parent(out)
+            check_file(out)
             _check_own(folder, out)
         solution = read_solution(folder)
         if toward is not None:
@@ -123,8 +121,7 @@ def choose_plan(
 def _check_own(folder: Path, out: Path) -> None:
     from botohe_moo.solution.model import FILES
 
-    # Path.resolve would raise what no caller expects where a link leads to itself.
-    if any(realpath(out) == realpath(folder / name) for name in FILES):
+    if any(out.resolve() == (folder / name).resolve() for name in FILES):
         raise ValueError(f"{out}: a file of the solution itself; give another name.")
 
 
@@ -184,3 +181,52 @@ def _overview(solution: Solution) -> str:
         '`botohe choose DIR "survivors >= 2"`, or look at one with `--plan ID`.'
     )
     return f"{solution.describe()}\n\n{paragraph(more)}"
+
+
+if TYPE_CHECKING:
+    from botohe_moo.decide import Choice
+    from botohe_moo.solution import Solution
+
+
+def explore_front(
+    folder: FolderArgument,
+    out: Annotated[
+        Path | None,
+        out_option("FILE.html", "File to write; by default DIR/explorer.html."),
+    ] = None,
+    wish: ChooseOption = None,
+    open_page: Annotated[
+        bool, typer.Option("--open", help="Open the page in the browser.")
+    ] = False,
+) -> None:
+    """Write a page to walk along a front and compare its plans.
+
+    One HTML file that needs no network: the front beside the map of the site, distributions of
+    reward and survivors, up to four plans side by side, filters, and export of plans.
+
+    The plan that --choose chooses is marked on it. If no plan meets all wishes, it is the nearest
+    one, and the exit status is still 0. It is 2 for bad input, and if the page cannot be written.
+    """
+    with failing():
+        from botohe_moo.explorer.page import check_page_file
+        from botohe_moo.solution import read_solution
+        from botohe_moo.solution.model import PAGE
+
+        solution = read_solution(folder)
+        path = check_page_file(folder / PAGE if out is None else out)
+        choice = solution.choose(*wish) if wish else None
+    if choice is not None:
+        tell(paragraph(choice.why))
+    write_page(solution, path, choice)
+    if open_page:
+        import webbrowser
+
+        if not webbrowser.open(path.resolve().as_uri()):
+            say(f"there is no browser here that could be started; open {path} in one.")
+
+
+def write_page(solution: Solution, path: Path, choice: Choice | None) -> None:
+    """Write the page of a solution, with a choice marked, and say so."""
+    with failing():
+        solution.explore(path, wishes=() if choice is None else [choice])
+    tell(f"wrote {path}")

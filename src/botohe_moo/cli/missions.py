@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from botohe_moo.cli.describe import brief, describe, listing, paragraph, parameter_text
+from botohe_moo._base.words import counted
 from botohe_moo.cli.options import (
     MissionArgument,
     MissionParameterOption,
@@ -15,7 +15,19 @@ from botohe_moo.cli.options import (
     mission_source,
     out_option,
 )
-from botohe_moo.cli.shell import BAD_INPUT, failing, say, tell
+from botohe_moo.cli.shell import (
+    BAD_INPUT,
+    brief,
+    failing,
+    listing,
+    paragraph,
+    parameter_text,
+    say,
+    tell,
+)
+
+if TYPE_CHECKING:
+    from botohe_moo.mission.model import Mission
 
 missions_app = typer.Typer(invoke_without_command=True)
 
@@ -59,18 +71,37 @@ def show_mission(
         from botohe_moo.mission.library import load_mission, mission_parameters
 
         loaded = load_mission(**source)
-    tell(describe(loaded))
+    tell(_describe(loaded))
     for parameter in mission_parameters(mission):
         tell(f"\n{parameter_text(parameter)}")
     if picture is None:
         return
-    from botohe_moo._base.files import check_parent
+    from botohe_moo._base.files import check_file
     from botohe_moo.plots import plot_mission, save_plot
 
     with failing():
-        check_parent(picture)
+        check_file(picture)
         save_plot(plot_mission(loaded), picture)
     tell(f"wrote {picture}")
+
+
+def _describe(mission: Mission) -> str:
+    """Describe a mission, a line for each of its traits."""
+    arrays = mission.arrays
+    lines = [
+        f"{mission.name}: {mission.title}",
+        f"  nodes         {arrays.n_nodes} ({(arrays.reward > 0).sum()} with a reward)",
+        f"  arcs          {arrays.n_arcs}{'' if mission.balanced else ', dead ends possible'}",
+        f"  team          {counted(mission.robots, 'robot')} at base {mission.base!r}",
+        f"  total reward  {mission.total_reward:g}",
+    ]
+    if arrays.n_arcs:
+        lines.append(f"  survival      {arrays.survival.min():g} to {arrays.survival.max():g}")
+        if any("length" in arc for *_, arc in mission.graph.edges(data=True)):
+            lines.append(f"  length        {arrays.length.min():g} to {arrays.length.max():g}")
+    if mission.max_length is not None:
+        lines.append(f"  max_length    {mission.max_length:g}, the travel budget of every robot")
+    return "\n".join(lines)
 
 
 @missions_app.command("check")
@@ -112,7 +143,7 @@ def import_mission(
         ),
     ],
     base: Annotated[str, typer.Option("--base", metavar="LABEL", help="Label of the base.")],
-    robots: Annotated[int, typer.Option("--robots", metavar="K", min=1, help="Number of robots.")],
+    robots: Annotated[int, typer.Option("--robots", metavar="K", help="Number of robots.")],
     out: Annotated[
         Path,
         out_option("FILE", "Mission file to write: .json, .graphml."),
@@ -125,7 +156,6 @@ def import_mission(
         typer.Option(
             "--max-length",
             metavar="L",
-            min=0,
             help="Travel budget of every robot, in the unit of length.",
         ),
     ] = None,

@@ -1,23 +1,20 @@
 """Arguments and options that several commands take."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from contextlib import suppress
-from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    pass
 
 
 def out_option(metavar: str, help: str) -> Any:  # noqa: A002
     """Make an option for what is written."""
-    return typer.Option("--out", "-o", metavar=metavar, help=help, parser=_path)
-
-
-def _path(text: str) -> Path:
-    """Return a path; an empty text, which a variable that is not set leaves, is refused."""
-    if not text:
-        raise typer.BadParameter("expected a path, got an empty text")
-    return Path(text)
+    return typer.Option("--out", "-o", metavar=metavar, help=help)
 
 
 MissionArgument = Annotated[
@@ -25,15 +22,13 @@ MissionArgument = Annotated[
 ]
 RobotsOption = Annotated[
     int | None,
-    typer.Option("--robots", metavar="K", min=1, help="Another number of robots."),
+    typer.Option("--robots", metavar="K", help="Another number of robots."),
 ]
 MinSurvivalOption = Annotated[
     float,
     typer.Option(
         "--min-survival",
         metavar="P",
-        min=0,
-        max=1,
         help="Survival floor: every robot survives with at least this probability.",
     ),
 ]
@@ -42,7 +37,6 @@ MaxLengthOption = Annotated[
     typer.Option(
         "--max-length",
         metavar="L",
-        min=0,
         help="Travel budget: every robot's trail is at most this long, in the unit of the arcs' "
         "length; by default the mission's own, if it has one; inf for none.",
     ),
@@ -66,19 +60,17 @@ ParameterOption = Annotated[
     ),
 ]
 SeedOption = Annotated[
-    int, typer.Option("--seed", "-s", metavar="S", min=0, help="Seed of the random numbers.")
+    int, typer.Option("--seed", "-s", metavar="S", help="Seed of the random numbers.")
 ]
 
 
 def read_parameters(pairs: Iterable[str] | None) -> dict[str, Any]:
-    """Read NAME=VALUE pairs, each name once; numbers as in Python, everything else as in YAML."""
+    """Read NAME=VALUE pairs: numbers as in Python, everything else as in YAML."""
     found: dict[str, Any] = {}
     for pair in pairs or ():
         name, equals, value = pair.partition("=")
         if not equals or not name.isidentifier():
             raise ValueError(f"Expected a parameter as NAME=VALUE, got {pair!r}.")
-        if name in found:
-            raise ValueError(f"Expected each parameter once, got {name!r} twice.")
         found[name] = _value(name, value)
     return found
 
@@ -100,7 +92,4 @@ def _value(name: str, text: str) -> Any:
 def mission_source(mission: str, robots: int | None, pairs: list[str] | None) -> dict[str, Any]:
     """Collect the arguments of `load_mission`."""
     given = [*(pairs or []), *([] if robots is None else [f"robots={robots}"])]
-    parameters = read_parameters(given)
-    if "name_or_path" in parameters:
-        raise ValueError(f"Mission {mission!r}: there is no parameter 'name_or_path'.")
-    return {"name_or_path": mission, **parameters}
+    return {**read_parameters(given), "name_or_path": mission}

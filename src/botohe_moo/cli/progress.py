@@ -9,23 +9,20 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from botohe_moo._base.compiling import when_compiling
+from numba.core import event
+
 from botohe_moo._base.words import counted
 from botohe_moo.cli.shell import harmless, say
 
 if TYPE_CHECKING:
-    from rich.progress import Task
-    from rich.text import Text
-
     from botohe_moo.solving import Progress
     from botohe_moo.study.file.model import Run, StudyMission
     from botohe_moo.study.planning import Plan
     from botohe_moo.study.run.task import Outcome, Record
 
 _COMPILING = "compiling for this machine, once: about 15 s, longer if it is busy"
-_LONGEST = 100 * 86_400  # seconds; a longer time left is not shown
 _SECONDS_BETWEEN_LINES = 6.0
 
 
@@ -40,7 +37,7 @@ def showing(words: str, *, every: float = _SECONDS_BETWEEN_LINES) -> Iterator[Sh
     A bar without a total moves to and fro. Where standard error is not a terminal, the words are
     printed every few seconds. It is also shown when kernels are being compiled.
     """
-    latest, noted = words, False
+    latest = words
     # rich would also take FORCE_COLOR, which many set for logs, for a terminal.
     is_terminal = sys.stderr is not None and sys.stderr.isatty()
     with _bar() if is_terminal else _lines(every) as put:
@@ -51,38 +48,49 @@ def showing(words: str, *, every: float = _SECONDS_BETWEEN_LINES) -> Iterator[Sh
             put(words, done, total)
 
         def note(compiling: bool) -> None:
-            nonlocal noted
-            if not noted:
-                say(f"{_COMPILING}.")
-                noted = True
             put("compiling" if compiling else latest, 0.0, None)
 
         show(words)
-        with when_compiling(note):
+        with _install_listener("numba:compile", _CompilingListener(note)):
             yield show
+
+
+_install_listener: Any = event.install_listener
+
+
+class _CompilingListener(event.Listener):
+    """Calls a function when numba begins to compile a kernel, with all that it calls, and ends."""
+
+    def __init__(self, note: Callable[[bool], None]) -> None:
+        self._note = note
+        self._depth = 0
+        self._is_first = True
+
+    def on_start(self, event: Any) -> None:  # noqa: ARG002
+        if self._is_first:
+            say(f"{_COMPILING}.")
+            self._is_first = False
+        self._depth += 1
+        if self._depth == 1:
+            self._note(True)
+
+    def on_end(self, event: Any) -> None:  # noqa: ARG002
+        self._depth -= 1
+        if self._depth == 0:
+            self._note(False)
 
 
 @contextmanager
 def _bar() -> Iterator[Show]:
     from rich import progress
     from rich.console import Console
-    from rich.text import Text
-
-    class Time(progress.ProgressColumn):
-        """The time that is left, or the time that has passed where that is not known."""
-
-        def render(self, task: Task) -> Text:
-            left = task.time_remaining
-            if left is not None and left > _LONGEST:
-                left = None
-            shown = timedelta(seconds=int((task.elapsed or 0.0) if left is None else left))
-            return Text(f"{shown}" if left is None else f"{shown} left")
 
     bar = progress.Progress(
         progress.BarColumn(bar_width=16),
         progress.TaskProgressColumn(),
         progress.TextColumn("{task.fields[words]} ", markup=False),
-        Time(),
+        progress.TimeElapsedColumn(),
+        progress.TimeRemainingColumn(),
         console=Console(stderr=True),
         redirect_stdout=False,
     )
@@ -126,7 +134,7 @@ _SECONDS_BETWEEN_UPDATES = 0.5  # computing the area takes a while on large fron
 
 @contextmanager
 def showing_search(total: int) -> Iterator[Progress]:
-    """Show how many evaluations are done, and the area: for what calls itself ``progress``."""
+    """Show how many evaluations are done, and the area of the front."""
     with showing("starting") as show:
         shown_at = -math.inf
 

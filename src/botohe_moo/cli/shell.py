@@ -1,21 +1,36 @@
-"""Messages and exit statuses of commands."""
+"""What commands print, and their exit statuses."""
+
+from __future__ import annotations
 
 import errno
 import gc
+import json
 import logging
 import os
 import re
+import shutil
+import signal
 import sys
+import textwrap
+import threading
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import NoReturn, TextIO
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, NoReturn, TextIO
 
 import typer
+
+from botohe_moo._base.words import counted
+
+if TYPE_CHECKING:
+    from botohe_moo._plugins.stated import Parameter
+    from botohe_moo.mission.model import Mission
 
 FAILED = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
+
+_MAX_WIDTH = 100
 
 
 def run(app: typer.Typer) -> None:
@@ -95,3 +110,101 @@ def failing(status: int = BAD_INPUT) -> Iterator[None]:
         fail(f"{error.filename}: {error.strerror}" if error.filename else error, status)
     except ValueError as error:
         fail(error, status)
+
+
+@contextmanager
+def stoppable(answer: str) -> Iterator[threading.Event]:
+    """Let Ctrl-C set an event, and print an answer at once, however long the current step takes.
+
+    Python calls handlers between two steps of the main thread, which may be inside of a kernel for
+    minutes. Kernels hold no lock, though, and a signal is written to the wakeup descriptor at once:
+    another thread reads it.
+    """
+    from botohe_moo.solving import hold_interrupt
+
+    def wait() -> None:
+        while (came := os.read(reader, 1)) and came[0] != signal.SIGINT:
+            pass
+        if came:
+            # Not by rich or sys.stderr, whose locks the main thread may hold; below the bar.
+            line = f"{os.linesep if os.isatty(2) else ''}botohe: {answer}{os.linesep}"
+            with suppress(OSError):
+                os.write(2, line.encode())
+
+    with hold_interrupt() as pressed:
+        reader, writer = os.pipe()
+        os.set_blocking(writer, False)
+        usual = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+        thread = threading.Thread(target=wait, daemon=True)
+        thread.start()
+        try:
+            yield pressed
+        finally:
+            signal.set_wakeup_fd(usual)
+            os.close(writer)  # which ends the thread
+            thread.join()
+            os.close(reader)
+
+
+def brief(mission: Mission, max_length: float | None) -> str:
+    """Return a mission's size and the travel budget in a line."""
+    team = counted(mission.robots, "robot")
+    limit = "" if max_length is None else f", travel budget {max_length:g}"
+    return (
+        f"{len(mission.nodes)} nodes, {mission.arrays.n_arcs} arcs, {team}, "
+        f"total reward {mission.total_reward:g}{limit}"
+    )
+
+
+def parameter_text(parameter: Parameter) -> str:
+    """Return a parameter's name, default, type, range and meaning, as the command line has them."""
+    kind = re.sub(r"Literal\[([^]]*)\]", r"\1", parameter.annotation).replace(" | ", " or ")
+    kind = ", ".join(filter(None, (kind, parameter.range)))
+    kind = f"  ({kind})" if kind else ""
+    headline = parameter.name
+    if not parameter.plain:
+        kind = "  (from Python only)"
+    elif not parameter.required:
+        headline += f" = {_default(parameter)}"
+    lines = [paragraph(f"{headline}{kind}", first="  ", indent=" " * 6)]
+    if parameter.description:
+        lines.append(paragraph(parameter.description, first=" " * 6, indent=" " * 6))
+    return "\n".join(lines)
+
+
+def parameter_example(parameter: Parameter) -> str:
+    """Return a parameter as it is written on the command line."""
+    return f"{parameter.name}={'VALUE' if parameter.required else _default(parameter)}"
+
+
+def _default(parameter: Parameter) -> str:
+    default = parameter.default
+    if isinstance(default, Mapping):
+        return "{" + ", ".join(f"{name}: {value}" for name, value in default.items()) + "}"
+    return json.dumps(default) if default is None or isinstance(default, bool) else str(default)
+
+
+def listing(entries: Iterable[tuple[str, str]]) -> str:
+    """Lay out names and their descriptions in two columns."""
+    entries = list(entries)
+    widest = max((len(name) for name, _ in entries), default=0)
+    return "\n".join(
+        paragraph(text, first=f"{name:{widest}}  ", indent=" " * (widest + 2))
+        for name, text in entries
+    )
+
+
+def paragraph(text: str, *, first: str = "", indent: str = "") -> str:
+    """Free text from docstring markup; wrap it to the terminal, if there is one."""
+    text = re.sub(r":\w+:`~?([^`]*)`", r"\1", text).replace("``", "")
+    columns = shutil.get_terminal_size((0, 0)).columns
+    if not columns:
+        return f"{first}{text}".rstrip()
+    return textwrap.fill(
+        text,
+        max(min(columns, _MAX_WIDTH), len(indent) + 20),
+        initial_indent=first,
+        subsequent_indent=indent,
+        break_on_hyphens=False,
+        break_long_words=False,
+    )

@@ -12,6 +12,10 @@ from botohe_moo.cli.options import out_option
 from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pandas import DataFrame
+
     from botohe_moo.study.planning import Estimate
     from botohe_moo.study.store.tables import StudyTables
 
@@ -34,7 +38,6 @@ WorkersOption = Annotated[
         "--workers",
         "-w",
         metavar="N",
-        min=1,
         help="Runs at a time; by default as many as there are processors.",
     ),
 ]
@@ -44,7 +47,6 @@ PatienceOption = Annotated[
     typer.Option(
         "--patience",
         metavar="SECONDS",
-        min=1,
         help="A run of another package's algorithm fails that evaluates nothing for that long, "
         "where its budget has no seconds.",
     ),
@@ -52,9 +54,10 @@ PatienceOption = Annotated[
 
 
 def _workers(given: int | None) -> int:
+    from botohe_moo._base.checks import check_integer
     from botohe_moo.study.run.environment import n_cpus
 
-    return n_cpus() if given is None else given
+    return n_cpus() if given is None else check_integer("--workers", given, at_least=1)
 
 
 @study_app.command("run")
@@ -73,12 +76,15 @@ def run(
     Ctrl-C, SIGTERM and SIGHUP stop; what is done stays done, and the same command goes on from
     there.
     """
+    from botohe_moo._base.checks import check_integer
     from botohe_moo.cli.progress import StudyWatcher, showing
     from botohe_moo.study.file.loading import load_study
     from botohe_moo.study.file.model import study_folder
     from botohe_moo.study.runner import StudyInterrupted, run_study
 
     with failing():
+        n_workers = _workers(workers)
+        check_integer("--patience", patience, at_least=1)
         study = load_study(file, out=out)
     folder = study_folder(study.name, out)
     try:
@@ -86,7 +92,7 @@ def run(
             tables = run_study(
                 study,
                 folder,
-                workers=_workers(workers),
+                workers=n_workers,
                 dask=dask,
                 patience=patience,
                 watcher=StudyWatcher(show),
@@ -107,8 +113,6 @@ def run(
 
 def _outcome(tables: StudyTables) -> str:
     """Return the medians as a table for each mission."""
-    from pandas import option_context
-
     summary = tables.summary
     lines = []
     for mission in tables.mission_labels:
@@ -123,11 +127,7 @@ def _outcome(tables: StudyTables) -> str:
         if rows["area_gap"].notna().any():
             shown.insert(5, "gap at most", rows["area_gap"])
         formats = {"seconds": "{:.2f}".format, "gap at most": "{:.2%}".format}
-        with option_context("display.unicode.east_asian_width", True):
-            table = shown.to_string(
-                index=False, float_format="{:.4f}".format, formatters=formats, justify="right"
-            )
-        lines.append(f"{mission}\n{table}")
+        lines.append(f"{mission}\n{_table(shown, **formats)}")
     return "\n\n".join(lines)
 
 
@@ -140,6 +140,7 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
     from botohe_moo.study.store.folder import StudyFolder
 
     with failing():
+        n_workers = _workers(workers)
         study = load_study(file, out=out)
         folder = StudyFolder(study_folder(study.name, out))
         folder.check(study)
@@ -148,7 +149,7 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
     tell(_plan_table(estimates))
     n_there, n_runs = len(planned.finished), len(planned.runs)
     tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder.path}")
-    n_workers, n_bounds = _workers(workers), len(planned.unbounded)
+    n_bounds = len(planned.unbounded)
     if n_bounds:
         each = _duration(study.bound_seconds)
         tell(f"{counted(n_bounds, 'bound')} to compute when the runs are done, at most {each} each")
@@ -164,15 +165,21 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
 
 
 def _plan_table(estimates: list[Estimate]) -> str:
-    from rich.cells import cell_len, set_cell_size  # Chinese letters take two columns
+    import pandas as pd
 
-    header = ("mission", "algorithm", "runs", "there", "failed", "each takes")
     rows = [
-        (e.mission, e.algorithm, *map(str, (e.n_runs, e.n_finished, e.n_failed)), _each(e))
-        for e in estimates
+        (e.mission, e.algorithm, e.n_runs, e.n_finished, e.n_failed, _each(e)) for e in estimates
     ]
-    widths = [max(map(cell_len, column)) for column in zip(header, *rows, strict=True)]
-    return "\n".join("  ".join(map(set_cell_size, row, widths)).rstrip() for row in (header, *rows))
+    header = ["mission", "algorithm", "runs", "there", "failed", "each takes"]
+    return _table(pd.DataFrame(rows, columns=header))
+
+
+def _table(frame: DataFrame, **formats: Callable[[float], str]) -> str:
+    """Lay out a table for a terminal, where Chinese letters take two columns."""
+    from pandas import option_context
+
+    with option_context("display.unicode.east_asian_width", True):
+        return frame.to_string(index=False, float_format="{:.4f}".format, formatters=formats)
 
 
 def _each(estimate: Estimate) -> str:

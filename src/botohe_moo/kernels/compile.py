@@ -20,7 +20,6 @@ from numba.core import event
 from numba.core.cpu import CPUTargetOptions
 from numba.extending import register_jitable
 
-from botohe_moo._base.compiling import say_compiling
 from botohe_moo._base.types import RecordArray
 from botohe_moo.kernels.linking import leave_helpers_to_kernels
 
@@ -140,15 +139,12 @@ class _WithoutCollecting(event.Listener):
         if self._depth == 0:
             self._was_enabled = gc.isenabled()
             gc.disable()
-            say_compiling(True)
         self._depth += 1
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002
         self._depth -= 1
-        if self._depth == 0:
-            say_compiling(False)
-            if self._was_enabled:
-                gc.enable()
+        if self._depth == 0 and self._was_enabled:
+            gc.enable()
 
 
 _register: Any = event.register

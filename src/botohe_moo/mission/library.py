@@ -8,12 +8,10 @@ from typing import Any
 
 import networkx as nx
 
-from botohe_moo._base.checks import ParameterError, mapping_of, quoted
+from botohe_moo._base.checks import ParameterError, quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
-from botohe_moo._plugins.docstrings import summary_of
-from botohe_moo._plugins.entry_points import PluginError, PluginGroup
-from botohe_moo._plugins.factories import declared_factory
-from botohe_moo._plugins.stated import Parameter, accepted_parameters
+from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory
+from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 from botohe_moo._plugins.types import Robots
 from botohe_moo.mission.formats.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
@@ -141,8 +139,8 @@ def mission_faults(
     >>> mission_faults("terrain", {"nodes": "50", "robots": 3})
     [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
     """
+    given = parameters or {}
     try:
-        given = mapping_of(parameters)
         function = find_factory(name_or_path)
         if function is not None:
             accepted = accepted_parameters(function)
@@ -154,7 +152,7 @@ def mission_faults(
     except OSError as error:
         return [(None, f"{error.filename}: {error.strerror}.")]
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        return [raised_fault(error, parameters, source=_PLUGINS.source(name_or_path))]
+        return [raised_fault(error, given, source=_PLUGINS.source(name_or_path))]
     return []
 
 
@@ -191,7 +189,7 @@ def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None
 def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
     """List the parameters that a named mission states besides ``robots``; a file has none."""
     function = find_factory(name_or_path)
-    stated = () if function is None else accepted_parameters(function).parameters
+    stated = () if function is None else accepted_parameters(function)
     return tuple(parameter for parameter in stated if parameter.name != "robots")
 
 
@@ -231,7 +229,7 @@ def _make(
 ) -> Mission:
     source, origin = _PLUGINS.source(name), _PLUGINS.origin(name)
     accepted = accepted_parameters(function)
-    if robots is not None and "robots" in accepted.names:
+    if robots is not None and any(parameter.name == "robots" for parameter in accepted):
         parameters = {**parameters, "robots": robots}
     passing = (MissionError, MemoryError)
     try:

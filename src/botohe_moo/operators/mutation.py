@@ -140,7 +140,7 @@ class TrailMoves(PlanMutation):
         self.every_robot = every_robot
         self.max_tries = max_tries
         given = dict.fromkeys(MOVES, 1.0) | {"reverse": 0.1} if weights is None else weights
-        given = check_weights("weights", given, MOVES, what="moves", needed="move")
+        given = check_weights("weights", given, MOVES, needed="move")
         self.weights = np.array([given.get(name, 0.0) for name in MOVES])
 
     def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:

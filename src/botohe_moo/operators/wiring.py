@@ -14,8 +14,13 @@ from pymoo.core.sampling import Sampling
 
 from botohe_moo._base.checks import ParameterError, check_weights, nearest_first, quoted
 from botohe_moo._base.types import ObjectArray, Rng
-from botohe_moo._plugins.entry_points import PluginError, PluginGroup
-from botohe_moo._plugins.factories import declared_factory, is_path, says_it_makes
+from botohe_moo._plugins.entry_points import (
+    PluginError,
+    PluginGroup,
+    declared_factory,
+    is_path,
+    says_it_makes,
+)
 from botohe_moo.operators.base import Mixture
 from botohe_moo.operators.crossover import MixedCrossover, TrailExchange, TrailSplice
 from botohe_moo.operators.mutation import (

@@ -7,7 +7,7 @@ from botohe_moo._base.lazy import lazy_names
 if TYPE_CHECKING:
     from botohe_moo.testing.checking import check_algorithm as check_algorithm
     from botohe_moo.testing.checking import check_mission as check_mission
-    from botohe_moo.testing.parametrizing import parametrize_with_checks as parametrize_with_checks
+    from botohe_moo.testing.checking import parametrize_with_checks as parametrize_with_checks
     from botohe_moo.testing.rules import BrokenRuleError as BrokenRuleError
     from botohe_moo.testing.rules import CheckResult as CheckResult
 

@@ -8,17 +8,20 @@ from pymoo.core.algorithm import Algorithm
 from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.registry import accepted_by
 from botohe_moo.problem import BOTOHE
-from botohe_moo.testing import places
 from botohe_moo.testing.rules import Rule, Subject, expect, rule
 from botohe_moo.testing.watching import (
     Counted,
     Halved,
     Run,
     Watched,
+    alone,
+    measured,
     missing,
+    one_way,
     refuses,
     revived,
     run,
+    streets,
 )
 
 _EVALUATIONS = 300
@@ -45,13 +48,13 @@ def can_be_made(subject: Subject) -> None:
 )
 def runs_end(subject: Subject) -> None:
     """A run ends when its budget is spent, or before."""
-    _run(subject, BOTOHE(places.streets()))
+    _run(subject, BOTOHE(streets()))
 
 
 @rule("State each parameter in the signature, by name, with its type and its default.")
 def parameters_stated(subject: Subject) -> None:
     """All parameters are in the signature, with their types."""
-    stated = accepted_by(subject.factory).parameters
+    stated = accepted_by(subject.factory)
     untyped = [parameter.name for parameter in stated if not parameter.annotation]
     expect(not untyped, f"no type is stated of {', '.join(untyped)}")
 
@@ -59,7 +62,7 @@ def parameters_stated(subject: Subject) -> None:
 @rule("Put TrailPlans into X, made with the mission's arcs alone, and leave F as it is evaluated.")
 def valid_plans(subject: Subject) -> None:
     """The result holds valid plans, and the objectives that the problem computes of them."""
-    for mission in (places.streets(), places.measured()):
+    for mission in (streets(), measured()):
         found = _run(subject, BOTOHE(mission))
         expect(found.plans, "its result holds no plan")
         _expect_true_objectives(found, BOTOHE(mission))
@@ -71,7 +74,7 @@ def valid_plans(subject: Subject) -> None:
 )
 def own_objectives(subject: Subject) -> None:
     """Another objective, by a subclass of BOTOHE, is used, or the problem is refused by name."""
-    problem = Halved(places.streets())
+    problem = Halved(streets())
     if not refuses(subject.make(), problem):
         _expect_true_objectives(_run(subject, problem), problem)
 
@@ -80,7 +83,7 @@ def own_objectives(subject: Subject) -> None:
 def front_of_all_evaluated(subject: Subject) -> None:
     """The result is the front of all plans that were evaluated; none is lost on the way."""
     for floor in (0.0, 0.3):
-        problem = Watched(places.streets(), min_survival=floor)
+        problem = Watched(streets(), min_survival=floor)
         watched = not refuses(subject.make(), problem)
         problem.seen.clear()
         plain = BOTOHE(problem.mission, min_survival=floor)
@@ -98,7 +101,7 @@ def front_of_all_evaluated(subject: Subject) -> None:
 @rule("Evaluate no more plans than the termination still allows, and as many.")
 def exact_budget(subject: Subject) -> None:
     """Budgets are spent to the last evaluation, and not beyond, unless it ends by itself."""
-    problem = BOTOHE(places.streets())
+    problem = BOTOHE(streets())
     for budget in _BUDGETS:
         spent = _run(subject, problem, budget).spent
         expect(spent <= budget, f"it spent {spent} of {budget} evaluations")
@@ -112,7 +115,7 @@ def exact_budget(subject: Subject) -> None:
 @rule(_USE_EVALUATOR)
 def true_budget(subject: Subject) -> None:
     """Every plan that is evaluated is counted."""
-    plain = places.streets()
+    plain = streets()
     mission = Counted(plain.graph, base=plain.base, robots=plain.robots)
     problem = Watched(mission)
     watched = not refuses(subject.make(), problem)
@@ -130,9 +133,9 @@ def true_budget(subject: Subject) -> None:
 )
 def same_seed_same_front(subject: Subject) -> None:
     """The same seed gives the same plans in the same order, whatever ran before."""
-    one = _run(subject, BOTOHE(places.streets()), seed=5)
-    _run(subject, BOTOHE(places.one_way()), seed=7)
-    same = _run(subject, BOTOHE(places.streets()), seed=5)
+    one = _run(subject, BOTOHE(streets()), seed=5)
+    _run(subject, BOTOHE(one_way()), seed=7)
+    same = _run(subject, BOTOHE(streets()), seed=5)
     _expect_same(one, same, "two runs with the same seed differ")
 
 
@@ -142,7 +145,7 @@ def same_seed_same_front(subject: Subject) -> None:
 )
 def other_seed_other_front(subject: Subject) -> None:
     """Another seed gives other plans, unless the algorithm says that it is deterministic."""
-    problem = BOTOHE(places.streets())
+    problem = BOTOHE(streets())
     differs = any(
         _run(subject, problem, budget, seed=1).trails
         != _run(subject, problem, budget, seed=2).trails
@@ -160,7 +163,7 @@ def other_seed_other_front(subject: Subject) -> None:
 )
 def resumes_when_pickled(subject: Subject) -> None:
     """A run that is pickled on its way, and unpickled, ends bit for bit as one that is not."""
-    problem = BOTOHE(places.streets())
+    problem = BOTOHE(streets())
     whole = _run(subject, problem)
     n = len(whole.fronts)
     for stop in sorted({0, 1, n // 2}):
@@ -180,7 +183,7 @@ def resumes_when_pickled(subject: Subject) -> None:
 @rule("Lead trails along the mission's arcs, in their direction, and home over unused ones.")
 def one_way_mission(subject: Subject) -> None:
     """Missions whose arcs have no reverse are planned, and robots leave the base."""
-    problem = BOTOHE(places.one_way())
+    problem = BOTOHE(one_way())
     found = _run(subject, problem)
     _expect_true_objectives(found, problem)
     expect(
@@ -191,7 +194,7 @@ def one_way_mission(subject: Subject) -> None:
 @rule("Do not take for granted that there are two robots.")
 def one_robot(subject: Subject) -> None:
     """A team of one robot is planned."""
-    problem = BOTOHE(places.alone())
+    problem = BOTOHE(alone())
     found = _run(subject, problem)
     _expect_true_objectives(found, problem)
     expect(any(found.objectives[:, 0] > 0.0), "a single robot collects nothing")
@@ -201,7 +204,7 @@ def one_robot(subject: Subject) -> None:
 def survival_floor(subject: Subject) -> None:
     """A survival floor is kept, also one that nothing but staying home satisfies."""
     for floor in (0.5, 1.0):
-        problem = BOTOHE(places.streets(), min_survival=floor)
+        problem = BOTOHE(streets(), min_survival=floor)
         found = _run(subject, problem)
         least = problem.mission.robot_survival(found.plans).min(initial=1.0)
         expect(
@@ -215,7 +218,7 @@ def survival_floor(subject: Subject) -> None:
 def travel_budget(subject: Subject) -> None:
     """A travel budget is kept."""
     for budget in (0.0, 4.0):
-        problem = BOTOHE(places.measured(), max_length=budget)
+        problem = BOTOHE(measured(), max_length=budget)
         found = _run(subject, problem)
         longest = problem.mission.trail_lengths(found.plans).max(initial=0.0)
         expect(

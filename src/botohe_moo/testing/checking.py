@@ -1,13 +1,23 @@
-"""Checks of algorithms and missions of other packages."""
+"""Checks of algorithms and missions of other packages, one by one or as tests of pytest."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from botohe_moo._base.checks import mapping_of, quoted
-from botohe_moo.testing.rules import CheckResult, Rule, Subject, name_of, run_rules
+from botohe_moo._base.checks import nearest_first, quoted
+from botohe_moo.testing.rules import (
+    BrokenRuleError,
+    CheckResult,
+    Rule,
+    Subject,
+    fault_of,
+    name_of,
+    run_rules,
+)
 
 if TYPE_CHECKING:
     from pymoo.core.algorithm import Algorithm
@@ -92,7 +102,7 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
 
     It is taken for an algorithm where it does not say, and where both have the name.
     """
-    from botohe_moo._plugins.factories import is_path, named, says_it_makes
+    from botohe_moo._plugins.entry_points import is_path, says_it_makes
     from botohe_moo.algorithms.registry import PLUGINS
     from botohe_moo.mission.library import mission_names
     from botohe_moo.mission.model import Mission
@@ -103,7 +113,7 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
             is_mission = factory not in PLUGINS.claims() and factory in mission_names()
             return "mission" if is_mission else "algorithm"
         try:
-            found = named(factory)
+            found = resolve_name(factory)
         except Exception:  # of another package's code: making it says which
             return "algorithm"
     return "mission" if says_it_makes(found, Mission) else "algorithm"
@@ -115,7 +125,6 @@ def rules_and_subject(
     kind: Kind,
 ) -> tuple[tuple[Rule, ...], Subject]:
     """Return the rules for algorithms or missions, and what they are checked on."""
-    given = mapping_of(parameters)
     if kind == "algorithm":
         from botohe_moo.algorithms.registry import find_algorithm, make_algorithm
         from botohe_moo.testing.algorithms import RULES
@@ -133,9 +142,85 @@ def rules_and_subject(
     if not callable(found):
         expected = f"a class or function that makes {'an' if kind[0] == 'a' else 'a'} {kind}"
         raise TypeError(f"Expected {expected}, or its name, got {quoted(factory)}.")
-    make = functools.partial(by_name, factory) if isinstance(factory, str) else factory
+    make: Any = functools.partial(by_name, factory) if isinstance(factory, str) else factory
+    return rules, Subject(name_of(factory), found, functools.partial(make, **(parameters or {})))
 
-    def made(**others: Any) -> Any:
-        return make(**{**given, **others})
 
-    return rules, Subject(name_of(factory), found, made)
+if TYPE_CHECKING:
+    import pytest
+
+
+@dataclass(frozen=True)
+class Check:
+    """One rule on one algorithm or mission, to be called in a test."""
+
+    rule: Rule
+    subject: Subject
+
+    def __call__(self) -> None:
+        """Check; a BrokenRuleError says what happened, and what to do."""
+        if (fault := fault_of(self.rule, self.subject)) is not None:
+            raise BrokenRuleError(
+                f"{self.subject.name}, {self.rule.name}: {fault}.\n"
+                f"The rule: {self.rule.promise}\nTo keep it: {self.rule.remedy}"
+            )
+
+
+def parametrize_with_checks(
+    factories: Iterable[str | Callable[..., Any]],
+    *,
+    expected_failed_checks: Mapping[str, str] | None = None,
+    kind: Kind | None = None,
+) -> pytest.MarkDecorator:
+    """Make a test of each rule for each algorithm or mission; a decorator for a pytest test.
+
+    The test takes ``check``, and calls it.
+
+    Parameters
+    ----------
+    factories
+        Classes, functions or names, as for :func:`check_algorithm`.
+    expected_failed_checks
+        Rules that are known to be broken, and why: these tests are expected to fail, and fail if
+        they pass. They are rules of all factories that have them.
+    kind
+        ``"algorithm"`` or ``"mission"``; by default what each says that it makes, by its class or
+        the annotation of what it returns, or else an algorithm.
+
+    Raises
+    ------
+    TypeError
+        If ``factories`` is not a list.
+    ValueError
+        If there is no rule of a name in ``expected_failed_checks``.
+    ImportError
+        Without pytest.
+
+    Examples
+    --------
+    >>> from botohe_moo import RandomTrails
+    >>> from botohe_moo.testing import parametrize_with_checks
+    >>> @parametrize_with_checks([RandomTrails], expected_failed_checks={"one_robot": "no"})
+    ... def test_conforms(check):
+    ...     check()
+    """
+    import pytest
+
+    if isinstance(factories, str) or not isinstance(factories, Iterable):
+        raise TypeError(f"Expected factories to be a list, got {quoted(factories)}.")
+    expected = dict(expected_failed_checks or {})
+    made = [rules_and_subject(factory, None, kind or kind_of(factory)) for factory in factories]
+    known = {rule.name for rules, _ in made for rule in rules}
+    for name in expected.keys() - known if made else ():
+        near = ", ".join(nearest_first(str(name), sorted(known)))
+        raise ValueError(f"There is no rule {name!r}; known are {near}.")
+    cases = []
+    for rules, subject in made:
+        for rule in rules:
+            marks: list[Any] = []
+            if rule.name in expected:
+                reason = expected[rule.name]
+                marks.append(pytest.mark.xfail(reason=reason, strict=True, raises=BrokenRuleError))
+            label = f"{subject.name}-{rule.name}"
+            cases.append(pytest.param(Check(rule, subject), id=label, marks=marks))
+    return pytest.mark.parametrize("check", cases)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from botohe_moo._plugins.stated import accepted_parameters
+from botohe_moo._plugins.stated import accepted_parameters, takes_any_name
 from botohe_moo.mission.formats.files import read_mission, save_mission
 from botohe_moo.mission.model import Mission, mission_digest
 from botohe_moo.search.sequential import SequentialPlanner
@@ -25,10 +25,11 @@ def can_be_made(subject: Subject) -> None:
 @rule("State each parameter in the signature, by name, with its type and its default.")
 def parameters_stated(subject: Subject) -> None:
     """All parameters are in the signature, with their types."""
-    accepted = accepted_parameters(subject.factory)
-    untyped = [each.name for each in accepted.parameters if not each.annotation]
+    stated = accepted_parameters(subject.factory)
+    untyped = [parameter.name for parameter in stated if not parameter.annotation]
     expect(not untyped, f"no type is stated of {', '.join(untyped)}")
-    expect(not accepted.any_name, "it takes keywords that it does not state, such as misspelt ones")
+    takes_any = takes_any_name(subject.factory)
+    expect(not takes_any, "it takes keywords that it does not state, such as misspelt ones")
 
 
 @rule("Draw random numbers from a generator made of a parameter `seed`, and of nothing else.")

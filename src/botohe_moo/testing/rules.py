@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from botohe_moo._base.checks import quoted
-from botohe_moo._plugins.docstrings import summary_of
+from botohe_moo._plugins.stated import summary_of
 
 _OURS = str(Path(__file__).parents[1]) + os.sep
 _LONGEST = 500  # characters of another package's message
@@ -35,7 +35,7 @@ class Subject:
 
     name: str
     factory: Callable[..., Any]  # the class or function itself
-    make: Callable[..., Any]  # makes one, given keywords that replace those of the check
+    make: Callable[[], Any]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Runs of an algorithm that is checked, and what it did in them."""
+"""Small missions that algorithms are checked on, and what an algorithm did in a run on one."""
 
 from __future__ import annotations
 
@@ -7,14 +7,48 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import networkx as nx
 import numpy as np
 from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._base.types import BoolArray, FloatArray
+from botohe_moo.mission.generators import random
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.testing.rules import expect
 from botohe_moo.trails import PlanBatch, TrailPlan
+
+
+def streets() -> Mission:
+    """Make a mission of eight nodes, with arcs there and back, for two robots."""
+    return random(nodes=8, arc_probability=0.4, robots=2, seed=3)
+
+
+def one_way() -> Mission:
+    """Make a mission of six nodes on two rings that share the base; no arc has a reverse."""
+    graph: nx.DiGraph[Any] = nx.DiGraph()
+    for node in range(6):
+        graph.add_node(node, reward=float(node))
+    nx.add_cycle(graph, [0, 1, 2, 3], survival=0.9)
+    nx.add_cycle(graph, [0, 4, 5], survival=0.8)
+    graph.add_edge(2, 4, survival=0.95)
+    return Mission(graph, base=0, robots=2, name="one-way")
+
+
+def alone() -> Mission:
+    """Make the mission of streets for one robot."""
+    return streets().with_robots(1)
+
+
+def measured() -> Mission:
+    """Make the mission of streets with lengths."""
+    plain = streets()
+    graph: nx.DiGraph[Any] = nx.DiGraph(plain.graph)
+    rng = np.random.default_rng(3)
+    for arc in sorted(graph.edges):
+        graph.edges[arc]["length"] = float(rng.uniform(0.5, 1.5))
+    return Mission(graph, base=plain.base, robots=2, name="measured")
+
 
 # Generations in a row without an evaluation, after which an algorithm is taken for endless.
 _MOST_IDLE = 1_000

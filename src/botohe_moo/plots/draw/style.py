@@ -1,6 +1,7 @@
 """Palettes, the theme, and saving of pictures."""
 
 import io
+import itertools
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -9,12 +10,10 @@ from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
-import seaborn as sns  # registers its palettes with matplotlib, too
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
-from seaborn.utils import relative_luminance
 
 from botohe_moo._base.files import replace_file
 
@@ -27,20 +26,57 @@ MUTED = "#8c8c8c"
 FORMATS = (".png", ".pdf", ".svg")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
 
+# Seaborn's colours and its style "ticks", written out: importing seaborn, which loads pandas and
+# scipy.stats, takes longer than drawing a mission and its front. The grid is paler than seaborn's,
+# which is too dark behind many lines.
+# fmt: off
+_COLOURBLIND = [
+    "#0173b2", "#de8f05", "#029e73", "#d55e00", "#cc78bc",
+    "#ca9161", "#fbafe4", "#949494", "#ece133", "#56b4e9",
+]
 # Sequential palettes: the darker, the more reward, danger or pheromone, or the more likely reached.
-REWARD, SURVIVAL, PHEROMONE = "crest", "flare_r", "flare"
+REWARD = LinearSegmentedColormap.from_list("crest", [
+    "#a5cd90", "#92c491", "#7fbb91", "#6db290", "#5da890", "#509e90", "#44948f", "#398a8e",
+    "#2e808d", "#24768b", "#1d6c8a", "#1d6187", "#215584", "#26497e", "#2a3d78", "#2c3172",
+])
+PHEROMONE = LinearSegmentedColormap.from_list("flare", [
+    "#edb081", "#ec9f76", "#ea8f6c", "#e77e63", "#e46d5d", "#de5d5c", "#d64f5f", "#c94465",
+    "#ba3e6a", "#aa3a6e", "#9a3670", "#8a3171", "#7a2e70", "#6a2b6c", "#5a2767", "#4b2362",
+])
+# fmt: on
+SURVIVAL = PHEROMONE.reversed()
 REACH = LinearSegmentedColormap.from_list("slate", ["#ffffff", "#c3ccd8", "#7f90a8", "#26364e"])
 
-# Seaborn's ticks with a pale grid; seaborn's own grid is too dark behind many lines.
-_STYLE = {"axes.grid": True, "grid.color": "0.92"}
-_STYLE |= {"axes.spines.top": False, "axes.spines.right": False, "axes.titlelocation": "left"}
-_STYLE |= {"axes.titleweight": "bold", "legend.frameon": False, "lines.solid_capstyle": "round"}
+_THEME: Any = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": INK,
+    "axes.facecolor": "white",
+    "axes.grid": True,
+    "axes.labelcolor": INK,
+    "axes.prop_cycle": cycler(color=_COLOURBLIND),
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titleweight": "bold",
+    "figure.facecolor": "white",
+    "grid.color": "0.92",
+    "legend.frameon": False,
+    "lines.solid_capstyle": "round",
+    "patch.edgecolor": "white",
+    "patch.force_edgecolor": True,
+    "text.color": INK,
+    "xtick.color": INK,
+    "xtick.direction": "out",
+    "ytick.color": INK,
+    "ytick.direction": "out",
+}
 
 
 def colours(n: int) -> list[Colour]:
     """Return the first ``n`` colours of the theme's cycle, which begins again after the last."""
     with theme():
-        return list(sns.color_palette(None, n))
+        cycle = mpl.rcParams["axes.prop_cycle"].by_key()["color"]
+    return [to_rgb(colour) for colour in itertools.islice(itertools.cycle(cycle), n)]
 
 
 def palette_of(labels: Iterable[str], palette: Palette | None = None) -> dict[str, Any]:
@@ -51,6 +87,8 @@ def palette_of(labels: Iterable[str], palette: Palette | None = None) -> dict[st
     ValueError
         If ``palette`` is a mapping without one of the labels, or not known to seaborn.
     """
+    import seaborn as sns
+
     labels = list(dict.fromkeys(labels))
     if isinstance(palette, Mapping):
         if absent := [label for label in labels if label not in palette]:
@@ -67,9 +105,15 @@ def tint(colour: Any, strength: float) -> Colour:
     return red, green, blue
 
 
+def luminance(colour: Any) -> float:
+    """Return the relative luminance of a colour, from 0 to 1 (WCAG)."""
+    red, green, blue = (part**2.2 for part in to_rgb(colour))
+    return float(0.2126 * red + 0.7152 * green + 0.0722 * blue)
+
+
 def readable_on(colour: Any) -> str:
     """Return the text colour, light or dark, that is legible on ``colour``."""
-    return "white" if relative_luminance(colour) < 0.2 else INK
+    return "white" if luminance(colour) < 0.2 else INK  # either has the same contrast there
 
 
 @contextmanager
@@ -87,13 +131,10 @@ def theme() -> Iterator[None]:
     >>> line = ax.plot([0, 1], [2, 0])
     >>> save_plot(ax, "mine.png")
     """
-    own = {**sns.axes_style("ticks"), **_STYLE}
     # Fonts are left to the user: those that are not installed on a machine only cause warnings.
-    own = {name: value for name, value in own.items() if not name.startswith("font.")}
-    own["axes.prop_cycle"] = cycler(color=sns.color_palette("colorblind"))
-    is_set = any(mpl.rcParams[name] != mpl.rcParamsDefault[name] for name in own)
+    is_set = any(mpl.rcParams[name] != mpl.rcParamsDefault[name] for name in _THEME)
     # A dollar sign in a label is a dollar sign.
-    with mpl.rc_context({"text.parse_math": False, **({} if is_set else own)}):
+    with mpl.rc_context({"text.parse_math": False, **({} if is_set else _THEME)}):
         yield
 
 

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from seaborn.utils import relative_luminance
 
 from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo.plots.draw.canvas import Canvas
-from botohe_moo.plots.draw.style import Colour, colours
+from botohe_moo.plots.draw.style import Colour, colours, luminance
 from botohe_moo.trails import TrailPlan
 
 # On and off, in widths of the line. Five differ at a glance; then colours differ, and names.
@@ -46,7 +45,7 @@ def robot_styles(n_robots: int) -> list[RobotStyle]:
 
 def _as_ink(colour: Colour) -> Colour:
     """Darken a colour that would be too light for a line on white."""
-    factor = min(1.0, _LIGHTEST / relative_luminance(colour)) ** (1 / 2.2)
+    factor = min(1.0, _LIGHTEST / luminance(colour)) ** (1 / 2.2)
     red, green, blue = (part * factor for part in colour)
     return red, green, blue
 

@@ -3,6 +3,7 @@
 import functools
 import math
 from collections.abc import Iterable, Mapping
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ import numpy as np
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.entry_points import imported
-from botohe_moo._plugins.factories import named
 from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.indicators import largest_objectives
@@ -27,7 +27,7 @@ def find_problem(path: str | None) -> type[BOTOHE]:
     """
     if path is None:
         return BOTOHE
-    found: Any = imported(functools.partial(named, path), "it")
+    found: Any = imported(functools.partial(resolve_name, path), "it")
     if not (isinstance(found, type) and issubclass(found, BOTOHE)):
         raise ValueError(f"expected a class derived from BOTOHE, got {quoted(found)}")
     if found._evaluate is not BOTOHE._evaluate:
