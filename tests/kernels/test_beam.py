@@ -13,7 +13,7 @@ from botohe_moo.kernels.beam import search as beam
 from botohe_moo.kernels.beam.labels import larger_beam, new_beam
 from botohe_moo.kernels.beam.prospects import BeamRule, dangers, find_near
 from botohe_moo.kernels.graph.graph import Limits
-from botohe_moo.kernels.graph.homing import new_budget
+from botohe_moo.kernels.graph.paths import new_budget
 from botohe_moo.mission import Mission, load_mission
 from tests.examples import examples
 from tests.strategies import lengths, missions

@@ -17,7 +17,7 @@ from botohe_moo.kernels.colony.pheromone import (
     learn,
 )
 from botohe_moo.kernels.colony.weighing import Weights
-from botohe_moo.kernels.graph.arcs import Links
+from botohe_moo.kernels.graph.graph import Links
 
 N_ROBOTS = 2
 GRAPH = load_mission("complete", nodes=4).arrays

@@ -23,10 +23,8 @@ from botohe_moo.kernels.colony.pheromone import (
     learn,
 )
 from botohe_moo.kernels.colony.weighing import AntScratch, BuildRule, Weights, new_scratch
-from botohe_moo.kernels.graph.arcs import Links, roads_of
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
-from botohe_moo.kernels.graph.homing import new_budget
-from botohe_moo.kernels.graph.paths import Paths, new_paths
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits, Links, roads_of
+from botohe_moo.kernels.graph.paths import Paths, new_budget, new_paths
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive

@@ -13,8 +13,7 @@ from botohe_moo.kernels.anneal.state import (
     Walked,
 )
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.plans.change import MoveRule, change_trail
 from botohe_moo.kernels.plans.evaluate import begin_team, combine, team_reward
 from botohe_moo.kernels.plans.marks import CANNOT, NO_PATHS, MoveScratch

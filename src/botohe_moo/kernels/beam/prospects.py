@@ -8,9 +8,15 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.beam.labels import Standing
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.homing import Budget, way_within
-from botohe_moo.kernels.graph.paths import ANYWHERE, Paths, new_paths, search_paths
-from botohe_moo.kernels.graph.ways import leads_home
+from botohe_moo.kernels.graph.paths import (
+    ANYWHERE,
+    Budget,
+    Paths,
+    leads_home,
+    new_paths,
+    search_paths,
+    way_within,
+)
 from botohe_moo.kernels.sharing import shared
 
 # Share of what still looks worth its danger that counts when labels are ranked. Measured on the

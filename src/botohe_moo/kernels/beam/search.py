@@ -19,7 +19,7 @@ from botohe_moo.kernels.beam.prospects import (
 )
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.homing import way_within
+from botohe_moo.kernels.graph.paths import way_within
 from botohe_moo.kernels.plans.order import sort_descending
 from botohe_moo.kernels.sharing import shared
 

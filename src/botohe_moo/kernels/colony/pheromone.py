@@ -6,7 +6,7 @@ from typing import NamedTuple
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.colony.weighing import Weights
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.graph.arcs import Links, find_arc
+from botohe_moo.kernels.graph.graph import Links, find_arc
 
 # Far below any amount that matters, far above where floats lose their digits: on arcs that no
 # Pareto set uses pheromone falls by the same factor every iteration, for thousands of iterations.

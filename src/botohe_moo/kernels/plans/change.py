@@ -7,8 +7,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph, Limits
+from botohe_moo.kernels.graph.graph import Graph, Limits, find_arc
 from botohe_moo.kernels.plans.marks import (
     CANNOT,
     NO_PATHS,

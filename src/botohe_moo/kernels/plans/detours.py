@@ -6,8 +6,7 @@ one-way, a detour leaves a trail along safest paths over arcs that the trail has
 
 from botohe_moo._base.types import OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.graph.paths import Paths, safest_path
 from botohe_moo.kernels.plans.marks import CANNOT, NO_PATHS, MoveScratch
 from botohe_moo.kernels.rng import below, uniform

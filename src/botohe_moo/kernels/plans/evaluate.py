@@ -6,8 +6,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, inlined, kernel
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.plans.order import precedes
 from botohe_moo.kernels.sharing import shared
 

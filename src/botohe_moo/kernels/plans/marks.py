@@ -6,8 +6,7 @@ import numpy as np
 
 from botohe_moo._base.types import OffsetArray
 from botohe_moo.kernels.compile import helper
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.graph.paths import Paths, new_paths
 
 # Instead of a length: the move cannot be made, or is a detour without scratch for paths. The trail

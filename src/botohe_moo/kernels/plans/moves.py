@@ -8,8 +8,7 @@ uses an arc twice; only detours may insert the base, on their way.
 
 from botohe_moo._base.types import OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.plans.detours import take_detour
 from botohe_moo.kernels.plans.marks import CANNOT, MoveScratch
 from botohe_moo.kernels.rng import below, uniform

@@ -6,10 +6,14 @@ import numpy as np
 
 from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.paths import Paths, new_paths, safest_path, way_home
-from botohe_moo.kernels.graph.ways import leads_home
+from botohe_moo.kernels.graph.graph import Graph, find_arc
+from botohe_moo.kernels.graph.paths import (
+    Paths,
+    leads_home,
+    new_paths,
+    safest_path,
+    way_home,
+)
 from botohe_moo.kernels.plans.ragged import Trails, write_trails
 from botohe_moo.kernels.sharing import shared
 
@@ -68,11 +72,11 @@ def _bridge_gaps(
             used[paths.path[j]] = trail
         if n < 0:
             continue
+        start, size = size, _take_path(graph, scratch, n, out, size)
         if not graph.balanced and not leads_home(graph, paths, used, trail, there):
-            for j in range(n):
-                used[paths.path[j]] = -1
+            while size > start:
+                size = _take_back(graph, scratch, out, size)
             continue
-        size = _take_path(graph, scratch, n, out, size)
         here = there
     return size
 
