@@ -7,7 +7,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
-from botohe_moo.kernels.plans.order import precedes
+from botohe_moo.kernels.plans.trails import sort_trails
 from botohe_moo.kernels.sharing import shared
 
 # What may be wrong with a trail; ``evaluate`` reports the first fault as
@@ -223,14 +223,8 @@ def evaluate(
             start, stop = offsets[trail], offsets[trail + 1]
             if start < 0 or stop > nodes.shape[0]:
                 return BAD_OFFSETS, plan, k, 0
-            place = k
-            while place > 0:
-                other = order[place - 1]
-                if not precedes(nodes, start, stop, offsets[other], offsets[other + 1]):
-                    break
-                order[place] = other
-                place -= 1
-            order[place] = trail
+            order[k] = trail
+        sort_trails(nodes, offsets, offsets[1:], order)
         begin_team(scratch.team)
         n_faults = 0
         survivors = 0.0

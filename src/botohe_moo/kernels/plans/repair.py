@@ -14,7 +14,7 @@ from botohe_moo.kernels.graph.paths import (
     safest_path,
     way_home,
 )
-from botohe_moo.kernels.plans.ragged import Trails, write_trails
+from botohe_moo.kernels.plans.trails import Trails, write_trails
 from botohe_moo.kernels.sharing import shared
 
 # The kinds of repairs.

@@ -9,7 +9,7 @@ import numpy as np
 
 from botohe_moo._base.types import IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.plans.ragged import Trails
+from botohe_moo.kernels.plans.trails import Trails
 from botohe_moo.kernels.rng import below, uniform
 
 N_PIECES = 3
