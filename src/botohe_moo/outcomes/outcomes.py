@@ -249,7 +249,7 @@ def reward_distribution(
     try:
         found = join_robots(mission.arrays.reward, follow(mission, ordered), max_outcomes)
     except TooManyOutcomesError:
-        rewards = _rewards(mission, ordered, _draws(ordered, n_samples, generator))
+        rewards = _rewards(mission, ordered, generator.random((n_samples, ordered.n_robots)))
         found = merged(rewards, np.full(n_samples, 1 / n_samples))
         return Distribution(found.values, found.probabilities, n_samples)
     return Distribution(found.values, found.probabilities)
@@ -295,7 +295,7 @@ def simulate(
 
     n_missions = check_integer("n_missions", n_missions, at_least=1)
     check_mission(mission).evaluate([plan])
-    draws = _draws(plan, n_missions, _generator(random_state))
+    draws = _generator(random_state).random((n_missions, plan.n_robots))
     alive, hops = follow(mission, plan).alive, np.empty(draws.shape, np.int64)
     for robot, (start, stop) in enumerate(pairwise(plan.offsets.tolist())):
         hops[:, robot] = np.searchsorted(-alive[start:stop], -draws[:, robot]) - 1
@@ -312,11 +312,6 @@ def _generator(random_state: Seed) -> Rng:
         expected = "random_state to be None, an integer >= 0 or a numpy Generator"
         found = quoted(random_state)
         raise ParameterError(f"Expected {expected}, got {found}.", "random_state") from None
-
-
-def _draws(plan: TrailPlan, n_missions: int, generator: Rng) -> FloatArray:
-    """Draw what settles how far each robot gets in each mission (n_missions, n_robots)."""
-    return generator.random((n_missions, plan.n_robots))
 
 
 def _rewards(mission: Mission, plan: TrailPlan, draws: FloatArray) -> FloatArray:

@@ -54,24 +54,21 @@ def new_budget(graph: Graph, limits: Limits) -> Budget | None:
     return Budget(measured_by_length(graph), limits)
 
 
-@helper(makes_arrays=True)
 def new_paths(graph: Graph) -> Paths:
     """Return room for searches in a graph."""
-    n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0]
-    paths = Paths(
-        np.empty(1, np.int64),
-        np.empty(n_nodes, np.int64),
-        np.empty(n_nodes),
-        np.empty(n_nodes, np.int64),
-        np.empty(n_nodes, np.int64),
-        np.empty(n_arcs + 1),
-        np.empty(n_arcs + 1, np.int64),
-        np.empty(n_nodes, np.int64),
-        graph.homeward.copy(),
-        np.empty(n_nodes, np.int64),
+    n_nodes, n_arcs = graph.n_nodes, graph.n_arcs
+    return Paths(
+        n_searches=np.zeros(1, np.int64),
+        met=np.zeros(n_nodes, np.int64),
+        distance=np.empty(n_nodes),
+        entry=np.empty(n_nodes, np.int64),
+        order=np.empty(n_nodes, np.int64),
+        heap_keys=np.empty(n_arcs + 1),
+        heap_nodes=np.empty(n_arcs + 1, np.int64),
+        path=np.empty(n_nodes, np.int64),
+        onward=graph.homeward.copy(),
+        followed=np.zeros(n_nodes, np.int64),
     )
-    paths.n_searches[:], paths.met[:], paths.followed[:] = 0, 0, 0
-    return paths
 
 
 @helper
@@ -187,15 +184,23 @@ def way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: 
 
     First along ``graph.homeward``: cheap, and nearly always enough.
     """
+    n = usual_way_home(graph, paths, used, trail, source)
+    return n if n >= 0 else safest_path(graph, paths, used, trail, source, graph.base)
+
+
+@helper
+def usual_way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
+    """Write the way along ``graph.homeward``; return how many arcs it has, −1 if one is used."""
     n = 0
     node = source
-    while node != graph.base and used[graph.homeward[node]] != trail:
-        paths.path[n] = graph.homeward[node]
+    while node != graph.base:
+        arc = graph.homeward[node]
+        if used[arc] == trail:
+            return -1
+        paths.path[n] = arc
         n += 1
-        node = graph.head[graph.homeward[node]]
-    if node == graph.base:
-        return n
-    return safest_path(graph, paths, used, trail, source, graph.base)
+        node = graph.head[arc]
+    return n
 
 
 @helper
