@@ -69,7 +69,6 @@ def test_there_are_three_decorators_and_records():
         "kernel",
         "helper",
         "inlined",
-        "new_records",
     }
 
 
