@@ -199,20 +199,14 @@ def alike(here, best):
     return tuple(sorted(here)), tuple(sorted(best))
 
 
-@pytest.mark.parametrize(
-    "change", [{"cooling": 0.3}, {"returning": 0.4}, {"temperature": 0.1}, {"weight": 0.5}]
-)
-def test_the_twin_tells_rules_apart(change):
+@pytest.mark.slow
+def test_the_twin_tells_rules_apart():
     """Otherwise the test above would show nothing."""
-    usual, other = chances_after(RULE), chances_after({**RULE, **change})
-    gap = max(abs(usual[key] - other[key]) for key in {*usual, *other})
-    assert gap * N_TIMES > 5 * (0.25 * N_TIMES) ** 0.5 + 3
-
-
-def test_cooling():
-    search = Search(load_mission("art_museum"), temperature=0.2, cooling=0.95)
-    search.run(40)
-    assert search.state.temperature[0] == pytest.approx(0.2 * 0.95**40, rel=1e-12)
+    usual = chances_after(RULE)
+    for change in ({"cooling": 0.3}, {"returning": 0.4}, {"temperature": 0.1}, {"weight": 0.5}):
+        other = chances_after({**RULE, **change})
+        gap = max(abs(usual[key] - other[key]) for key in {*usual, *other})
+        assert gap * N_TIMES > 5 * (0.25 * N_TIMES) ** 0.5 + 3
 
 
 def test_a_cold_search_climbs():
@@ -224,12 +218,6 @@ def test_a_cold_search_climbs():
         assert search.state.best_score[0] == pytest.approx(scores[-1], abs=1e-9)
     assert scores == sorted(scores)
     assert scores[-1] > scores[0]
-
-
-def test_a_hot_search_roams_and_remembers_its_best():
-    search = Search(load_mission("art_museum"), temperature=10.0, weight=0.6)
-    search.run(2_000)
-    assert search.score(search.objectives) < search.state.best_score[0] - 0.05
 
 
 @examples(120)
@@ -261,11 +249,9 @@ def test_figures_and_records_are_those_of_evaluate(mission, every_robot, weight,
         assert found == mission.evaluate(at_hand).tolist()
 
 
-@pytest.mark.parametrize("returning", [0.0, 0.05])
-def test_steps_in_parts_are_the_same_steps(returning):
+def test_steps_in_parts_are_the_same_steps():
     searches = [
-        Search(load_mission("art_museum"), seed=2, cooling=0.99, returning=returning)
-        for _ in range(2)
+        Search(load_mission("art_museum"), seed=2, cooling=0.99, returning=0.05) for _ in range(2)
     ]
     batch, objectives = searches[0].run(300)
     parts = [searches[1].run(n) for n in (1,) * 20 + (7,) * 40]

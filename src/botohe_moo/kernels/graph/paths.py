@@ -258,20 +258,20 @@ def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: 
     if _is_free(graph, paths, used, trail, node):
         return True
     while i < n:
-        here = queue[i]
+        tail = queue[i]
         i += 1
-        for arc in range(graph.first[here], graph.first[here + 1]):
-            there = graph.head[arc]
-            if used[arc] == trail or met[there] == search:
+        for arc in range(graph.first[tail], graph.first[tail + 1]):
+            head = graph.head[arc]
+            if used[arc] == trail or met[head] == search:
                 continue
-            met[there], entry[there] = search, arc
-            if _is_free(graph, paths, used, trail, there):
-                while there != node:
-                    arc = entry[there]
-                    there = graph.tail[arc]
-                    paths.onward[there] = arc
+            met[head], entry[head] = search, arc
+            if _is_free(graph, paths, used, trail, head):
+                while head != node:
+                    arc = entry[head]
+                    head = graph.tail[arc]
+                    paths.onward[head] = arc
                 return True
-            queue[n] = there
+            queue[n] = head
             n += 1
     return False
 
