@@ -198,16 +198,6 @@ def test_distributions_equal_enumeration(drawn):
             assert got.get(value, 0) == pytest.approx(expected.get(value, 0), abs=1e-12)
 
 
-@given(missions_with_plans())
-def test_means_are_the_objectives(drawn):
-    mission, plan = drawn
-    found = plan_outcomes(mission, plan)
-    expected = mission.evaluate([plan])[0]
-    assert [found.reward.mean, found.survivors.mean] == pytest.approx(expected, abs=1e-9)
-    assert found.survivors.at_least(0) == found.reward.at_least(0) == 1
-    assert found.reward.probabilities.sum() == pytest.approx(1, abs=1e-12)
-
-
 @given(missions_with_plans(), st.integers(1, 40))
 def test_a_small_bound_simulates_or_changes_nothing(drawn, max_outcomes):
     mission, plan = drawn
