@@ -15,7 +15,7 @@ from botohe_moo.kernels.colony.weighing import (
     tabulate_node,
     weigh,
 )
-from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo.kernels.compile import inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import Budget, Paths, leads_home, way_within
 from botohe_moo.kernels.rng import uniform
@@ -76,7 +76,7 @@ def _choose(
     return arc
 
 
-@helper
+@inlined
 def _leads_home(
     graph: Graph,
     rule: BuildRule,
