@@ -227,14 +227,6 @@ class ConcurrentAnt(Ant):
         robots = range(self.mission.robots)
         return [(self.mission.base,) for _ in robots], list(robots)
 
-    def build(self, rng):
-        """Build one plan; ``rng`` is a random.Random."""
-        trails, out = self.start()
-        while out:
-            hops = list(self.next_hops(trails, out))
-            ((_, trails, out),) = rng.choices(hops, [probability for probability, *_ in hops])
-        return trails
-
     def plan_probabilities(self):
         """Every plan the ant may build, with its probability."""
         found, unfinished = {}, [(1.0, *self.start())]

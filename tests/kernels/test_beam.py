@@ -13,7 +13,7 @@ from botohe_moo.kernels.beam import search as beam
 from botohe_moo.kernels.beam.labels import larger_beam, new_beam
 from botohe_moo.kernels.beam.prospects import BeamRule, dangers, find_near
 from botohe_moo.kernels.graph.graph import Limits
-from botohe_moo.kernels.graph.homing import new_budget
+from botohe_moo.kernels.graph.paths import new_budget
 from botohe_moo.mission import Mission, load_mission
 from tests.examples import examples
 from tests.strategies import lengths, missions
@@ -155,9 +155,9 @@ class TestCut:
         assert best_trail(star, [0, 1, 1, 1], 0.1, width=5)[2]
         assert not best_trail(star, [0, 1, 1, 1], 0.1, width=6)[2]
 
-    @pytest.mark.parametrize("seed", range(4))
     @pytest.mark.parametrize(
-        ("least", "longest"), [(0.0, inf), (0.3, inf), (0.0, 9.0), (0.4, 14.0)]
+        ("seed", "least", "longest"),
+        [(0, 0.0, inf), (1, 0.3, inf), (2, 0.0, 9.0), (3, 0.4, 14.0), (4, 0.0, inf)],
     )
     def test_the_twin_finds_the_same(self, seed, least, longest):
         mission = random_mission(14, 45, seed)
@@ -391,8 +391,7 @@ def test_a_large_mission():
     assert (trail, value, cut) == again
 
 
-@pytest.mark.parametrize("survival", [5e-324, 1.0])
-@pytest.mark.parametrize("worth", [5e-324, 1.0])
+@pytest.mark.parametrize(("survival", "worth"), [(5e-324, 1.0), (1.0, 5e-324)])
 def test_extreme_survivals_and_worths(survival, worth):
     graph = nx.complete_graph(5, nx.DiGraph)
     nx.set_node_attributes(graph, 1.0, "reward")

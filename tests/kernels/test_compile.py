@@ -62,14 +62,13 @@ def test_functions_are_of_a_size_that_people_read():
         assert n_lines <= MOST_LINES, f"{node.name} has {n_lines} lines"
 
 
-def test_there_are_three_decorators_and_records():
+def test_there_are_three_decorators():
     functions = [f for f in vars(decorators).values() if isinstance(f, FunctionType)]
     ours = {f.__name__ for f in functions if f.__module__ == decorators.__name__}
     assert {name for name in ours if not name.startswith("_")} == {
         "kernel",
         "helper",
         "inlined",
-        "new_records",
     }
 
 

@@ -134,7 +134,7 @@ def test_few_plans_with_many_ties(plans, data):
         pair.check()
 
 
-@pytest.mark.parametrize("noise", [0.0, 1e-4, 0.01])
+@pytest.mark.parametrize("noise", [1e-4, 0.01])
 def test_thousands_of_plans_come_and_go(noise):
     """Blocks split and merge; the noise decides how many plans those that enter dominate."""
     rng = np.random.default_rng(5)
@@ -157,7 +157,7 @@ def test_thousands_of_plans_come_and_go(noise):
     assert most > (10 if noise < 0.01 else 1)
 
 
-@pytest.mark.parametrize("place", [0, 31, 32, 33, BLOCK])
+@pytest.mark.parametrize("place", [0, 32, BLOCK])
 def test_a_full_block_splits_where_a_plan_enters(place):
     pair = Pair(100)
     for i in range(BLOCK + 1):
@@ -179,7 +179,7 @@ def test_contributions_by_hand():
         assert kernels.contribution(pair.front, 0, end) == pytest.approx(2 / 3 * 7 * 2 / 3 * 3)
 
 
-@pytest.mark.parametrize("n", [5, 65, 300])
+@pytest.mark.parametrize("n", [5, 300])
 def test_plans_are_drawn_uniformly(n):
     pair = Pair(n)
     for i in np.random.default_rng(1).permutation(n).tolist():
@@ -208,8 +208,7 @@ def test_room_is_there_until_it_is_not():
     pair.check()
 
 
-@pytest.mark.parametrize("n", [0, 300])
-@pytest.mark.parametrize("every", [1, 3])
+@pytest.mark.parametrize(("n", "every"), [(0, 1), (300, 3)])
 def test_a_larger_front_holds_the_same_and_goes_on(n, every):
     rng = np.random.default_rng(n)
     pair = Pair(300)

@@ -15,8 +15,8 @@ from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.plans import change as changes
 from botohe_moo.kernels.plans import moves
 from botohe_moo.kernels.plans.change import MoveRule, change_plans
-from botohe_moo.kernels.plans.marks import mark_trail, new_move_scratch
-from botohe_moo.kernels.plans.ragged import read_trails
+from botohe_moo.kernels.plans.moves import mark_trail, new_move_scratch
+from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import Mission, load_mission
 from botohe_moo.trails import PlanBatch
@@ -204,7 +204,7 @@ def agree(counted, expected, n_times):
 
 @kernel
 def move(graph, scratch, nodes, length, kind, states):
-    return moves.move_trail(graph, scratch, nodes, length, kind, states)
+    return changes._move(graph, scratch, scratch.paths, nodes, length, kind, states)
 
 
 @pytest.mark.slow

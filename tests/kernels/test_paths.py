@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from numba import njit
 
 from botohe_moo import load_mission
-from botohe_moo.kernels.graph import arcs, homing, paths
+from botohe_moo.kernels.graph import graph as graphs
+from botohe_moo.kernels.graph import paths
 from botohe_moo.kernels.graph.graph import Limits, measured_by_length
 from tests.examples import examples
 from tests.strategies import lengths, missions
@@ -24,7 +25,8 @@ def compiled(name, module=paths):
 
 
 find_path, find_home = compiled("safest_path"), compiled("way_home")
-search_paths, way_within = compiled("search_paths"), compiled("way_within", homing)
+search_paths, way_within = compiled("search_paths"), compiled("way_within")
+leads_home = compiled("leads_home")
 
 
 def free_graph(mission, used):
@@ -125,7 +127,7 @@ def assert_limited(graph, used, path, node, trail, limits):
 def test_ways_within_limits_are_the_safest_or_else_the_shortest(mission, data, least, longest):
     graph, scratch = mission.arrays, paths.new_paths(mission.arrays)
     used, limits = draw_used(mission, data), Limits(least, longest)
-    free, budget = free_graph(mission, used), homing.new_budget(graph, limits)
+    free, budget = free_graph(mission, used), paths.new_budget(graph, limits)
     alive, length = data.draw(st.floats(0.3, 1.0)), data.draw(st.floats(0.0, 2.0))
     for node in free:
         n = way_within(graph, budget, scratch, used, TRAIL, node, alive, length)
@@ -156,6 +158,26 @@ def not_kept(free, way, alive, length, limits):
     return alive < limits.min_survival + 1e-9 or length > limits.max_length - 1e-9
 
 
+@examples(200)
+@given(missions(max_nodes=8), st.data())
+def test_leads_home_is_reachability_over_unused_arcs(mission, data):
+    """Whatever is remembered: of other trails, or ways that go round in circles."""
+    graph, scratch = mission.arrays, paths.new_paths(mission.arrays)
+    for node in set(range(graph.n_nodes)) - {graph.base}:
+        arcs = st.integers(graph.first[node], graph.first[node + 1] - 1)
+        scratch.onward[node] = data.draw(arcs)
+    for _ in range(4):
+        used = draw_used(mission, data)
+        free = free_graph(mission, used)
+        for node in free:
+            found = leads_home(graph, scratch, used, TRAIL, node)
+            assert found == nx.has_path(free, node, graph.base)
+            while found and node != graph.base:
+                arc = scratch.onward[node]
+                assert used[arc] != USED
+                node = graph.head[arc]
+
+
 @examples(100)
 @given(missions(max_nodes=9, lengths=lengths))
 def test_the_graph_by_length(mission):
@@ -171,7 +193,7 @@ def test_the_graph_by_length(mission):
             assert graph.tail[arc] == here
             here, total = graph.head[arc], total + graph.length[arc]
         assert total == pytest.approx(expected)
-    assert homing.new_budget(graph, Limits(0.5)) is None
+    assert paths.new_budget(graph, Limits(0.5)) is None
 
 
 @examples(200)
@@ -206,7 +228,7 @@ def test_the_graph(mission):
 @examples(200)
 @given(missions(max_nodes=30))
 def test_find_arc(mission):
-    graph, find = mission.arrays, arcs.find_arc
+    graph, find = mission.arrays, graphs.find_arc
     known = {
         pair: i for i, pair in enumerate(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
     }

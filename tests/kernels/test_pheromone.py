@@ -17,11 +17,11 @@ from botohe_moo.kernels.colony.pheromone import (
     learn,
 )
 from botohe_moo.kernels.colony.weighing import Weights
-from botohe_moo.kernels.graph.arcs import Links
+from botohe_moo.kernels.graph.graph import roads_of
 
 N_ROBOTS = 2
 GRAPH = load_mission("complete", nodes=4).arrays
-LINKS = Links(GRAPH.first, GRAPH.head)
+LINKS = roads_of(GRAPH)
 N_ARCS = GRAPH.n_arcs + 1  # the base's self-loop, which ends every trail, is the last
 
 

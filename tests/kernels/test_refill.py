@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
 from botohe_moo.kernels.fronts.ordered import read_front
-from botohe_moo.kernels.graph.arcs import find_arc
+from botohe_moo.kernels.graph.graph import find_arc
 from botohe_moo.kernels.local_search import refill as kernels
 from botohe_moo.kernels.local_search import tours as filling
 from botohe_moo.kernels.local_search.insertion import add_trail

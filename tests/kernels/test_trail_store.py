@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
-from botohe_moo.kernels.graph.arcs import find_arc
+from botohe_moo.kernels.graph.graph import find_arc
 from botohe_moo.kernels.local_search import insertion, workspace
 from botohe_moo.kernels.local_search import trail_store as kernels
 from tests.examples import examples

@@ -14,13 +14,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, cast, overload
 
-import numpy as np
-from numba import extending, njit
+from numba import njit
 from numba.core import event
 from numba.core.cpu import CPUTargetOptions
 from numba.extending import register_jitable
 
-from botohe_moo._base.types import RecordArray
 from botohe_moo.kernels.linking import leave_helpers_to_kernels
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -85,19 +83,6 @@ def inlined(function: Function) -> Function:
     options = _private(makes_arrays=False, forceinline=True)
     shared: Function = register_jitable(**_EVERYWHERE, **options)(function)
     return shared
-
-
-def new_records(n: int, dtype: np.dtype[Any]) -> RecordArray:
-    """Make room for records, for helpers that make arrays: their fields are attributes."""
-    return np.empty(n, dtype).view(np.recarray)  # which only Python needs
-
-
-_MAKES_ARRAYS: Any = _EVERYWHERE | _private(makes_arrays=True, forceinline=False)
-
-
-@extending.overload(new_records, jit_options=_MAKES_ARRAYS)
-def _compiled_records(n: int, dtype: np.dtype[Any]) -> Any:  # noqa: ARG001
-    return lambda n, dtype: np.empty(n, dtype)
 
 
 def _has_place_to_keep() -> bool:

@@ -9,7 +9,7 @@ from pymoo.core.crossover import Crossover
 from botohe_moo._base.types import ObjectArray, OffsetArray, Rng
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability
-from botohe_moo.kernels.plans.ragged import read_trails
+from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.plans.vary import EXCHANGE, N_PIECES, SPLICE, cross, join_pieces
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.operators.base import check_part

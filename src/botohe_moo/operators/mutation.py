@@ -13,7 +13,7 @@ from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, Probability
 from botohe_moo.kernels.graph.graph import NO_LIMITS
 from botohe_moo.kernels.plans.change import MoveRule, change_plans
-from botohe_moo.kernels.plans.ragged import read_trails
+from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.plans.vary import join_pieces, ruin, send_home, share, whole_trails
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission

@@ -10,8 +10,8 @@ from pymoo.core.population import Population
 from pymoo.core.repair import Repair
 
 from botohe_moo._base.types import ObjectArray
-from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.plans.repair import SAFEST_PATH, TRUNCATE, repair
+from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch

@@ -7,30 +7,32 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.kernels.plans import simulate as kernels
-from botohe_moo.kernels.plans.ragged import Trails, read_trails
 from botohe_moo.mission import Mission
 from botohe_moo.outcomes.distribution import ROUNDING
 from botohe_moo.trails import TrailPlan
 
 
 class Followed(NamedTuple):
-    """The trails of a valid plan, and for each position what the kernel ``follow`` computes.
+    """The trails of a valid plan, and what is known of each position on them."""
 
-    ``alive`` is the probability to reach it; ``pays`` its node's reward, 0 after the first visit.
-    """
-
-    trails: Trails
-    alive: FloatArray
-    pays: FloatArray
+    nodes: OffsetArray
+    offsets: OffsetArray
+    alive: FloatArray  # the probability to reach the position
+    pays: FloatArray  # the reward of the node where its trail first visits it, else 0
 
 
 def follow(mission: Mission, plan: TrailPlan) -> Followed:
     """Follow the trails of a valid plan."""
-    alive, pays = np.empty((2, len(plan.nodes)))
-    followed = Followed(read_trails(plan.nodes, plan.offsets), alive, pays)
-    kernels.follow(mission.arrays, *followed)
-    return followed
+    graph, nodes = mission.arrays, plan.nodes.astype(np.int64)
+    arcs, alive = graph.tail * graph.n_nodes + graph.head, np.ones(len(nodes))
+    for start, stop in pairwise(plan.offsets.tolist()):
+        hops = nodes[start : stop - 1] * graph.n_nodes + nodes[start + 1 : stop]
+        alive[start + 1 : stop] = np.cumprod(graph.survival[np.searchsorted(arcs, hops)])
+    robots = np.repeat(np.arange(plan.n_robots), np.diff(plan.offsets))
+    first = np.unique(robots * graph.n_nodes + nodes, return_index=True)[1]
+    pays = np.zeros(len(nodes))
+    pays[first] = graph.reward[nodes[first]]
+    return Followed(nodes, plan.offsets, alive, pays)
 
 
 class TooManyOutcomesError(Exception):
@@ -70,7 +72,7 @@ def merged(
 
 def join_robots(reward: FloatArray, followed: Followed, max_outcomes: int) -> States:
     """Compute the outcomes of all robots exactly; see ``reward_distribution``."""
-    (nodes, offsets), alive, pays = followed
+    nodes, offsets, alive, pays = followed
     certain = np.unique(nodes[(alive == 1) & (pays > 0)])
     uncertain = (pays > 0) & (alive > 0) & ~np.isin(nodes, certain)
     chains = [i + np.flatnonzero(uncertain[i:j]) for i, j in pairwise(offsets.tolist())]
@@ -101,9 +103,9 @@ def _join_group(
 
     Also returns what is left of ``max_outcomes``.
     """
-    table = np.unique(followed.trails.nodes[np.concatenate(chains)])
+    table = np.unique(followed.nodes[np.concatenate(chains)])
     masks = np.zeros((len(chains) + 1, (len(table) + 63) // 64), np.uint64)
-    bits = [np.searchsorted(table, followed.trails.nodes[chain]) for chain in chains]
+    bits = [np.searchsorted(table, followed.nodes[chain]) for chain in chains]
     for mask, bit in zip(masks, bits, strict=False):
         np.bitwise_or.at(mask, bit // 64, np.uint64(1) << (bit % 64).astype(np.uint64))
     later = np.bitwise_or.accumulate(masks[::-1])[::-1]
@@ -112,10 +114,30 @@ def _join_group(
     for robot, chain in enumerate(chains):
         chances = -np.diff(np.concatenate([[1.0], followed.alive[chain], [0.0]]))
         max_outcomes = _spend(max_outcomes, len(states.values) * int((chances > 0).sum()))
-        gains = reward[followed.trails.nodes[chain]]
-        values, probabilities, reached = kernels.join(*states, bits[robot], gains, chances)
-        states = merged(values, probabilities, reached & later[robot + 1])
+        joint = _join(states, bits[robot], reward[followed.nodes[chain]], chances)
+        states = merged(*joint._replace(reached=joint.reached & later[robot + 1]))
     return states, max_outcomes
+
+
+def _join(states: States, bits: OffsetArray, gains: FloatArray, chances: FloatArray) -> States:
+    """Join every state of the robots so far with every fate of one more robot.
+
+    ``bits`` and ``gains`` are the bit and the reward of each node that the robot may reach, in the
+    order of its trail (n_reachable). ``chances`` are the probabilities that it reaches the first
+    0, 1, ..., n_reachable of them and no more; a fate with the probability 0 is left out.
+    """
+    word, bit = bits // 64, np.uint64(1) << (bits % 64).astype(np.uint64)
+    adds = np.where(states.reached[:, word] & bit, 0.0, gains)
+    values = np.cumsum(np.column_stack([states.values, adds]), axis=1)
+    masks = np.zeros((len(chances), states.reached.shape[1]), np.uint64)
+    masks[np.arange(1, len(chances)), word] = bit
+    fates = chances > 0
+    masks = np.bitwise_or.accumulate(masks)[fates]
+    return States(
+        values[:, fates].ravel(),
+        np.outer(states.probabilities, chances[fates]).ravel(),
+        (states.reached[:, np.newaxis] | masks).reshape(-1, masks.shape[1]),
+    )
 
 
 def _spend(max_outcomes: int, n_joint: int) -> int:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
+from itertools import pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from botohe_moo._base.checks import ParameterError, check_integer, quoted
 from botohe_moo._base.types import FloatArray, Rng
-from botohe_moo.kernels.plans import simulate as kernels
-from botohe_moo.kernels.plans.ragged import Trails
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes.distribution import Distribution
 from botohe_moo.outcomes.joining import TooManyOutcomesError, follow, join_robots, merged
@@ -250,7 +249,7 @@ def reward_distribution(
     try:
         found = join_robots(mission.arrays.reward, follow(mission, ordered), max_outcomes)
     except TooManyOutcomesError:
-        rewards = _rewards(mission, ordered, _draws(ordered, n_samples, generator))
+        rewards = _rewards(mission, ordered, generator.random((n_samples, ordered.n_robots)))
         found = merged(rewards, np.full(n_samples, 1 / n_samples))
         return Distribution(found.values, found.probabilities, n_samples)
     return Distribution(found.values, found.probabilities)
@@ -296,9 +295,10 @@ def simulate(
 
     n_missions = check_integer("n_missions", n_missions, at_least=1)
     check_mission(mission).evaluate([plan])
-    draws = _draws(plan, n_missions, _generator(random_state))
-    hops = np.empty(draws.shape, np.int64)
-    kernels.play_hops(plan.offsets, follow(mission, plan).alive, draws, hops)
+    draws = _generator(random_state).random((n_missions, plan.n_robots))
+    alive, hops = follow(mission, plan).alive, np.empty(draws.shape, np.int64)
+    for robot, (start, stop) in enumerate(pairwise(plan.offsets.tolist())):
+        hops[:, robot] = np.searchsorted(-alive[start:stop], -draws[:, robot]) - 1
     frame = pd.DataFrame(hops, columns=[f"hops_{k}" for k in range(plan.n_robots)])
     frame.insert(0, "reward", _rewards(mission, plan, draws))
     frame.insert(1, "survivors", (hops == np.diff(plan.offsets) - 1).sum(axis=1))
@@ -314,17 +314,14 @@ def _generator(random_state: Seed) -> Rng:
         raise ParameterError(f"Expected {expected}, got {found}.", "random_state") from None
 
 
-def _draws(plan: TrailPlan, n_missions: int, generator: Rng) -> FloatArray:
-    """Draw what settles how far each robot gets in each mission (n_missions, n_robots)."""
-    return generator.random((n_missions, plan.n_robots))
-
-
 def _rewards(mission: Mission, plan: TrailPlan, draws: FloatArray) -> FloatArray:
     """Compute the team reward of each mission."""
-    trails, alive, pays = follow(mission, plan)
-    paying = np.flatnonzero(pays)
-    visited, nodes = np.unique(trails.nodes[paying], return_inverse=True)
-    stops = Trails(nodes, np.searchsorted(paying, trails.offsets))
-    rewards = np.empty(len(draws))
-    kernels.play_rewards(mission.arrays.reward[visited], stops, alive[paying], draws, rewards)
+    nodes, offsets, alive, pays = follow(mission, plan)
+    drawn, rewards = np.ascontiguousarray(draws.T), np.zeros(len(draws))
+    robots = np.repeat(np.arange(plan.n_robots), np.diff(offsets))
+    # In the order of the nodes, so that the same nodes always bring the same floating-point number.
+    for node in np.unique(nodes[pays > 0]):
+        visits = np.flatnonzero((nodes == node) & (pays > 0))
+        reached = (drawn[robots[visits]] < alive[visits, np.newaxis]).any(axis=0)
+        rewards += reached * mission.arrays.reward[node]
     return rewards

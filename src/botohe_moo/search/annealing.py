@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.kernels.anneal.schedule import anneal, score
-from botohe_moo.kernels.anneal.state import AnnealRule, AnnealState, new_records, new_state
+from botohe_moo.kernels.anneal.schedule import (
+    AnnealRule,
+    AnnealState,
+    anneal,
+    new_records,
+    new_state,
+    score,
+)
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.plans.change import MoveRule, needs_detours
-from botohe_moo.kernels.plans.marks import new_move_scratch
+from botohe_moo.kernels.plans.moves import new_move_scratch
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
-from botohe_moo.trails import PlanBatch
+from botohe_moo.trails import PlanBatch, TrailPlan
 
 # How likely each kind of move is to be drawn: the published ones, and our deletion of loops;
 # ``kinds_of_moves`` adds detours.
@@ -28,8 +33,7 @@ _MAX_TRIES = 100  # draws, before a few detours are tried
 _WEIGHTS_A_PASS = 10  # at least, where generations are few
 _PUBLISHED_TEMPERATURE = 0.2
 _PUBLISHED_COOLING = 0.95
-_RECORDS = 1_000  # plans, and at first nodes of each, that a call of the kernel may record
-_NODES_EACH = 16
+_RECORDS, _NODES_EACH = 1_000, 16  # plans that a call of the kernel may record, nodes of each
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,8 @@ class Annealing:
         # Without one-way arcs detours are hardly ever needed, and compile when they are.
         detours = needs_detours(graph) or limits.bind
         self.state: AnnealState = new_state(graph, mission.robots, random, detours=detours)
-        self._records = new_records(mission.robots, _RECORDS, _RECORDS * _NODES_EACH)
+        longest = mission.robots * (graph.n_arcs + 1)
+        self._records = new_records(mission.robots, _RECORDS, _RECORDS * _NODES_EACH + longest)
         self._sweep = (0, 1, 0)  # its steps, weights, and passes through them
         self._turn = self.steps_left = 0  # how many turns have begun, and what is left of this
         self.weight = 0.0
@@ -100,12 +105,11 @@ class Annealing:
 
         At first everybody is at base.
         """
-        best = self.state.best
-        trails = [row[:n] for row, n in zip(best.nodes, best.lengths, strict=True)]
-        nodes = np.concatenate(trails).astype(np.int32)
-        offsets = np.concatenate([[0], np.cumsum(best.lengths)])
-        batch = PlanBatch._wrap(nodes, offsets, self.mission.robots)
-        return batch, best.objectives[np.newaxis].copy()
+        state = self.state
+        ends = zip(state.starts[state.best], state.stops[state.best], strict=True)
+        plan = TrailPlan([state.nodes[start:stop].tolist() for start, stop in ends])
+        batch = PlanBatch.from_plans([plan], self.mission.robots)
+        return batch, state.best_objectives[np.newaxis].copy()
 
     def begin_turn(
         self, archive: PlanArchive | None, n_left: int | None, n_generations: float
@@ -126,11 +130,11 @@ class Annealing:
             self.start_from(archive)
         state.to_best[0] = 1
         if schedule.journal:
-            state.best.score[0] = -np.inf
+            state.best_score[0] = -np.inf
             state.temperature[0] = _PUBLISHED_TEMPERATURE
             cooling = _PUBLISHED_COOLING
         else:
-            state.best.score[:] = self.scores(state.best.objectives[np.newaxis])
+            state.best_score[:] = self.scores(state.best_objectives[np.newaxis])
             state.temperature[0] = schedule.initial_temperature * self._share
             fall = schedule.final_temperature / schedule.initial_temperature
             cooling = fall ** (1.0 / self.steps_left)
@@ -170,18 +174,18 @@ class Annealing:
 
     def start_from(self, archive: PlanArchive) -> None:
         """Put the archive's best plan for the weight in the best one's place, if it is better."""
-        best, objectives = self.state.best, archive.objectives
+        state, objectives = self.state, archive.objectives
         if len(archive) == 0:
             return
         scores = self.scores(objectives)
         row = int(np.argmax(scores))
-        if scores[row] <= self.scores(best.objectives[np.newaxis])[0]:
+        if scores[row] <= self.scores(state.best_objectives[np.newaxis])[0]:
             return
-        plan = archive.plans[row]
-        for robot, (start, stop) in enumerate(pairwise(plan.offsets.tolist())):
-            best.lengths[robot] = stop - start
-            best.nodes[robot, : stop - start] = plan.nodes[start:stop]
-        best.objectives[:] = objectives[row]
+        for slot, trail in zip(state.best, archive.plans[row].trails, strict=True):
+            start = state.starts[slot]
+            state.stops[slot] = start + len(trail)
+            state.nodes[start : start + len(trail)] = trail
+        state.best_objectives[:] = objectives[row]
 
     def run(self, n_steps: int) -> tuple[PlanBatch, FloatArray]:
         """Make at most ``steps_left`` steps of the weight's turn, each of which evaluates a plan.
@@ -190,20 +194,16 @@ class Annealing:
         that the plans at hand did not dominate; with the journal's schedule the best plan when the
         turn ends.
         """
-        graph = self.mission.arrays
+        graph, records = self.mission.arrays, self._records
         self.steps_left -= n_steps
         batches, objectives = [], []
         while n_steps > 0:
-            records = self._records
             records.n_plans[0] = 0
             n_made = anneal(graph, self._rule, self.state, records, n_steps)
             if n_made < 0:
                 n_made = -1 - n_made
                 moves = new_move_scratch(graph, detours=True)
                 self.state = self.state._replace(moves=moves)
-            elif n_made == 0:  # not even one plan finds room
-                larger = np.empty(2 * len(records.nodes), np.int32)
-                self._records = records._replace(nodes=larger)
             n_steps -= n_made
             n_plans = records.n_plans[0]
             offsets = records.offsets[: n_plans * self.mission.robots + 1].copy()

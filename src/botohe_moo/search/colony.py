@@ -22,10 +22,8 @@ from botohe_moo.kernels.colony.pheromone import (
     learn,
 )
 from botohe_moo.kernels.colony.weighing import AntScratch, BuildRule, Weights, new_scratch
-from botohe_moo.kernels.graph.arcs import Links, roads_of
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
-from botohe_moo.kernels.graph.homing import new_budget
-from botohe_moo.kernels.graph.paths import Paths, new_paths
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits, roads_of
+from botohe_moo.kernels.graph.paths import Paths, new_budget, new_paths
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
@@ -83,7 +81,6 @@ class Colony:
         self.limits = limits
         self._graph = mission.arrays
         self._budget = new_budget(mission.arrays, limits)
-        self._links = Links(mission.arrays.first, mission.arrays.head)
         self._is_careful = not mission.arrays.balanced or limits.bind
         # Where ants need not look for ways home, they get less, which is quicker to hand over.
         self._roads: Any = mission.arrays if self._is_careful else roads_of(mission.arrays)
@@ -177,7 +174,7 @@ class Colony:
         if self._to_learn is not None:
             rule = LearningRule(self.rule.evaporation, self.rule.pooled_deposit)
             changed = self._pheromone, self._weights
-            learn(self._links, *self._to_learn, self.n_robots, rule, *changed)
+            learn(roads_of(self._graph), *self._to_learn, self.n_robots, rule, *changed)
             self._to_learn = None
 
     def weigh(self) -> None:

@@ -12,9 +12,8 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels.exact import tables
 from botohe_moo.kernels.exact.labels import has, look_around
 from botohe_moo.kernels.exact.trails import add_trails, as_column, grow
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph, Limits
-from botohe_moo.kernels.graph.homing import new_budget
+from botohe_moo.kernels.graph.graph import Graph, Limits, find_arc
+from botohe_moo.kernels.graph.paths import new_budget
 from botohe_moo.kernels.rng import hash_keys
 from botohe_moo.mission.model import Mission
 

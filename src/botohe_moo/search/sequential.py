@@ -18,7 +18,7 @@ from botohe_moo.kernels.beam.labels import new_beam
 from botohe_moo.kernels.beam.prospects import BeamRule, Near, dangers, find_near
 from botohe_moo.kernels.beam.search import MAX_LABELS, best_trail
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
-from botohe_moo.kernels.graph.homing import Budget, new_budget
+from botohe_moo.kernels.graph.paths import Budget, new_budget
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import TrailPlan
 

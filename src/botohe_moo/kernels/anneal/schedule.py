@@ -1,129 +1,197 @@
 """Simulated annealing of one trail plan: moves, evaluation and acceptance in one loop."""
 
 import math
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
-from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.kernels.anneal.state import (
-    AnnealRule,
-    AnnealState,
-    Best,
-    Records,
-    TeamScratch,
-    Walked,
-)
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.plans.change import MoveRule, change_trail
-from botohe_moo.kernels.plans.evaluate import begin_team, combine, team_reward
-from botohe_moo.kernels.plans.marks import CANNOT, NO_PATHS, MoveScratch
-from botohe_moo.kernels.plans.order import precedes
+from botohe_moo.kernels.plans.evaluate import Team, begin_team, combine, new_team, team_reward
+from botohe_moo.kernels.plans.moves import CANNOT, NO_PATHS, MoveScratch, new_move_scratch
+from botohe_moo.kernels.plans.trails import sort_trails
 from botohe_moo.kernels.rng import below, uniform
 from botohe_moo.kernels.sharing import shared
 
 Number = TypeVar("Number", float, FloatArray)
 
+_N_SLOTS = 3  # for each robot
+
+
+class AnnealRule(NamedTuple):
+    """How to anneal."""
+
+    # How trails are changed. Every robot of every plan keeps its limits, that of the first plan
+    # included.
+    moves: MoveRule
+    record: bool  # whether to record the plans that are evaluated
+    total_reward: float  # sum of all rewards, or 1 where there is none
+    weight: float  # on reward, in [0, 1]
+    cooling: float  # the factor by which the temperature falls after each step
+    return_probability: float  # with what probability a rejected step ends at the best plan
+
+
+class AnnealState(NamedTuple):
+    """Where a search is.
+
+    Trails lie in slots, three for each robot: 3k to 3k + 2 are those of robot k. One holds its
+    trail in the current plan, one that in the best plan, and a step writes one that is free. What
+    is known of trails is kept, so that those that have not changed are not walked again.
+    """
+
+    nodes: OffsetArray  # the trails, n_arcs + 1 nodes apart
+    # Where each trail begins and ends (n_slots).
+    starts: OffsetArray
+    stops: OffsetArray
+    # The nodes of each trail by first visit (n_slots, n_nodes), and how many (n_slots).
+    met: OffsetArray
+    n_met: OffsetArray
+    reach: FloatArray  # the chance to reach each of these (n_slots, n_nodes)
+    alive: FloatArray  # the chance to survive each trail (n_slots)
+    # The slots of the current plan, of the one that is tried, and of the best one that has been
+    # evaluated (n_robots).
+    current: OffsetArray
+    tried: OffsetArray
+    best: OffsetArray
+    # E[R] and E[S] of the current plan and of the best one (2), and the weighted sum of the best
+    # one's shares (1). The score may be −inf at first, whatever the plan is: then the best plan is
+    # among those evaluated from then on.
+    objectives: FloatArray
+    best_objectives: FloatArray
+    best_score: FloatArray
+    # Whether the search has to go to the best plan before its next step (1); so it begins.
+    to_best: OffsetArray
+    temperature: FloatArray  # (1)
+    random: SeedArray  # state of the random numbers (1, 2)
+    # Scratch: how many trails have been walked (1), and the last walk that came to each node
+    # (n_nodes); what the plan reaches; and its slots in the order of their trails (n_robots).
+    n_walks: OffsetArray
+    visited: OffsetArray
+    team: Team
+    order: OffsetArray
+    moves: MoveScratch
+
+
+class Records(NamedTuple):
+    """Plans that a search has evaluated, but for those that the plans at hand dominated."""
+
+    # Their trails; there may be room for more.
+    nodes: IntArray
+    offsets: OffsetArray
+    objectives: FloatArray  # E[R] and E[S] of each (n_most, 2)
+    n_plans: OffsetArray  # how many there are (1)
+
+
+def new_state(graph: Graph, n_robots: int, random: SeedArray, *, detours: bool) -> AnnealState:
+    """Begin a search with all robots at base."""
+    n_nodes, width, n_slots = graph.n_nodes, graph.n_arcs + 1, _N_SLOTS * n_robots
+    first, starts = _N_SLOTS * np.arange(n_robots), width * np.arange(n_slots)
+    return AnnealState(
+        nodes=np.full(n_slots * width, graph.base),
+        starts=starts,
+        stops=starts + 1,
+        met=np.zeros((n_slots, n_nodes), np.int64),
+        n_met=np.zeros(n_slots, np.int64),
+        reach=np.zeros((n_slots, n_nodes)),
+        alive=np.zeros(n_slots),
+        current=first.copy(),
+        tried=first.copy(),
+        best=first,
+        objectives=np.zeros(2),
+        best_objectives=np.array([graph.reward[graph.base], n_robots]),
+        best_score=np.full(1, -np.inf),
+        to_best=np.ones(1, np.int64),
+        temperature=np.ones(1),
+        random=random,
+        n_walks=np.zeros(1, np.int64),
+        visited=np.zeros(n_nodes, np.int64),
+        team=new_team(n_nodes),
+        order=np.zeros(n_robots, np.int64),
+        moves=new_move_scratch(graph, detours=detours),
+    )
+
+
+def new_records(n_robots: int, n_plans: int, n_nodes: int) -> Records:
+    """Make room for ``n_plans`` plans of ``n_nodes`` nodes together."""
+    return Records(
+        np.empty(n_nodes, np.int32),
+        np.zeros(n_plans * n_robots + 1, np.int64),
+        np.empty((n_plans, 2)),
+        np.zeros(1, np.int64),
+    )
+
 
 @helper
-def _walk(graph: Graph, walked: Walked, team: TeamScratch, slot: int) -> None:
+def _walk(graph: Graph, state: AnnealState, slot: int) -> None:
     """List the nodes of a trail by first visit, with the chance to reach each, and to survive."""
-    nodes, met, reach, visited = walked.nodes, walked.met, walked.reach, team.visited
-    start = slot * (graph.head.shape[0] + 1)
-    team.n_walks[0] += 1
-    walk = team.n_walks[0]
+    nodes, met, reach, visited = state.nodes, state.met, state.reach, state.visited
+    start = state.starts[slot]
+    state.n_walks[0] += 1
+    walk = state.n_walks[0]
     alive = 1.0
-    here = nodes[start]
-    visited[here] = walk
-    met[slot, 0], reach[slot, 0] = here, 1.0
+    node = nodes[start]
+    visited[node] = walk
+    met[slot, 0], reach[slot, 0] = node, 1.0
     n = 1
-    for i in range(start + 1, start + walked.lengths[slot]):
-        there = nodes[i]
-        alive *= graph.survival[find_arc(graph, here, there)]
-        if visited[there] != walk:
-            visited[there] = walk
-            met[slot, n], reach[slot, n] = there, alive
+    for i in range(start + 1, state.stops[slot]):
+        tail, node = node, nodes[i]
+        alive *= graph.survival[find_arc(graph, tail, node)]
+        if visited[node] != walk:
+            visited[node] = walk
+            met[slot, n], reach[slot, n] = node, alive
             n += 1
-        here = there
-    walked.n_met[slot], walked.alive[slot] = n, alive
+    state.n_met[slot], state.alive[slot] = n, alive
 
 
 @helper
-def _change(
-    graph: Graph,
-    rule: MoveRule,
-    moves: MoveScratch,
-    walked: Walked,
-    team: TeamScratch,
-    slot: int,
-    states: SeedArray,
-) -> int:
-    """Change a trail by one move; give the slot of the new one, or its own where none was made.
+def _change(graph: Graph, rule: MoveRule, state: AnnealState, robot: int) -> int:
+    """Change a robot's trail by one move; return the slot of the new one, or of the old if none is.
 
     ``NO_PATHS`` where a detour was drawn for which there is no scratch.
     """
-    nodes, width = walked.nodes, graph.head.shape[0] + 1
-    length, other = walked.lengths[slot], slot ^ 1
-    start, source = other * width, slot * width
+    nodes, slot, free = state.nodes, state.current[robot], _N_SLOTS * robot
+    while free == slot or free == state.best[robot]:
+        free += 1
+    width, source, start = graph.head.shape[0] + 1, state.starts[slot], state.starts[free]
+    length = state.stops[slot] - source
     for i in range(length):
         nodes[start + i] = nodes[source + i]
-    changed = change_trail(graph, rule, moves, nodes[start : start + width], length, states)
+    trail = nodes[start : start + width]
+    changed = change_trail(graph, rule, state.moves, trail, length, state.random)
     if changed == CANNOT:
-        return slot
+        return int(slot)
     if changed == NO_PATHS:
         return NO_PATHS
-    walked.lengths[other] = changed
-    _walk(graph, walked, team, other)
-    return other
+    state.stops[free] = start + changed
+    _walk(graph, state, free)
+    return free
 
 
 @helper
-def _go_to_best(
-    graph: Graph, best: Best, here: OffsetArray, walked: Walked, team: TeamScratch
-) -> None:
-    """Make the best plan the one the search is at."""
-    nodes, best_nodes = walked.nodes, best.nodes
-    for k in range(here.shape[0]):
-        slot, length = here[k], best.lengths[k]
-        start = slot * best_nodes.shape[1]
-        walked.lengths[slot] = length
-        for i in range(length):
-            nodes[start + i] = best_nodes[k, i]
-        _walk(graph, walked, team, slot)
+def _copy(slots: OffsetArray, into: OffsetArray) -> None:
+    for k in range(slots.shape[0]):
+        into[k] = slots[k]
 
 
 @helper
-def _evaluate(
-    reward: FloatArray, slots: OffsetArray, walked: Walked, team: TeamScratch
-) -> tuple[float, float]:
-    """Return E[R] and E[S] of a plan: the arithmetic, and the bits, of ``evaluate``.
+def _evaluate(reward: FloatArray, state: AnnealState) -> tuple[float, float]:
+    """Return E[R] and E[S] of the plan that is tried, with the bits of ``evaluate``.
 
     Its trails have been walked, which is most of the work.
     """
-    n_robots, width = slots.shape[0], walked.nodes.shape[0] // walked.lengths.shape[0]
-    nodes, lengths = walked.nodes, walked.lengths
-    met, n_met, reach = walked.met, walked.n_met, walked.reach
-    order = team.order
-    for k in range(n_robots):
-        slot, place = slots[k], k
-        start = slot * width
-        while place > 0:
-            before = order[place - 1]
-            other = before * width
-            stop, other_stop = start + lengths[slot], other + lengths[before]
-            if not precedes(nodes, start, stop, other, other_stop):
-                break
-            order[place] = before
-            place -= 1
-        order[place] = slot
-    begin_team(team.team)
+    order, team, met, reach = state.order, state.team, state.met, state.reach
+    _copy(state.tried, order)
+    sort_trails(state.nodes, state.starts, state.stops, order)
+    begin_team(team)
     survivors = 0.0
-    for k in range(n_robots):
+    for k in range(order.shape[0]):
         slot = order[k]
-        for j in range(n_met[slot]):
-            combine(team.team, met[slot, j], reach[slot, j])
-        survivors += walked.alive[slot]
-    return team_reward(reward, team.team), survivors
+        for j in range(state.n_met[slot]):
+            combine(team, met[slot, j], reach[slot, j])
+        survivors += state.alive[slot]
+    return team_reward(reward, team), survivors
 
 
 @helper
@@ -141,48 +209,18 @@ def _dominates(objectives: FloatArray, reward: float, survivors: float) -> bool:
 
 
 @helper
-def _has_room(records: Records, here: OffsetArray, lengths: OffsetArray, n_more: int) -> bool:
-    """Return whether a plan of ``n_more`` nodes more than the one at hand can be recorded."""
-    n_robots, n = here.shape[0], records.n_plans[0]
-    if n == records.objectives.shape[0]:
-        return False
-    size = records.offsets[n * n_robots] + n_more
+def _record(records: Records, state: AnnealState, reward: float, survivors: float) -> None:
+    """Write the plan that is tried behind those recorded before."""
+    n_robots, n = state.tried.shape[0], records.n_plans[0]
+    size = records.offsets[n * n_robots]
     for k in range(n_robots):
-        size += lengths[here[k]]
-    return bool(size <= records.nodes.shape[0])
-
-
-@helper
-def _record(
-    records: Records, slots: OffsetArray, walked: Walked, reward: float, survivors: float
-) -> None:
-    """Write a plan behind those recorded before."""
-    nodes, offsets, source, lengths = records.nodes, records.offsets, walked.nodes, walked.lengths
-    n_robots, n, width = slots.shape[0], records.n_plans[0], source.shape[0] // lengths.shape[0]
-    size = offsets[n * n_robots]
-    for k in range(n_robots):
-        start, length = slots[k] * width, lengths[slots[k]]
-        for i in range(length):
-            nodes[size + i] = source[start + i]
-        size += length
-        offsets[n * n_robots + k + 1] = size
+        slot = state.tried[k]
+        for i in range(state.starts[slot], state.stops[slot]):
+            records.nodes[size] = state.nodes[i]
+            size += 1
+        records.offsets[n * n_robots + k + 1] = size
     records.objectives[n, 0], records.objectives[n, 1] = reward, survivors
     records.n_plans[0] += 1
-
-
-@helper
-def _remember(
-    best: Best, slots: OffsetArray, walked: Walked, reward: float, survivors: float
-) -> None:
-    """Let a plan be the best one."""
-    best_nodes, nodes = best.nodes, walked.nodes
-    best.objectives[0], best.objectives[1] = reward, survivors
-    for k in range(slots.shape[0]):
-        slot = slots[k]
-        start, length = slot * best_nodes.shape[1], walked.lengths[slot]
-        best.lengths[k] = length
-        for i in range(length):
-            best_nodes[k, i] = nodes[start + i]
 
 
 @kernel
@@ -196,47 +234,55 @@ def anneal(
     back to the best plan with ``return_probability``. Kirkpatrick, Gelatt and Vecchi,
     "Optimization by simulated annealing", Science 220, 1983.
 
-    Each plan that is evaluated is recorded, but for those that the plan the search is at or its
-    best dominates. Gives how many steps, n, were made: fewer than asked for where there may be no
-    room to record another plan; −1 − n where the next step needs scratch for detours.
+    Each plan that is evaluated is recorded, but for those that the current plan or the best one
+    dominates. Returns how many steps, n, were made: fewer than asked for where there may be no room
+    to record another plan; −1 − n where the next step needs scratch for detours.
     """
     graph, rule, state, records = shared(graph), shared(rule), shared(state), shared(records)
-    best, walked, team, states = state.best, state.walked, state.team, state.random
-    here, tried, at, temperature = state.here, state.tried, state.objectives, state.temperature
-    n_robots, width, every_robot = here.shape[0], graph.head.shape[0] + 1, rule.moves.every_robot
+    current, tried, best, states = state.current, state.tried, state.best, state.random
+    objectives, best_objectives = state.objectives, state.best_objectives
+    n_robots, every_robot = current.shape[0], rule.moves.every_robot
+    longest = n_robots * (graph.head.shape[0] + 1)
     for step in range(n_steps):
-        if state.to_best[0]:
-            _go_to_best(graph, best, here, walked, team)
-            at[0], at[1], state.to_best[0] = best.objectives[0], best.objectives[1], 0
-        n_more = width * n_robots if every_robot else width
-        if rule.record and not _has_room(records, here, walked.lengths, n_more):
+        if state.to_best[0]:  # which may come from elsewhere
+            _copy(best, current)
+            for k in range(n_robots):
+                _walk(graph, state, current[k])
+            objectives[0], objectives[1] = best_objectives[0], best_objectives[1]
+            state.to_best[0] = 0
+        n_plans = records.n_plans[0]
+        if rule.record and (
+            n_plans == records.objectives.shape[0]
+            or records.offsets[n_plans * n_robots] + longest > records.nodes.shape[0]
+        ):
             return step
         low, high = states[0, 0], states[0, 1]
         chosen = 0
         if not every_robot and n_robots > 1:
             chosen = below(states, n_robots)
+        _copy(current, tried)
         for k in range(n_robots):
-            tried[k] = here[k]
             if every_robot or k == chosen:
-                tried[k] = _change(graph, rule.moves, state.moves, walked, team, here[k], states)
+                tried[k] = _change(graph, rule.moves, state, k)
                 if tried[k] == NO_PATHS:
                     states[0, 0], states[0, 1] = low, high
                     return -1 - step
-        reward, survivors = _evaluate(graph.reward, tried, walked, team)
+        reward, survivors = _evaluate(graph.reward, state)
         if rule.record and not (
-            _dominates(at, reward, survivors) or _dominates(best.objectives, reward, survivors)
+            _dominates(objectives, reward, survivors)
+            or _dominates(best_objectives, reward, survivors)
         ):
-            _record(records, tried, walked, reward, survivors)
+            _record(records, state, reward, survivors)
         new_score = score(rule, n_robots, reward, survivors)
-        if new_score > best.score[0]:
-            best.score[0] = new_score
-            _remember(best, tried, walked, reward, survivors)
-        change = new_score - score(rule, n_robots, at[0], at[1])
-        if change >= 0.0 or uniform(states, 0) < math.exp(change / temperature[0]):
-            for k in range(n_robots):
-                here[k] = tried[k]
-            at[0], at[1] = reward, survivors
+        if new_score > state.best_score[0]:
+            _copy(tried, best)
+            state.best_score[0] = new_score
+            best_objectives[0], best_objectives[1] = reward, survivors
+        change = new_score - score(rule, n_robots, objectives[0], objectives[1])
+        if change >= 0.0 or uniform(states, 0) < math.exp(change / state.temperature[0]):
+            _copy(tried, current)
+            objectives[0], objectives[1] = reward, survivors
         elif rule.return_probability > 0.0 and uniform(states, 0) < rule.return_probability:
             state.to_best[0] = 1
-        temperature[0] *= rule.cooling
+        state.temperature[0] *= rule.cooling
     return n_steps

@@ -8,9 +8,16 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.beam.labels import Standing
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.homing import Budget, way_within
-from botohe_moo.kernels.graph.paths import ANYWHERE, Paths, new_paths, search_paths
-from botohe_moo.kernels.graph.ways import leads_home
+from botohe_moo.kernels.graph.paths import (
+    ANYWHERE,
+    Budget,
+    Paths,
+    leads_home,
+    new_paths,
+    search_paths,
+    usual_way_home,
+    way_within,
+)
 from botohe_moo.kernels.sharing import shared
 
 # Share of what still looks worth its danger that counts when labels are ranked. Measured on the
@@ -162,7 +169,7 @@ def close(
     """
     used, ahead, free = standing.used, standing.ahead, has_no_limits(rule)
     value, survives, node = child.value, child.alive, child.node
-    if free and value + stay <= best_value and _is_blocked(graph, used, node):
+    if free and value + stay <= best_value and usual_way_home(graph, paths, used, 1, node) < 0:
         back = graph.balanced or leads_home(graph, paths, used, 1, node)
         return -1.0, survives if back else -1.0
     n_hops = way_within(graph, rule.budget, paths, used, 1, node, survives, child.length)
@@ -173,11 +180,3 @@ def close(
         survives *= graph.survival[arc]
         value += survives * ahead[graph.head[arc]]
     return value + rule.survival_weight * survives, survives
-
-
-@inlined
-def _is_blocked(graph: Graph, used: OffsetArray, node: int) -> bool:
-    """Return whether the safest way home with every arc free takes an arc that is used."""
-    while node != graph.base and used[graph.homeward[node]] != 1:
-        node = graph.head[graph.homeward[node]]
-    return node != graph.base

@@ -18,9 +18,9 @@ from botohe_moo.kernels.beam.prospects import (
     write_gathered,
 )
 from botohe_moo.kernels.compile import helper, kernel
+from botohe_moo.kernels.fronts.archive import sort_descending
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.homing import way_within
-from botohe_moo.kernels.plans.order import sort_descending
+from botohe_moo.kernels.graph.paths import way_within
 from botohe_moo.kernels.sharing import shared
 
 # A search keeps no more labels than this, whatever its width: a few hundred megabytes.

@@ -15,11 +15,9 @@ from botohe_moo.kernels.colony.weighing import (
     tabulate_node,
     weigh,
 )
-from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo.kernels.compile import inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.homing import Budget, way_within
-from botohe_moo.kernels.graph.paths import Paths
-from botohe_moo.kernels.graph.ways import end_trail, go_without_choice, survives_home
+from botohe_moo.kernels.graph.paths import Budget, Paths, leads_home, way_within
 from botohe_moo.kernels.rng import uniform
 from botohe_moo.kernels.sharing import shared
 
@@ -66,11 +64,7 @@ def _choose(
             drawn = uniform(scratch.states, ant.number) * (1.0 + rule.exploration / n)
             arc = draw_arc(graph, rule.exploration, scratch.cumulated, ant, node, n, total, drawn)
         ant.used[arc] = ant.trail
-        if arc == loop:
-            end_trail(paths)
-            break
-        if n == 1:
-            go_without_choice(graph, paths, ant.trail, graph.head[arc])
+        if arc == loop or n == 1:
             break
         length = scratch.length[ant.robot]
         if _leads_home(graph, rule, rule.budget, paths, ant, arc, alive, length):
@@ -93,42 +87,31 @@ def _leads_home(
     alive: float,
     length: float,
 ) -> bool:
-    """Return whether a way home within the limits is known from the head of an arc.
+    """Return whether a way home within the limits is known from the head of an arc, and note it.
 
-    ``alive`` and ``length`` are those of the trail up to the arc.
+    ``alive`` and ``length`` are those of the trail up to the arc. No ant gets stuck: with limits,
+    the arc by which the way that was noted last goes on can always be taken. For the rest of a
+    safest (or shortest) way is the safest (or shortest) from there, and would be found again; as
+    another one may be as safe but longer, it is not looked for again. With a travel budget, plans
+    are lost where the only ways home are neither the safest nor the shortest ones.
     """
-    node, arriving = graph.head[arc], alive * graph.survival[arc]
     if paths is None:
         return True
-    if budget is None:
-        return survives_home(graph, paths, ant.used, ant.trail, node, arriving, rule.min_survival)
-    return _leads_home_within(graph, budget, paths, ant, arc, arriving, length)
-
-
-@helper
-def _leads_home_within(
-    graph: Graph,
-    budget: Budget,
-    paths: Paths,
-    ant: Ant,
-    arc: int,
-    arriving: float,
-    length: float,
-) -> bool:
-    """Return whether a way home within a travel budget is known, and note the one that is found.
-
-    No ant gets stuck: the arc by which the way that was noted last goes on can always be taken.
-    For the rest of a safest (or shortest) way is the safest (or shortest) from there, and would be
-    found again; as another one may be as safe but longer, it is not looked for again. Plans are
-    lost where the only ways home are neither the safest nor the shortest ones.
-    """
+    if budget is None and rule.min_survival == 0.0:
+        return leads_home(graph, paths, ant.used, ant.trail, graph.head[arc])
     if ant.onward[graph.tail[arc]] == arc:
         return True
-    node, length = graph.head[arc], length + graph.length[arc]
-    n = way_within(graph, budget, paths, ant.used, ant.trail, node, arriving, length)
+    node, alive, length = graph.head[arc], alive * graph.survival[arc], length + graph.length[arc]
+    if alive * graph.home[node] < rule.min_survival:
+        return False
+    n = way_within(graph, budget, paths, ant.used, ant.trail, node, alive, length)
+    for i in range(n):
+        alive *= graph.survival[paths.path[i]]
+    if n < 0 or alive < rule.min_survival:
+        return False
     for i in range(n):
         ant.onward[graph.tail[paths.path[i]]] = paths.path[i]
-    return n >= 0
+    return True
 
 
 @inlined

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.colony.weighing import Weights
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.graph.arcs import Links, find_arc
+from botohe_moo.kernels.graph.graph import Roads, find_arc
 
 # Far below any amount that matters, far above where floats lose their digits: on arcs that no
 # Pareto set uses pheromone falls by the same factor every iteration, for thousands of iterations.
@@ -49,9 +49,9 @@ class Pheromone(NamedTuple):
 
 
 @helper
-def _deposit(links: Links, plans: Depositors, n_robots: int, amounts: FloatArray) -> None:
+def _deposit(roads: Roads, plans: Depositors, n_robots: int, amounts: FloatArray) -> None:
     """Set ``amounts`` to what the plans leave on each arc, in sum (n_maps, n_arcs + 1, 2)."""
-    n_maps, loop = amounts.shape[0], links.head.shape[0]
+    n_maps, loop = amounts.shape[0], roads.head.shape[0]
     for m in range(n_maps):
         for arc in range(loop + 1):
             amounts[m, arc, 0] = amounts[m, arc, 1] = 0.0
@@ -65,14 +65,14 @@ def _deposit(links: Links, plans: Depositors, n_robots: int, amounts: FloatArray
             for i in range(plans.offsets[trail], last + 1):
                 arc = loop
                 if i < last:
-                    arc = find_arc(links, int(plans.nodes[i]), int(plans.nodes[i + 1]))
+                    arc = find_arc(roads, int(plans.nodes[i]), int(plans.nodes[i + 1]))
                 amounts[which, arc, 0] += reward
                 amounts[which, arc, 1] += survivors
 
 
 @kernel
 def learn(
-    links: Links,
+    roads: Roads,
     iteration: Depositors,
     archive: Depositors,
     is_new: bool,
@@ -88,9 +88,9 @@ def learn(
     ``LOG_HIGH``.
     """
     levels, deposits, archived = pheromone.levels, pheromone.deposits, pheromone.archive_deposits
-    _deposit(links, iteration, n_robots, deposits)
+    _deposit(roads, iteration, n_robots, deposits)
     if is_new:
-        _deposit(links, archive, n_robots, archived)
+        _deposit(roads, archive, n_robots, archived)
     n_iteration, n_archive = iteration.members.shape[0], archive.members.shape[0]
     if rule.pooled:
         n_iteration = n_archive = n_iteration + n_archive

@@ -11,7 +11,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, inlined
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.homing import Budget
+from botohe_moo.kernels.graph.paths import Budget
 
 # Ants whose weights are tabulated together: enough to share the exponentials, few enough that
 # the tables of a small mission stay in the fastest caches.
@@ -61,8 +61,8 @@ class AntScratch(NamedTuple):
     # (n_rows, n_nodes): a row for each robot that is out at once.
     used: OffsetArray
     visited: OffsetArray
-    # With a travel budget: of each node on the way home that a robot knows, the arc by which that
-    # way goes on; −1 at the base (n_rows, n_nodes).
+    # With limits: of each node on the way home that a robot knows, the arc by which that way goes
+    # on; −1 at the base (n_rows, n_nodes).
     onward: OffsetArray
     # Where each robot is, −1 where its trail has ended, with what probability, and with a travel
     # budget how long its trail is (n_robots).

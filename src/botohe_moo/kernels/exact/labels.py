@@ -61,6 +61,7 @@ def look_around(search: LabelSearch) -> None:
     reach, paths, used, n_nodes = current.reach, current.paths, current.used, graph.reward.shape[0]
     node = current.row[0].node
     _mark_arcs_too_far(search, search.rule.short)
+    _find_ways_home(search)
     for v in range(n_nodes):
         reach[v] = 0.0
     reach[node] = 1.0
@@ -68,7 +69,6 @@ def look_around(search: LabelSearch) -> None:
     for i in range(1, n):
         arc = paths.entry[paths.order[i]]
         reach[paths.order[i]] = reach[graph.tail[arc]] * graph.survival[arc]
-    _find_ways_home(search)
     for word in range(current.bits.shape[0]):
         current.bits[word] = 0
     for arc in range(graph.head.shape[0]):
@@ -98,23 +98,16 @@ def _mark_arcs_too_far(search: LabelSearch, short: Graph | None) -> None:
 @helper
 def _find_ways_home(search: LabelSearch) -> None:
     """Find the nodes from which arcs that the current label can use lead home."""
-    graph, homeward, waiting = search.graph, search.current.homeward, search.current.paths.order
+    graph, homeward = search.graph, search.current.homeward
     everywhere = graph.balanced and not has_budget(search.rule)  # what can be reached leads home
     for v in range(homeward.shape[0]):
         homeward[v] = 1 if everywhere else 0
     if everywhere:
         return
-    homeward[graph.base], waiting[0] = 1, graph.base
-    n = 1
-    while n > 0:
-        n -= 1
-        head = waiting[n]
-        for i in range(graph.first_entering[head], graph.first_entering[head + 1]):
-            arc = graph.entering[i]
-            tail = graph.tail[arc]
-            if homeward[tail] == 0 and search.current.used[arc] != 1:
-                homeward[tail], waiting[n] = 1, tail
-                n += 1
+    n_nodes, paths = homeward.shape[0], search.current.paths
+    n = search_paths(graph, paths, search.current.used, 1, graph.base, ANYWHERE, n_nodes, True)
+    for i in range(n):
+        homeward[paths.order[i]] = 1
 
 
 @helper

@@ -16,7 +16,7 @@ there by a way that is safer than those that are known.
 """
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
-from botohe_moo.kernels.compile import helper, kernel
+from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.exact.labels import (
     ROUNDING,
     add_label,
@@ -185,25 +185,28 @@ def as_column(rule: LabelRule, reached: FloatArray, column: FloatArray) -> None:
 @helper
 def _is_covered(trails: TrailTable, n_trails: int, reached: FloatArray, survives: float) -> bool:
     """Return whether a known trail is at least as good in everything."""
+    best, all_reached = trails.shelf_survives, trails.shelf_reached
     for shelf in range((n_trails + SHELF - 1) // SHELF):
-        if trails.shelf_survives[shelf] < survives:
-            continue
-        possible = True
-        for column in range(reached.shape[0]):
-            if trails.shelf_reached[shelf, column] < reached[column]:
-                possible = False
-                break
-        if not possible:
+        if not _is_as_good(best[shelf], all_reached, shelf, reached, survives):
             continue
         for trail in range(shelf * SHELF, min(n_trails, (shelf + 1) * SHELF)):
-            better = trails.rows[trail].survives >= survives
-            for column in range(reached.shape[0]):
-                if not better:
-                    break
-                better = trails.reached[trail, column] >= reached[column]
-            if better:
+            alive = trails.rows[trail].survives
+            if _is_as_good(alive, trails.reached, trail, reached, survives):
                 return True
     return False
+
+
+@inlined
+def _is_as_good(
+    alive: float, all_reached: FloatArray, row: int, reached: FloatArray, survives: float
+) -> bool:
+    """Return whether ``alive`` and a row of probabilities to reach goals are as good as others."""
+    if alive < survives:
+        return False
+    column = 0
+    while column < reached.shape[0] and all_reached[row, column] >= reached[column]:
+        column += 1
+    return bool(column == reached.shape[0])
 
 
 @helper

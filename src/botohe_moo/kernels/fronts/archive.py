@@ -11,7 +11,6 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.plans.order import sort_descending
 from botohe_moo.kernels.rng import mixed
 
 
@@ -38,6 +37,33 @@ def new_archive() -> Archive:
     """Return an archive without plans."""
     ids, offsets = np.empty(0, np.int64), np.zeros(1, np.int64)
     return Archive(np.empty((0, 2)), np.empty(0, np.uint64), ids, np.empty(0, np.int32), offsets)
+
+
+@helper
+def sort_descending(keys: FloatArray, order: OffsetArray, spare: OffsetArray, n: int) -> None:
+    """Sort the first ``n`` indices in ``order`` by their keys, the largest first.
+
+    Equal ones stay in order; NaN comes anywhere. By merging from the bottom up, with ``spare`` as
+    scratch: numpy's own sorting takes seconds to compile.
+    """
+    width = 1
+    while width < n:
+        for start in range(0, n, 2 * width):
+            middle, stop = min(start + width, n), min(start + 2 * width, n)
+            left, right = start, middle
+            for i in range(start, stop):
+                takes_right = left == middle
+                if left < middle and right < stop:
+                    takes_right = keys[order[right]] > keys[order[left]]
+                if takes_right:
+                    spare[i] = order[right]
+                    right += 1
+                else:
+                    spare[i] = order[left]
+                    left += 1
+        for i in range(n):
+            order[i] = spare[i]
+        width *= 2
 
 
 @helper

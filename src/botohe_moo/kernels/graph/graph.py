@@ -9,6 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.compile import helper
+
+_LINEAR_SEARCH_UP_TO = 12
 
 
 class Graph(NamedTuple):
@@ -52,6 +55,19 @@ class Graph(NamedTuple):
 
     def __reduce__(self) -> tuple[object, ...]:
         return _read_only, tuple(self)  # numpy unpickles arrays as writable ones
+
+
+class Roads(NamedTuple):
+    """The part of a graph for ants that need not look for ways home, and for their pheromone.
+
+    Handing over all of the graph takes 1.9 µs: half as long as a colony's deposit takes.
+    """
+
+    first: OffsetArray
+    head: OffsetArray
+    survival: FloatArray
+    length: FloatArray
+    base: int
 
 
 class Limits(NamedTuple):
@@ -104,6 +120,27 @@ def new_graph(
         base,
         bool(np.array_equal(leaving, n_entering)),
     )
+
+
+def roads_of(graph: Graph) -> Roads:
+    """Return that part of a graph."""
+    return Roads(graph.first, graph.head, graph.survival, graph.length, graph.base)
+
+
+@helper
+def find_arc(graph: Graph | Roads, tail: int, head: int) -> int:
+    """Return the arc between two nodes; −1 where there is none."""
+    low, high = graph.first[tail], graph.first[tail + 1]
+    while high - low > _LINEAR_SEARCH_UP_TO:
+        middle = (low + high) // 2
+        if graph.head[middle] <= head:
+            low = middle
+        else:
+            high = middle
+    for arc in range(low, high):
+        if graph.head[arc] == head:
+            return arc
+    return -1
 
 
 def measured_by_length(graph: Graph) -> Graph:

@@ -5,22 +5,16 @@ With the graph that ``measured_by_length`` gives, they are the shortest paths in
 Arc a is used where ``used[a] == trail``: one array serves trail after trail without being cleared.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
-from botohe_moo.kernels.compile import helper, new_records
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.compile import helper
+from botohe_moo.kernels.graph.graph import Graph, Limits, measured_by_length
 
 ANYWHERE = -1  # instead of a node
-NOBODY = -1  # instead of a trail
-
-_WAY = np.dtype(
-    [(name, np.int64) for name in ("onward", "walk", "dead", "place", "node")]
-    + [("survival", np.float64)]
-)
-_KNOWN = np.dtype([(name, np.int64) for name in ("trail", "since", "size")])
 
 
 class Paths(NamedTuple):
@@ -39,32 +33,42 @@ class Paths(NamedTuple):
     heap_keys: FloatArray
     heap_nodes: OffsetArray
     path: OffsetArray  # arcs of the path that was asked for, in order (n_nodes)
-    # What is remembered of ways home; ``ways`` says how (n_nodes), (1).
-    ways: RecordArray
-    known: RecordArray
+    # Of each node but the base the first arc of some way home, at the beginning of the safest one
+    # (n_nodes). These ways come from all trails so far: arcs on them may be used by this one, and
+    # they may go round in circles. And the last search that followed them from the node (n_nodes).
+    onward: OffsetArray
+    followed: OffsetArray
 
 
-@helper(makes_arrays=True)
+class Budget(NamedTuple):
+    """A travel budget, for planners that look for ways home."""
+
+    short: Graph  # the graph as ``measured_by_length`` gives it
+    limits: Limits  # the budget and the survival floor
+
+
+def new_budget(graph: Graph, limits: Limits) -> Budget | None:
+    """Prepare a travel budget; None where the limits set none."""
+    if limits.max_length == math.inf:
+        return None
+    return Budget(measured_by_length(graph), limits)
+
+
 def new_paths(graph: Graph) -> Paths:
     """Return room for searches in a graph."""
-    n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0]
-    paths = Paths(
-        np.empty(1, np.int64),
-        np.empty(n_nodes, np.int64),
-        np.empty(n_nodes),
-        np.empty(n_nodes, np.int64),
-        np.empty(n_nodes, np.int64),
-        np.empty(n_arcs + 1),
-        np.empty(n_arcs + 1, np.int64),
-        np.empty(n_nodes, np.int64),
-        new_records(n_nodes, _WAY),
-        new_records(1, _KNOWN),
+    n_nodes, n_arcs = graph.n_nodes, graph.n_arcs
+    return Paths(
+        n_searches=np.zeros(1, np.int64),
+        met=np.zeros(n_nodes, np.int64),
+        distance=np.empty(n_nodes),
+        entry=np.empty(n_nodes, np.int64),
+        order=np.empty(n_nodes, np.int64),
+        heap_keys=np.empty(n_arcs + 1),
+        heap_nodes=np.empty(n_arcs + 1, np.int64),
+        path=np.empty(n_nodes, np.int64),
+        onward=graph.homeward.copy(),
+        followed=np.zeros(n_nodes, np.int64),
     )
-    paths.n_searches[:], paths.met[:] = 0, 0
-    paths.ways["onward"], paths.ways["walk"] = graph.homeward, 0
-    paths.ways["dead"], paths.ways["place"] = 0, 0
-    paths.known["trail"] = NOBODY
-    return paths
 
 
 @helper
@@ -180,12 +184,110 @@ def way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: 
 
     First along ``graph.homeward``: cheap, and nearly always enough.
     """
+    n = usual_way_home(graph, paths, used, trail, source)
+    return n if n >= 0 else safest_path(graph, paths, used, trail, source, graph.base)
+
+
+@helper
+def usual_way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
+    """Write the way along ``graph.homeward``; return how many arcs it has, −1 if one is used."""
     n = 0
     node = source
-    while node != graph.base and used[graph.homeward[node]] != trail:
-        paths.path[n] = graph.homeward[node]
+    while node != graph.base:
+        arc = graph.homeward[node]
+        if used[arc] == trail:
+            return -1
+        paths.path[n] = arc
         n += 1
-        node = graph.head[graph.homeward[node]]
-    if node == graph.base:
+        node = graph.head[arc]
+    return n
+
+
+@helper
+def way_within(
+    graph: Graph,
+    budget: Budget | None,
+    paths: Paths,
+    used: OffsetArray,
+    trail: int,
+    node: int,
+    alive: float,
+    length: float,
+) -> int:
+    """Write a way home that keeps both limits to ``paths.path``, as ``way_home`` does.
+
+    ``alive`` and ``length`` are those of the robot's trail up to the node. The way is the safest
+    one if that is short enough, otherwise the shortest one if that is safe enough. Where neither
+    is, the result is −1: a way that compromises between both is not looked for. Without a budget
+    it is ``way_home``, which keeps no limits.
+    """
+    if budget is None:
+        return way_home(graph, paths, used, trail, node)
+    short, limits = budget.short, budget.limits
+    # What a way home takes at least, with every arc free.
+    if length + short.home[node] > limits.max_length:
+        return -1
+    if alive * graph.home[node] < limits.min_survival:
+        return -1
+    n = way_home(graph, paths, used, trail, node)
+    if n < 0 or _keeps(graph, paths, n, alive, length, limits):
         return n
-    return safest_path(graph, paths, used, trail, source, graph.base)
+    n = way_home(short, paths, used, trail, node)
+    return n if _keeps(graph, paths, n, alive, length, limits) else -1
+
+
+@helper
+def _keeps(graph: Graph, paths: Paths, n: int, alive: float, length: float, limits: Limits) -> bool:
+    """Return whether a trail that goes on by ``n`` arcs of ``paths.path`` keeps limits."""
+    for i in range(n):
+        alive *= graph.survival[paths.path[i]]
+        length += graph.length[paths.path[i]]
+    return alive >= limits.min_survival and length <= limits.max_length
+
+
+@helper
+def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> bool:
+    """Return whether unused arcs lead from a node to the base, and note by which: ``onward``.
+
+    By breadth-first search for a node whose way home, as it is remembered, is free: mostly there is
+    one near by, if it is not the node itself.
+    """
+    paths.n_searches[0] += 1
+    met, entry, queue, search = paths.met, paths.entry, paths.order, paths.n_searches[0]
+    queue[0], met[node], n, i = node, search, 1, 0
+    if _is_free(graph, paths, used, trail, node):
+        return True
+    while i < n:
+        tail = queue[i]
+        i += 1
+        for arc in range(graph.first[tail], graph.first[tail + 1]):
+            head = graph.head[arc]
+            if used[arc] == trail or met[head] == search:
+                continue
+            met[head], entry[head] = search, arc
+            if _is_free(graph, paths, used, trail, head):
+                while head != node:
+                    arc = entry[head]
+                    head = graph.tail[arc]
+                    paths.onward[head] = arc
+                return True
+            queue[n] = head
+            n += 1
+    return False
+
+
+@helper
+def _is_free(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> bool:
+    """Return whether the way home that is remembered of a node is free.
+
+    It is not where it comes to a node from which this search has followed it before: that has been
+    blocked, or this one goes round in a circle.
+    """
+    search = paths.n_searches[0]
+    while node != graph.base:
+        arc = paths.onward[node]
+        if used[arc] == trail or paths.followed[node] == search:
+            return False
+        paths.followed[node] = search
+        node = graph.head[arc]
+    return True

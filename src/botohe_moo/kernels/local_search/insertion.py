@@ -13,8 +13,7 @@ from botohe_moo.kernels.fronts.ordered import (
     find_place,
     remove_place,
 )
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.local_search.trail_store import TrailStore, comes_before, release
 from botohe_moo.kernels.local_search.workspace import TOLERANCE, Workspace
 from botohe_moo.kernels.plans.evaluate import begin_team, combine, team_reward

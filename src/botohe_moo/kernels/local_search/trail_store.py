@@ -11,7 +11,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.plans.order import precedes
+from botohe_moo.kernels.plans.trails import precedes
 
 Numbers = TypeVar("Numbers", FloatArray, IntArray)
 

@@ -1,1 +1,1 @@
-"""Plans in ragged arrays: evaluated, simulated, repaired, varied."""
+"""Plans in ragged arrays: evaluated, repaired, changed, varied."""

@@ -1,4 +1,9 @@
-"""Change trails by moves, drawn until one can be made."""
+"""Change trails by moves, drawn until one can be made.
+
+The moves need arcs that join what they leave, most of them arcs both ways. Where arcs are one-way,
+a detour can be made wherever there is a trail: part of it goes another way, along safest paths over
+arcs that the trail has not taken.
+"""
 
 import math
 from typing import NamedTuple
@@ -7,17 +12,19 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph, Limits
-from botohe_moo.kernels.plans.marks import (
+from botohe_moo.kernels.graph.graph import Graph, Limits, find_arc
+from botohe_moo.kernels.graph.paths import Paths, safest_path
+from botohe_moo.kernels.plans.moves import (
     CANNOT,
+    DETOUR,
     NO_PATHS,
     MoveScratch,
     mark_trail,
+    move_trail,
     new_move_scratch,
+    shift,
 )
-from botohe_moo.kernels.plans.moves import DETOUR, move_trail
-from botohe_moo.kernels.plans.ragged import Trails, write_trails
+from botohe_moo.kernels.plans.trails import Trails, write_trails
 from botohe_moo.kernels.rng import below, uniform
 from botohe_moo.kernels.sharing import shared
 
@@ -34,6 +41,106 @@ class MoveRule(NamedTuple):
     max_tries: int  # how often to draw, before a few detours are tried
     every_robot: bool  # whether every trail of a plan is changed, rather than one drawn uniformly
     limits: Limits  # which trails keep
+
+
+@helper
+def _add_path(
+    graph: Graph, scratch: MoveScratch, paths: Paths, n: int, source: int, target: int
+) -> int:
+    """Add the safest path over arcs that are not marked to a way of ``n`` arcs.
+
+    Returns the new number of arcs, −1 where there is no path.
+    """
+    n_added = safest_path(graph, paths, scratch.used, scratch.mark[0], source, target)
+    for i in range(n_added):
+        scratch.way[n + i] = paths.path[i]
+    return n + n_added if n_added >= 0 else -1
+
+
+@helper
+def _replace(
+    graph: Graph, way: OffsetArray, n: int, nodes: OffsetArray, length: int, start: int, stop: int
+) -> int:
+    """Put ``n`` arcs in the place of a segment; ``CANNOT`` if they are the same."""
+    longer = n - (stop - start)
+    if longer == 0:
+        i = 0
+        while i < n and graph.head[way[i]] == nodes[start + 1 + i]:
+            i += 1
+        if i == n:
+            return CANNOT
+    length = shift(nodes, length, stop + 1, longer)
+    for i in range(n):
+        nodes[start + 1 + i] = graph.head[way[i]]
+    return length
+
+
+@helper
+def _take_detour(
+    graph: Graph,
+    scratch: MoveScratch,
+    paths: Paths,
+    nodes: OffsetArray,
+    length: int,
+    states: SeedArray,
+) -> int:
+    """Go another way from a position of a trail to the same or a later one, in place.
+
+    First to a node, by the arc where a free one leads there, else by the safest path, then by the
+    safest path to where the trail goes on; all over arcs that the rest of the trail does not take.
+    The first position is drawn uniformly, the other one so that short spans are drawn as often as
+    long ones (evenly in their logarithms), the node among all: with the base, or a node at one of
+    the positions, the safest path is taken at once.
+
+    ``CANNOT`` where there is no path, or no other one than the trail takes.
+    """
+    used, mark, way = scratch.used, scratch.mark[0], scratch.way
+    start = below(states, length)
+    room = length - start
+    stop = start + min(room, int((room + 1) ** uniform(states, 0))) - 1
+    via = below(states, graph.reward.shape[0])
+    source, target = nodes[start], nodes[stop]
+    for i in range(start, stop):
+        used[find_arc(graph, nodes[i], nodes[i + 1])] = -1
+    n_out = 0
+    if via not in (graph.base, source, target):
+        way[0] = find_arc(graph, source, via)
+        n_out = 1
+        if way[0] < 0 or used[way[0]] == mark:
+            n_out = _add_path(graph, scratch, paths, 0, source, via)
+        for i in range(n_out):
+            used[way[i]] = mark
+        source = via
+    n = n_out
+    if source != target and n_out >= 0:
+        n = _add_path(graph, scratch, paths, n_out, source, target)
+    for i in range(n_out):
+        used[way[i]] = -1
+    for i in range(start, stop):
+        used[find_arc(graph, nodes[i], nodes[i + 1])] = mark
+    return CANNOT if n < 0 else _replace(graph, way, n, nodes, length, start, stop)
+
+
+@helper
+def _move(
+    graph: Graph,
+    scratch: MoveScratch,
+    paths: Paths | None,
+    nodes: OffsetArray,
+    length: int,
+    kind: int,
+    states: SeedArray,
+) -> int:
+    """Try one move of a kind; parameters and result are those of ``move_trail``.
+
+    ``paths`` are those of ``scratch``: for an argument that is None numba compiles the branch for
+    None alone. The result is ``NO_PATHS`` for a detour then.
+    """
+    if kind != DETOUR:
+        return move_trail(graph, scratch, nodes, length, kind, states)
+    if paths is None:
+        return NO_PATHS
+    return _take_detour(graph, scratch, paths, nodes, length, states)
 
 
 @helper
@@ -90,7 +197,7 @@ def change_trail(
         if binding:
             for i in range(length):
                 scratch.spare[i] = nodes[i]
-        changed = move_trail(graph, scratch, nodes, length, kind, states)
+        changed = _move(graph, scratch, scratch.paths, nodes, length, kind, states)
         if changed == CANNOT:
             continue
         if changed == NO_PATHS:

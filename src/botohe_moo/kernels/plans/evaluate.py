@@ -6,9 +6,8 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, inlined, kernel
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.plans.order import precedes
+from botohe_moo.kernels.graph.graph import Graph, find_arc
+from botohe_moo.kernels.plans.trails import sort_trails
 from botohe_moo.kernels.sharing import shared
 
 # What may be wrong with a trail; ``evaluate`` reports the first fault as
@@ -62,29 +61,15 @@ class _Scratch(NamedTuple):
 
 
 @helper(makes_arrays=True)
-def _new_scratch(graph: Graph) -> _Scratch:
-    n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0]
-    scratch = _Scratch(
-        np.empty(n_arcs, np.int64),
-        np.empty(n_nodes, np.int64),
-        new_team(n_nodes),
-    )
-    scratch.used[:], scratch.visited[:] = -1, -1
-    return scratch
-
-
-@helper(makes_arrays=True)
 def new_team(n_nodes: int) -> Team:
     """Return scratch for plans on a graph of ``n_nodes`` nodes."""
-    team = Team(
-        np.empty(1, np.int64),
-        np.empty(n_nodes, np.int64),
+    return Team(
+        np.zeros(1, np.int64),
+        np.zeros(n_nodes, np.int64),
         np.empty(n_nodes),
         np.empty(n_nodes, np.int64),
-        np.empty(1, np.int64),
+        np.zeros(1, np.int64),
     )
-    team.plan[:], team.seen_by[:], team.n[:] = 0, 0, 0
-    return team
 
 
 @helper
@@ -132,14 +117,14 @@ def _reach(scratch: _Scratch, trail: int, node: int, alive: float) -> None:
 
 
 @inlined
-def _hop(graph: Graph, scratch: _Scratch, trail: int, here: int, there: int) -> tuple[int, int]:
+def _hop(graph: Graph, scratch: _Scratch, trail: int, tail: int, head: int) -> tuple[int, int]:
     """Return the arc of a hop, −1 where there is none, and what is wrong with it."""
     n_nodes = graph.reward.shape[0]
-    if there < 0 or there >= n_nodes:
+    if head < 0 or head >= n_nodes:
         return -1, UNKNOWN_NODE
-    if here < 0 or here >= n_nodes:
+    if tail < 0 or tail >= n_nodes:
         return -1, MISSING_ARC
-    arc = find_arc(graph, here, there)
+    arc = find_arc(graph, tail, head)
     if arc < 0:
         return -1, MISSING_ARC
     if scratch.used[arc] == trail:
@@ -162,32 +147,32 @@ def _walk(
     Returns with what probability it survives, how long the trail is, how many faults there are, and
     kind and position of the first.
     """
-    here = int(nodes[start]) if stop > start else -1
+    node = int(nodes[start]) if stop > start else -1
     kind = position = n_faults = 0
-    if here != graph.base:
+    if node != graph.base:
         n_faults = 1
-        known = 0 <= here < graph.reward.shape[0]
+        known = 0 <= node < graph.reward.shape[0]
         kind = EMPTY_TRAIL if stop <= start else NOT_FROM_BASE if known else UNKNOWN_NODE
     else:
-        _reach(scratch, trail, here, 1.0)
+        _reach(scratch, trail, node, 1.0)
     alive, length = 1.0, 0.0
     i = start + 1
     while kind == VALID and i < stop:
-        there = int(nodes[i])
-        arc, kind = _hop(graph, scratch, trail, here, there)
+        head = int(nodes[i])
+        arc, kind = _hop(graph, scratch, trail, node, head)
         if kind == VALID:
             alive *= graph.survival[arc]
             length += graph.length[arc]
-            _reach(scratch, trail, there, alive)
-            here = there
+            _reach(scratch, trail, head, alive)
+            node = head
             i += 1
         else:
             position = i - start
     for j in range(i, stop):
-        there = int(nodes[j])
-        n_faults += _hop(graph, scratch, trail, here, there)[1] != VALID
-        here = there
-    if here != graph.base:
+        head = int(nodes[j])
+        n_faults += _hop(graph, scratch, trail, node, head)[1] != VALID
+        node = head
+    if node != graph.base:
         n_faults += 1
         if kind == VALID:
             kind, position = NOT_BACK_AT_BASE, stop - start - 1
@@ -216,22 +201,17 @@ def evaluate(
     Returns (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none,
     or not ``strict``. ``BAD_OFFSETS`` always ends it.
     """
-    graph, values, scratch = shared(graph), shared(values), _new_scratch(graph)
-    order = np.empty(n_robots, np.int64)
+    graph, values, n_nodes = shared(graph), shared(values), graph.reward.shape[0]
+    used, visited = np.full(graph.head.shape[0], -1), np.full(n_nodes, -1)
+    scratch, order = _Scratch(used, visited, new_team(n_nodes)), np.empty(n_robots, np.int64)
     for plan in range(values.objectives.shape[0]):
         for k in range(n_robots):
             trail = plan * n_robots + k
             start, stop = offsets[trail], offsets[trail + 1]
             if start < 0 or stop > nodes.shape[0]:
                 return BAD_OFFSETS, plan, k, 0
-            place = k
-            while place > 0:
-                other = order[place - 1]
-                if not precedes(nodes, start, stop, offsets[other], offsets[other + 1]):
-                    break
-                order[place] = other
-                place -= 1
-            order[place] = trail
+            order[k] = trail
+        sort_trails(nodes, offsets, offsets[1:], order)
         begin_team(scratch.team)
         n_faults = 0
         survivors = 0.0

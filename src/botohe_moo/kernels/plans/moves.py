@@ -1,18 +1,25 @@
 """Moves that change one trail and leave it a trail.
 
 Seven are those of the simulated annealing in Simon, Richley, Overbey and Perez-Lavin, PeerJ
-Computer Science, 2025; an eighth deletes loops, a ninth takes detours. A trail lies in a buffer,
-with a length and with its arcs marked, and moves work in place. No move uses a missing arc, or
-uses an arc twice; only detours may insert the base, on their way.
+Computer Science, 2025; an eighth deletes loops, a ninth takes detours (``change`` has these). A
+trail lies in a buffer, with a length and with its arcs marked, and moves work in place. No move
+uses a missing arc, or uses an arc twice; only detours may insert the base, on their way.
 """
+
+from typing import NamedTuple
+
+import numpy as np
 
 from botohe_moo._base.types import OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.plans.detours import take_detour
-from botohe_moo.kernels.plans.marks import CANNOT, MoveScratch
+from botohe_moo.kernels.graph.graph import Graph, find_arc
+from botohe_moo.kernels.graph.paths import Paths, new_paths
 from botohe_moo.kernels.rng import below, uniform
+
+# Instead of a length: the move cannot be made, or is a detour without scratch for paths. The trail
+# is as it was.
+CANNOT = -1
+NO_PATHS = -2
 
 # The kinds of moves, as indices into their weights.
 INSERT = 0
@@ -26,6 +33,37 @@ N_PUBLISHED = 7
 DELETE_LOOP = 7  # ours
 DETOUR = 8
 N_KINDS = 9
+
+
+class MoveScratch(NamedTuple):
+    """Scratch of moves."""
+
+    mark: OffsetArray  # the number of the trail that is changed (1)
+    # The last trail that used each arc (n_arcs): this one takes arc a where used[a] == mark[0].
+    used: OffsetArray
+    spare: OffsetArray  # a trail as it was before a move (n_arcs + 1)
+    way: OffsetArray  # arcs of a detour (2 · n_nodes)
+    # Scratch of searches for paths; None leaves out detours, which then are not compiled.
+    paths: Paths | None
+
+
+def new_move_scratch(graph: Graph, *, detours: bool) -> MoveScratch:
+    """Make room for moves of trails of a graph."""
+    return MoveScratch(
+        mark=np.zeros(1, np.int64),
+        used=np.zeros(graph.n_arcs, np.int64),
+        spare=np.zeros(graph.n_arcs + 1, np.int64),
+        way=np.zeros(2 * graph.n_nodes, np.int64),
+        paths=new_paths(graph) if detours else None,
+    )
+
+
+@helper
+def mark_trail(graph: Graph, scratch: MoveScratch, nodes: OffsetArray, length: int) -> None:
+    """Take the next mark, and mark every arc of a trail."""
+    scratch.mark[0] += 1
+    for i in range(length - 1):
+        scratch.used[find_arc(graph, nodes[i], nodes[i + 1])] = scratch.mark[0]
 
 
 @helper
@@ -48,11 +86,15 @@ def _between(graph: Graph, scratch: MoveScratch, tail: int, head: int, states: S
 
 
 @helper
-def _cut(nodes: OffsetArray, length: int, start: int, stop: int) -> int:
-    """Take the positions ``start`` to ``stop`` out of a trail; give its new length."""
-    for i in range(stop, length):
-        nodes[start + i - stop] = nodes[i]
-    return length - (stop - start)
+def shift(nodes: OffsetArray, length: int, start: int, by: int) -> int:
+    """Move the nodes of a trail from a position on by some places; return its new length."""
+    if by > 0:
+        for i in range(length - 1, start - 1, -1):
+            nodes[i + by] = nodes[i]
+    else:
+        for i in range(start, length):
+            nodes[i + by] = nodes[i]
+    return length + by
 
 
 @helper
@@ -79,12 +121,11 @@ def _add_node(
     node = _between(graph, scratch, before, after, states)
     if node < 0:
         return CANNOT
-    for i in range(length - 1, at - 1, -1):
-        nodes[i + longer] = nodes[i]
+    length = shift(nodes, length, at, longer)
     nodes[at] = node
     if longer == 2:
         nodes[at + 1] = before
-    return length + longer
+    return length
 
 
 @helper
@@ -102,7 +143,7 @@ def _delete(
             inside = inside or (nodes[i - 1] == before and nodes[i] == after)
         if not inside:
             return CANNOT
-    return _cut(nodes, length, start, stop)
+    return shift(nodes, length, stop, start - stop)
 
 
 @helper
@@ -117,7 +158,7 @@ def _delete_loop(nodes: OffsetArray, length: int, position: int, states: SeedArr
                 drawn = i
     if n == 0:
         return CANNOT
-    return _cut(nodes, length, min(position, drawn) + 1, max(position, drawn) + 1)
+    return shift(nodes, length, max(position, drawn) + 1, -abs(position - drawn))
 
 
 @helper
@@ -170,7 +211,7 @@ def move_trail(
     kind: int,
     states: SeedArray,
 ) -> int:
-    """Try one move of a kind, in place, at positions and with nodes drawn uniformly.
+    """Try one move of a kind but a detour, in place, at positions and with nodes drawn uniformly.
 
     - ``INSERT``: a node between two consecutive ones, or behind the return to base, which opens
       another loop;
@@ -180,9 +221,7 @@ def move_trail(
     - ``GRAB``: from a node to a neighbour and straight back;
     - ``DELETE_SEGMENT``: two or more consecutive nodes, by the arc that joins what is left;
     - ``REVERSE``: the whole trail;
-    - ``DELETE_LOOP``: what lies between two visits to a node, with one of them;
-    - ``DETOUR``: another way, mostly by way of a node drawn among all, from a position to the same
-      one, which inserts a loop, or to a later one; short spans are drawn as often as long ones.
+    - ``DELETE_LOOP``: what lies between two visits to a node, with one of them.
 
     Positions are drawn first, among the inner ones (for ``INSERT`` and ``GRAB`` among those behind
     which a node may come, for ``DELETE_LOOP`` among all), then a node or a visit, among those that
@@ -191,11 +230,8 @@ def move_trail(
     ``nodes`` is a buffer of at least n_arcs + 1 nodes that begins with a valid trail. Only this
     trail's arcs are marked before (``mark_trail``), and also after the move.
 
-    Returns the new length; ``CANNOT`` where the move cannot be made, ``NO_PATHS`` where it is
-    a detour for which there is no scratch: nothing has changed.
+    Returns the new length; ``CANNOT`` where the move cannot be made: nothing has changed.
     """
-    if kind == DETOUR:
-        return take_detour(graph, scratch, scratch.paths, nodes, length, states)
     if kind in (INSERT, GRAB, SUBSTITUTE):
         return _add_node(graph, scratch, nodes, length, kind, states)
     n_inner = length - 2
@@ -208,7 +244,7 @@ def move_trail(
     low = high = 1 + below(states, n_inner)
     if kind == DELETE:
         if nodes[low - 1] == nodes[low + 1]:  # a spur
-            return _cut(nodes, length, low, low + 2)
+            return shift(nodes, length, low + 2, -2)
     else:
         if n_inner < 2:
             return CANNOT

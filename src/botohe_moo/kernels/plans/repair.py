@@ -6,11 +6,15 @@ import numpy as np
 
 from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.paths import Paths, new_paths, safest_path, way_home
-from botohe_moo.kernels.graph.ways import leads_home
-from botohe_moo.kernels.plans.ragged import Trails, write_trails
+from botohe_moo.kernels.graph.graph import Graph, find_arc
+from botohe_moo.kernels.graph.paths import (
+    Paths,
+    leads_home,
+    new_paths,
+    safest_path,
+    way_home,
+)
+from botohe_moo.kernels.plans.trails import Trails, write_trails
 from botohe_moo.kernels.sharing import shared
 
 # The kinds of repairs.
@@ -49,31 +53,31 @@ def _bridge_gaps(
 ) -> int:
     """Visit the nodes of a draft, by safest paths over gaps; return the new size."""
     used, paths, nodes = scratch.used, scratch.paths, out.nodes
-    here = graph.base
+    node = graph.base
     for i in range(drafts.offsets[trail], drafts.offsets[trail + 1]):
-        there = drafts.nodes[i]
-        if there == here or there < 0 or there >= graph.reward.shape[0]:
+        head = drafts.nodes[i]
+        if head == node or head < 0 or head >= graph.reward.shape[0]:
             continue
-        arc = find_arc(graph, here, there)
+        arc = find_arc(graph, node, head)
         if arc >= 0 and used[arc] == trail:
-            while nodes[size - 1] != there or nodes[size - 2] != here:
+            while nodes[size - 1] != head or nodes[size - 2] != node:
                 size = _take_back(graph, scratch, out, size)
-            here = there
+            node = head
             continue
         n = 1
         paths.path[0] = arc
         if arc < 0:
-            n = safest_path(graph, paths, used, trail, here, there)
+            n = safest_path(graph, paths, used, trail, node, head)
         for j in range(n):
             used[paths.path[j]] = trail
         if n < 0:
             continue
-        if not graph.balanced and not leads_home(graph, paths, used, trail, there):
-            for j in range(n):
-                used[paths.path[j]] = -1
+        start, size = size, _take_path(graph, scratch, n, out, size)
+        if not graph.balanced and not leads_home(graph, paths, used, trail, head):
+            while size > start:
+                size = _take_back(graph, scratch, out, size)
             continue
-        size = _take_path(graph, scratch, n, out, size)
-        here = there
+        node = head
     return size
 
 
@@ -86,17 +90,17 @@ def _keep_prefix(
     start, stop = drafts.offsets[trail], drafts.offsets[trail + 1]
     if start == stop or drafts.nodes[start] != graph.base:
         return size
-    here, homely = graph.base, size
+    node, homely = graph.base, size
     for i in range(start + 1, stop):
-        there = drafts.nodes[i]
-        known = 0 <= there < graph.reward.shape[0]
-        arc = find_arc(graph, here, there) if known else -1
+        head = drafts.nodes[i]
+        known = 0 <= head < graph.reward.shape[0]
+        arc = find_arc(graph, node, head) if known else -1
         if arc < 0 or used[arc] == trail:
             break
         used[arc] = trail
-        nodes[size] = here = there
+        nodes[size] = node = head
         size += 1
-        if graph.balanced or leads_home(graph, scratch.paths, used, trail, here):
+        if graph.balanced or leads_home(graph, scratch.paths, used, trail, node):
             homely = size
     while size > homely:
         size = _take_back(graph, scratch, out, size)
@@ -139,7 +143,7 @@ def _repair(
 ) -> int:
     """Make valid trails out of drafts, as long as there is room to write them.
 
-    ``n_done`` drafts have been repaired before, into ``out``. Gives how many have been repaired:
+    ``n_done`` drafts have been repaired before, into ``out``. Returns how many have been:
     fewer than all where the next trail, of up to n_arcs + 1 nodes, may find no room.
     """
     graph, scratch, drafts, out = shared(graph), shared(scratch), shared(drafts), shared(out)
@@ -152,15 +156,15 @@ def _repair(
             size = _bridge_gaps(graph, scratch, drafts, trail, out, size + 1)
         else:
             size = _keep_prefix(graph, scratch, drafts, trail, out, size + 1)
-        here = out.nodes[size - 1]
-        n = way_home(graph, scratch.paths, scratch.used, trail, here)
+        last = out.nodes[size - 1]
+        n = way_home(graph, scratch.paths, scratch.used, trail, last)
         out.offsets[trail + 1] = _take_path(graph, scratch, n, out, size)
         changes[trail] = _count_changes(graph, scratch.drafted, drafts, trail, out)
     return int(changes.shape[0])
 
 
 def repair(graph: Graph, kind: int, drafts: Trails) -> tuple[IntArray, OffsetArray, OffsetArray]:
-    """Make valid trails out of drafts; give their nodes and offsets, and the changes of each.
+    """Make valid trails out of drafts; return nodes, offsets, and the changes of each.
 
     With ``SAFEST_PATH`` every gap is bridged by the safest path over arcs that the trail has not
     used yet. Nodes are taken in the order of the draft. A hop along an arc that the trail has used

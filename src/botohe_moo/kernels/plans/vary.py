@@ -9,7 +9,7 @@ import numpy as np
 
 from botohe_moo._base.types import IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.plans.ragged import Trails
+from botohe_moo.kernels.plans.trails import Trails
 from botohe_moo.kernels.rng import below, uniform
 
 N_PIECES = 3
@@ -27,7 +27,7 @@ def whole_trails(offsets: OffsetArray) -> OffsetArray:
 
 
 def join_pieces(nodes: IntArray, pieces: OffsetArray) -> tuple[IntArray, OffsetArray]:
-    """Write the drafts' nodes one after another; give them, and where each draft begins."""
+    """Write the drafts' nodes one after another; return them, and where each draft begins."""
     starts, stops = pieces.reshape(-1, 2).T
     lengths = stops - starts
     ends = np.cumsum(lengths)
@@ -66,11 +66,11 @@ def _draw_shared_place(
     place = other_place = -1
     left = below(states, n) if n > 0 else -1
     for i in range(start, stop if n > 0 else start):
-        here = counts[nodes[i]] if 0 <= nodes[i] < n_nodes else 0
-        if left < here:
+        n_shared = counts[nodes[i]] if 0 <= nodes[i] < n_nodes else 0
+        if left < n_shared:
             place = i
             break
-        left -= here
+        left -= n_shared
     for j in range(other_start, other_stop):
         if 0 <= nodes[j] < n_nodes:
             counts[nodes[j]] = 0
@@ -83,7 +83,7 @@ def _draw_shared_place(
 
 @helper
 def _draw_robot_out(offsets: OffsetArray, plan: int, n_robots: int, states: SeedArray) -> int:
-    """Draw a robot that leaves the base, any robot where none does; give its trail."""
+    """Draw a robot that leaves the base, any robot where none does; return its trail."""
     n = 0
     for trail in range(plan * n_robots, (plan + 1) * n_robots):
         n += offsets[trail + 1] - offsets[trail] > 1

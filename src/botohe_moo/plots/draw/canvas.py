@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
-from matplotlib.colors import Normalize
+from matplotlib.colors import Colormap, Normalize
 from matplotlib.path import Path
 from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
@@ -66,7 +66,7 @@ def add_colour_bar(ax: Axes, colours: ScalarMappable, label: str, slot: int | No
 def coloured(
     ax: Axes,
     values: FloatArray,
-    palette: str,
+    palette: Colormap,
     label: str,
     *,
     slot: int,
