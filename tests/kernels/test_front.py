@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from botohe_moo.kernels.fronts import ordered as kernels
 from botohe_moo.kernels.fronts.ordered import BLOCK
-from botohe_moo.kernels.local_search import insertion
+from botohe_moo.kernels.local_search import plans
 from botohe_moo.kernels.local_search.trail_store import copy_trails, new_store, release
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.search.local_search import _most_contributing
@@ -35,7 +35,7 @@ class Pair:
         self.store.n.spare -= 1
         trail = int(self.store.spare[self.store.n.spare])
         self.store.trails[trail].n_users = 1
-        entered = insertion.insert(self.store, self.front, np.array([trail]), reward, survivors)
+        entered = plans.insert(self.store, self.front, np.array([trail]), reward, survivors)
         release(self.store, trail)
         assert entered == self._enter_list(reward, survivors, trail)
 

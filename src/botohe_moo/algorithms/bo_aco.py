@@ -16,7 +16,7 @@ from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, settings_of
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.search.colony import Allocation, AntThreads, Colony, ColonyRule, exchange_archives
-from botohe_moo.search.memetic import IterationSearch
+from botohe_moo.search.local_search import IterationSearch
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:

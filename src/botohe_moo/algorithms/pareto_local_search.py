@@ -16,9 +16,8 @@ from botohe_moo._plugins.types import Probability
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.kernels.fronts.archive import Archive
-from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
+from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, P_REFILL, LocalSearch
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -45,14 +44,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     evaluations_per_generation
         Evaluations in one pymoo generation. The first generations are shorter: 100, and then a
         tenth of what has been evaluated.
-    n_children
-        Children of a parent: laying out a parent costs as much as some children. As long as plans
-        enter the front every hundred evaluations or so, a third as many.
-    n_drawn
-        Plans drawn as parents, of which the one is taken that its neighbours on the front leave
-        the largest area, divided by how often it was taken before. With 1, all plans are equally
-        likely. As long as plans enter every hundred evaluations or so, four times as many (but 1
-        stays 1).
     moves
         How likely each move is to be drawn, relative, by name; those left out are not drawn.
         ``shortcut``, ``visit``, ``visit-two``: cut out a segment, and reconnect by safest paths
@@ -122,10 +113,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         self,
         *,
         evaluations_per_generation: Annotated[int, Field(ge=1, le=1_000_000_000)] = 20_000,
-        n_children: Annotated[int, Field(ge=1, le=100_000)] = 24,
-        n_drawn: Annotated[int, Field(ge=1, le=1_000)] = 2,
         moves: Mapping[str, float] | None = None,
-        prob_refill: Probability = 0.02,
+        prob_refill: Probability = P_REFILL,
         greedy_start: bool = True,
         max_size: Annotated[int, Field(ge=10, le=1_000_000_000)] | None = None,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
@@ -133,8 +122,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     ) -> None:
         super().__init__(max_ties=1, sampling=sampling, **options)
         self.evaluations_per_generation = evaluations_per_generation
-        self.n_children = n_children
-        self.n_drawn = n_drawn
         given = DEFAULT_MOVES if moves is None else moves
         self.moves = check_weights("moves", given, MOVES, needed="move")
         self.prob_refill = prob_refill
@@ -143,17 +130,12 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        rule = SearchRule(
-            n_children=self.n_children,
-            n_drawn=self.n_drawn,
-            p_refill=self.prob_refill,
-            **problem.planning_limits._asdict(),
-        )
         self._search = LocalSearch(
             problem.mission,
-            rule,
-            moves=self.moves,
+            problem.planning_limits,
             random_state=self.random_state,
+            moves=self.moves,
+            p_refill=self.prob_refill,
             max_size=self.max_size,
         )
         constrain = problem.constrain_batch if problem.n_ieq_constr else None

@@ -1,4 +1,4 @@
-"""Trails that many plans share: each is kept once, as long as some plan has it.
+"""Trails that many plans share: each is stored once, as long as some plan has it.
 
 A child differs from its parent in one trail; the others are the parent's. So memory and the cost
 of a new plan follow the length of the trail that changed, not the size of the team.
@@ -44,7 +44,7 @@ class TrailStore(NamedTuple):
 
 
 def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
-    """Make room for so many trails, which have so many arcs and visits together."""
+    """Return a store with room for some trails, and for the arcs and visits of all of them."""
     store = TrailStore(
         n=np.zeros(1, _COUNTS).view(np.recarray)[0],
         trails=np.zeros(n_trails, _TRAIL).view(np.recarray),
@@ -83,7 +83,7 @@ def pieces(array: Numbers, first: OffsetArray, lengths: OffsetArray) -> list[Num
 
 @helper
 def fits(graph: Graph, store: TrailStore, n_trails: int) -> bool:
-    """Return whether so many trails can be stored, however long they are."""
+    """Return whether there is room for ``n_trails`` more, however long they are."""
     n, longest, most_visits = store.n, graph.head.shape[0], graph.reward.shape[0]
     return bool(
         n.spare >= n_trails
@@ -102,8 +102,8 @@ def release(store: TrailStore, trail: int) -> None:
 
 
 @helper
-def take_back(store: TrailStore, trail: int) -> None:
-    """Release a trail, and where it is the last that was stored, use its room again."""
+def discard(store: TrailStore, trail: int) -> None:
+    """Release a trail; where it is the last that was stored, and unused, free its room."""
     n, last = store.n, store.trails[trail]
     release(store, trail)
     ends = last.first_arc + last.n_arcs, last.first_visit + last.n_visits
@@ -125,3 +125,14 @@ def comes_before(store: TrailStore, one: int, other: int) -> bool:
         second.first_arc,
         second.first_arc + second.n_arcs,
     )
+
+
+@helper
+def sort_trails(store: TrailStore, trails: OffsetArray) -> None:
+    """Sort a plan's trails in lexicographic order."""
+    for k in range(1, trails.shape[0]):
+        trail, place = trails[k], k
+        while place > 0 and comes_before(store, trail, trails[place - 1]):
+            trails[place] = trails[place - 1]
+            place -= 1
+        trails[place] = trail

@@ -13,7 +13,6 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import Net
 from botohe_moo.kernels.graph.graph import Limits
-from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.lines import Lines, LineSearch
@@ -26,7 +25,7 @@ from botohe_moo.search.bounds.relaxation import Relaxation
 from botohe_moo.search.bounds.steps import Steps, StepSearch
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.search.exact import TooLargeError, exact_front
-from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
+from botohe_moo.search.local_search import LocalSearch
 from botohe_moo.trails import PlanBatch
 
 # No constant here decides whether a bound is valid: they share out time and memory. They were
@@ -264,12 +263,7 @@ class Proof:
     def _find_trails(self) -> None:
         """Search for plans, to begin with their trails."""
         mission, graph = self._mission, self._net.graph
-        search = LocalSearch(
-            mission,
-            SearchRule(**self._limits._asdict()),
-            moves=DEFAULT_MOVES,
-            random_state=self._random_state,
-        )
+        search = LocalSearch(mission, self._limits, random_state=self._random_state)
         at_base = mission.stay_home()
         search.insert(PlanBatch.from_plans([at_base], mission.robots))
         until = time.monotonic() + _SEARCH_SHARE * self._seconds
