@@ -143,10 +143,6 @@ class TestFront:
             sizes.add(n)
         assert len(sizes) > 5
         assert algorithm.archive is archive
-        version = archive.version
-        with pytest.raises(TypeError, match=r"takes in what that search finds\."):
-            archive.insert(archive.plans, objectives)
-        assert archive.version == version
 
     def test_callbacks_see_a_growing_archive(self, museum):
         callback = EveryGeneration()

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Any
 
 from pydantic import Field
-from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 
 from botohe_moo._base.checks import check_weights
-from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
+from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability
 from botohe_moo.algorithms.base import ArchiveAlgorithm
@@ -176,7 +175,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 class _SearchArchive(PopulationArchive):
     """The current front of a search, read when it is asked for, plans only when they are.
 
-    Writing all plans of a large team takes longer than many a generation.
+    Writing all plans of a large team takes longer than many a generation. Only the search inserts
+    plans.
     """
 
     def __init__(
@@ -187,49 +187,36 @@ class _SearchArchive(PopulationArchive):
     ) -> None:
         super().__init__(n_robots, max_ties=1, constrain=constrain)
         self._search = search
-        self._read_version = -1  # of the search, when its objectives were read,
-        self._written_version = -1  # and when its plans were
+        self._objectives_version = -1  # of the search, when they were read
+        self._plans_version = -1
 
     def __len__(self) -> int:
         return len(self._search)
 
     @property
     def objectives(self) -> FloatArray:
-        if self._read_version != self._search.version:
+        if self._objectives_version != self._search.version:
             self._held = self._held._replace(objectives=self._search.objectives())
-            self._read_version = self._search.version
+            self._objectives_version = self._search.version
         return super().objectives
 
     @property
-    def held(self) -> Archive:
-        self._write()
-        return super().held
-
-    @property
     def plans(self) -> PlanBatch:
-        self._write()
+        self._read_plans()
         return super().plans
 
     @property
     def version(self) -> int:
         return self._search.version
 
-    def insert(
-        self,
-        batch: PlanBatch,  # noqa: ARG002
-        objectives: FloatArray,  # noqa: ARG002
-        individuals: Sequence[Individual] | None = None,  # noqa: ARG002
-    ) -> OffsetArray:
-        raise TypeError("The archive of a Pareto local search takes in what that search finds.")
-
     def population(self) -> Population:
-        self._write()
+        self._read_plans()
         return super().population()
 
-    def _write(self) -> None:
-        if self._written_version == self._search.version:
+    def _read_plans(self) -> None:
+        if self._plans_version == self._search.version:
             return
         batch, objectives, numbers = self._search.plans()
         self._held = Archive(objectives, self._held.hashes, numbers, *batch.arrays)
         self._population = None
-        self._read_version = self._written_version = self._search.version
+        self._objectives_version = self._plans_version = self._search.version

@@ -14,7 +14,7 @@ from botohe_moo.kernels.graph.graph import Graph, Limits, with_costs
 from botohe_moo.kernels.local_search.refill import refill
 from botohe_moo.kernels.local_search.routes import FULL_UP_TO, new_routes
 from botohe_moo.kernels.local_search.search import Given, has_room, improve
-from botohe_moo.kernels.local_search.trail_store import copy_trails, new_store, pieces
+from botohe_moo.kernels.local_search.trail_store import copy_trails, new_store, ragged
 from botohe_moo.kernels.local_search.workspace import (
     N_CHILDREN,
     REFILLED_AT_ONCE,
@@ -163,13 +163,12 @@ class LocalSearch:
         """
         front, store, graph = self._front, self._store, self.mission.arrays
         slots, objectives = read_front(front)
-        used, which = np.unique(front.plan[slots], return_inverse=True)  # many plans share trails
-        trails = store.trails[used]
-        _, *ways = pieces(store.arc, trails["first_arc"], trails["n_arcs"])
-        walked = [np.append(graph.base, graph.head[way]).astype(np.int32) for way in ways]
-        which = which.ravel()
-        nodes = np.concatenate([np.empty(0, np.int32), *(walked[i] for i in which.tolist())])
-        offsets = np.append(0, np.cumsum(trails["n_arcs"][which] + 1))
+        trails = store.trails[front.plan[slots].ravel()]
+        offsets = np.append(0, np.cumsum(trails["n_arcs"] + 1))
+        nodes = np.full(offsets[-1], graph.base, np.int32)
+        is_head = np.ones(len(nodes), bool)
+        is_head[offsets[:-1]] = False  # every trail begins at the base
+        nodes[is_head] = graph.head[store.arc[ragged(trails["first_arc"], trails["n_arcs"])]]
         batch = PlanBatch._wrap(nodes, offsets, self.mission.robots)
         return batch, objectives, front.serial[slots]
 
@@ -179,9 +178,9 @@ class LocalSearch:
         users = np.bincount(front.plan[slots].ravel(), minlength=len(store.trails))
         store.trails["n_users"] = users
         used = np.flatnonzero(users)
-        lengths, visits = (int(store.trails[name][used].sum()) for name in ("n_arcs", "n_visits"))
+        n_arcs, n_visits = (int(store.trails[name][used].sum()) for name in ("n_arcs", "n_visits"))
         n_trails = max(int(used.max(initial=0)) + 1, 2 * len(used))
-        self._store = self._new_store(n_trails, 4 * lengths, 4 * visits)
+        self._store = self._new_store(n_trails, 4 * n_arcs, 4 * n_visits)
         copy_trails(store, self._store)
         self._front = copy_front(front, slots, 2 * len(slots) + _N_ADDED + _FIRST_PLANS)
 

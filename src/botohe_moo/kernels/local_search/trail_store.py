@@ -4,7 +4,7 @@ A child differs from its parent in one trail; the others are the parent's. So me
 of a new plan follow the length of the trail that changed, not the size of the team.
 """
 
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,8 +12,6 @@ from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, Re
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.order import precedes
-
-Numbers = TypeVar("Numbers", FloatArray, IntArray)
 
 _COUNTS = np.dtype([(name, np.int64) for name in ("arcs", "visits", "spare")])
 _TRAIL = np.dtype(
@@ -60,25 +58,23 @@ def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
 def copy_trails(store: TrailStore, into: TrailStore) -> None:
     """Copy the trails that some plan has into an empty store, without gaps; they keep numbers."""
     used = np.flatnonzero(store.trails["n_users"])
-    into.trails[used] = store.trails[used]
-    pools = ((("arc",), "first_arc", "n_arcs"), (("node", "reach"), "first_visit", "n_visits"))
-    for names, first, length in pools:
-        starts, lengths = store.trails[first][used], store.trails[length][used]
-        into.trails[first][used] = np.cumsum(lengths) - lengths
-        for name in names:
-            stretches = pieces(getattr(store, name), starts, lengths)
-            np.concatenate(stretches, out=getattr(into, name)[: lengths.sum()])
-    into.n.arcs, into.n.visits = (int(into.trails[name].sum()) for name in ("n_arcs", "n_visits"))
+    trails = into.trails[used] = store.trails[used]
+    arcs = ragged(trails["first_arc"], trails["n_arcs"])
+    visits = ragged(trails["first_visit"], trails["n_visits"])
+    into.arc[: len(arcs)] = store.arc[arcs]
+    into.node[: len(visits)], into.reach[: len(visits)] = store.node[visits], store.reach[visits]
+    into.trails["first_arc"][used] = np.cumsum(trails["n_arcs"]) - trails["n_arcs"]
+    into.trails["first_visit"][used] = np.cumsum(trails["n_visits"]) - trails["n_visits"]
+    into.n.arcs, into.n.visits = len(arcs), len(visits)
     free = np.flatnonzero(into.trails["n_users"] == 0)[::-1]
     into.spare[: len(free)] = free
     into.n.spare = len(free)
 
 
-def pieces(array: Numbers, first: OffsetArray, lengths: OffsetArray) -> list[Numbers]:
-    """Return some stretches of an array, and an empty one in front."""
-    found = [array[:0]]
-    found += [array[i:j] for i, j in zip(first.tolist(), (first + lengths).tolist(), strict=True)]
-    return found
+def ragged(first: OffsetArray, lengths: OffsetArray) -> OffsetArray:
+    """Return the indices of some stretches of an array, one stretch after another."""
+    before = np.cumsum(lengths) - lengths
+    return np.repeat(first - before, lengths) + np.arange(lengths.sum())
 
 
 @helper
