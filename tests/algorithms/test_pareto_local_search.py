@@ -285,20 +285,9 @@ class TestOddMissions:
 
 
 class TestErrors:
-    @pytest.mark.parametrize(
-        ("parameters", "message"),
-        [
-            (
-                {"moves": ["visit"]},
-                r"Expected moves to be a mapping from names to weights, got \['visit'\]\.",
-            ),
-            ({"moves": {"vizit": 1}}, r"Expected moves among visit, .*, got 'vizit'\."),
-            ({"moves": {"visit": 0}}, r"Expected a move of weight above 0, got \{'visit': 0\}\."),
-        ],
-    )
-    def test_parameters_out_of_range(self, parameters, message):
-        with pytest.raises(ValueError, match=message):
-            ParetoLocalSearch(**parameters)
+    def test_parameters_out_of_range(self):
+        with pytest.raises(ValueError, match=r"Expected moves among visit, .*, got 'vizit'\."):
+            ParetoLocalSearch(moves={"vizit": 1})
 
     def test_plans_given_are_checked(self, museum):
         base = museum.arrays.base

@@ -90,7 +90,7 @@ def slacks_of(work):
 
 
 class TestChoosing:
-    @pytest.mark.parametrize("robots", [1, 2, 7])
+    @pytest.mark.parametrize("robots", [1, 7])
     def test_robots(self, plain, robots):
         mission, seen = complete(3, 0, robots=robots), Counter()
         plan = [(0,)] * robots
@@ -134,7 +134,6 @@ class TestRooms:
         ("p_full", "rule", "danger", "length"),
         [
             (0.0, {}, -log(0.4), inf),
-            (1.0, {}, -log(0.4), inf),
             (1.0, {"min_survival": 0.2}, -log(0.2), inf),
             (0.0, {"min_survival": 0.2}, -log(0.4), inf),
             (0.0, {"max_length": 9.0}, -log(0.4), 4.0),
@@ -315,7 +314,7 @@ def limited(mission, plan, floor, budget):
 
 @examples(150)
 @given(missions_with_plans(min_nodes=1, max_nodes=9, max_robots=4), FLOORS, BUDGETS, st.data())
-def test_children_are_plans_within_their_room(case, floor, budget, data):
+def test_children_are_plans_within_their_slack(case, floor, budget, data):
     mission, plan = case
     plan = limited(mission, plan, floor, budget)
     order = data.draw(st.permutations(range(mission.robots)))

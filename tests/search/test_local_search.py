@@ -62,7 +62,7 @@ def nondominated(objectives):
     return objectives[~better.any(axis=0)]
 
 
-@pytest.mark.parametrize("robots", [1, 3, 12])
+@pytest.mark.parametrize("robots", [1, 12])
 def test_the_front_of_what_is_inserted(museum, robots):
     mission = museum.with_robots(robots)
     search, batch = started(mission), random_plans(mission, 600)
@@ -110,15 +110,14 @@ def test_a_copy_and_a_pickled_search_go_on_alike(museum):
 
 def test_looking_changes_nothing(museum):
     one, other = started(museum), started(museum)
-    for _ in range(5):
-        one.run(300)
-        other.run(300)
-        other.plans()
-    assert same(one, other)
-    plans, objectives, _ = one.plans()
-    before = plans.nodes.tobytes(), objectives.tobytes()
+    one.run(300)
+    other.run(300)
+    plans = other.plans()[0]
+    before = plans.nodes.tobytes()
     one.run(2_000)
-    assert (plans.nodes.tobytes(), objectives.tobytes()) == before
+    other.run(2_000)
+    assert same(one, other)
+    assert plans.nodes.tobytes() == before
 
 
 def test_moves_that_lead_nowhere_end_the_search(museum):
@@ -212,27 +211,16 @@ def test_a_budget_that_nobody_uses_up():
         assert len(search) > 4
 
 
-@pytest.mark.parametrize("limits", [{}, {"max_length": 9.0}])
-def test_refills_go_on_alike_from_a_pickled_search(museum, limits):
-    def begun(seed):
-        search, batch = started(museum, seed=seed, p_refill=1.0, **limits), random_plans(museum, 99)
-        longest = museum.trail_lengths(batch).max(axis=1)
-        search.insert(batch.take(np.flatnonzero(longest <= limits.get("max_length", np.inf))))
-        return search
-
-    one, other = begun(0), begun(0)
-    one.run(2_000)
-    other.run(2_000)
-    assert same(one, other)
-    pickled = pickle.loads(pickle.dumps(one))
-    for search in (one, other, pickled):
-        assert search.run(2_000) == 2_000
-        check(search)
-    assert same(one, other)
-    assert same(one, pickled)
-    another = begun(1)
-    another.run(4_000)
-    assert not same(one, another)
+def test_refills_go_on_alike_from_a_pickled_search(museum):
+    search, batch = started(museum, p_refill=1.0, max_length=9.0), random_plans(museum, 99)
+    longest = museum.trail_lengths(batch).max(axis=1)
+    search.insert(batch.take(np.flatnonzero(longest <= 9.0)))
+    search.run(2_000)
+    pickled = pickle.loads(pickle.dumps(search))
+    for each in (search, pickled):
+        assert each.run(2_000) == 2_000
+        check(each)
+    assert same(search, pickled)
 
 
 @pytest.mark.parametrize("n_evaluations", [1, 400])
@@ -269,9 +257,10 @@ def test_nothing_is_dangerous(reward):
     assert longest_and_least(search)[0].max() <= 4.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("limits", [{}, {"max_length": 5.0}, {"min_survival": 1e-310}])
-@pytest.mark.parametrize("survival", [1e-150, 5e-324])
+@pytest.mark.parametrize(
+    ("survival", "limits"),
+    [(1e-150, {}), (5e-324, {"max_length": 5.0}), (5e-324, {"min_survival": 1e-310})],
+)
 def test_hardly_anybody_survives(survival, limits):
     """Probabilities of trails are rounded to 0; costs of 700 an arc are not."""
     mission = wheel(survival=survival)
