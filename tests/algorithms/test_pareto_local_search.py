@@ -272,11 +272,6 @@ class TestOddMissions:
         assert result.F.tolist() == [[-reward, -robots]]
         assert result.algorithm.evaluator.n_eval <= 3
 
-    def test_where_nothing_is_dangerous_one_plan_is_best(self):
-        ways = [(i, j, 1.0) for i in range(5) for j in range(5) if i != j]
-        result = solve(self.mission([1.0, 2.0, 3.0, 4.0, 5.0], ways), 20_000)
-        assert result.F.tolist() == [[-15.0, -2.0]]
-
     def test_a_base_with_reward_by_hand(self):
         mission = self.mission([3.0, 4.0], [(0, 1, 0.5), (1, 0, 0.8)])
         result = solve(mission, 3_000)

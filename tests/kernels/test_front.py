@@ -195,19 +195,6 @@ def test_plans_are_drawn_uniformly(n):
     assert chi_square <= (n - 1) + 5 * np.sqrt(2 * n)
 
 
-def test_room_is_there_until_it_is_not():
-    pair = Pair(200)
-    for i in range(200):
-        assert kernels.has_room(pair.front, 1)
-        pair.enter(200.0 - i, float(i))
-    assert not kernels.has_room(pair.front, 1)
-    assert kernels.has_room(pair.front, 0)
-    pair.remove(77)
-    assert kernels.has_room(pair.front, 1)
-    assert not kernels.has_room(pair.front, 2)
-    pair.check()
-
-
 @pytest.mark.parametrize("n", [0, 300])
 @pytest.mark.parametrize("every", [1, 3])
 def test_a_larger_front_holds_the_same_and_goes_on(n, every):

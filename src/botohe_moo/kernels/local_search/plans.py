@@ -85,7 +85,7 @@ def evaluate_others(graph: Graph, store: TrailStore, work: Workspace) -> None:
                 node.unreached = 1.0
                 touched[draft.n_touched] = index
                 draft.n_touched += 1
-            # Small chances keep their digits so, which the reward minus what is left would lose.
+            # Added up: the reward less what is left would lose the digits of small chances.
             draft.others += graph.reward[index] * node.unreached * reach
             node.unreached *= 1.0 - reach
         draft.survivors += trail.alive
@@ -197,7 +197,7 @@ def insert(
         return False
     no_more = survivors * (1.0 + TOLERANCE)
     while True:
-        # Those dominated, but for rounding, are the last that survive no more.
+        # Plans are in order of E[S]: those dominated, but for rounding, end at this one.
         block, place = find_place(front, no_more)
         behind = block == front.n.blocks
         if behind or front.places[front.directory[block], place].survivors > no_more:

@@ -113,7 +113,7 @@ def _lets_wait(search: Search, block: int, place: int) -> bool:
     front, memory, p_refill = search.front, search.work.memory, search.p_refill
     parent = front.places[front.directory[block], place]
     front.tried[parent.slot] += 1
-    if p_refill > 0.0:  # few plans offer few pieces to each other: refill more of them
+    if p_refill > 0.0:  # a small front has few trails to combine: refill its plans more often
         n_tried = front.tried[parent.slot]
         p_refill = max(p_refill, 0.5 / front.n.plans, 1.0 / (n_tried * n_tried))
     if uniform(search.work.states, 0) >= p_refill:
