@@ -49,19 +49,19 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         through no node, one, or two. ``splice``: go on along another plan's trail to its end.
         ``graft``: replace a segment by one of another plan's trail. ``adopt``: take over a whole
         trail. ``swap-loops``: walk the loops at a node in another order. ``reverse``: walk a
-        segment the other way round. Default: ``DEFAULT_MOVES``.
+        segment in the other direction. Default: ``DEFAULT_MOVES``.
     prob_refill
         How likely a parent is refilled instead, at least: stops of one robot or several are
-        dropped, and those nodes put in that gain most for their danger. On a plan's n-th turn as a
-        parent it is 1 / n² or more. Plans wait for this until there are 32. With 0, or more than
-        1 000 nodes, nothing is refilled.
+        removed, and the nodes inserted that gain most for their danger. On a plan's n-th turn as a
+        parent it is refilled with probability 1 / n² or more. Plans wait for this until there are
+        32. With 0, or more than 1 000 nodes, nothing is refilled.
     greedy_start
         Whether to begin with plans that
         :func:`~botohe_moo.search.sequential.plan_sequentially` makes for reward alone, for
         the whole team and for fewer robots, beside the plan in which all robots stay at base.
     max_size
-        Plans that the front keeps after each generation; None keeps all. Where there are more, that
-        which contributes the least area goes, and so on.
+        Plans that the front keeps after each generation; None keeps all. While there are more, the
+        plan that contributes the least area is removed.
     sampling
         Trail plans to start from, evaluated first: an iterable of plans, or ``X`` of another
         result.
@@ -88,7 +88,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     of different plans are combined, as genetic algorithms do.
 
     The run ends before its budget is spent where no move makes another plan: on a mission of one
-    node, or with moves alone that need trails of other plans where there are none.
+    node, or where all moves need trails of other plans and there are none.
 
     A child counts as an evaluation also when an upper bound of its E[R], computed before its trail
     has been walked to the end, shows that it cannot enter.
