@@ -143,10 +143,6 @@ class TestFront:
             sizes.add(n)
         assert len(sizes) > 5
         assert algorithm.archive is archive
-        version = archive.version
-        with pytest.raises(TypeError, match=r"takes in what that search finds\."):
-            archive.insert(archive.plans, objectives)
-        assert archive.version == version
 
     def test_callbacks_see_a_growing_archive(self, museum):
         callback = EveryGeneration()
@@ -166,9 +162,8 @@ class TestFront:
                 assert before[plan].F.tolist() == after[plan].F.tolist()
         assert stayed > 100
 
-    @pytest.mark.parametrize("max_size", [10])
-    def test_a_limited_front(self, museum, max_size):
-        callback = EveryGeneration()
+    def test_a_limited_front(self, museum):
+        callback, max_size = EveryGeneration(), 10
         options = {"max_size": max_size, "evaluations_per_generation": 500}
         result = solve(museum, 20_000, callback=callback, **options)
         assert max(callback.sizes) == max_size
@@ -193,8 +188,7 @@ class TestFront:
         assert (np.diff(found[:, 1]) > 1e-12 * found[1:, 1]).all()
         assert (np.diff(found[:, 0]) < -1e-12 * found[1:, 0]).all()
 
-    @pytest.mark.parametrize("prob_refill", [0.06, 1.0])
-    @pytest.mark.parametrize(("floor", "budget"), [(0.3, 9), (1.0, 30)])
+    @pytest.mark.parametrize(("floor", "budget", "prob_refill"), [(0.3, 9, 0.06), (1.0, 30, 1.0)])
     def test_every_generation_keeps_floor_and_budget(self, museum, floor, budget, prob_refill):
         seen = []
 
@@ -227,8 +221,7 @@ class TestFront:
 
 
 class TestRuns:
-    @pytest.mark.parametrize("budget", [1, 7, 5_001])
-    @pytest.mark.parametrize("n_given", [0, 20])
+    @pytest.mark.parametrize(("budget", "n_given"), [(1, 0), (7, 20), (5_001, 20)])
     def test_budgets_are_exact(self, museum, budget, n_given):
         given = random_plans(museum, 20)[:n_given]
         result = solve(museum, budget, sampling=given)
@@ -237,8 +230,7 @@ class TestRuns:
             first = museum.evaluate(given[:budget])
             assert (-result.F[:, None] == first).all(axis=2).any(axis=1).all()
 
-    @pytest.mark.parametrize("look", [True])
-    def test_pickles_and_copies_resume_bit_for_bit(self, museum, look):
+    def test_pickles_and_copies_resume_bit_for_bit(self, museum):
         options = {"evaluations_per_generation": 400, "max_size": 50}
         whole = solve(museum, 4_000, **options)
         algorithm = ParetoLocalSearch(**options)
@@ -246,8 +238,7 @@ class TestRuns:
         copies = []
         while algorithm.has_next():
             if algorithm.n_iter in (None, 1, 2, 5, 6, 9):
-                if look:
-                    assert algorithm.opt is None or len(algorithm.opt)
+                assert algorithm.opt is None or len(algorithm.opt)
                 copies.append(copy.deepcopy(algorithm))
                 algorithm = pickle.loads(pickle.dumps(algorithm))
             algorithm.next()
@@ -258,8 +249,7 @@ class TestRuns:
             assert same(whole, copied.result())
         assert len(copies) >= 5
 
-    @pytest.mark.parametrize("prob_refill", [0.06, 1.0])
-    @pytest.mark.parametrize("robots", [1, 12])
+    @pytest.mark.parametrize(("robots", "prob_refill"), [(1, 1.0), (12, 0.06)])
     def test_teams(self, museum, robots, prob_refill):
         mission = museum.with_robots(robots)
         result = solve(mission, 8_000, prob_refill=prob_refill)
@@ -276,17 +266,11 @@ class TestOddMissions:
         graph.add_weighted_edges_from(arcs, weight="survival")
         return Mission(graph, base=0, robots=robots)
 
-    @pytest.mark.parametrize("robots", [1, 3])
-    @pytest.mark.parametrize("reward", [0.0, 2.5])
+    @pytest.mark.parametrize(("robots", "reward"), [(1, 0.0), (3, 2.5)])
     def test_nothing_but_the_base(self, robots, reward):
         result = solve(self.mission([reward], [], robots), 10_000)
         assert result.F.tolist() == [[-reward, -robots]]
         assert result.algorithm.evaluator.n_eval <= 3
-
-    def test_where_nothing_is_dangerous_one_plan_is_best(self):
-        ways = [(i, j, 1.0) for i in range(5) for j in range(5) if i != j]
-        result = solve(self.mission([1.0, 2.0, 3.0, 4.0, 5.0], ways), 20_000)
-        assert result.F.tolist() == [[-15.0, -2.0]]
 
     def test_a_base_with_reward_by_hand(self):
         mission = self.mission([3.0, 4.0], [(0, 1, 0.5), (1, 0, 0.8)])
@@ -296,20 +280,9 @@ class TestOddMissions:
 
 
 class TestErrors:
-    @pytest.mark.parametrize(
-        ("parameters", "message"),
-        [
-            (
-                {"moves": ["visit"]},
-                r"Expected moves to be a mapping from names to weights, got \['visit'\]\.",
-            ),
-            ({"moves": {"vizit": 1}}, r"Expected moves among visit, .*, got 'vizit'\."),
-            ({"moves": {"visit": 0}}, r"Expected a move of weight above 0, got \{'visit': 0\}\."),
-        ],
-    )
-    def test_parameters_out_of_range(self, parameters, message):
-        with pytest.raises(ValueError, match=message):
-            ParetoLocalSearch(**parameters)
+    def test_parameters_out_of_range(self):
+        with pytest.raises(ValueError, match=r"Expected moves among visit, .*, got 'vizit'\."):
+            ParetoLocalSearch(moves={"vizit": 1})
 
     def test_plans_given_are_checked(self, museum):
         base = museum.arrays.base
@@ -322,6 +295,8 @@ class TestErrors:
 
     def test_moves_by_name(self, museum):
         result = solve(museum, 3_000, moves={"visit": 2, "splice": 1})
-        made = dict(zip(MOVES, result.algorithm._search.tally[0], strict=True))
-        assert {name for name, n in made.items() if n} == {"visit", "splice"}
-        assert made["visit"] > made["splice"]
+        weights = np.diff(result.algorithm._search._weights, prepend=0.0).tolist()
+        assert {name: weight for name, weight in zip(MOVES, weights, strict=True) if weight} == {
+            "visit": 2,
+            "splice": 1,
+        }

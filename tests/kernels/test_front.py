@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from botohe_moo.kernels.fronts import ordered as kernels
 from botohe_moo.kernels.fronts.ordered import BLOCK
-from botohe_moo.kernels.local_search import insertion
+from botohe_moo.kernels.local_search import plans
 from botohe_moo.kernels.local_search.trail_store import copy_trails, new_store, release
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.search.local_search import _most_contributing
@@ -35,7 +35,7 @@ class Pair:
         self.store.n.spare -= 1
         trail = int(self.store.spare[self.store.n.spare])
         self.store.trails[trail].n_users = 1
-        entered = insertion.insert(self.store, self.front, np.array([trail]), reward, survivors)
+        entered = plans.insert(self.store, self.front, np.array([trail]), reward, survivors)
         release(self.store, trail)
         assert entered == self._enter_list(reward, survivors, trail)
 
@@ -193,19 +193,6 @@ def test_plans_are_drawn_uniformly(n):
         drawn[starts[at] + place] += 1
     chi_square = ((drawn - 40) ** 2 / 40).sum()
     assert chi_square <= (n - 1) + 5 * np.sqrt(2 * n)
-
-
-def test_room_is_there_until_it_is_not():
-    pair = Pair(200)
-    for i in range(200):
-        assert kernels.has_room(pair.front, 1)
-        pair.enter(200.0 - i, float(i))
-    assert not kernels.has_room(pair.front, 1)
-    assert kernels.has_room(pair.front, 0)
-    pair.remove(77)
-    assert kernels.has_room(pair.front, 1)
-    assert not kernels.has_room(pair.front, 2)
-    pair.check()
 
 
 @pytest.mark.parametrize(("n", "every"), [(0, 1), (300, 3)])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
 from botohe_moo.kernels.graph.graph import find_arc
-from botohe_moo.kernels.local_search import insertion, workspace
+from botohe_moo.kernels.local_search import plans, workspace
 from botohe_moo.kernels.local_search import trail_store as kernels
 from tests.examples import examples
 from tests.strategies import missions, missions_with_plans, trails
@@ -27,7 +27,6 @@ class Stored:
             mission.robots,
             memory=None,
             waiting=None,
-            tally=None,
             states=None,
             weights=None,
         )
@@ -36,7 +35,7 @@ class Stored:
         arcs = [find_arc(self.mission.arrays, u, v) for u, v in pairwise(nodes)]
         self.work.child[: len(arcs)] = arcs
         self.work.child[len(arcs) :] = -1  # there is room for more than is used
-        trail = insertion.add_trail(self.mission.arrays, self.store, self.work, len(arcs))
+        trail = plans.add_trail(self.mission.arrays, self.store, self.work, len(arcs))
         self.nodes[trail] = tuple(nodes)
         return trail
 
@@ -104,7 +103,7 @@ def test_objectives_have_the_bits_of_evaluate(case, random):
     random.shuffle(nodes)
     stored.work.trails[:] = sorted(map(stored.add, nodes), key=stored.nodes.get)
     for _ in range(2):
-        objectives = insertion.evaluate_trails(mission.arrays, stored.store, stored.work)
+        objectives = plans.evaluate_trails(mission.arrays, stored.store, stored.work)
         assert list(objectives) == mission.evaluate([TrailPlan(nodes)])[0].tolist()
 
 
@@ -164,7 +163,7 @@ def test_a_trail_that_is_taken_back_leaves_no_trace(data):
     before, users = stored.store.n.item(), stored.store.trails["n_users"].tolist()
     added = [stored.add(data.draw(trails(mission))) for _ in range(data.draw(st.integers(1, 3)))]
     for trail in reversed(added):
-        kernels.take_back(stored.store, trail)
+        kernels.discard(stored.store, trail)
         del stored.nodes[trail]
     assert stored.store.n.item() == before
     assert stored.store.trails["n_users"].tolist() == users
@@ -172,10 +171,10 @@ def test_a_trail_that_is_taken_back_leaves_no_trace(data):
     # Where another plan has it, and where others lie behind it, its room stays in use.
     for trail in some:
         stored.store.trails[trail].n_users += 1
-        kernels.take_back(stored.store, trail)
+        kernels.discard(stored.store, trail)
     assert stored.store.n.item() == before
     for trail in some[:-1]:
-        kernels.take_back(stored.store, trail)
+        kernels.discard(stored.store, trail)
         del stored.nodes[trail]
     stored.check()
     for _ in range(3):

@@ -1,6 +1,5 @@
 """The search and its front: plans come in, room grows, and a pickled search goes on."""
 
-import copy
 import pickle
 
 import networkx as nx
@@ -8,12 +7,10 @@ import numpy as np
 import pytest
 
 from botohe_moo import BOTOHE, Mission, TrailPlan, load_mission
-from botohe_moo.kernels.fronts.ordered import has_room
-from botohe_moo.kernels.local_search.trail_store import fits
-from botohe_moo.kernels.local_search.workspace import SearchRule
+from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.operators import RandomTrailSampling
 from botohe_moo.search import local_search
-from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
+from botohe_moo.search.local_search import LocalSearch
 from botohe_moo.trails import PlanBatch
 
 
@@ -22,16 +19,11 @@ def museum():
     return load_mission("art_museum")
 
 
-def started(mission, *, seed=0, moves=DEFAULT_MOVES, **rule):
+def started(mission, *, seed=0, min_survival=0.0, max_length=np.inf, **options):
     """A search that knows one plan: everybody at base."""
-    search = LocalSearch(
-        mission,
-        SearchRule(**rule),
-        moves=moves,
-        random_state=np.random.default_rng(seed),
-    )
-    home = TrailPlan([[mission.arrays.base]] * mission.robots)
-    search.insert(PlanBatch.from_plans([home], mission.robots))
+    limits, random_state = Limits(min_survival, max_length), np.random.default_rng(seed)
+    search = LocalSearch(mission, limits, random_state=random_state, **options)
+    search.insert(PlanBatch.from_plans([mission.stay_home()], mission.robots))
     return search
 
 
@@ -69,8 +61,8 @@ def nondominated(objectives):
     return objectives[~better.any(axis=0)]
 
 
-@pytest.mark.parametrize("robots", [1, 3, 12])
-def test_the_front_of_what_is_admitted(museum, robots):
+@pytest.mark.parametrize("robots", [1, 12])
+def test_the_front_of_what_is_inserted(museum, robots):
     mission = museum.with_robots(robots)
     search, batch = started(mission), random_plans(mission, 600)
     search.insert(batch)
@@ -101,56 +93,16 @@ def test_room_grows_with_the_front(museum, monkeypatch):
     assert len(search._store.arc) < 4 * used + 4 * 25 * museum.arrays.n_arcs
 
 
-@pytest.mark.parametrize("n_children", [1, 50, 3_000])
-def test_children_find_room(museum, n_children):
-    search = started(museum, n_children=n_children)
-    assert search.run(7_001) == 7_001
-    check(search)
-    room = n_children + 1
-    search._make_room()
-    assert has_room(search._front, room)
-    assert fits(museum.arrays, search._store, room)
-
-
-def test_a_copy_and_a_pickled_search_go_on_alike(museum):
-    search = started(museum)
-    for n in (1, 500, 3_000):
-        search.run(n)
-        copied, pickled = copy.deepcopy(search), pickle.loads(pickle.dumps(search))
-        for other in (copied, pickled):
-            other.run(400)
-        search.run(400)
-        for other in (copied, pickled):
-            assert same(search, other)
-            check(other)
-            assert other.tally.tolist() == search.tally.tolist()
-        search = pickled
-
-
 def test_looking_changes_nothing(museum):
     one, other = started(museum), started(museum)
-    for _ in range(5):
-        one.run(300)
-        other.run(300)
-        other.plans()
-    assert same(one, other)
-    plans, objectives, _ = one.plans()
-    before = plans.nodes.tobytes(), objectives.tobytes()
+    one.run(300)
+    other.run(300)
+    plans = other.plans()[0]
+    before = plans.nodes.tobytes()
     one.run(2_000)
-    assert (plans.nodes.tobytes(), objectives.tobytes()) == before
-
-
-def test_every_kind_of_move_is_counted(museum):
-    search = started(museum, p_refill=0.0)
-    search.run(20_000)
-    made, entered = search.tally
-    assert 19_000 < made.sum() <= 20_000
-    assert (made > 0).all()
-    assert (entered <= made).all()
-    assert 300 < entered.sum() < search.version
-    shares = made / made.sum()
-    for name, share in zip(MOVES, shares, strict=True):
-        assert share < 2 * DEFAULT_MOVES[name] + 0.02
+    other.run(2_000)
+    assert same(one, other)
+    assert plans.nodes.tobytes() == before
 
 
 def test_moves_that_lead_nowhere_end_the_search(museum):
@@ -160,37 +112,7 @@ def test_moves_that_lead_nowhere_end_the_search(museum):
         assert len(search) == 1
 
 
-def test_a_mission_without_arcs_has_one_plan():
-    graph = nx.DiGraph()
-    graph.add_node("base", reward=2.0)
-    search = started(Mission(graph, base="base", robots=4))
-    assert search.run(1_000) == 0
-    assert search.plans()[1].tolist() == [[2.0, 4.0]]
-
-
-@pytest.mark.parametrize("p_refill", [0.06, 1.0])
-def test_dangers_that_nobody_survives(p_refill):
-    """Products of survivals that are rounded to 0 hurt neither the front nor its objectives."""
-    graph = nx.DiGraph()
-    for node in range(5):
-        graph.add_node(node, reward=1.0)
-        graph.add_edge(node, (node + 1) % 5, survival=1e-200)
-    graph.add_edge(1, 0, survival=1e-200)
-    graph.add_edge(0, 4, survival=1e-5)
-    search = started(Mission(graph, base=0, robots=2), p_refill=p_refill)
-    search.insert(PlanBatch.from_plans([TrailPlan([[0, 1, 2, 3, 4, 0], [0, 4, 0]])], 2))
-    search.run(5_000)
-    check(search)
-
-
 REFILLING = {"p_refill": 0.8}
-
-
-def longest_and_least(search):
-    """How long the longest trail of each plan is, and with what probability its least survives."""
-    plans = search.plans()[0]
-    mission = search.mission
-    return mission.trail_lengths(plans).max(axis=1), mission.robot_survival(plans).min(axis=1)
 
 
 def wheel(*, robots=2, survival=0.9, reward=1.0, length=1.0):
@@ -202,25 +124,8 @@ def wheel(*, robots=2, survival=0.9, reward=1.0, length=1.0):
     return Mission(graph, base=0, robots=robots)
 
 
-@pytest.mark.parametrize("rule", [{}, REFILLING])
-@pytest.mark.parametrize(("floor", "budget"), [(0.0, 8.0), (0.6, 8.0), (0.3, 12.0), (0.9, 5.0)])
-def test_every_plan_of_every_call_keeps_floor_and_budget(museum, rule, floor, budget):
-    search = started(museum, min_survival=floor, max_length=budget, **rule)
-    reached = 0.0
-    for n in (1, 10, 100, 500, 500, 1_000, 3_000):
-        assert search.run(n) == n
-        longest, least = longest_and_least(search)
-        assert longest.max() <= budget * (1 + 1e-12)
-        assert least.min() >= floor * (1 - 1e-12)
-        reached = max(reached, longest.max())
-    check(search)
-    if floor < 0.9:
-        assert len(search) > 5
-        assert reached > budget / 2
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("rule", [{}, {"p_refill": 0.0}, REFILLING])
+@pytest.mark.parametrize("rule", [{"p_refill": 0.0}, REFILLING])
 @pytest.mark.parametrize(
     ("budget", "floor", "expected"),
     [
@@ -248,58 +153,44 @@ def test_the_safest_way_is_too_long_by_hand(budget, floor, expected, rule):
     check(search)
 
 
-@pytest.mark.parametrize("rule", [{}, REFILLING])
-@pytest.mark.parametrize("budget", [0.0, 1e-320, 1e-300])
-def test_a_budget_of_nothing(rule, budget):
-    search = started(wheel(), max_length=budget, **rule)
+@pytest.mark.parametrize("budget", [0.0, 1e-320])
+def test_a_budget_of_nothing(budget):
+    search = started(wheel(), max_length=budget, **REFILLING)
     search.run(2_000)
     assert search.objectives().tolist() == [[1.0, 2.0]]  # of the base
     # Where arcs have no length there is nothing to keep.
-    free = started(wheel(length=0.0), max_length=budget, **rule)
+    free = started(wheel(length=0.0), max_length=budget, **REFILLING)
     free.run(2_000)
     check(free)
     assert free.objectives()[0, 0] > 4.0
 
 
-@pytest.mark.parametrize("budget", [1e9, 1e300, 1.7e308])
-def test_a_budget_that_nobody_uses_up(budget):
+def test_a_budget_that_nobody_uses_up():
     for length in (1.0, 1e300):
-        search = started(wheel(length=length), max_length=budget, **REFILLING)
+        search = started(wheel(length=length), max_length=1.7e308, **REFILLING)
         search.run(3_000)
         check(search)
-        assert longest_and_least(search)[0].max() <= budget * (1 + 1e-12)
-        assert (len(search) > 4) == (length * 3 < budget)
+        assert len(search) > 4
 
 
-@pytest.mark.parametrize("limits", [{}, {"max_length": 9.0}])
-def test_refills_go_on_alike_from_a_pickled_search(museum, limits):
-    def begun(seed):
-        search, batch = started(museum, seed=seed, p_refill=1.0, **limits), random_plans(museum, 99)
-        longest = museum.trail_lengths(batch).max(axis=1)
-        search.insert(batch.take(np.flatnonzero(longest <= limits.get("max_length", np.inf))))
-        return search
-
-    one, other = begun(0), begun(0)
-    one.run(2_000)
-    other.run(2_000)
-    assert same(one, other)
-    pickled = pickle.loads(pickle.dumps(one))
-    for search in (one, other, pickled):
-        assert search.run(2_000) == 2_000
-        check(search)
-    assert same(one, other)
-    assert same(one, pickled)
-    another = begun(1)
-    another.run(4_000)
-    assert not same(one, another)
+def test_refills_go_on_alike_from_a_pickled_search(museum):
+    search, batch = started(museum, p_refill=1.0, max_length=9.0), random_plans(museum, 99)
+    longest = museum.trail_lengths(batch).max(axis=1)
+    search.insert(batch.take(np.flatnonzero(longest <= 9.0)))
+    search.run(2_000)
+    pickled = pickle.loads(pickle.dumps(search))
+    for each in (search, pickled):
+        assert each.run(2_000) == 2_000
+        check(each)
+    assert same(search, pickled)
 
 
-@pytest.mark.parametrize("n_evaluations", [1, 7, 400])
+@pytest.mark.parametrize("n_evaluations", [1, 400])
 def test_fifty_robots_are_refilled_together(museum, monkeypatch, n_evaluations):
-    """A single child adds more trails than the children of a parent are."""
+    """A single child adds more trails than a parent has children."""
     monkeypatch.setattr(local_search, "_FIRST_PLANS", 3)
     mission = museum.with_robots(50)
-    search = started(mission, p_refill=1.0, n_children=1, max_length=9.0)
+    search = started(mission, p_refill=1.0, max_length=9.0)
     search.insert(random_plans(mission, 30))
     for _ in range(3):
         assert search.run(n_evaluations) == n_evaluations
@@ -310,14 +201,13 @@ def test_fifty_robots_are_refilled_together(museum, monkeypatch, n_evaluations):
         assert 0 <= store.n.spare <= len(store.trails)
 
 
-@pytest.mark.parametrize("limits", [{}, {"max_length": 4.0}, {"min_survival": 0.5}])
-def test_nothing_to_collect(limits):
-    search = started(wheel(reward=0.0), **REFILLING, **limits)
+def test_nothing_to_collect():
+    search = started(wheel(reward=0.0), **REFILLING, max_length=4.0)
     search.run(2_000)
     assert search.objectives().tolist() == [[0.0, 2.0]]
 
 
-@pytest.mark.parametrize("reward", [1.0, 1e-300, 1e300])
+@pytest.mark.parametrize("reward", [1e-300, 1e300])
 def test_nothing_is_dangerous(reward):
     search = started(wheel(survival=1.0, reward=reward), **REFILLING)
     search.run(2_000)
@@ -326,12 +216,13 @@ def test_nothing_is_dangerous(reward):
     search = started(wheel(survival=1.0, reward=reward), max_length=4.0, **REFILLING)
     search.run(4_000)
     assert np.allclose(search.objectives(), [[6 * reward, 2.0]], rtol=1e-12, atol=0)
-    assert longest_and_least(search)[0].max() <= 4.0
+    assert search.mission.trail_lengths(search.plans()[0]).max() <= 4.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("limits", [{}, {"max_length": 5.0}, {"min_survival": 1e-310}])
-@pytest.mark.parametrize("survival", [1e-300, 1e-150, 5e-324])
+@pytest.mark.parametrize(
+    ("survival", "limits"),
+    [(1e-150, {}), (5e-324, {"max_length": 5.0}), (5e-324, {"min_survival": 1e-310})],
+)
 def test_hardly_anybody_survives(survival, limits):
     """Probabilities of trails are rounded to 0; costs of 700 an arc are not."""
     mission = wheel(survival=survival)

@@ -174,8 +174,8 @@ for schedule, budget in {budgets!r}:
         with plain_local_search() as patch:
             # Each tells what a child brings, or makes one.
             for module, name in (
-                (search, "appraise"),
-                (search, "appraise_trail"),
+                (search, "evaluate_child"),
+                (search, "evaluate_trail"),
                 (refill, "_make_child"),
             ):
                 patch.setattr(module, name, counted.calls_of(getattr(module, name)))

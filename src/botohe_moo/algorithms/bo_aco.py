@@ -22,7 +22,7 @@ from botohe_moo.search.colony import (
     exchange_archives,
     tabulate_pheromone,
 )
-from botohe_moo.search.memetic import IterationSearch
+from botohe_moo.search.local_search import IterationSearch
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Any
 
 from pydantic import Field
-from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 
 from botohe_moo._base.checks import check_weights
-from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
+from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.kernels.fronts.archive import Archive
-from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
+from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, P_REFILL, LocalSearch
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -45,33 +43,25 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     evaluations_per_generation
         Evaluations in one pymoo generation. The first generations are shorter: 100, and then a
         tenth of what has been evaluated.
-    n_children
-        Children of a parent: laying out a parent costs as much as some children. As long as plans
-        enter the front every hundred evaluations or so, a third as many.
-    n_drawn
-        Plans drawn as parents, of which the one is taken that its neighbours on the front leave
-        the largest area, divided by how often it was taken before. With 1, all plans are equally
-        likely. As long as plans enter every hundred evaluations or so, four times as many (but 1
-        stays 1).
     moves
         How likely each move is to be drawn, relative, by name; those left out are not drawn.
         ``shortcut``, ``visit``, ``visit-two``: cut out a segment, and reconnect by safest paths
         through no node, one, or two. ``splice``: go on along another plan's trail to its end.
         ``graft``: replace a segment by one of another plan's trail. ``adopt``: take over a whole
         trail. ``swap-loops``: walk the loops at a node in another order. ``reverse``: walk a
-        segment the other way round. Default: ``DEFAULT_MOVES``.
+        segment in the other direction. Default: ``DEFAULT_MOVES``.
     prob_refill
         How likely a parent is refilled instead, at least: stops of one robot or several are
-        dropped, and those nodes put in that gain most for their danger. On a plan's n-th turn as a
-        parent it is 1 / n² or more. Plans wait for this until there are 32. With 0, or more than
-        1 000 nodes, nothing is refilled.
+        removed, and the nodes inserted that gain most for their danger. On a plan's n-th turn as a
+        parent it is refilled with probability 1 / n² or more. Plans wait for this until there are
+        32. With 0, or more than 1 000 nodes, nothing is refilled.
     greedy_start
         Whether to begin with plans that
         :func:`~botohe_moo.search.sequential.plan_sequentially` makes for reward alone, for
         the whole team and for fewer robots, beside the plan in which all robots stay at base.
     max_size
-        Plans that the front keeps after each generation; None keeps all. Where there are more, that
-        which contributes the least area goes, and so on.
+        Plans that the front keeps after each generation; None keeps all. While there are more, the
+        plan that contributes the least area is removed.
     sampling
         Trail plans to start from, evaluated first: an iterable of plans, or ``X`` of another
         result.
@@ -98,7 +88,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     of different plans are combined, as genetic algorithms do.
 
     The run ends before its budget is spent where no move makes another plan: on a mission of one
-    node, or with moves alone that need trails of other plans where there are none.
+    node, or where all moves need trails of other plans and there are none.
 
     A child counts as an evaluation also when an upper bound of its E[R], computed before its trail
     has been walked to the end, shows that it cannot enter.
@@ -122,10 +112,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         self,
         *,
         evaluations_per_generation: Annotated[int, Field(ge=1, le=1_000_000_000)] = 20_000,
-        n_children: Annotated[int, Field(ge=1, le=100_000)] = 24,
-        n_drawn: Annotated[int, Field(ge=1, le=1_000)] = 2,
         moves: Mapping[str, float] | None = None,
-        prob_refill: Probability = 0.02,
+        prob_refill: Probability = P_REFILL,
         greedy_start: bool = True,
         max_size: Annotated[int, Field(ge=10, le=1_000_000_000)] | None = None,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
@@ -133,8 +121,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     ) -> None:
         super().__init__(max_ties=1, sampling=sampling, **options)
         self.evaluations_per_generation = evaluations_per_generation
-        self.n_children = n_children
-        self.n_drawn = n_drawn
         given = DEFAULT_MOVES if moves is None else moves
         self.moves = check_weights("moves", given, MOVES, needed="move")
         self.prob_refill = prob_refill
@@ -143,17 +129,12 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        rule = SearchRule(
-            n_children=self.n_children,
-            n_drawn=self.n_drawn,
-            p_refill=self.prob_refill,
-            **problem.planning_limits._asdict(),
-        )
         self._search = LocalSearch(
             problem.mission,
-            rule,
-            moves=self.moves,
+            problem.planning_limits,
             random_state=self.random_state,
+            moves=self.moves,
+            p_refill=self.prob_refill,
             max_size=self.max_size,
         )
         constrain = problem.constrain_batch if problem.n_ieq_constr else None
@@ -194,7 +175,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 class _SearchArchive(PopulationArchive):
     """The current front of a search, read when it is asked for, plans only when they are.
 
-    Writing all plans of a large team takes longer than many a generation.
+    Writing all plans of a large team takes longer than many a generation. Only the search inserts
+    plans.
     """
 
     def __init__(
@@ -205,49 +187,41 @@ class _SearchArchive(PopulationArchive):
     ) -> None:
         super().__init__(n_robots, max_ties=1, constrain=constrain)
         self._search = search
-        self._read_version = -1  # of the search, when its objectives were read,
-        self._written_version = -1  # and when its plans were
+        self._objectives_version = -1  # of the search, when they were read
+        self._plans_version = -1
 
     def __len__(self) -> int:
         return len(self._search)
 
     @property
     def objectives(self) -> FloatArray:
-        if self._read_version != self._search.version:
+        if self._objectives_version != self._search.version:
             self._arrays = self._arrays._replace(objectives=self._search.objectives())
-            self._read_version = self._search.version
+            self._objectives_version = self._search.version
         return super().objectives
 
     @property
     def arrays(self) -> Archive:
-        self._write()
+        self._read_plans()
         return super().arrays
 
     @property
     def plans(self) -> PlanBatch:
-        self._write()
+        self._read_plans()
         return super().plans
 
     @property
     def version(self) -> int:
         return self._search.version
 
-    def insert(
-        self,
-        batch: PlanBatch,  # noqa: ARG002
-        objectives: FloatArray,  # noqa: ARG002
-        individuals: Sequence[Individual] | None = None,  # noqa: ARG002
-    ) -> OffsetArray:
-        raise TypeError("The archive of a Pareto local search takes in what that search finds.")
-
     def population(self) -> Population:
-        self._write()
+        self._read_plans()
         return super().population()
 
-    def _write(self) -> None:
-        if self._written_version == self._search.version:
+    def _read_plans(self) -> None:
+        if self._plans_version == self._search.version:
             return
         batch, objectives, numbers = self._search.plans()
         self._arrays = Archive(objectives, self._arrays.hashes, numbers, *batch.arrays)
         self._population = None
-        self._read_version = self._written_version = self._search.version
+        self._objectives_version = self._plans_version = self._search.version

@@ -14,27 +14,24 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, cast, overload
 
+import numba
 from numba import njit
-from numba.core import event
-from numba.core.cpu import CPUTargetOptions
+from numba.core import event, targetconfig
+from numba.core.caching import NullCache
+from numba.core.codegen import CPUCodeLibrary
+from numba.core.cpu import CPUContext, CPUTargetOptions
 from numba.extending import register_jitable
-
-from botohe_moo.kernels.linking import leave_helpers_to_kernels
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-PLAIN = bool(os.environ.get("BOTOHE_PLAIN_NUMBA"))
-"""Whether to do without everything that numba does not document."""
-
 # Options that numba does not document, tried with 0.61 to 0.68. Where a version does not know one,
-# kernels do without: they take longer to compile and to run, and give the same results.
+# kernels do without and give the same results: they compile for a tenth longer, and run for longer,
+# up to ten times (BO-ACO on the museum).
 # ``_nrt`` off: makes no arrays, and so does not count who uses those it is given.
 # ``no_..._wrapper``: no way in from Python or C, which have the function itself.
 # ``forceinline``: LLVM copies it into its callers; numba's own ``inline`` compiles for longer.
 _PRIVATE = ("_nrt", "no_cpython_wrapper", "no_cfunc_wrapper", "forceinline")
 _KNOWN = {name for name in _PRIVATE if hasattr(CPUTargetOptions, name)}
-if PLAIN:
-    _KNOWN.clear()
 # IEEE arithmetic: a division by zero is inf, not an exception that a hot loop has to test for.
 _EVERYWHERE = {"error_model": "numpy"}
 
@@ -110,29 +107,72 @@ def _compile(function: Callable[..., Any], **options: Any) -> Any:
         return compiler(**_EVERYWHERE, **options)(function)
 
 
-class _WithoutCollecting(event.Listener):
-    """Keeps Python's garbage collector off while numba compiles, which makes millions of objects.
+class _Compiling(event.Listener):
+    """Follows what numba compiles: one function within another, beginning with a kernel.
 
-    They are all in use: collecting finds nothing, and takes a tenth of the time.
+    Meanwhile Python's garbage collector is off: numba makes millions of objects, which are all in
+    use, and collecting them takes a tenth of the time.
     """
 
     def __init__(self) -> None:
-        self._depth = 0
-        self._was_enabled = False
+        self._are_helpers: list[bool] = []  # of the functions that are compiled at the moment
+        self._collects = False
 
-    def on_start(self, event: Any) -> None:  # noqa: ARG002
-        if self._depth == 0:
-            self._was_enabled = gc.isenabled()
+    def on_start(self, event: Any) -> None:
+        if not self._are_helpers:
+            self._collects = gc.isenabled()
             gc.disable()
-        self._depth += 1
+        self._are_helpers.append(isinstance(event.data["dispatcher"]._cache, NullCache))
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002
-        self._depth -= 1
-        if self._depth == 0 and self._was_enabled:
+        self._are_helpers.pop()
+        if not self._are_helpers and self._collects:
             gc.enable()
 
+    def is_helper(self) -> bool:
+        """Return whether numba compiles a helper at the moment, within a kernel."""
+        stack: Any = targetconfig.ConfigStack
+        flags = stack.top_or_none()
+        nested = len(self._are_helpers) > 1 and self._are_helpers[-1]
+        return bool(nested and flags is not None and flags.no_cpython_wrapper)
 
+
+def _leave_helpers_to_kernels(compiling: _Compiling) -> None:
+    """Let numba make no machine code of functions that only kernels call.
+
+    numba optimises every function as a library of its own and makes machine code of it, and
+    optimises it again in every kernel that it is linked into. A helper is never called from Python:
+    without its own machine code, compiling the local search takes two thirds of the time.
+    """
+    library: Any = CPUCodeLibrary
+    context: Any = CPUContext
+    optimize, finish = library._optimize_final_module, library._finalize_final_module
+    make_executable = context.get_executable
+
+    def optimize_unless_helper(self: Any) -> None:
+        if not compiling.is_helper():
+            optimize(self)
+
+    def finish_unless_helper(self: Any) -> None:
+        if not compiling.is_helper():
+            finish(self)
+            return
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def executable_unless_helper(self: Any, made: Any, *described: Any) -> Any:
+        if not compiling.is_helper():
+            return make_executable(self, made, *described)
+        made._ensure_finalized()
+        return [].append  # stands in for machine code: numba wants a different object each time
+
+    library._optimize_final_module = optimize_unless_helper
+    library._finalize_final_module = finish_unless_helper
+    context.get_executable = executable_unless_helper
+
+
+_compiling = _Compiling()
 _register: Any = event.register
-_register("numba:compile", _WithoutCollecting())
-if not PLAIN:
-    leave_helpers_to_kernels()
+_register("numba:compile", _compiling)
+if numba.version_info.short == (0, 68):  # other versions compile for longer, with the same results
+    _leave_helpers_to_kernels(_compiling)

@@ -9,17 +9,16 @@ from typing import Any
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.kernels.fronts.ordered import copy_front, has_room, new_front, read_front
-from botohe_moo.kernels.graph.graph import Graph, with_costs
-from botohe_moo.kernels.local_search.insertion import Given
-from botohe_moo.kernels.local_search.moves import N_KINDS
+from botohe_moo.kernels.fronts.ordered import copy_front, new_front, read_front
+from botohe_moo.kernels.graph.graph import Graph, Limits, with_costs
 from botohe_moo.kernels.local_search.refill import refill
 from botohe_moo.kernels.local_search.routes import FULL_UP_TO, new_routes
-from botohe_moo.kernels.local_search.search import search
-from botohe_moo.kernels.local_search.trail_store import copy_trails, fits, new_store, pieces
+from botohe_moo.kernels.local_search.search import Given, has_room, improve
+from botohe_moo.kernels.local_search.trail_store import copy_trails, new_store, ragged
 from botohe_moo.kernels.local_search.workspace import (
+    N_CHILDREN,
     REFILLED_AT_ONCE,
-    SearchRule,
+    Search,
     new_memory,
     new_workspace,
 )
@@ -42,34 +41,40 @@ DEFAULT_MOVES: Mapping[str, float] = {
     "adopt": 0.1,
 }
 
+# With what probability a parent is refilled, at least: on its n-th turn it is 1 / n² or more.
+P_REFILL = 0.02
+
 # What the length of the longest arc costs, at most.
 _MOST_COST = 1e12
 
-_FIRST_PLANS = 256
+# How many plans the front has room for at first, and how many a parent adds at most.
+_FIRST_PLANS, _N_ADDED = 256, N_CHILDREN + 1
 
 
 class LocalSearch:
     """A front, and the search that improves it.
 
-    ``moves`` says how likely each move is to be drawn, by its name in ``MOVES``; those left out are
-    not. The search's own generator takes its seed from ``random_state``. After each call the front
-    keeps ``max_size`` plans at most, at least 2; None keeps all.
+    Every robot keeps the ``limits``. A parent is refilled with at least probability ``p_refill``,
+    on missions of up to 1 000 nodes. ``moves`` says how likely each move is to be drawn, by its
+    name in ``MOVES``; those left out are not. The search's own generator takes its seed from
+    ``random_state``. After each call the front keeps ``max_size`` plans at most, at least 2; None
+    keeps all.
     """
 
     def __init__(
         self,
         mission: Mission,
-        rule: SearchRule,
+        limits: Limits,
         *,
-        moves: Mapping[str, float],
         random_state: np.random.Generator,
+        moves: Mapping[str, float] = DEFAULT_MOVES,
+        p_refill: float = P_REFILL,
         max_size: int | None = None,
     ) -> None:
         self.mission = mission
-        small = len(mission.nodes) <= FULL_UP_TO
-        self.rule = rule if small else rule._replace(p_refill=0.0)
+        self.limits = limits
         self.max_size = max_size
-        self.tally: OffsetArray = np.zeros((2, N_KINDS), np.int64)
+        self._p_refill = p_refill if len(mission.nodes) <= FULL_UP_TO else 0.0
         self._weights: FloatArray = np.cumsum([float(moves.get(name, 0.0)) for name in MOVES])
         self._states: SeedArray = draw_state(random_state)
         self._memory = new_memory()
@@ -79,18 +84,24 @@ class LocalSearch:
         self._prepare()
 
     def _prepare(self) -> None:
-        """Make what follows from the mission, or holds nothing between two calls."""
-        self._graph, per_length = _priced(self.mission.arrays, self.rule)
-        graph = self._graph
-        self._routes = new_routes(graph, per_length)
+        """Compute what follows from the mission, or holds nothing between two calls."""
+        self._graph, per_length = _priced(self.mission.arrays, self.limits)
+        self._routes = new_routes(self._graph, per_length)
         self._work = new_workspace(
-            graph,
+            self._graph,
             self.mission.robots,
             memory=self._memory[0],
             waiting=self._waiting,
-            tally=self.tally,
             states=self._states,
             weights=self._weights,
+        )
+
+    @property
+    def _parts(self) -> Search:
+        """What the kernels work with."""
+        store, front = self._store, self._front
+        return Search(
+            self._graph, self._routes, store, front, self._work, self.limits, self._p_refill
         )
 
     def restart(self) -> None:
@@ -119,14 +130,14 @@ class LocalSearch:
         n, n_robots = 0, self.mission.robots
         given = Given(np.empty(0, np.int32), np.zeros(1, np.int64))
         while n < n_evaluations:
-            self._make_room()
+            if not has_room(self._parts):
+                self._keep(read_front(self._front)[0])
             if batch is not None:
                 given = Given(batch.nodes.copy(), batch.offsets[n * n_robots :].copy())
-            state = self._graph, self._routes, self._store, self._front, self._work, self.rule
-            n += search(*state, given, n_evaluations - n)
+            n += improve(self._parts, given, n_evaluations - n)
             if self._memory[0].n_waiting == REFILLED_AT_ONCE:
-                n += refill(*state, n_evaluations - n)
-            elif n < n_evaluations and self._has_room():  # no move makes another plan
+                n += refill(self._parts, n_evaluations - n)
+            elif n < n_evaluations and has_room(self._parts):  # no move makes another plan
                 break
         if self.max_size is not None and len(self) > self.max_size:
             slots, objectives = read_front(self._front)
@@ -138,7 +149,7 @@ class LocalSearch:
 
     @property
     def version(self) -> int:
-        """Changes whenever the front does: the number of plans that ever entered."""
+        """How many plans ever entered the front: changes whenever the front does."""
         return int(self._front.n.entered)
 
     def objectives(self) -> FloatArray:
@@ -152,43 +163,30 @@ class LocalSearch:
         """
         front, store, graph = self._front, self._store, self.mission.arrays
         slots, objectives = read_front(front)
-        used, which = np.unique(front.plan[slots], return_inverse=True)  # many plans share trails
-        trails = store.trails[used]
-        _, *ways = pieces(store.arc, trails["first_arc"], trails["n_arcs"])
-        walked = [np.append(graph.base, graph.head[way]).astype(np.int32) for way in ways]
-        which = which.ravel()
-        nodes = np.concatenate([np.empty(0, np.int32), *(walked[i] for i in which.tolist())])
-        offsets = np.append(0, np.cumsum(trails["n_arcs"][which] + 1))
+        trails = store.trails[front.plan[slots].ravel()]
+        offsets = np.append(0, np.cumsum(trails["n_arcs"] + 1))
+        nodes = np.full(offsets[-1], graph.base, np.int32)
+        is_head = np.ones(len(nodes), bool)
+        is_head[offsets[:-1]] = False  # every trail begins at the base
+        nodes[is_head] = graph.head[store.arc[ragged(trails["first_arc"], trails["n_arcs"])]]
         batch = PlanBatch._wrap(nodes, offsets, self.mission.robots)
         return batch, objectives, front.serial[slots]
 
-    @property
-    def _n_added(self) -> int:
-        return max(self.rule.n_added, self.mission.robots)
-
-    def _has_room(self) -> bool:
-        stored = fits(self.mission.arrays, self._store, self._n_added)
-        return stored and has_room(self._front, self.rule.n_added)
-
-    def _make_room(self) -> None:
-        """Copy what is in use to where there is room for as much more, if room is wanting."""
-        if not self._has_room():
-            self._keep(read_front(self._front)[0])
-
     def _keep(self, slots: OffsetArray) -> None:
-        """Copy plans of some slots of the front, and their trails, to where there is more room."""
+        """Copy plans of some slots of the front, and their trails, to where twice as many fit."""
         front, store = self._front, self._store
         users = np.bincount(front.plan[slots].ravel(), minlength=len(store.trails))
         store.trails["n_users"] = users
         used = np.flatnonzero(users)
-        lengths, visits = (int(store.trails[name][used].sum()) for name in ("n_arcs", "n_visits"))
+        n_arcs, n_visits = (int(store.trails[name][used].sum()) for name in ("n_arcs", "n_visits"))
         n_trails = max(int(used.max(initial=0)) + 1, 2 * len(used))
-        self._store = self._new_store(n_trails, 4 * lengths, 4 * visits)
+        self._store = self._new_store(n_trails, 4 * n_arcs, 4 * n_visits)
         copy_trails(store, self._store)
-        self._front = copy_front(front, slots, 2 * len(slots) + self.rule.n_added + _FIRST_PLANS)
+        self._front = copy_front(front, slots, 2 * len(slots) + _N_ADDED + _FIRST_PLANS)
 
     def _new_store(self, n_trails: int, n_arcs: int, n_visits: int) -> Any:
-        graph, n_new = self.mission.arrays, 2 * self._n_added
+        graph = self.mission.arrays
+        n_new = 2 * max(_N_ADDED, self.mission.robots)
         return new_store(
             n_trails + 4 * n_new + 1_000,
             n_arcs + n_new * graph.n_arcs,
@@ -204,23 +202,74 @@ class LocalSearch:
         self._prepare()
 
 
-def _priced(graph: Graph, rule: SearchRule) -> tuple[Graph, float]:
-    """Let lengths add to the costs of arcs where there is a travel budget, and say how much.
+class IterationSearch:
+    """Improves a share, in (0, 1], of the plans of each iteration of an algorithm.
+
+    It spends ``evaluations_each``, at least 1, on each of them. The search's own generator takes
+    its seed from ``random_state``.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        *,
+        share: float,
+        evaluations_each: int,
+        limits: Limits,
+        random_state: np.random.Generator,
+    ) -> None:
+        self.share = share
+        self.evaluations_each = evaluations_each
+        self._search = LocalSearch(
+            mission,
+            limits,
+            random_state=random_state,
+        )
+
+    def improve(
+        self, batch: PlanBatch, members: OffsetArray, random_state: np.random.Generator, n_left: int
+    ) -> tuple[PlanBatch, FloatArray, int]:
+        """Start a Pareto local search from some of the iteration's plans.
+
+        Those of its Pareto set, ``members``, come first, then others, drawn by ``random_state``.
+        ``n_left`` is how many evaluations are left.
+
+        Returns the plans that the search has added to the front of those it began with, their E[R]
+        and E[S] (n, 2), and how many plans it has evaluated.
+        """
+        n_chosen = max(1, round(self.share * len(batch)))
+        chosen = random_state.permutation(members)[:n_chosen]
+        if len(chosen) < n_chosen:
+            others = np.setdiff1d(np.arange(len(batch)), members)
+            drawn = random_state.permutation(others)[: n_chosen - len(chosen)]
+            chosen = np.concatenate([chosen, drawn])
+        search = self._search
+        search.restart()
+        search.insert(batch.take(np.sort(chosen)))
+        n_given = search.version
+        n_evaluated = search.run(min(n_left, n_chosen * self.evaluations_each))
+        plans, objectives, numbers = search.plans()
+        found = numbers >= n_given
+        return plans.take(found), objectives[found], n_evaluated
+
+
+def _priced(graph: Graph, limits: Limits) -> tuple[Graph, float]:
+    """Return the graph, and what a unit of length adds to the costs of arcs; 0 without a budget.
 
     Paths that are cheapest then are neither the safest nor the shortest: a whole budget costs as
     much as all the danger that the survival floor allows, or as a survival of 1 / e without one. A
     budget that is far shorter than the longest arc costs less, so that all costs are finite.
     """
-    if rule.max_length == math.inf:
+    if limits.max_length == math.inf:
         return graph, 0.0
-    danger = -math.log(rule.min_survival) if 0.0 < rule.min_survival < 1.0 else 1.0
+    danger = -math.log(limits.min_survival) if 0.0 < limits.min_survival < 1.0 else 1.0
     longest = float(graph.length.max(initial=0.0)) or 1.0
-    per_length = min(danger / max(rule.max_length, 1e-300), _MOST_COST / longest)
+    per_length = min(danger / max(limits.max_length, 1e-300), _MOST_COST / longest)
     return with_costs(graph, graph.cost + per_length * graph.length), per_length
 
 
 def _most_contributing(objectives: FloatArray, n_most: int) -> OffsetArray:
-    """Leave out plans, each time that which contributes the least area; the ends stay."""
+    """Return which plans stay when that of the least area is removed each time; the ends stay."""
     kept = np.arange(len(objectives))
     while len(kept) > n_most:
         reward, survivors = objectives[kept].T

@@ -88,12 +88,6 @@ def copy_front(front: OrderedFront, kept: OffsetArray, n_slots: int) -> OrderedF
     return copy
 
 
-def has_room(front: OrderedFront, n: int) -> bool:
-    """Return whether there is room for ``n`` more plans."""
-    # Then there are enough blocks, too: two neighbours hold more than half a block together.
-    return bool(front.n.spare >= n)
-
-
 @inlined
 def find_place(front: OrderedFront, survivors: float) -> tuple[int, int]:
     """Find the first plan with at least this E[S]; of these plans it has the largest E[R].

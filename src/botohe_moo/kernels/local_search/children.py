@@ -1,4 +1,4 @@
-"""Children of a trail: new arcs joined between a prefix and a suffix of it, and what they gain.
+"""Children of a trail: new arcs between a prefix and a suffix of it, and what they gain.
 
 Safest paths join what a move has chosen. Where a child would use an arc twice, the loop in between
 is cut out, so that every child is a trail, on any graph.
@@ -11,7 +11,7 @@ from botohe_moo.kernels.fronts.ordered import OrderedFront, best_reward
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.local_search.routes import UNKNOWN, Routes, route_entry, search_routes
 from botohe_moo.kernels.local_search.trail_store import TrailStore
-from botohe_moo.kernels.local_search.workspace import TOLERANCE, SearchRule, Workspace
+from botohe_moo.kernels.local_search.workspace import TOLERANCE, Search, Workspace
 from botohe_moo.kernels.rng import uniform
 
 # How much more likely a step leads to a node that is worth something than to another.
@@ -19,37 +19,38 @@ _FRESH = 4.0
 
 
 @helper
-def _take_arc(work: Workspace, arc: int) -> None:
-    """Let the child take an arc; if it has taken it before, the loop in between is cut out."""
+def _append_arc(work: Workspace, arc: int) -> None:
+    """Append an arc to the child; if it has the arc already, cut out the loop in between."""
     draft, arcs = work.draft, work.arcs
-    taken = arcs[arc]
-    if 0 <= taken.position < draft.prefix:
-        draft.prefix, draft.middle = taken.position + 1, 0
+    used = arcs[arc]
+    if 0 <= used.position < draft.prefix:
+        draft.prefix, draft.n_middle = used.position + 1, 0
         draft.mark += 1
-    elif taken.mark == draft.mark:
-        for i in range(taken.place + 1, draft.middle):
+    elif used.mark == draft.mark:
+        for i in range(used.place + 1, draft.n_middle):
             arcs[work.middle[i]].mark = -1
-        draft.middle = taken.place + 1
+        draft.n_middle = used.place + 1
     else:
-        taken.mark, taken.place = draft.mark, draft.middle
-        work.middle[draft.middle] = arc
-        draft.middle += 1
+        used.mark, used.place = draft.mark, draft.n_middle
+        work.middle[draft.n_middle] = arc
+        draft.n_middle += 1
 
 
 @helper
-def _is_taken(work: Workspace, arc: int) -> bool:
-    draft, taken = work.draft, work.arcs[arc]
-    kept = taken.position >= 0 and (taken.position < draft.prefix or taken.position >= draft.suffix)
-    return bool(kept or taken.mark == draft.mark)
+def _is_used(work: Workspace, arc: int) -> bool:
+    """Return whether the child has an arc."""
+    draft, used = work.draft, work.arcs[arc]
+    kept = used.position >= 0 and (used.position < draft.prefix or used.position >= draft.suffix)
+    return bool(kept or used.mark == draft.mark)
 
 
 @helper
-def _way_round(graph: Graph, routes: Routes, work: Workspace, goal: int, here: int) -> int:
-    """Return the arc from here, not taken yet, from which the goal is reached the safest; or −1."""
+def _find_detour(graph: Graph, routes: Routes, work: Workspace, node: int, goal: int) -> int:
+    """Return the unused arc from a node that begins the safest path to the goal; −1 without any."""
     least = np.inf
     best = -1
-    for arc in range(graph.first[here], graph.first[here + 1]):
-        if _is_taken(work, arc):
+    for arc in range(graph.first[node], graph.first[node + 1]):
+        if _is_used(work, arc):
             continue
         entry = route_entry(routes, goal, graph.head[arc])
         if entry == UNKNOWN:
@@ -61,102 +62,106 @@ def _way_round(graph: Graph, routes: Routes, work: Workspace, goal: int, here: i
 
 
 @helper
-def _follow(
-    graph: Graph, routes: Routes, work: Workspace, here: int, goal: int, n_detours: int
-) -> bool:
-    """Let the child take the safest path to a node; False where none is known.
+def _append_path(search: Search, node: int, goal: int, n_detours: int) -> bool:
+    """Append the safest path between two nodes; return whether one is known.
 
-    Up to ``n_detours`` times it leaves that path where an arc is taken already; not on the way to
-    the base of a large mission, which is kept apart from the others.
+    Up to ``n_detours`` times it leaves that path where an arc is used already. On large missions
+    the ways to the base are stored apart from other paths, and it takes no detours there.
     """
-    straight_home = goal == graph.base and routes.entries.shape[1] < routes.entries.shape[0]
+    graph, routes, work = search.graph, search.routes, search.work
+    is_homeward = goal == graph.base and routes.entries.shape[1] < routes.entries.shape[0]
     entry = 0
-    if not straight_home:
+    if not is_homeward:
         if routes.n_known[goal] == 0:
             search_routes(graph, routes, goal)
-        entry = route_entry(routes, goal, here)
+        entry = route_entry(routes, goal, node)
         if entry == UNKNOWN:
             return False
-    while here != goal:
-        if straight_home:
-            arc = graph.homeward[here]
+    while node != goal:
+        if is_homeward:
+            arc = graph.homeward[node]
         else:
             arc = routes.entries[goal, entry].arc
             entry = routes.entries[goal, entry].onward
-            if n_detours > 0 and _is_taken(work, arc):
+            if n_detours > 0 and _is_used(work, arc):
                 n_detours -= 1
-                other = _way_round(graph, routes, work, goal, here)
-                if other >= 0:
-                    arc = other
+                detour = _find_detour(graph, routes, work, node, goal)
+                if detour >= 0:
+                    arc = detour
                     entry = route_entry(routes, goal, graph.head[arc])
-        _take_arc(work, arc)
-        here = graph.head[arc]
+        _append_arc(work, arc)
+        node = graph.head[arc]
     return True
 
 
 @helper
-def _take_steps(graph: Graph, work: Workspace, here: int, n_steps: int) -> int:
-    """Let the child walk along drawn arcs, preferably to where there is something to collect.
+def _append_steps(graph: Graph, work: Workspace, node: int, n_steps: int) -> int:
+    """Append arcs drawn at random, preferably to nodes with something to collect.
 
-    Returns the node that it comes to; it stops early where all arcs are taken.
+    Returns the node where they end. There are fewer than ``n_steps`` where all arcs are used.
     """
     for _ in range(n_steps):
         total = 0.0
         drawn = -1
-        for arc in range(graph.first[here], graph.first[here + 1]):
-            if _is_taken(work, arc):
+        for arc in range(graph.first[node], graph.first[node + 1]):
+            if _is_used(work, arc):
                 continue
-            node = work.nodes[graph.head[arc]]
-            weight = _FRESH if node.left > 0.0 and node.met > work.draft.prefix else 1.0
+            head = work.nodes[graph.head[arc]]
+            weight = _FRESH if head.left > 0.0 and head.met > work.draft.prefix else 1.0
             total += weight
             if uniform(work.states, 0) * total < weight:
                 drawn = arc
         if drawn < 0:
             break
-        _take_arc(work, drawn)
-        here = graph.head[drawn]
-    return here
+        _append_arc(work, drawn)
+        node = graph.head[drawn]
+    return node
 
 
 @helper
-def join_child(graph: Graph, routes: Routes, work: Workspace, n_steps: int, n_detours: int) -> bool:
-    """Make the child that a move has chosen; False where there is none, or it equals the trail.
+def connect_child(search: Search, n_steps: int, n_detours: int) -> bool:
+    """Write the child's new arcs; return whether there is a child, and it differs from the trail.
 
-    Behind the prefix it takes ``n_steps`` steps, visits the goals, and takes the piece.
+    From the prefix it takes ``n_steps`` steps, visits the goals, takes the piece, and goes on to
+    the suffix.
     """
+    graph, work = search.graph, search.work
     draft = work.draft
-    draft.middle = 0
+    draft.n_middle = 0
     draft.mark += 1
-    here, end = work.steps[draft.prefix].node, work.steps[draft.suffix].node
+    node, end = work.steps[draft.prefix].node, work.steps[draft.suffix].node
     if n_steps > 0:
-        here = _take_steps(graph, work, here, n_steps)
-    for i in range(draft.goals + 1):
-        goal = work.goals[i] if i < draft.goals else end
-        if not _follow(graph, routes, work, here, goal, n_detours):
+        node = _append_steps(graph, work, node, n_steps)
+    for i in range(draft.n_goals + 1):
+        goal = work.goals[i] if i < draft.n_goals else end
+        if not _append_path(search, node, goal, n_detours):
             return False
-        here = goal
-        if i == draft.goals - 1:
-            for j in range(draft.piece):
-                _take_arc(work, work.piece[j])
-                here = graph.head[work.piece[j]]
-    return _meet_suffix(work)
+        node = goal
+        if i == draft.n_goals - 1:
+            for j in range(draft.n_piece):
+                _append_arc(work, work.piece[j])
+                node = graph.head[work.piece[j]]
+    return _join_suffix(work)
 
 
 @helper
-def _meet_suffix(work: Workspace) -> bool:
-    """Cut out the loop in between where the suffix has an arc of the middle; tell a new child."""
+def _join_suffix(work: Workspace) -> bool:
+    """Cut out loops between the new arcs and the suffix; return whether the child is a new trail.
+
+    There is a loop where the suffix has one of the new arcs.
+    """
     draft, middle = work.draft, work.middle
-    again = -1
-    for i in range(draft.middle):
+    last = -1
+    for i in range(draft.n_middle):
         position = work.arcs[middle[i]].position
         if position >= draft.suffix:
             draft.suffix = position + 1
-            again = i
-    if again >= 0:
-        draft.middle = again + 1
-    if draft.middle != draft.suffix - draft.prefix:
+            last = i
+    if last >= 0:
+        draft.n_middle = last + 1
+    if draft.n_middle != draft.suffix - draft.prefix:
         return True
-    for i in range(draft.middle):  # noqa: SIM110 - any() would make a generator
+    for i in range(draft.n_middle):  # noqa: SIM110 - any() would make a generator
         if middle[i] != work.steps[draft.prefix + i].arc:
             return True
     return False
@@ -164,12 +169,12 @@ def _meet_suffix(work: Workspace) -> bool:
 
 @helper
 def write_child(work: Workspace) -> int:
-    """Write the child's arcs; return how many there are."""
+    """Write all arcs of the child to ``work.child``; return how many there are."""
     draft, child = work.draft, work.child
     for i in range(draft.prefix):
         child[i] = work.steps[i].arc
     n = draft.prefix
-    for i in range(draft.middle):
+    for i in range(draft.n_middle):
         child[n] = work.middle[i]
         n += 1
     for i in range(draft.suffix, draft.length):
@@ -179,13 +184,14 @@ def write_child(work: Workspace) -> int:
 
 
 @helper
-def appraise(graph: Graph, front: OrderedFront, work: Workspace, rule: SearchRule) -> float:
-    """Return what the robot gains by a child, if this enters the front; −1 if it does not."""
+def evaluate_child(search: Search) -> float:
+    """Return what the robot collects by the child; −1 if the child cannot enter the front."""
+    graph, front, work, limits = search.graph, search.front, search.work, search.limits
     draft, steps, nodes = work.draft, work.steps, work.nodes
     draft.mark += 1
     mark, prefix, suffix, length = draft.mark, draft.prefix, draft.suffix, draft.length
     alive, gained = steps[prefix].alive, steps[prefix].gained
-    for i in range(draft.middle):
+    for i in range(draft.n_middle):
         arc = work.middle[i]
         alive *= graph.survival[arc]
         node = nodes[graph.head[arc]]
@@ -194,13 +200,13 @@ def appraise(graph: Graph, front: OrderedFront, work: Workspace, rule: SearchRul
             gained += node.left * alive
     ratio = alive / steps[suffix].alive
     home = steps[length].alive * ratio
-    if home < rule.min_survival:
+    if home < limits.min_survival:
         return -1.0
-    if rule.max_length < np.inf:
+    if limits.max_length < np.inf:
         walked = steps[prefix].walked + steps[length].walked - steps[suffix].walked
-        for i in range(draft.middle):
+        for i in range(draft.n_middle):
             walked += graph.length[work.middle[i]]
-        if walked > rule.max_length:
+        if walked > limits.max_length:
             return -1.0
     needed = best_reward(front, (draft.survivors + home) * (1.0 - TOLERANCE))
     bound = (draft.others + gained + alive * steps[suffix].ahead) * (1.0 + TOLERANCE)
@@ -215,8 +221,8 @@ def appraise(graph: Graph, front: OrderedFront, work: Workspace, rule: SearchRul
 
 
 @helper
-def appraise_trail(store: TrailStore, front: OrderedFront, work: Workspace, trail: int) -> float:
-    """Return the same as ``appraise`` for a child in which the robot takes a stored trail."""
+def evaluate_trail(store: TrailStore, front: OrderedFront, work: Workspace, trail: int) -> float:
+    """Return what the robot collects by a stored trail; −1 if that child cannot enter the front."""
     draft, taken = work.draft, store.trails[trail]
     gained = 0.0
     for i in range(taken.first_visit, taken.first_visit + taken.n_visits):

@@ -9,10 +9,9 @@ import numpy as np
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.fronts.ordered import OrderedFront, draw_place
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.local_search.children import join_child
+from botohe_moo.kernels.local_search.children import connect_child
 from botohe_moo.kernels.local_search.routes import Routes, search_near
-from botohe_moo.kernels.local_search.trail_store import TrailStore
-from botohe_moo.kernels.local_search.workspace import MOST_GOALS, Workspace
+from botohe_moo.kernels.local_search.workspace import MOST_GOALS, Search, Workspace
 from botohe_moo.kernels.rng import below, uniform
 
 # The kinds of moves, as indices into their weights; the first are numbers of nodes to visit.
@@ -29,7 +28,7 @@ N_KINDS = 8
 # How many nodes nearby are compared, at most, when one is chosen to be visited: one, two or three.
 _MOST_COMPARED = 3
 
-# With what probability safest paths go round arcs that the trail uses already, and how often.
+# With what probability safest paths avoid arcs that the trail uses already, and how often at most.
 P_DETOUR, _MAX_DETOURS = 0.3, 4
 
 # With what probability the other plan of a move is one near the parent: of its block of the front,
@@ -48,8 +47,33 @@ _P_MEET = 0.9
 
 
 @helper
+def make_child(search: Search, kind: int) -> bool:
+    """Make a child by a move; return whether there is one, and it differs from the trail."""
+    draft, states = search.work.draft, search.work.states
+    n_detours = _MAX_DETOURS if uniform(states, 0) < P_DETOUR else 0
+    n_steps = draft.n_goals = draft.n_piece = 0
+    made = True
+    if kind <= VISIT_TWO:
+        _draw_segment(search.work, _N_SHORT)
+        n_visits = kind
+        while 1 < n_visits < MOST_GOALS and uniform(states, 0) < _P_MORE:
+            n_visits += 1
+        if n_visits > 0 and uniform(states, 0) < _P_STEP:
+            n_steps = n_visits
+        else:
+            _draw_visits(search.graph, search.routes, search.work, n_visits)
+    elif kind == SWAP_LOOPS:
+        made = _draw_loops(search.work)
+    elif kind == REVERSE:
+        made = _draw_reversed(search.graph, search.work)
+    else:
+        made = _draw_piece(search, kind == SPLICE)
+    return made and connect_child(search, n_steps, n_detours)
+
+
+@helper
 def _draw_segment(work: Workspace, n_short: int) -> None:
-    """Draw a segment of the trail to cut out: short, or any."""
+    """Draw a segment of the trail to cut out: short, or of any length."""
     draft, states = work.draft, work.states
     low = below(states, draft.length + 1)
     if uniform(states, 0) < _P_SHORT:
@@ -61,24 +85,24 @@ def _draw_segment(work: Workspace, n_short: int) -> None:
 
 @helper
 def _draw_visits(graph: Graph, routes: Routes, work: Workspace, n_visits: int) -> None:
-    """Draw nodes to visit: the richest of a few nearby, by what others leave of it, or any."""
+    """Draw nodes to visit: the one of a few nearby where others leave most, or any node."""
     states, near = work.states, routes.near
-    here = work.steps[work.draft.prefix].node
+    node = work.steps[work.draft.prefix].node
     n_near = near.shape[1]
     for i in range(n_visits):
         if uniform(states, 0) >= _P_NEAR:
-            here = below(states, graph.reward.shape[0])
+            node = below(states, graph.reward.shape[0])
         else:
-            if near[here, 0] < 0:
-                search_near(graph, routes, here)
-            best = near[here, below(states, n_near)]
+            if near[node, 0] < 0:
+                search_near(graph, routes, node)
+            best = near[node, below(states, n_near)]
             for _ in range(below(states, _MOST_COMPARED)):
-                node = near[here, below(states, n_near)]
-                if work.nodes[node].left > work.nodes[best].left:
-                    best = node
-            here = best
-        work.goals[i] = here
-    work.draft.goals = n_visits
+                other = near[node, below(states, n_near)]
+                if work.nodes[other].left > work.nodes[best].left:
+                    best = other
+            node = best
+        work.goals[i] = node
+    work.draft.n_goals = n_visits
 
 
 @helper
@@ -86,69 +110,71 @@ def draw_trail(front: OrderedFront, work: Workspace) -> int:
     """Draw a trail of another plan: of one near the parent, or of any."""
     states = work.states
     if uniform(states, 0) < _P_NEIGHBOUR:
-        at = min(front.n.blocks - 1, max(0, work.draft.at + below(states, 3) - 1))
-        place = below(states, front.size[front.directory[at]])
+        block = min(front.n.blocks - 1, max(0, work.draft.block + below(states, 3) - 1))
+        place = below(states, front.size[front.directory[block]])
     else:
-        at, place = draw_place(front, states)
-    slot = front.places[front.directory[at], place].slot
+        block, place = draw_place(front, states)
+    slot = front.places[front.directory[block], place].slot
     return int(np.int64(front.plan[slot, below(states, front.plan.shape[1])]))
 
 
 @helper
-def _draw_piece(graph: Graph, store: TrailStore, work: Workspace, donor: int, to_end: bool) -> bool:
-    """Draw a segment, or the end, of another trail in place of one of this.
+def _draw_piece(search: Search, to_end: bool) -> bool:
+    """Draw a segment, or the end, of a trail of another plan, to replace a segment of this trail.
 
     Mostly they are joined where the trails meet, if they do at the node drawn.
     """
+    graph, store, work = search.graph, search.store, search.work
     draft, states, nodes = work.draft, work.states, work.nodes
-    length, start, donated = draft.length, store.trails[donor].first_arc, store.trails[donor].n_arcs
-    if donated == 0:
+    donor = store.trails[draw_trail(search.front, work)]
+    start, n_arcs, length = donor.first_arc, donor.n_arcs, draft.length
+    if n_arcs == 0:
         return False
-    begin = below(states, donated) + 1
+    begin = below(states, n_arcs) + 1
     entrance = graph.head[store.arc[start + begin - 1]]
     low = below(states, length + 1)
     if uniform(states, 0) < _P_MEET and nodes[entrance].met <= length:
         low = nodes[entrance].met
-    end, high = donated, length
+    end, high = n_arcs, length
     if not to_end:
-        end = begin + below(states, donated - begin + 1)
+        end = begin + below(states, n_arcs - begin + 1)
         leaving = graph.head[store.arc[start + end - 1]]
         high = low + below(states, length + 1 - low)
         if uniform(states, 0) < _P_MEET and low <= nodes[leaving].met <= length:
             high = nodes[leaving].met
     draft.prefix, draft.suffix = low, high
-    work.goals[0], draft.goals = entrance, 1
+    work.goals[0], draft.n_goals = entrance, 1
     for i in range(begin, end):
         work.piece[i - begin] = store.arc[start + i]
-    draft.piece = end - begin
+    draft.n_piece = end - begin
     return True
 
 
 @helper
 def _draw_reversed(graph: Graph, work: Workspace) -> bool:
-    """Draw a segment to walk the other way round.
+    """Draw a segment to walk in the other direction.
 
-    Croes, "A method for solving traveling-salesman problems", Operations Research 6(6), 1958. Where
-    the segment is a loop it stays one.
+    Croes, "A method for solving traveling-salesman problems", Operations Research 6(6), 1958. A
+    segment that is a loop stays one.
     """
     draft, steps = work.draft, work.steps
     _draw_segment(work, _N_SHORT + 2)
     low, high = draft.prefix, draft.suffix
     if high < low + 2:
         return False
-    work.goals[0], draft.goals = steps[high - 1].node, 1
+    work.goals[0], draft.n_goals = steps[high - 1].node, 1
     for i in range(high - 2, low, -1):
         arc = graph.reverse[steps[i].arc]
         if arc < 0:
             return False
         work.piece[high - 2 - i] = arc
-    draft.piece = high - 2 - low
+    draft.n_piece = high - 2 - low
     return True
 
 
 @helper
 def _draw_loops(work: Workspace) -> bool:
-    """Draw two loops, one after the other at a node, to change places: survival stays as it is."""
+    """Draw two loops, one after the other at a node, to swap: survival stays as it is."""
     draft, steps = work.draft, work.steps
     low = below(work.states, draft.length + 1)
     middle = high = -1
@@ -161,42 +187,9 @@ def _draw_loops(work: Workspace) -> bool:
     if high < 0:
         return False
     draft.prefix, draft.suffix = low, high
-    work.goals[0], draft.goals = steps[low].node, 1
-    draft.piece = high - low
+    work.goals[0], draft.n_goals = steps[low].node, 1
+    draft.n_piece = high - low
     for i in range(low, high):
         later = i - low + high - middle if i < middle else i - middle
         work.piece[later] = steps[i].arc
     return True
-
-
-@helper
-def change(
-    graph: Graph,
-    routes: Routes,
-    store: TrailStore,
-    front: OrderedFront,
-    work: Workspace,
-    kind: int,
-) -> bool:
-    """Make a child by a move; False where there is none, or it equals the trail."""
-    draft, states = work.draft, work.states
-    n_detours = _MAX_DETOURS if uniform(states, 0) < P_DETOUR else 0
-    n_steps = draft.goals = draft.piece = 0
-    made = True
-    if kind <= VISIT_TWO:
-        _draw_segment(work, _N_SHORT)
-        n_visits = kind
-        while 1 < n_visits < MOST_GOALS and uniform(states, 0) < _P_MORE:
-            n_visits += 1
-        if n_visits > 0 and uniform(states, 0) < _P_STEP:
-            n_steps = n_visits
-        else:
-            _draw_visits(graph, routes, work, n_visits)
-    elif kind == SWAP_LOOPS:
-        made = _draw_loops(work)
-    elif kind == REVERSE:
-        made = _draw_reversed(graph, work)
-    else:
-        donor = draw_trail(front, work)
-        made = _draw_piece(graph, store, work, donor, kind == SPLICE)
-    return made and join_child(graph, routes, work, n_steps, n_detours)

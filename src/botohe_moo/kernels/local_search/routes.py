@@ -1,4 +1,4 @@
-"""Safest paths to every node, found when first asked for.
+"""Safest paths to every node, searched when a move first needs them.
 
 Up to ``FULL_UP_TO`` nodes a row holds the paths from all nodes. On larger missions it holds those
 from the ``NEAR`` nodes that are safest to come from, so that memory grows with the nodes and not
@@ -29,17 +29,17 @@ _ENTRY = np.dtype(
 class Routes(NamedTuple):
     """Safest paths, a row for every node where they lead to."""
 
-    n_known: OffsetArray  # entries in each row; 0 before the row has been asked for (n_nodes)
+    n_known: OffsetArray  # entries in each row; 0 before the row has been searched (n_nodes)
     # Where a path begins (``source``, ascending along the known part of a row), its ``cost``, its
     # first ``arc``, −1 at the goal itself, and the entry, in the same row, of that arc's head
     # (``onward``; n_nodes, n_entries).
     entries: RecordArray
-    # For each node those others that are safest to reach, in this order; −1 before somebody has
-    # asked (n_nodes, n_near).
+    # For each node the other nodes that are safest to reach, the safest first; −1 before they have
+    # been searched (n_nodes, n_near).
     near: OffsetArray
     # Costs of the cheapest paths from each node to all (``leaving``), and to it from all
-    # (``coming``; n_nodes, n_nodes), where they have been asked for (``is_known``; n_nodes). None
-    # on missions of more than ``FULL_UP_TO`` nodes.
+    # (``coming``; n_nodes, n_nodes), for nodes where they have been searched (``is_known``;
+    # n_nodes). Empty on missions of more than ``FULL_UP_TO`` nodes.
     is_known: OffsetArray
     leaving: FloatArray
     coming: FloatArray
@@ -53,7 +53,7 @@ class Routes(NamedTuple):
 
 
 def new_routes(graph: Graph, per_length: float) -> Routes:
-    """Prepare the search for cheapest paths; nothing is searched yet.
+    """Return room for cheapest paths, of which none is searched yet.
 
     ``per_length`` is what a unit of length adds to the costs of ``graph``; 0 without a travel
     budget.

@@ -1,44 +1,43 @@
 """Pareto local search: parents from a front, children of one changed trail, back into it."""
 
+from typing import NamedTuple
+
+from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.fronts.ordered import OrderedFront, contribution, draw_place
-from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.local_search.children import appraise, appraise_trail, write_child
-from botohe_moo.kernels.local_search.insertion import (
-    Given,
+from botohe_moo.kernels.fronts.ordered import contribution, draw_place
+from botohe_moo.kernels.graph.graph import find_arc
+from botohe_moo.kernels.local_search.children import evaluate_child, evaluate_trail, write_child
+from botohe_moo.kernels.local_search.moves import ADOPT, N_KINDS, draw_trail, make_child
+from botohe_moo.kernels.local_search.plans import (
+    acquire_parent,
     add_trail,
-    evaluate_trails,
-    insert,
-    insert_given,
-    sort_trails,
-)
-from botohe_moo.kernels.local_search.layout import (
-    clear_others,
     clear_trail,
+    evaluate_others,
     find_plan,
-    hold,
+    insert_trails,
     lay_out,
-    let_go,
-    set_aside,
-    take_newest,
+    pop_newest,
+    release_parent,
 )
-from botohe_moo.kernels.local_search.moves import ADOPT, N_KINDS, change, draw_trail
-from botohe_moo.kernels.local_search.routes import Routes
-from botohe_moo.kernels.local_search.trail_store import TrailStore, fits, release
+from botohe_moo.kernels.local_search.trail_store import fits, release
 from botohe_moo.kernels.local_search.workspace import (
     BUSY,
+    N_CHILDREN,
+    N_CHILDREN_BUSY,
+    N_DRAWN,
+    N_DRAWN_BUSY,
     REFILLED_AT_ONCE,
-    SearchRule,
+    Search,
     Workspace,
 )
 from botohe_moo.kernels.rng import below, uniform
 from botohe_moo.kernels.sharing import shared
 
-# Parents in a row without any child, after which there is nothing left to try.
+# After this many parents in a row without any child there is nothing left to try.
 MAX_FRUITLESS = 10_000
 
 # Instead of a trail: the child's is not stored.
-NOBODY = -1
+NOT_STORED = -1
 
 # With what probability the parent is the plan of most reward; and where all its robots survive.
 P_END, _P_SAFE_END = 0.1, 0.4
@@ -47,118 +46,134 @@ P_END, _P_SAFE_END = 0.1, 0.4
 PATIENCE, P_OTHER = 2_000, 0.5
 
 
+class Given(NamedTuple):
+    """Valid plans from elsewhere, ragged: they are evaluated first."""
+
+    nodes: IntArray
+    offsets: OffsetArray
+
+
+@helper
+def has_room(search: Search) -> bool:
+    """Return whether there is room for the children of a parent, or for a plan of new trails."""
+    n_robots, n_children = search.work.parent.shape[0], N_CHILDREN + 1
+    stored = fits(search.graph, search.store, max(n_children, n_robots))
+    return bool(stored and search.front.n.spare >= n_children)
+
+
 @kernel
-def search(
-    graph: Graph,
-    routes: Routes,
-    store: TrailStore,
-    front: OrderedFront,
-    work: Workspace,
-    rule: SearchRule,
-    given: Given,
-    n_evaluations: int,
-) -> int:
+def improve(search: Search, given: Given, n_evaluations: int) -> int:
     """Insert the given plans into the front, then search from there.
 
     Returns how many plans have been evaluated, the given ones among them. These are fewer than
     ``n_evaluations`` where there is no room for more, where plans wait to be refilled, or where no
     move makes another plan.
     """
-    graph, routes, store, front = shared(graph), shared(routes), shared(store), shared(front)
-    work, rule, given = shared(work), shared(rule), shared(given)
-    n_robots, n_added = work.parent.shape[0], rule.n_children + 1
-    n_given = (given.offsets.shape[0] - 1) // n_robots
+    search, given = shared(search), shared(given)
+    memory = search.work.memory
+    n_given = (given.offsets.shape[0] - 1) // search.work.parent.shape[0]
     n = fruitless = 0
-    while n < n_evaluations and fruitless < MAX_FRUITLESS:
-        if not fits(graph, store, max(n_added, n_robots)) or front.n.spare < n_added:
-            break
+    while n < n_evaluations and fruitless < MAX_FRUITLESS and has_room(search):
         if n < n_given:
-            insert_given(graph, store, front, work, given, n)
+            _insert_given(search, given, n)
             n += 1
             continue
-        if work.memory.n_waiting == REFILLED_AT_ONCE:
+        if memory.n_waiting == REFILLED_AT_ONCE:
             break
-        at, place = _draw_parent(front, work, rule)
-        if _lets_wait(front, work, rule, at, place):
+        block, place = _draw_parent(search)
+        if _lets_wait(search, block, place):
             continue
-        _take_parent(graph, store, front, work, at, place)
-        n_more = _raise_children(graph, routes, store, front, work, rule, n_evaluations - n)
-        clear_others(graph, work)
-        let_go(store, work)
-        n += n_more
-        fruitless = 0 if n_more > 0 else fruitless + 1
+        _select_robot(search, block, place)
+        n_children = _make_children(search, n_evaluations - n)
+        release_parent(search)
+        n += n_children
+        fruitless = 0 if n_children > 0 else fruitless + 1
     return n
 
 
 @helper
-def _lets_wait(front: OrderedFront, work: Workspace, rule: SearchRule, at: int, place: int) -> bool:
-    """Count a plan's turn as a parent, and return whether it waits to be refilled instead."""
-    memory, found = work.memory, front.places[front.directory[at], place]
-    front.tried[found.slot] += 1
-    p_refill = rule.p_refill
-    if p_refill > 0.0:  # few plans offer few pieces to each other: refill more of them
-        n_tried = front.tried[found.slot]
+def _insert_given(search: Search, given: Given, plan: int) -> None:
+    """Insert a given plan into the front, unless that has one as good."""
+    graph, store, work = search.graph, search.store, search.work
+    n_robots = work.trails.shape[0]
+    for k in range(n_robots):
+        start = given.offsets[plan * n_robots + k]
+        length = given.offsets[plan * n_robots + k + 1] - start - 1
+        for i in range(start, start + length):
+            work.child[i - start] = find_arc(graph, given.nodes[i], given.nodes[i + 1])
+        work.trails[k] = add_trail(graph, store, work, length)
+    insert_trails(search, 0.0)
+    for k in range(n_robots):
+        release(store, work.trails[k])
+
+
+@helper
+def _lets_wait(search: Search, block: int, place: int) -> bool:
+    """Count a plan's turn as a parent, and draw whether it waits to be refilled instead."""
+    front, memory, p_refill = search.front, search.work.memory, search.p_refill
+    parent = front.places[front.directory[block], place]
+    front.tried[parent.slot] += 1
+    if p_refill > 0.0:  # a small front has few trails to combine: refill its plans more often
+        n_tried = front.tried[parent.slot]
         p_refill = max(p_refill, 0.5 / front.n.plans, 1.0 / (n_tried * n_tried))
-    if uniform(work.states, 0) >= p_refill:
+    if uniform(search.work.states, 0) >= p_refill:
         return False
-    work.waiting[memory.n_waiting] = found.survivors
+    search.work.waiting[memory.n_waiting] = parent.survivors
     memory.n_waiting += 1
     return True
 
 
 @helper
-def _take_parent(
-    graph: Graph, store: TrailStore, front: OrderedFront, work: Workspace, at: int, place: int
-) -> None:
-    """Hold a parent, and set aside the robots that are not to be changed.
+def _select_robot(search: Search, block: int, place: int) -> None:
+    """Make a plan the parent, draw the robot that changes, and evaluate the others.
 
     A robot that stays at base is drawn again once: the others have more to change.
     """
-    draft, parent, states = work.draft, work.parent, work.states
-    hold(store, front, work, at, place)
+    store, work = search.store, search.work
+    draft, parent = work.draft, work.parent
+    acquire_parent(search, block, place)
     if store.trails[parent[draft.robot]].n_arcs == 0:
-        draft.robot = below(states, parent.shape[0])
-    if work.memory.idle > PATIENCE and uniform(states, 0) < P_OTHER:
-        _change_another(store, front, work)
-    set_aside(graph, store, work)
+        draft.robot = below(work.states, parent.shape[0])
+    if work.memory.idle > PATIENCE and uniform(work.states, 0) < P_OTHER:
+        _change_another(search)
+    evaluate_others(search.graph, store, work)
 
 
 @helper
-def _change_another(store: TrailStore, front: OrderedFront, work: Workspace) -> None:
-    """Let another robot than that at hand, if there is one, take a trail of another plan."""
+def _change_another(search: Search) -> None:
+    """Replace the trail of another robot, if there is one, by a trail of another plan."""
+    store, work = search.store, search.work
     n_robots = work.parent.shape[0]
     if n_robots == 1:
         return
     other = (work.draft.robot + 1 + below(work.states, n_robots - 1)) % n_robots
-    trail = draw_trail(front, work)
+    trail = draw_trail(search.front, work)
     store.trails[trail].n_users += 1
     release(store, work.parent[other])
     work.parent[other] = trail
 
 
 @helper
-def _draw_parent(front: OrderedFront, work: Workspace, rule: SearchRule) -> tuple[int, int]:
+def _draw_parent(search: Search) -> tuple[int, int]:
     """Draw a plan of the front: the newest, that of most reward, or one with much room beside it.
 
-    That room is the area that its neighbours leave it, less with every time it was a parent.
+    Some plans are drawn. The largest area that only one plan dominates, divided by how often the
+    plan was a parent, wins.
     """
-    memory, states, n_robots = work.memory, work.states, work.parent.shape[0]
-    newest = take_newest(work)
+    front, work = search.front, search.work
+    newest = pop_newest(work)
     if newest >= 0.0:
         return find_plan(front, newest)
-    survivors = front.places[front.directory[0], 0].survivors
-    if uniform(states, 0) < max(P_END, _P_SAFE_END * survivors / n_robots):
+    survivors, n_robots = front.places[front.directory[0], 0].survivors, work.parent.shape[0]
+    if uniform(work.states, 0) < max(P_END, _P_SAFE_END * survivors / n_robots):
         return 0, 0
-    n_drawn = rule.n_drawn
-    if n_drawn > 1 and memory.idle <= BUSY:
-        n_drawn *= 4
-    best, best_place, most = 0, 0, -1.0
-    for _ in range(n_drawn):
-        at, place = draw_place(front, states)
-        tried = front.tried[front.places[front.directory[at], place].slot]
-        promise = contribution(front, at, place) / (1.0 + tried)
-        if promise > most:
-            best, best_place, most = at, place, promise
+    best, best_place, highest = 0, 0, -1.0
+    for _ in range(N_DRAWN_BUSY if work.memory.idle <= BUSY else N_DRAWN):
+        block, place = draw_place(front, work.states)
+        n_tried = front.tried[front.places[front.directory[block], place].slot]
+        score = contribution(front, block, place) / (1.0 + n_tried)
+        if score > highest:
+            best, best_place, highest = block, place, score
     return best, best_place
 
 
@@ -174,52 +189,37 @@ def _draw_kind(work: Workspace) -> int:
 
 
 @helper
-def _raise_children(
-    graph: Graph,
-    routes: Routes,
-    store: TrailStore,
-    front: OrderedFront,
-    work: Workspace,
-    rule: SearchRule,
-    n_most: int,
-) -> int:
-    """Make children of the parent in which the robot at hand goes another way; return how many."""
+def _make_children(search: Search, n_most: int) -> int:
+    """Make children of the parent, at most ``n_most``, insert them, and return how many."""
+    graph, store, work = search.graph, search.store, search.work
     draft, memory, parent = work.draft, work.memory, work.parent
     changed = parent[draft.robot]
     lay_out(graph, store, work, changed)
-    n_children = rule.n_children
-    if memory.idle <= BUSY:
-        n_children = (n_children + 2) // 3
     n = 0
-    for _ in range(n_children):
+    for _ in range(N_CHILDREN_BUSY if memory.idle <= BUSY else N_CHILDREN):
         if n == n_most:
             break
-        kind, trail = _draw_kind(work), NOBODY
+        kind, trail = _draw_kind(work), NOT_STORED
         if kind == ADOPT:
-            trail = draw_trail(front, work)
+            trail = draw_trail(search.front, work)
             if trail == changed:
                 continue
-            gained = appraise_trail(store, front, work, trail)
-        elif change(graph, routes, store, front, work, kind):
-            gained = appraise(graph, front, work, rule)
+            gained = evaluate_trail(store, search.front, work, trail)
+        elif make_child(search, kind):
+            gained = evaluate_child(search)
         else:
             continue
         n += 1
         memory.idle += 1
-        work.tally[0, kind] += 1
         if gained < 0.0:
             continue
-        if trail == NOBODY:
+        if trail == NOT_STORED:
             trail = add_trail(graph, store, work, write_child(work))
         else:
             store.trails[trail].n_users += 1
         for k in range(parent.shape[0]):
             work.trails[k] = trail if k == draft.robot else parent[k]
-        sort_trails(store, work.trails)
-        reward, survivors = evaluate_trails(graph, store, work)
-        if insert(store, front, work.trails, reward, survivors):
-            memory.newest, memory.idle = survivors, 0
-            work.tally[1, kind] += 1
+        insert_trails(search, 0.0)
         release(store, trail)
     clear_trail(graph, work)
     return n

@@ -1,10 +1,10 @@
-"""Trails that many plans share: each is kept once, as long as some plan has it.
+"""Trails that many plans share: each is stored once, as long as some plan has it.
 
 A child differs from its parent in one trail; the others are the parent's. So memory and the cost
 of a new plan follow the length of the trail that changed, not the size of the team.
 """
 
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,8 +12,6 @@ from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, Re
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.trails import precedes
-
-Numbers = TypeVar("Numbers", FloatArray, IntArray)
 
 _COUNTS = np.dtype([(name, np.int64) for name in ("arcs", "visits", "spare")])
 _TRAIL = np.dtype(
@@ -44,7 +42,7 @@ class TrailStore(NamedTuple):
 
 
 def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
-    """Make room for so many trails, which have so many arcs and visits together."""
+    """Return a store with room for some trails, and for the arcs and visits of all of them."""
     store = TrailStore(
         n=np.zeros(1, _COUNTS).view(np.recarray)[0],
         trails=np.zeros(n_trails, _TRAIL).view(np.recarray),
@@ -60,30 +58,28 @@ def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
 def copy_trails(store: TrailStore, into: TrailStore) -> None:
     """Copy the trails that some plan has into an empty store, without gaps; they keep numbers."""
     used = np.flatnonzero(store.trails["n_users"])
-    into.trails[used] = store.trails[used]
-    pools = ((("arc",), "first_arc", "n_arcs"), (("node", "reach"), "first_visit", "n_visits"))
-    for names, first, length in pools:
-        starts, lengths = store.trails[first][used], store.trails[length][used]
-        into.trails[first][used] = np.cumsum(lengths) - lengths
-        for name in names:
-            stretches = pieces(getattr(store, name), starts, lengths)
-            np.concatenate(stretches, out=getattr(into, name)[: lengths.sum()])
-    into.n.arcs, into.n.visits = (int(into.trails[name].sum()) for name in ("n_arcs", "n_visits"))
+    trails = into.trails[used] = store.trails[used]
+    arcs = ragged(trails["first_arc"], trails["n_arcs"])
+    visits = ragged(trails["first_visit"], trails["n_visits"])
+    into.arc[: len(arcs)] = store.arc[arcs]
+    into.node[: len(visits)], into.reach[: len(visits)] = store.node[visits], store.reach[visits]
+    into.trails["first_arc"][used] = np.cumsum(trails["n_arcs"]) - trails["n_arcs"]
+    into.trails["first_visit"][used] = np.cumsum(trails["n_visits"]) - trails["n_visits"]
+    into.n.arcs, into.n.visits = len(arcs), len(visits)
     free = np.flatnonzero(into.trails["n_users"] == 0)[::-1]
     into.spare[: len(free)] = free
     into.n.spare = len(free)
 
 
-def pieces(array: Numbers, first: OffsetArray, lengths: OffsetArray) -> list[Numbers]:
-    """Return some stretches of an array, and an empty one in front."""
-    found = [array[:0]]
-    found += [array[i:j] for i, j in zip(first.tolist(), (first + lengths).tolist(), strict=True)]
-    return found
+def ragged(first: OffsetArray, lengths: OffsetArray) -> OffsetArray:
+    """Return the indices of some stretches of an array, one stretch after another."""
+    before = np.cumsum(lengths) - lengths
+    return np.repeat(first - before, lengths) + np.arange(lengths.sum())
 
 
 @helper
 def fits(graph: Graph, store: TrailStore, n_trails: int) -> bool:
-    """Return whether so many trails can be stored, however long they are."""
+    """Return whether there is room for ``n_trails`` more, however long they are."""
     n, longest, most_visits = store.n, graph.head.shape[0], graph.reward.shape[0]
     return bool(
         n.spare >= n_trails
@@ -102,8 +98,8 @@ def release(store: TrailStore, trail: int) -> None:
 
 
 @helper
-def take_back(store: TrailStore, trail: int) -> None:
-    """Release a trail, and where it is the last that was stored, use its room again."""
+def discard(store: TrailStore, trail: int) -> None:
+    """Release a trail; where it is the last that was stored, and unused, free its room."""
     n, last = store.n, store.trails[trail]
     release(store, trail)
     ends = last.first_arc + last.n_arcs, last.first_visit + last.n_visits
@@ -125,3 +121,14 @@ def comes_before(store: TrailStore, one: int, other: int) -> bool:
         second.first_arc,
         second.first_arc + second.n_arcs,
     )
+
+
+@helper
+def sort_trails(store: TrailStore, trails: OffsetArray) -> None:
+    """Sort a plan's trails in lexicographic order."""
+    for k in range(1, trails.shape[0]):
+        trail, place = trails[k], k
+        while place > 0 and comes_before(store, trail, trails[place - 1]):
+            trails[place] = trails[place - 1]
+            place -= 1
+        trails[place] = trail

@@ -1,107 +1,84 @@
-"""What a search works with: its rule, what it remembers, and scratch."""
+"""What a search works with: the mission, the front, what it remembers, and scratch."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, Record, RecordArray, SeedArray
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.fronts.ordered import OrderedFront
+from botohe_moo.kernels.graph.graph import Graph, Limits
+from botohe_moo.kernels.local_search.routes import Routes
+from botohe_moo.kernels.local_search.trail_store import TrailStore
 from botohe_moo.kernels.plans.evaluate import Team, new_team
 
-# A plan that gains less than this, relative, is taken for one that the front has already: the
+# A plan that gains less than this, relative, counts as one that the front has already: the
 # objectives of children are computed in another order of operations than those of the front.
 TOLERANCE = 1e-12
 
+# The position of a node that a trail does not visit.
 NEVER = np.int64(1) << 40
 
-# The search is busy when a plan has entered the front within this many evaluations.
-BUSY = 100
+# How many children a parent has, and among how many plans it is chosen; and both while the search
+# is busy: a plan has entered the front within this many evaluations.
+N_CHILDREN, N_DRAWN = 24, 2
+N_CHILDREN_BUSY, N_DRAWN_BUSY, BUSY = 8, 8, 100
 
-# Plans that are refilled one after another, when as many wait for it.
+# How many plans are refilled one after another: the search waits until there are this many.
 REFILLED_AT_ONCE = 32
 
+# How many nodes a move visits at most.
+MOST_GOALS = 64
+
 _MEMORY = np.dtype([("newest", np.float64), ("idle", np.int64), ("n_waiting", np.int64)])
-_PARENT = ("at", "robot", "chosen", "touched")
-_CHILD = ("length", "prefix", "middle", "suffix", "goals", "piece", "legs", "mark")
+_PARENT = ("block", "robot", "n_chosen", "n_touched")
+_CHILD = ("length", "prefix", "n_middle", "suffix", "n_goals", "n_piece", "n_legs", "mark")
 _DRAFT = np.dtype(
     [(name, np.int64) for name in (*_PARENT, *_CHILD)]
     + [(name, np.float64) for name in ("others", "survivors")]
 )
 _STEP = np.dtype(
-    [
-        ("arc", np.int64),
-        ("node", np.int64),
-        ("alive", np.float64),
-        ("gained", np.float64),
-        ("ahead", np.float64),
-        ("walked", np.float64),
-    ]
+    [(name, np.int64) for name in ("arc", "node")]
+    + [(name, np.float64) for name in ("alive", "gained", "ahead", "walked")]
 )
 _NODE = np.dtype(
-    [
-        ("left", np.float64),
-        ("met", np.int64),
-        ("seen", np.int64),
-        ("unreached", np.float64),
-        ("later", np.float64),
-    ]
+    [(name, np.int64) for name in ("met", "seen")]
+    + [(name, np.float64) for name in ("left", "unreached", "later")]
 )
-_ARC = np.dtype([("position", np.int64), ("mark", np.int64), ("place", np.int64)])
+_ARC = np.dtype([(name, np.int64) for name in ("position", "mark", "place")])
 _LEG = np.dtype(
-    [(name, np.int64) for name in ("before", "after", "then", "tour")]
+    [(name, np.int64) for name in ("before", "after", "following", "tour")]
     + [(name, np.float64) for name in ("cost", "length", "danger", "survival", "alive", "ahead")]
 )
-_ROOM = np.dtype([(name, np.float64) for name in ("danger", "length")])
-MOST_GOALS = 64
-
-
-class SearchRule(NamedTuple):
-    """How to search; :class:`~botohe_moo.ParetoLocalSearch` documents what users may set."""
-
-    n_children: int = 24  # of a parent; a third of that as long as the search is busy
-    # Plans among which a parent is chosen, by the area that its neighbours leave it divided by how
-    # often it has been a parent; four times as many (but 1 stays 1) as long as the search is busy.
-    n_drawn: int = 2
-    # With what probability a parent is refilled, at least: on its n-th turn it is 1 / n² or more.
-    p_refill: float = 0.02
-    min_survival: float = 0.0  # survival floor of every robot
-    max_length: float = np.inf  # travel budget of every robot
-
-    @property
-    def n_added(self) -> int:
-        """How many trails and plans a parent adds at most: its children, and one to spare."""
-        return self.n_children + 1
+_SLACK = np.dtype([(name, np.float64) for name in ("danger", "length")])
 
 
 class Workspace(NamedTuple):
     """What a search remembers, and scratch, which holds nothing between two parents."""
 
-    # E[S] of the plan that has just entered the front, −1 where none has (``newest``), how many
-    # plans have been evaluated since one entered (``idle``), and how many wait to be refilled
+    # E[S] of the plan that entered the front last, −1 once it has been a parent (``newest``); how
+    # many plans have been evaluated since one entered (``idle``); and how many wait to be refilled
     # (``n_waiting``).
     memory: Record
-    waiting: FloatArray  # E[S] of each of these (REFILLED_AT_ONCE)
-    # How often each kind of move gave a child, and one that entered (2, N_KINDS).
-    tally: OffsetArray
+    waiting: FloatArray  # E[S] of each plan that waits (REFILLED_AT_ONCE)
     states: SeedArray  # the search's random numbers (1, 2)
     weights: FloatArray  # how likely each kind of move is, relative, summed up to each (N_KINDS)
-    # Of the parent: its block of the front, in the directory (``at``), the ``robot`` at hand, how
-    # many nodes the others reach (``touched``), and E[R] and E[S] of these (``others`` and
+    # Of the parent: its ``block`` of the front, in the directory; the ``robot`` that changes; how
+    # many nodes the others reach (``n_touched``), and E[R] and E[S] of these (``others`` and
     # ``survivors``). Of the trail: how many arcs it has (``length``). Of the child: how many arcs
-    # are kept from the trail's start (``prefix``), how many are new (``middle``), from which
-    # position the trail is kept to its end (``suffix``), how many ``goals`` there are, and arcs in
-    # the ``piece``. Of a refill: how many robots are ``chosen``, how many ``legs`` their tours
-    # have. And the last ``mark``.
+    # are kept from the trail's start (``prefix``), how many are new (``n_middle``), from which
+    # position the trail is kept to its end (``suffix``), how many goals there are (``n_goals``),
+    # and arcs in the piece (``n_piece``). Of a refill: how many robots are refilled
+    # (``n_chosen``), and how many legs their tours have (``n_legs``). And the last ``mark``.
     draft: Record
-    # At each position of the trail (n_arcs + 1) the ``node`` and the ``arc`` that leaves it; the
-    # probability to get there (``alive``); what was collected up to there (``gained``), and what a
-    # robot sure to be there that had collected nothing would collect from there on (``ahead``); and
-    # how long the trail is up to there (``walked``).
+    # At each position of the trail (n_arcs + 1) the ``node``, and the ``arc`` that leaves it; the
+    # probability to get there (``alive``); what was collected up to there (``gained``); what a
+    # robot that starts there would collect from there on (``ahead``); and how long the trail is up
+    # to there (``walked``).
     steps: RecordArray
-    # What the other robots leave of each node's reward, 0 at the base (``left``); the probability
-    # that none of them reaches it, −1 where none may (``unreached``); the position of the trail's
-    # first visit, ``NEVER`` where there is none (``met``); and scratch: ``seen`` holds marks,
-    # ``later`` what a later visit gains.
+    # Of each node, what the other robots leave of its reward, 0 at the base (``left``); the
+    # probability that none of them reaches it, −1 where none may (``unreached``); the position of
+    # the trail's first visit, or ``NEVER`` (``met``); and scratch: the last mark (``seen``), and
+    # what a later visit gains (``later``).
     nodes: RecordArray
     # Of each arc, its ``position`` on the trail or −1; the ``mark`` of the last child that took it,
     # and its ``place`` among that child's new arcs.
@@ -114,25 +91,38 @@ class Workspace(NamedTuple):
     piece: OffsetArray
     touched: OffsetArray  # nodes that the other robots reach (n_nodes)
     team: Team  # scratch of evaluations
-    # Trails of the parent's plan, and of the child's (n_robots).
+    # Trails of the parent, and of the child, in lexicographic order (n_robots).
     parent: OffsetArray
     trails: OffsetArray
-    # Of the robots that are refilled together (``chosen``, the first of them): the trails of all
-    # robots then (``refilled``; n_robots), how much more danger, −log of a survival, and length
-    # there is room for (``rooms``), and the first leg of each tour (``first``).
+    # Robots, those that are refilled first (``chosen``); the trails of a refilled plan
+    # (``refilled``; n_robots); how much more danger, −log of a survival, and length each tour may
+    # take (``slacks``); and the first leg of each tour (``first``).
     chosen: OffsetArray
     refilled: OffsetArray
-    rooms: RecordArray
+    slacks: RecordArray
     first: OffsetArray
-    # Legs of all tours: the stops ``before`` and ``after`` it, the leg that follows (``then``),
-    # which ``tour`` it is of, its ``cost``, ``length``, ``danger`` and ``survival``, with what
-    # probability it is begun (``alive``), and what is collected behind it then (``ahead``).
+    # Legs of all tours: the stops ``before`` and ``after`` it; the leg that follows; its ``tour``;
+    # its ``cost``, ``length``, ``danger`` and ``survival``; with what probability it is begun
+    # (``alive``), and what a robot that begins it collects behind it (``ahead``).
     legs: RecordArray
-    # Of each node, what it is ``worth``, what it costs ``extra`` in the leg where it costs least,
-    # and which leg that is (``place``; n_nodes).
-    extra: FloatArray
-    place: OffsetArray
+    # Of each node, what it is ``worth``, what it costs to insert it where this is cheapest, and
+    # the leg where that is (n_nodes).
     worth: FloatArray
+    insertion_cost: FloatArray
+    cheapest_leg: OffsetArray
+
+
+class Search(NamedTuple):
+    """A search: the mission, the front and its trails, and what the kernels need beside these."""
+
+    graph: Graph
+    routes: Routes
+    store: TrailStore
+    front: OrderedFront
+    work: Workspace
+    limits: Limits
+    # With what probability a parent is refilled, at least: on its n-th turn it is 1 / n² or more.
+    p_refill: float
 
 
 def new_memory() -> RecordArray:
@@ -168,10 +158,10 @@ def new_workspace(graph: Graph, n_robots: int, **remembered: Any) -> Workspace:
         trails=np.empty(n_robots, np.int64),
         chosen=np.zeros(n_robots, np.int64),
         refilled=np.zeros(n_robots, np.int64),
-        rooms=np.zeros(n_robots, _ROOM).view(np.recarray),
+        slacks=np.zeros(n_robots, _SLACK).view(np.recarray),
         first=np.zeros(n_robots, np.int64),
         legs=np.zeros(n_nodes * (n_robots + 1), _LEG).view(np.recarray),
-        extra=np.empty(n_nodes),
-        place=np.zeros(n_nodes, np.int64),
         worth=np.empty(n_nodes),
+        insertion_cost=np.empty(n_nodes),
+        cheapest_leg=np.zeros(n_nodes, np.int64),
     )

@@ -13,7 +13,6 @@ import numpy as np
 from botohe_moo._base.types import OffsetArray
 from botohe_moo.kernels.bounds.states import Net
 from botohe_moo.kernels.graph.graph import Limits
-from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.lines import LEVELS, Lines
@@ -26,7 +25,7 @@ from botohe_moo.search.bounds.relaxation import Relaxation
 from botohe_moo.search.bounds.steps import BYTES_A_STATE, Steps
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.search.exact import TooLargeError, exact_front
-from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
+from botohe_moo.search.local_search import LocalSearch
 
 # These constants share out time and memory; every bound is valid whatever they are. Where no other
 # source is given, they were chosen by experiment, for small gaps on the missions of 20 to 200 nodes
@@ -260,12 +259,7 @@ class Proof:
     def _find_trails(self) -> None:
         """Search for plans, and put their trails into the pool."""
         mission, graph = self._mission, self._net.graph
-        search = LocalSearch(
-            mission,
-            SearchRule(**self._limits._asdict()),
-            moves=DEFAULT_MOVES,
-            random_state=self._random_state,
-        )
+        search = LocalSearch(mission, self._limits, random_state=self._random_state)
         search.insert(mission.batch([mission.stay_home()]))
         until = time.monotonic() + _SEARCH_SHARE * self._seconds
         wanted = n = _FIRST_EVALUATIONS

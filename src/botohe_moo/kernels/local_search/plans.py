@@ -1,0 +1,231 @@
+"""Plans of the front: taken as parents, laid out for children to be made of them, and inserted.
+
+With the other robots' trails fixed, a node is worth to one robot what they leave of its reward: the
+rest of the search sees a single robot. A child keeps a prefix of that robot's trail, goes on along
+new arcs, and ends with a suffix of it; its E[S] follows from three products, and its E[R] is
+bounded before the suffix is walked.
+"""
+
+import numpy as np
+
+from botohe_moo._base.types import OffsetArray
+from botohe_moo.kernels.compile import helper
+from botohe_moo.kernels.fronts.ordered import (
+    OrderedFront,
+    add_place,
+    best_reward,
+    find_place,
+    place_before,
+    remove_place,
+)
+from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.local_search.trail_store import TrailStore, release, sort_trails
+from botohe_moo.kernels.local_search.workspace import NEVER, TOLERANCE, Search, Workspace
+from botohe_moo.kernels.plans.evaluate import begin_team, combine, team_reward
+from botohe_moo.kernels.rng import below, uniform
+
+# With what probability the next parent is the plan that has just entered the front.
+P_NEWEST = 0.9
+
+
+@helper
+def find_plan(front: OrderedFront, survivors: float) -> tuple[int, int]:
+    """Find the plan with an E[S]; where it has left the front, one that survives as well."""
+    block, place = find_place(front, survivors)
+    return (block, place) if block < front.n.blocks else place_before(front, block, place)
+
+
+@helper
+def pop_newest(work: Workspace) -> float:
+    """Return E[S] of the plan that has just entered the front, if it is to be next; else −1."""
+    newest = work.memory.newest
+    work.memory.newest = -1.0
+    return newest if newest >= 0.0 and uniform(work.states, 0) < P_NEWEST else -1.0
+
+
+@helper
+def acquire_parent(search: Search, block: int, place: int) -> None:
+    """Make a plan of the front the parent, and draw the robot that changes."""
+    store, front, work = search.store, search.front, search.work
+    draft, parent = work.draft, work.parent
+    slot = front.places[front.directory[block], place].slot
+    for k in range(parent.shape[0]):
+        parent[k] = front.plan[slot, k]
+        store.trails[parent[k]].n_users += 1
+    draft.block, draft.n_chosen, draft.robot = block, 0, below(work.states, parent.shape[0])
+
+
+@helper
+def release_parent(search: Search) -> None:
+    """Release the parent's trails, and leave nodes as they were before ``evaluate_others``."""
+    graph, work = search.graph, search.work
+    for i in range(work.draft.n_touched):
+        node = work.touched[i]
+        work.nodes[node].left, work.nodes[node].unreached = graph.reward[node], -1.0
+    for k in range(work.parent.shape[0]):
+        release(search.store, work.parent[k])
+
+
+@helper
+def evaluate_others(graph: Graph, store: TrailStore, work: Workspace) -> None:
+    """Compute what the parent's other robots collect, with the base, and what they leave."""
+    draft, nodes, touched = work.draft, work.nodes, work.touched
+    draft.n_touched, draft.others, draft.survivors = 0, graph.reward[graph.base], 0.0
+    for k in range(work.parent.shape[0]):
+        is_changed = k == draft.robot
+        for i in range(1, draft.n_chosen):
+            is_changed |= k == work.chosen[i]
+        if is_changed:
+            continue
+        trail = store.trails[work.parent[k]]
+        for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
+            index, reach = np.int64(store.node[i]), store.reach[i]
+            node = nodes[index]
+            if node.unreached < 0.0:
+                node.unreached = 1.0
+                touched[draft.n_touched] = index
+                draft.n_touched += 1
+            # Added up: the reward less what is left would lose the digits of small chances.
+            draft.others += graph.reward[index] * node.unreached * reach
+            node.unreached *= 1.0 - reach
+        draft.survivors += trail.alive
+    for i in range(draft.n_touched):
+        node = nodes[touched[i]]
+        node.left = graph.reward[touched[i]] * node.unreached
+
+
+@helper
+def lay_out(graph: Graph, store: TrailStore, work: Workspace, trail: int) -> None:
+    """Compute the steps of the trail that is to be changed; ``clear_trail`` undoes it."""
+    steps, nodes = work.steps, work.nodes
+    start, length = store.trails[trail].first_arc, store.trails[trail].n_arcs
+    work.draft.length = length
+    nodes[graph.base].met = 0
+    alive, gained, walked = 1.0, 0.0, 0.0
+    steps[0].node, steps[0].alive, steps[0].gained = graph.base, alive, gained
+    steps[0].walked = walked
+    for i in range(length):
+        arc = np.int64(store.arc[start + i])
+        head = graph.head[arc]
+        steps[i].arc = arc
+        work.arcs[arc].position = i
+        alive *= graph.survival[arc]
+        walked += graph.length[arc]
+        if nodes[head].met == NEVER:
+            nodes[head].met = i + 1
+            gained += nodes[head].left * alive
+        steps[i + 1].node, steps[i + 1].alive, steps[i + 1].gained = head, alive, gained
+        steps[i + 1].walked = walked
+    # Backwards: where a node comes again later, only its earlier visit counts.
+    ahead = 0.0
+    steps[length].ahead = ahead
+    for i in range(length - 1, -1, -1):
+        after = steps[i + 1]
+        node = nodes[after.node]
+        if node.later > 0.0:
+            ahead -= node.later / after.alive
+        node.later = node.left * after.alive
+        ahead = graph.survival[steps[i].arc] * (ahead + node.left)
+        steps[i].ahead = ahead
+
+
+@helper
+def clear_trail(graph: Graph, work: Workspace) -> None:
+    """Leave the workspace as it was before ``lay_out``."""
+    nodes, steps = work.nodes, work.steps
+    for i in range(work.draft.length):
+        node = steps[i + 1].node
+        work.arcs[steps[i].arc].position = -1
+        nodes[node].met, nodes[node].later = NEVER, 0.0
+    nodes[graph.base].met = NEVER
+
+
+@helper
+def add_trail(graph: Graph, store: TrailStore, work: Workspace, length: int) -> int:
+    """Store the trail of the first arcs in ``work.child``, and return its number.
+
+    It has one user. The store must have room (``fits``).
+    """
+    n, nodes = store.n, work.nodes
+    work.draft.mark += 1
+    mark = work.draft.mark
+    n.spare -= 1
+    trail = store.spare[n.spare]
+    added = store.trails[trail]
+    added.first_arc, added.n_arcs, added.first_visit = n.arcs, length, n.visits
+    nodes[graph.base].seen = mark
+    alive = 1.0
+    for i in range(length):
+        arc = work.child[i]
+        store.arc[n.arcs + i] = arc
+        alive *= graph.survival[arc]
+        node = graph.head[arc]
+        if graph.reward[node] > 0.0 and nodes[node].seen != mark:
+            nodes[node].seen = mark
+            store.node[n.visits], store.reach[n.visits] = node, alive
+            n.visits += 1
+    n.arcs += length
+    added.n_visits = n.visits - added.first_visit
+    added.alive, added.n_users = alive, 1
+    return int(trail)
+
+
+@helper
+def evaluate_trails(graph: Graph, store: TrailStore, work: Workspace) -> tuple[float, float]:
+    """Return E[R] and E[S] of the plan in ``work.trails``: the bits of ``evaluate``."""
+    team = work.team
+    begin_team(team)
+    combine(team, graph.base, 1.0)
+    survivors = 0.0
+    for k in range(work.trails.shape[0]):
+        trail = store.trails[work.trails[k]]
+        for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
+            combine(team, np.int64(store.node[i]), store.reach[i])
+        survivors += trail.alive
+    return team_reward(graph.reward, team), survivors
+
+
+@helper
+def insert(
+    store: TrailStore, front: OrderedFront, trails: OffsetArray, reward: float, survivors: float
+) -> bool:
+    """Insert a plan into a front, unless that has one as good; return whether it has entered.
+
+    The plans that it dominates leave the front.
+    """
+    if best_reward(front, survivors) >= reward:
+        return False
+    no_more = survivors * (1.0 + TOLERANCE)
+    while True:
+        # Plans are in order of E[S]: those dominated, but for rounding, end at this one.
+        block, place = find_place(front, no_more)
+        behind = block == front.n.blocks
+        if behind or front.places[front.directory[block], place].survivors > no_more:
+            block, place = place_before(front, block, place)
+        if block < 0 or front.places[front.directory[block], place].reward > reward:
+            break
+        slot = remove_place(front, block, place)
+        for k in range(front.plan.shape[1]):
+            release(store, front.plan[slot, k])
+    slot = add_place(front, reward, survivors)
+    for k in range(trails.shape[0]):
+        front.plan[slot, k] = trails[k]
+        store.trails[trails[k]].n_users += 1
+    return True
+
+
+@helper
+def insert_trails(search: Search, tolerance: float) -> bool:
+    """Insert the plan of ``work.trails`` into the front; return whether it has entered.
+
+    It has to be better than all plans of the front by a relative ``tolerance``.
+    """
+    store, front, work = search.store, search.front, search.work
+    sort_trails(store, work.trails)
+    reward, survivors = evaluate_trails(search.graph, store, work)
+    if best_reward(front, survivors * (1.0 - tolerance)) >= reward * (1.0 - tolerance):
+        return False
+    if not insert(store, front, work.trails, reward, survivors):
+        return False
+    work.memory.newest, work.memory.idle = survivors, 0
+    return True
