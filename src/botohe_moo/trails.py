@@ -288,7 +288,7 @@ def listed_plans(plans: Iterable[TrailPlan] | ObjectArray) -> list[TrailPlan]:
     found = plans.get("X") if hasattr(plans, "get") and not isinstance(plans, Mapping) else plans
     if isinstance(found, np.ndarray):
         found = found.ravel()
-    listed = list(found)
+    listed = list(found) if isinstance(found, Iterable) else [found]
     for plan in listed:
         if not isinstance(plan, TrailPlan):
             raise TypeError(f"Expected sampling to hold TrailPlans, got {plan!r}.")

@@ -76,7 +76,7 @@ class TestValues:
             (
                 Annotated[str, Field(min_length=3)],
                 "ab",
-                "x: String should have at least 3 characters, got 'ab'.",
+                "Expected x to have 3 or more characters, got 'ab'.",
             ),
         ],
     )
