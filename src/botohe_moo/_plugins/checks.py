@@ -4,10 +4,12 @@ import functools
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
+from pydantic import BaseModel, ValidationError
+
 from botohe_moo._base.checks import ParameterError, nearest_first, unknown_parameter
 from botohe_moo._plugins.entry_points import PluginError
-from botohe_moo._plugins.stated import Factory, Parameter, signature_parameters
-from botohe_moo._plugins.types import is_scalar
+from botohe_moo._plugins.stated import Factory, Parameter, model_of, signature_parameters
+from botohe_moo._plugins.types import fault_messages, is_scalar, own_message
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -112,7 +114,10 @@ def call_factory(
     has raised, which is called ``origin``. Messages begin with ``source``, and list the names in
     ``also`` as known. Errors of the factory's in ``passing`` are not changed.
     """
-    if faults := check_values(accepted, values, also=also):
+    faults = check_values(accepted, values, also=also)
+    if not faults and (model := model_of(factory)):
+        faults, values = _converted(model, values)
+    if faults:
         expected = " ".join(message for _, message in faults)
         raise ParameterError(f"{source}: {expected}", faults[0][0])
     try:
@@ -124,6 +129,26 @@ def call_factory(
         raise ParameterError(f"{source}: {error}", blamed) from error
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         raise PluginError(f"{source}: {origin} raised {type(error).__name__}: {error}.") from error
+
+
+def _converted(
+    model: type[BaseModel], values: Mapping[str, Any]
+) -> tuple[list[Fault], dict[str, Any]]:
+    """Let a model check and convert values, by its own rules; return the faults, and all values."""
+    try:
+        made = model.model_validate(values, by_name=True)
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+    else:
+        return [], {name: getattr(made, name) for name in model.model_fields}
+    together = (found for found in errors if {*found["loc"][:1]} - {*values} or not found["loc"])
+    faults: list[Fault] = [(None, own_message(found)) for found in together]
+    for name, value in values.items():
+        own = [
+            {**found, "loc": found["loc"][1:]} for found in errors if found["loc"][:1] == (name,)
+        ]
+        faults += [(name, message) for message in fault_messages(name, value, own)]
+    return faults, {}
 
 
 def raised_fault(error: BaseException, names: Collection[str], *, source: str) -> Fault:

@@ -1,4 +1,7 @@
-"""What a factory of algorithms or missions can be given, by its signature and docstring."""
+"""What a factory of algorithms or missions can be given, as it states it itself.
+
+By its signature and docstring, or by a pydantic model: the attribute ``Parameters``.
+"""
 
 import functools
 import inspect
@@ -6,9 +9,9 @@ import re
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
-from pydantic import ConfigDict, PydanticUserError, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from botohe_moo._plugins.types import (
@@ -28,7 +31,7 @@ _BY_KEYWORD = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_K
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a factory, as its signature and docstring state it."""
+    """One parameter of a factory, as its signature or model, and its docstring state it."""
 
     name: str
     default: Any = _EMPTY  # where a value must be given
@@ -36,6 +39,7 @@ class Parameter:
     annotation: str = ""  # the type as text
     description: str = ""
     own: bool = True  # whether its default holds: a method with ** may give its class another
+    by_model: bool = False  # whether a model checks and converts its values, all at once
 
     @property
     def range(self) -> str:
@@ -75,9 +79,9 @@ class Parameter:
         """Return a value as its type has it, and what keeps it from being of that type.
 
         pydantic's strict rules hold: "100" is not an integer, neither are 1.5 and True, but an
-        integer is a number. What pydantic cannot check is accepted.
+        integer is a number. What pydantic cannot check is accepted, and what a model checks.
         """
-        if self.hint is Any or self.adapter is None:
+        if self.hint is Any or self.adapter is None or self.by_model:
             return value, []
         value = plain_number(value)
         try:
@@ -96,6 +100,8 @@ def accepted_parameters(factory: Factory, *, hidden: Collection[str] = ()) -> tu
     states what it changes, and its class the rest. The names in ``hidden`` cannot be given, and
     neither can names that are not stated, even to a factory that takes any.
     """
+    if model := model_of(factory):
+        return tuple(_model_parameters(model, factory))
     stated = {p.name: p for p in signature_parameters(factory)}
     owner = getattr(factory, "__self__", None)
     if isinstance(owner, type) and takes_any_name(factory):
@@ -105,6 +111,23 @@ def accepted_parameters(factory: Factory, *, hidden: Collection[str] = ()) -> tu
             described = parameter.description or known.description
             stated[parameter.name] = replace(known, description=described)
     return tuple(p for name, p in stated.items() if name not in hidden)
+
+
+def model_of(factory: Factory) -> type[BaseModel] | None:
+    """Return the pydantic model that states a factory's parameters, if there is one."""
+    model = getattr(factory, "Parameters", None)
+    return model if isinstance(model, type) and issubclass(model, BaseModel) else None
+
+
+def _model_parameters(model: type[BaseModel], factory: Factory) -> Iterator[Parameter]:
+    described = described_parameters(factory) | described_parameters(model)
+    for name, field in model.model_fields.items():
+        hint: Any = field.annotation
+        for constraint in field.metadata:
+            hint = Annotated[hint, constraint]
+        default = _EMPTY if field.is_required() else field.get_default(call_default_factory=True)
+        description = field.description or described.get(name, "")
+        yield Parameter(name, default, hint, type_text(hint), description, by_model=True)
 
 
 def takes_any_name(factory: Factory) -> bool:

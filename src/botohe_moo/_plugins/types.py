@@ -1,5 +1,6 @@
 """What types say of values, what a text file can hold, and what pydantic finds wrong."""
 
+import enum
 import os
 import types
 import typing
@@ -109,6 +110,8 @@ def type_text(hint: Any) -> str:
         return " | ".join(map(type_text, args))
     if origin is Literal:
         return f"Literal[{', '.join(map(repr, args))}]"
+    if isinstance(hint, type) and issubclass(hint, enum.Enum):
+        return f"Literal[{', '.join(repr(member.value) for member in hint)}]"
     if hint in (None, type(None)):
         return "None"
     if hint is Ellipsis:
@@ -143,7 +146,9 @@ def plain_number(value: Any) -> Any:
 
 def plain_value(value: Any) -> Any:
     """Write a value as a text file would hold it; ``NotImplemented`` for what none can hold."""
-    if isinstance(value, os.PathLike):
+    if isinstance(value, enum.Enum):
+        value = value.value
+    elif isinstance(value, os.PathLike):
         value = os.fspath(value)
     elif isinstance(value, Number | np.generic):
         value = plain_number(value)
