@@ -182,8 +182,8 @@ class Overstating(ArchiveAlgorithm):
     def _advance(self, **_):
         if not self.evaluator.n_eval:
             sample(self, 20)
-            held = self.archive._held
-            self.archive._held = held._replace(objectives=held.objectives * 1.5)
+            arrays = self.archive.arrays
+            self.archive._arrays = arrays._replace(objectives=arrays.objectives * 1.5)
             return
         time.sleep(3600)
 

@@ -91,6 +91,7 @@ def _bar() -> Iterator[Show]:
         progress.TextColumn("{task.fields[words]} ", markup=False),
         progress.TimeElapsedColumn(),
         progress.TimeRemainingColumn(),
+        progress.TextColumn("left"),
         console=Console(stderr=True),
         redirect_stdout=False,
     )

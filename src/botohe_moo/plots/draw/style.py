@@ -87,15 +87,16 @@ def palette_of(labels: Iterable[str], palette: Palette | None = None) -> dict[st
     ValueError
         If ``palette`` is a mapping without one of the labels, or not known to seaborn.
     """
-    import seaborn as sns
-
     labels = list(dict.fromkeys(labels))
     if isinstance(palette, Mapping):
         if absent := [label for label in labels if label not in palette]:
             raise ValueError(f"Expected a colour for every label, missing: {', '.join(absent)}.")
         return {label: palette[label] for label in labels}
-    with theme():
-        found = sns.color_palette(palette, len(labels))
+    if palette is None:
+        return dict(zip(labels, colours(len(labels)), strict=True))
+    import seaborn as sns
+
+    found = sns.color_palette(palette, len(labels))
     return dict(zip(labels, found, strict=False))
 
 

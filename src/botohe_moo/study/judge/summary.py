@@ -200,14 +200,14 @@ def reach_targets(
     """
     fronts = points_by_mission(references)
     areas = {label: area_indicator(fronts[label], missions[label]) for label in fronts}
-    runs = runs[runs["mission"].map(areas).astype(float) > 0]
+    runs = runs[runs["mission"].map(areas).astype(float) > 0].reset_index(drop=True)
     whole = trace["mission"].map(areas).to_numpy(float)
     keys, columns = ["mission", "algorithm"], ["evaluations", "seconds"]
     parts = []
     for share in SHARES:
         there = trace[trace["area"].to_numpy(float) >= share * whole - TIE]
         first = there.drop_duplicates("run").set_index("run")[columns].astype(float)
-        spent = runs[["run", *keys]].join(first, on="run")
+        spent = runs[keys].assign(**first.reindex(runs["run"]).reset_index(drop=True))
         medians = spent.fillna({"evaluations": np.inf, "seconds": np.inf}).groupby(keys)[columns]
         part = medians.median().replace(np.inf, np.nan).add_suffix("_median")
         counts = spent.groupby(keys)["seconds"].agg(n="size", n_reached="count")
