@@ -121,9 +121,8 @@ def perform(
         archive = _archive(algorithm, problem, meter)
         recorder.record(meter.spent, seconds, with_plans=True)
     except (Exception, SystemExit) as error:  # an algorithm may end its own run only
-        message = "".join(traceback.format_exception_only(error)).strip()
         seconds = recorder.elapsed() if recorder else 0.0
-        failed = failure(message, traceback.format_exc())
+        failed = failure("".join(traceback.format_exception_only(error)), traceback.format_exc())
         return replace(failed, evaluations=meter.spent, seconds=seconds)
     return Outcome(
         status="done" if len(archive) else "infeasible",
