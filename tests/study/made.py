@@ -170,7 +170,10 @@ def make_study(folder, missions, algorithms, records, *, control=None, bounds=()
             "version": "0.1.0",
             "source": {"name_or_path": mission.name, "robots": mission.robots},
             "min_survival": 0.0,
+            "max_length": None,
             "budget": {"evaluations": 10_000, "seconds": None},
+            "family": label,
+            "grid": {},
         }
     content = {
         "name": "made",
@@ -179,7 +182,15 @@ def make_study(folder, missions, algorithms, records, *, control=None, bounds=()
         "version": "0.1.0",
         "missions": entries,
         "algorithms": {
-            label: {"parameters": {}, "package": "botohe-moo", "version": "0.1.0", **entry}
+            label: {
+                "parameters": {},
+                "package": "botohe-moo",
+                "version": "0.1.0",
+                "name": entry["algorithm"],
+                "effective": {},
+                "family": label,
+                **entry,
+            }
             for label, entry in algorithms.items()
         },
         "seeds": sorted({r.seed for r in records}),

@@ -108,7 +108,7 @@ class TestFrontSize:
         archive = PlanArchive(1)
         archive.insert(PlanBatch.from_plans(plans, 1), mission.evaluate(plans))
         records = []
-        Recorder(study.runs()[0], lambda: archive, records.append).record(3, 0.1, whole=True)
+        Recorder(study.runs()[0], lambda: archive, records.append).record(3, 0.1, with_plans=True)
         [record] = records
         assert (len(record.plans[0]), record.front_size, record.ties) == (3, 2, 1)
 

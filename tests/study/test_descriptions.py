@@ -8,13 +8,14 @@ TOY = load_mission("toy")
 
 
 def algorithms(*parameters):
-    entry = {"algorithm": "nsga2", "package": "botohe-moo", "version": "0.1.0"}
+    entry = {"name": "nsga2", "family": "A", "package": None, "version": None, "effective": {}}
     given = {f"A{i}": {**entry, "parameters": p} for i, p in enumerate(parameters)}
     return algorithm_table({"algorithms": given})
 
 
 def missions(*grids):
-    entry = {"source": {"name_or_path": "terrain"}, "min_survival": 0.0, "family": "hills"}
+    source = {"name_or_path": "terrain"}
+    entry = {"source": source, "family": "hills", "min_survival": 0.0, "max_length": None}
     given = {f"M{i}": {**entry, "grid": grid} for i, grid in enumerate(grids)}
     return mission_table({"missions": given}, dict.fromkeys(given, TOY), {})
 
@@ -45,7 +46,7 @@ def test_parameters_that_only_some_have_are_missing_for_the_others():
 
 
 def test_defaults_stand_beside_what_others_are_given():
-    entry = {"algorithm": "m:A", "name": "a", "package": None, "version": None}
+    entry = {"name": "a", "family": "A", "package": None, "version": None}
     table = algorithm_table(
         {
             "algorithms": {
@@ -74,4 +75,3 @@ def test_members_of_a_grid_are_a_family():
     table = missions({"seed": 1}, {"seed": 2})
     assert list(table["family"]) == ["hills", "hills"]
     assert list(table["seed"]) == [1, 2]
-    assert list(algorithms({})["family"]) == ["A0"]  # of a manifest that says nothing of it

@@ -47,7 +47,7 @@ def grid_study(folder, *, missions=("toy",), n_records=3):
 
 
 def kinds(figures, label):
-    return [figure.path.name.removesuffix(f"-{label}.png") for figure in figures[label]]
+    return [figure.paths[0].name.removesuffix(f"-{label}.png") for figure in figures[label]]
 
 
 class TestDrawFigures:
@@ -69,12 +69,11 @@ class TestDrawFigures:
             "attainment",
             "difference",
         ]
-        grid = next(figure for figure in figures["toy"] if "grid" in figure.path.name)
+        grid = next(figure for figure in figures["toy"] if "grid" in figure.paths[0].name)
         assert "median area of BO-ACO for each combination of n_ants (rows)" in grid.caption
         for figure in figures["toy"]:
             assert [path.suffix[1:] for path in figure.paths] == list(FORMATS)
             assert all(path.stat().st_size for path in figure.paths)
-            assert figure.path == figure.paths[0]
 
     @pytest.mark.slow
     @pytest.mark.filterwarnings("ignore:Glyph")  # of scripts that the font has not

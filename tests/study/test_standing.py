@@ -178,7 +178,7 @@ def test_figures_of_the_study_as_a_whole_have_a_place(tmp_path):
     tables = judged(tmp_path, {"m": {"A": [0.3], "B": [0.4]}})
     picture = tmp_path / "ranks.png"
     picture.write_bytes(b"\x89PNG")
-    figure = ReportFigure(picture, (picture,), "All of it.", "Everything at a glance.")
+    figure = ReportFigure((picture,), "All of it.", "Everything at a glance.")
     text = render_page(tables, {"": [figure]})
     assert text.count("<figure>") == 1
     assert re.search(r'<section id="ranks">.*Everything at a glance.*</section>', text, re.DOTALL)

@@ -5,7 +5,6 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.study.file.config import Seeds
@@ -18,24 +17,24 @@ from botohe_moo.study.store.tables import StudyTables
 def merge_studies(
     folders: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str] | None = None
 ) -> StudyTables:
-    """Make one study of the results that several machines have of it.
+    """Make one study from the results of it on several machines.
 
-    Their study files are the same but for the seeds, and the merged study has all of these. Of a
-    run that several folders have, ``out`` keeps its own, or else takes that of the first folder.
+    Their study files are the same but for the seeds, and the merged study has all of these. Where
+    several folders have the same run, ``out`` keeps its own, or else gets that of the first folder.
 
     Parameters
     ----------
     folders
         Folders of the study, at least two.
     out
-        Folder to write to: a new or empty one, or one of this study, such as one of ``folders``.
+        Folder to write to: a new or empty one, or one with this study, such as one of ``folders``.
         Default: ``results/NAME``.
 
     Raises
     ------
     StudyError
-        If a folder holds no study, or another one than the first; names both. Also if the file of
-        a run is damaged, or ``out`` cannot be used or written to.
+        If a folder holds no study, or another one than the first folder does. Also if the file of a
+        run is damaged, or ``out`` cannot be used or written to.
 
     Examples
     --------
@@ -76,26 +75,25 @@ def merge_studies(
 
 
 def _difference(one: Study, other: Study) -> str:
-    """Return in words where two studies differ besides their seeds; nothing if they do not."""
-    stated: list[dict[str, Any]] = [
-        study.file.model_dump(exclude={"seeds"}) for study in (one, other)
-    ]
-    names = [name for name, value in stated[0].items() if stated[1][name] != value]
-    if names:
-        return " and ".join(names)
-    # The file may name another mission of the same name, or code of another version.
-    digests = [
-        [run.digest for run in dataclasses.replace(study, seeds=(0,)).runs()]
-        for study in (one, other)
-    ]
-    return "the missions that it names, or in versions" if digests[0] != digests[1] else ""
+    """Return in words where two studies differ besides their seeds; empty if nowhere."""
+    first, second = (study.file.model_dump(exclude={"seeds"}) for study in (one, other))
+    if keys := [key for key, value in first.items() if second[key] != value]:
+        return " and ".join(keys)
+    # Equal files may name different missions by the same name, or code of different versions.
+    if _digests_for_one_seed(one) != _digests_for_one_seed(other):
+        return "the missions that it names, or in versions"
+    return ""
+
+
+def _digests_for_one_seed(study: Study) -> list[str]:
+    return [run.digest for run in dataclasses.replace(study, seeds=(0,)).runs()]
 
 
 def _with_seeds(study: Study, seeds: set[int]) -> Study:
-    """Return a study with other seeds, which its file names."""
+    """Return a study with other seeds, and with its file changed accordingly."""
     values = sorted(seeds)
     file = study.file.model_copy(update={"seeds": Seeds(values=values)})
-    # JSON is YAML, too, and leaves no doubt what is a text.
+    # JSON is YAML, too, and never takes a text for a number.
     text = json.dumps(file.model_dump(mode="json", exclude_defaults=True), indent=1)
     return dataclasses.replace(study, file=file, text=f"{text}\n", seeds=tuple(values))
 

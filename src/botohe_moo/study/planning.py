@@ -1,4 +1,4 @@
-"""The plan of a study: its runs, which are finished, how long the others take, and its tables."""
+"""Planning a study: which of its runs and bounds are missing, and how long these take."""
 
 import contextlib
 import hashlib
@@ -15,7 +15,7 @@ from botohe_moo.study.run.task import BoundTask
 from botohe_moo.study.store.folder import FAILURES, StudyFolder
 from botohe_moo.study.store.tables import StudyTables, read_study
 
-_READ = 9  # finished runs of an algorithm on a mission, whose times are an estimate of the others'
+_MOST_TIMED = 9  # finished runs of an algorithm on a mission that are read for an estimate
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Plan:
     runs: tuple[Run, ...]
     finished: frozenset[str]  # digests of runs
     failed: frozenset[str]  # digests of runs that failed the last time
-    unbounded: Mapping[str, StudyMission]  # whose bounds are to be computed, by their digests
+    unbounded: Mapping[str, StudyMission]  # by digests of the bounds that are to be computed
 
     @property
     def missing(self) -> tuple[Run, ...]:
@@ -55,20 +55,20 @@ class Estimate:
     algorithm: str
     n_runs: int
     n_finished: int
-    n_failed: int  # the last time
-    seconds: float | None  # of one run; None where nothing says it
-    at_most: bool  # whether it is the budget's seconds, before which a run may end by itself
+    n_failed: int  # when they were performed last
+    seconds: float | None  # of one run; None if it is not known
+    at_most: bool  # whether these are the seconds of the budget, which a run need not use up
 
     @property
     def n_left(self) -> int:
-        """How many are missing."""
+        """The number of runs that are missing."""
         return self.n_runs - self.n_finished
 
 
 def estimate_times(plan: Plan, folder: StudyFolder) -> list[Estimate]:
-    """Estimate how long the runs of each algorithm on each mission take, by those that are there.
+    """Estimate from finished runs how long those of each algorithm on each mission take.
 
-    Where none is finished, the budget's seconds are known, if there are any.
+    Where none is finished, the estimate is the seconds of the budget, if it has any.
     """
     cells: dict[tuple[str, str], list[Run]] = {}
     for run in plan.runs:
@@ -76,7 +76,7 @@ def estimate_times(plan: Plan, folder: StudyFolder) -> list[Estimate]:
     estimates = []
     for (mission, algorithm), runs in cells.items():
         finished = [run for run in runs if run.digest in plan.finished]
-        outcomes = filter(None, map(folder.load, finished[:_READ]))
+        outcomes = filter(None, map(folder.load, finished[:_MOST_TIMED]))
         seconds = [outcome.seconds for outcome in outcomes]
         estimates.append(
             Estimate(
@@ -95,9 +95,9 @@ def estimate_times(plan: Plan, folder: StudyFolder) -> list[Estimate]:
 def time_left(
     estimates: Iterable[Estimate], workers: int, *, n_bounds: int = 0, bound_seconds: float = 0.0
 ) -> float:
-    """Return about how many seconds ``workers`` need for all that is missing and known.
+    """Return about how many seconds ``workers`` need for the missing runs of which it is known.
 
-    Each of ``n_bounds`` takes ``bound_seconds`` at most, when the runs are done.
+    When these are done, each of ``n_bounds`` bounds takes at most ``bound_seconds``.
     """
     left = [(e.n_left, e.seconds) for e in estimates if e.n_left and e.seconds is not None]
     shared = sum(n * seconds for n, seconds in left) / workers
@@ -108,23 +108,23 @@ def time_left(
 def make_bound_task(
     mission: StudyMission, runs: Iterable[Run], folder: StudyFolder, seconds: float
 ) -> BoundTask:
-    """Return the task to bound a mission: what its runs have found guides it."""
-    own = [run for run in runs if run.mission.bound_digest == mission.bound_digest]
+    """Return the task to bound a mission, guided by the points that its runs have found."""
+    of_mission = [run for run in runs if run.mission.bound_digest == mission.bound_digest]
     fronts = [np.empty((0, 2))]
-    for _, outcome in folder.outcomes(own):
+    for _, outcome in folder.outcomes(of_mission):
         fronts += [record.objectives for record in outcome.records[-1:]]
     return BoundTask(mission, np.unique(np.concatenate(fronts), axis=0), seconds)
 
 
 def refresh_tables(study: Study, folder: StudyFolder, *, anew: bool = False) -> StudyTables:
-    """Make the tables, unless those in the folder were made from the same files.
+    """Make the tables of a study, unless those in its folder were made from the same files.
 
     With ``anew`` they are made in any case.
     """
     parts = [study.manifest(), installed_versions(), folder.inputs(study)]
     made_from = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     if not anew:
-        with contextlib.suppress(StudyError):  # damaged, or not there
+        with contextlib.suppress(StudyError):  # tables that are damaged or missing are made anew
             tables = read_study(folder.path)
             if tables.manifest["made_from"] == made_from:
                 return tables

@@ -1,4 +1,4 @@
-"""Running a study: missing runs are performed until a signal stops it, and the tables are made."""
+"""Running a study: its missing runs are performed, its missions bounded and its tables made."""
 
 import contextlib
 import os
@@ -22,39 +22,13 @@ from botohe_moo.study.store.tables import StudyTables
 _STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-@contextlib.contextmanager
-def hold_signals() -> Iterator[list[int]]:
-    """Collect the signals that ask for a stop; a second one of the same kind breaks off at once.
-
-    Signals that are ignored, as under ``nohup``, or have another handler, stay as they are; so do
-    all outside the main thread, which alone may handle signals.
-    """
-    received: list[int] = []
-    usual: dict[int, Any] = {}
-    if threading.current_thread() is threading.main_thread():
-        usual = {number: signal.getsignal(number) for number in _STOPS}
-
-    def note(number: int, _: object) -> None:
-        received.append(number)
-        signal.signal(number, signal.default_int_handler)
-
-    ours = [n for n in usual if usual[n] in (signal.SIG_DFL, signal.default_int_handler)]
-    for number in ours:
-        signal.signal(number, note)
-    try:
-        yield received
-    finally:
-        for number in ours:
-            signal.signal(number, usual[number])
-
-
 class StudyInterrupted(KeyboardInterrupt):
-    """A study was stopped by a signal; what was finished is in its folder, as tables, too.
+    """A study was stopped by a signal; the runs that are finished are in its folder and tables.
 
     Parameters
     ----------
     number
-        Of the signal: Ctrl-C is SIGINT.
+        Number of the signal, which is SIGINT for Ctrl-C.
 
     Examples
     --------
@@ -77,20 +51,20 @@ class Watcher(Protocol):
     """Follows the progress of a study."""
 
     def begin(self, plan: Plan) -> None:
-        """Take note of the plan, before any run begins."""
+        """Note the plan, before any run begins."""
 
     def record(self, run: Run, record: Record) -> None:
-        """Take note of a front that a run has recorded."""
+        """Note a front that a run has recorded."""
 
     def end(self, run: Run, outcome: Outcome) -> None:
-        """Take note of a run that has ended and whose outcome is saved."""
+        """Note a run that has ended and whose outcome is saved."""
 
     def end_bound(self, mission: StudyMission, error: str | None) -> None:
-        """Take note of a mission whose bound is saved, or of the error that there is instead."""
+        """Note a mission whose bound is saved, or the error because of which it has none."""
 
 
-class _Silent:
-    """A watcher that shows nothing."""
+class _SilentWatcher:
+    """A watcher that does nothing."""
 
     def begin(self, plan: Plan) -> None: ...
 
@@ -110,12 +84,12 @@ def run_study(
     patience: float = PATIENCE,
     watcher: Watcher | None = None,
 ) -> StudyTables:
-    """Perform what is missing of a study, bound its missions if it says so, and make its tables.
+    """Perform the missing runs of a study, bound its missions if it asks so, and make its tables.
 
-    Runs that are already in the folder are not performed again, unless something has changed that
-    their result depends on: mission, algorithm, parameters, budget, recording, seed or package
-    version. Failed runs are performed again. Bounds are computed when all runs are done, unless the
-    folder has those that were allowed as many seconds.
+    A run that is already in the folder is not performed again, unless something has changed that
+    its result depends on: mission, algorithm, parameters, budget, recording, seed or package
+    version. Failed runs are performed again. Bounds are computed when all runs are done. A bound
+    that is in the folder is computed again only if it is now allowed more seconds.
 
     Parameters
     ----------
@@ -128,10 +102,10 @@ def run_study(
     dask
         Address of the scheduler of a Dask cluster, to perform runs there instead.
     patience
-        Seconds, above 0, after which a run of another package's algorithm fails that evaluates no
-        plan any more, where no budget of seconds ends it.
+        Seconds, above 0, without an evaluation after which a run of another package's algorithm
+        fails. Where the budget limits the seconds of a run, these end it instead.
     watcher
-        Notes how the study gets on.
+        Is called as runs and bounds make progress.
 
     Raises
     ------
@@ -162,10 +136,10 @@ def run_study(
         check_address(dask)
     study = source if isinstance(source, Study) else load_study(source, out=out)
     folder = StudyFolder(study_folder(study.name, out))
-    watcher = watcher or _Silent()
+    watcher = watcher or _SilentWatcher()
     with folder.locked(study):
         plan = plan_study(study, folder)
-        if plan.missing:  # hours of work, before which damaged files are to be named
+        if plan.missing:  # name damaged files before, not after, hours of work
             for _ in folder.outcomes(run for run in plan.runs if run.digest in plan.finished):
                 pass
         folder.write_study(study)
@@ -207,10 +181,10 @@ def run_study(
 
 
 def make_tables(folder: str | os.PathLike[str]) -> StudyTables:
-    """Make the tables of a study anew, of the runs that are in its folder.
+    """Make the tables of a study anew from the runs in its folder.
 
-    The study file is not needed, nor are the packages that algorithms are from. A runner may be at
-    work meanwhile.
+    Neither the study file nor the packages of its algorithms are needed. Another process may be
+    running the study meanwhile.
 
     Parameters
     ----------
@@ -220,7 +194,7 @@ def make_tables(folder: str | os.PathLike[str]) -> StudyTables:
     Raises
     ------
     StudyError
-        If the folder holds no study, or cannot be written to; or names a file that is damaged.
+        If the folder holds no study or cannot be written to, or a file is damaged.
 
     Examples
     --------
@@ -238,3 +212,30 @@ def make_tables(folder: str | os.PathLike[str]) -> StudyTables:
     """
     study = restore_study(Path(folder))
     return refresh_tables(study, StudyFolder(folder), anew=True)
+
+
+@contextlib.contextmanager
+def hold_signals() -> Iterator[list[int]]:
+    """Collect the signals that ask for a stop; a second one of the same kind raises at once.
+
+    A signal that is ignored, as under ``nohup``, or has another handler, is left alone. So are all
+    signals outside the main thread, which alone may handle them.
+    """
+    received: list[int] = []
+    handlers: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        handlers = {number: signal.getsignal(number) for number in _STOPS}
+    unhandled = (signal.SIG_DFL, signal.default_int_handler)
+    handlers = {number: usual for number, usual in handlers.items() if usual in unhandled}
+
+    def note(number: int, _: object) -> None:
+        received.append(number)
+        signal.signal(number, signal.default_int_handler)
+
+    for number in handlers:
+        signal.signal(number, note)
+    try:
+        yield received
+    finally:
+        for number, usual in handlers.items():
+            signal.signal(number, usual)

@@ -1,4 +1,4 @@
-"""The content of a study file, checked: shapes, names, parameters, missions, grids."""
+"""Checking what a study file says: its names and parameters, and the missions that it loads."""
 
 import itertools
 import math
@@ -32,9 +32,9 @@ from botohe_moo.study.file.model import StudyAlgorithm, StudyMission, seeds_of
 from botohe_moo.study.file.values import canonical, value_text
 
 Place: TypeAlias = tuple[int | str, ...]  # keys and positions on the way to a value
-Fault: TypeAlias = tuple[Place, str]
+Fault: TypeAlias = tuple[Place, str]  # what is wrong there, as a sentence
 
-MAX_RUNS = 250_000  # a study takes 200 bytes for each, and every run a file
+MAX_RUNS = 250_000  # each takes 200 bytes of memory, and a file
 _MAX_LISTED = 20  # labels in a message
 _BUDGET = TypeAdapter(Budget)
 _MISSION: TypeAdapter[MissionEntry] = TypeAdapter(MissionOrName)
@@ -42,20 +42,20 @@ _ALGORITHM: TypeAdapter[AlgorithmEntry] = TypeAdapter(AlgorithmOrName)
 
 
 class Member(NamedTuple):
-    """One combination of a grid, or the whole of an entry without a grid."""
+    """A mission or algorithm of an entry: one combination of its grid, or all there is."""
 
     family: str  # label of the entry
-    label: str  # names the combination, too
+    label: str  # that of the entry, and the combination in brackets
     entry: Any
-    parameters: dict[str, Any]  # all of them
-    grid: dict[str, Any]  # those of the combination
+    parameters: dict[str, Any]  # those of the entry and of the combination
+    grid: dict[str, Any]  # those of the combination only
 
 
 class CheckedContent:
-    """The content of a study file, checked as far as it is well-formed.
+    """The missions and algorithms of a study file, and the faults in its content.
 
-    ``faults`` are pairs of a place and a sentence that says what is wrong there. ``packages`` are
-    those of names that earlier results know, and that are missing.
+    Entries that are not well-formed are left out: ``file`` is None then, and its error lists them.
+    ``packages`` are packages that are not installed any more, by the names that are from them.
     """
 
     def __init__(
@@ -78,7 +78,8 @@ class CheckedContent:
         problem = self._find_problem(content.get("problem"))
         self.algorithms += self._read_algorithms(algorithms, problem)
         self._check_refusals(problem)
-        # Where one mission's runs are not limited by seconds, threads change nothing there.
+        # Two algorithms that differ in their number of threads are the same on a mission whose runs
+        # are not limited by seconds.
         budgets = [mission.budget for mission in self.missions]
         budget = next((b for b in budgets if b.seconds is None), Budget(seconds=1))
         self._check_different("missions", [(m, m.decides()) for m in self.missions])
@@ -86,8 +87,8 @@ class CheckedContent:
         if file and not self.faults:
             self._check_control(file.comparison.control)
 
-    def _add(self, place: Place, said: str) -> None:
-        self.faults.append((place, said))
+    def _add(self, place: Place, message: str) -> None:
+        self.faults.append((place, message))
 
     def _read_missions(
         self, entries: Mapping[str, MissionEntry], budget: Budget | None
@@ -118,30 +119,32 @@ class CheckedContent:
         name = source["name_or_path"]
         try:
             mission = load_mission(**source)
-            mission_content(mission)  # it will be saved with the study
+            mission_content(mission)  # raises if it cannot be saved with the study
             foreign = ":" in name or mission_origin(name)["package"] not in (None, "botohe-moo")
             again = load_mission(**source) if foreign else mission
         except (Exception, SystemExit) as error:  # whatever another package's code may do
             parameters = {key: value for key, value in source.items() if key != "name_or_path"}
-            found = mission_faults(name, parameters, plain=True)
-            self._blame(
-                "mission", member, name, found or [(None, f"{type(error).__name__}: {error}")]
+            faults = mission_faults(name, parameters, plain=True)
+            self._add_faults(
+                "mission", member, name, faults or [(None, f"{type(error).__name__}: {error}")]
             )
             return None
         if again != mission:  # its function draws at random
-            said = "gives another mission each time; it needs a seed among its parameters"
-            self._add(("missions", member.family, "mission"), f"{name!r} {said}.")
+            self._add(
+                ("missions", member.family, "mission"),
+                f"{name!r} gives another mission each time; it needs a seed among its parameters.",
+            )
             return None
         return mission
 
     def _read_algorithms(
         self, entries: Mapping[str, AlgorithmEntry], problem: str | None
     ) -> Iterator[StudyAlgorithm]:
-        origins: dict[str, dict[str, str | None]] = {}  # files are read once
+        origins: dict[str, dict[str, str | None]] = {}  # each reads files, and many are the same
         for member in _members(entries):
             name = member.entry.algorithm
-            if found := algorithm_faults(name, member.parameters, plain=True):
-                self._blame("algorithm", member, name, found)
+            if faults := algorithm_faults(name, member.parameters, plain=True):
+                self._add_faults("algorithm", member, name, faults)
                 continue
             code = f"{name} {[member.parameters.get(kind) for kind in OPERATORS]}"
             if code not in origins:
@@ -156,22 +159,22 @@ class CheckedContent:
                 grid=member.grid,
             )
 
-    def _blame(
-        self, kind: str, member: Member, name: str, found: Iterable[tuple[str | None, str]]
+    def _add_faults(
+        self, kind: str, member: Member, name: str, faults: Iterable[tuple[str | None, str]]
     ) -> None:
-        """Note what is wrong with parameters of a mission or algorithm, or with the whole."""
-        for parameter, said in found:
+        """Add faults of a mission's or algorithm's parameters, or of itself, at their places."""
+        for parameter, message in faults:
             place: Place = (f"{kind}s", member.family)
             if parameter is None:
-                self._add((*place, kind), self._said_of(name, said))
+                self._add((*place, kind), self._about(name, message))
             elif parameter in member.entry.grid or parameter in member.entry.parameters:
                 key = "grid" if parameter in member.entry.grid else "parameters"
-                self._add((*place, key, parameter), said)
+                self._add((*place, key, parameter), message)
             else:
-                self._add((*place, parameter), said)
+                self._add((*place, parameter), message)
 
-    def _said_of(self, name: str, message: str) -> str:
-        """Add to a message which package a name was from, if that is not installed any more."""
+    def _about(self, name: str, message: str) -> str:
+        """Return a message about a name, and its package if that is not installed any more."""
         package = self._packages.get(name)
         missing = f" It is from the package {package}, which is not installed." if package else ""
         return f"{name!r}: {message}{missing}"
@@ -187,7 +190,7 @@ class CheckedContent:
                 for mission in self.missions
             ]
         except ValueError as error:
-            self._add(("problem",), self._said_of(path, f"{error}."))
+            self._add(("problem",), self._about(path, f"{error}."))
             return None
         return path
 
@@ -197,21 +200,21 @@ class CheckedContent:
             return
         for algorithm in self.algorithms:
             problem = problem_on(self.missions[0], path)
-            if said := refusal(problem, algorithm.algorithm, dict(algorithm.parameters)):
+            if why := refusal(problem, algorithm.algorithm, dict(algorithm.parameters)):
                 place = ("algorithms", algorithm.family, "algorithm")
-                self._add(place, f"{algorithm.algorithm!r}: {said}")
+                self._add(place, f"{algorithm.algorithm!r}: {why}")
 
-    def _check_different(self, kind: str, found: Sequence[tuple[Any, dict[str, Any]]]) -> None:
-        """Refuse missions or algorithms on which all results depend in the same way."""
+    def _check_different(self, kind: str, members: Sequence[tuple[Any, dict[str, Any]]]) -> None:
+        """Refuse missions or algorithms that are the same in all that results depend on."""
         seen: dict[str, Any] = {}
-        for member, decides in found:
+        for member, decides in members:
             other = seen.setdefault(canonical(decides), member)
             if other is member:
                 continue
-            said = f"{quoted(member.label)} is the same as {quoted(other.label)}"
+            message = f"{quoted(member.label)} is the same as {quoted(other.label)}"
             if kind == "algorithms":
-                said += ": defaults, spellings and numbers of threads make no other run"
-            self._add((kind, member.family), f"{said}.")
+                message += ": defaults, spellings and numbers of threads make no other run"
+            self._add((kind, member.family), f"{message}.")
 
     def _check_control(self, control: str | None) -> None:
         labels = [algorithm.label for algorithm in self.algorithms]
@@ -233,20 +236,20 @@ def _members(entries: Mapping[str, MissionEntry | AlgorithmEntry]) -> Iterator[M
     for family, entry in entries.items():
         for combination in itertools.product(*entry.grid.values()):
             grid = dict(zip(entry.grid, combination, strict=True))
-            named = ", ".join(f"{name}={value_text(value)}" for name, value in grid.items())
-            label = f"{family} ({named})" if named else family
+            values = ", ".join(f"{name}={value_text(value)}" for name, value in grid.items())
+            label = f"{family} ({values})" if values else family
             yield Member(family, label, entry, {**entry.parameters, **grid}, grid)
 
 
 def _entries(entry: TypeAdapter[Any], content: Any) -> dict[str, Any]:
-    """Return those entries that are well-formed, whatever is wrong with the others."""
+    """Return the entries that are well-formed, by their labels."""
     try:
-        given = labelled(content)
+        entries = labelled(content)
     except ValueError:  # a name is repeated
         return {}
-    if not isinstance(given, dict):
+    if not isinstance(entries, dict):
         return {}
-    valid = {label: _valid(entry, value) for label, value in given.items()}
+    valid = {label: _valid(entry, value) for label, value in entries.items()}
     return {label: value for label, value in valid.items() if value is not None}
 
 

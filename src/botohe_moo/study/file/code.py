@@ -1,4 +1,4 @@
-"""The code that a study names: problems of your own, and whether a worker has the same code."""
+"""The code that a study names: problems of your own, and whether a worker has the same."""
 
 import functools
 import math
@@ -35,8 +35,8 @@ def find_problem(path: str | None) -> type[BOTOHE]:
             f"{found.__name__} overrides _evaluate, which studies do not call: override "
             "evaluate_batch"
         )
-    own = found.evaluate_batch is not BOTOHE.evaluate_batch
-    if own and found.objective_bounds is BOTOHE.objective_bounds:
+    overrides = found.evaluate_batch is not BOTOHE.evaluate_batch
+    if overrides and found.objective_bounds is BOTOHE.objective_bounds:
         raise ValueError(
             f"{found.__name__} overrides evaluate_batch, and does not state objective_bounds: "
             "areas are shares of what both objectives are at most"
@@ -76,7 +76,7 @@ def refusal(problem: BOTOHE, algorithm: str, parameters: dict[str, Any]) -> str 
         made.setup(problem, termination=("n_eval", 1), seed=1)
     except TypeError as error:
         return str(error)
-    except (Exception, SystemExit):  # its runs will say so
+    except (Exception, SystemExit):  # not a refusal: its runs will fail, and say why
         pass
     return None
 

@@ -1,4 +1,4 @@
-"""The study file: what may stand in it, as pydantic models."""
+"""The content of a study file, as pydantic models."""
 
 from typing import Annotated, Any, Literal, Self
 
@@ -15,28 +15,28 @@ from pydantic import (
 
 from botohe_moo._base.checks import check_choice, quoted
 from botohe_moo.indicators import INDICATORS
-from botohe_moo.study.file.values import Label, Name, Text, different, once
+from botohe_moo.study.file.values import Label, Name, Text, all_distinct, check_distinct
 
 MAX_EVALUATIONS = 10**12
 MAX_SEED = 2**32 - 1
 MAX_SEEDS = 100_000
 
 
-def _indicator(value: str) -> str:
+def _check_indicator(value: str) -> str:
     check_choice("an indicator", value, INDICATORS)
     return value
 
 
 def labelled(value: Any) -> Any:
-    """Return entries under labels, where a list of names is given instead."""
+    """Return a list of names as a mapping of which they are the labels; all else as it is."""
     if isinstance(value, list) and all(isinstance(name, str) for name in value):
-        return {name: name for name in different("name", value)}
+        return {name: name for name in check_distinct("name", value)}
     return value
 
 
 IndicatorName = Annotated[
     str,
-    AfterValidator(_indicator),
+    AfterValidator(_check_indicator),
     Field(json_schema_extra=lambda schema: schema.update(enum=[*INDICATORS])),
 ]
 Names = Annotated[list[str], Field(min_length=1)]
@@ -44,7 +44,8 @@ Count = Annotated[int, Field(ge=1, le=MAX_EVALUATIONS)]
 Seconds = Annotated[float, Field(gt=0, le=1e9)]
 Length = Annotated[float, Field(ge=0)]
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
-Values = Annotated[list[Any], Field(min_length=1), once("value")]
+SeedList = Annotated[list[Seed], Field(min_length=1, max_length=MAX_SEEDS), all_distinct("seed")]
+Values = Annotated[list[Any], Field(min_length=1), all_distinct("value")]
 
 
 class _Entry(BaseModel):
@@ -71,14 +72,14 @@ class Budget(_Entry):
     iteration."""
 
     @model_validator(mode="after")
-    def _is_limited(self) -> Self:
+    def _check_that_one_is_given(self) -> Self:
         if self.evaluations is None and self.seconds is None:
             raise ValueError("expected evaluations or seconds, or both, found neither")
         return self
 
 
-def _named(key: str, model: type[_Entry]) -> BeforeValidator:
-    """Let a name represent the mapping that has nothing but the name."""
+def _or_name(key: str, model: type[_Entry]) -> BeforeValidator:
+    """Accept a name instead of the mapping ``{key: name}``."""
 
     def from_name(value: Any) -> Any:
         if isinstance(value, str):
@@ -119,9 +120,9 @@ class MissionEntry(_Entry):
         return {name: value for name, value in given.items() if value}
 
     @model_validator(mode="after")
-    def _saysonce(self) -> Self:
-        own = ["name_or_path", *self.own_parameters]
-        different("parameter", [*own, *self.parameters, *self.grid])
+    def _check_parameters(self) -> Self:
+        keys = ["name_or_path", *self.own_parameters]
+        check_distinct("parameter", [*keys, *self.parameters, *self.grid])
         return self
 
 
@@ -136,13 +137,13 @@ class AlgorithmEntry(_Entry):
     """Parameters with several values each; every combination is an algorithm."""
 
     @model_validator(mode="after")
-    def _saysonce(self) -> Self:
-        different("parameter", [*self.parameters, *self.grid])
+    def _check_parameters(self) -> Self:
+        check_distinct("parameter", [*self.parameters, *self.grid])
         return self
 
 
-MissionOrName = Annotated[MissionEntry, _named("mission", MissionEntry)]
-AlgorithmOrName = Annotated[AlgorithmEntry, _named("algorithm", AlgorithmEntry)]
+MissionOrName = Annotated[MissionEntry, _or_name("mission", MissionEntry)]
+AlgorithmOrName = Annotated[AlgorithmEntry, _or_name("algorithm", AlgorithmEntry)]
 
 
 class Seeds(_Entry):
@@ -153,18 +154,11 @@ class Seeds(_Entry):
     seed: Seed | None = None
     """Seed of the study, from which and from its number each repetition's seed derives; without
     it the seeds are 1, 2, ..., count."""
-    values: (
-        Annotated[
-            list[Seed],
-            Field(min_length=1, max_length=MAX_SEEDS),
-            once("seed"),
-        ]
-        | None
-    ) = None
+    values: SeedList | None = None
     """The seeds themselves, instead of a count."""
 
     @model_validator(mode="after")
-    def _says_which(self) -> Self:
+    def _check_that_one_is_given(self) -> Self:
         if (self.count is None) == (self.values is None):
             found = "neither" if self.count is None else "both"
             raise ValueError(f"expected either count or values, found {found}")
@@ -174,6 +168,7 @@ class Seeds(_Entry):
 
 
 def _seeds(value: Any) -> Any:
+    """Accept a count or a list of seeds instead of a mapping."""
     if isinstance(value, list):
         return {"values": value}
     return value if isinstance(value, dict | Seeds) or value is None else {"count": value}
@@ -243,7 +238,7 @@ class StudyFile(_Entry):
     indicators: Annotated[
         list[IndicatorName],
         Field(default_factory=lambda: [*INDICATORS], min_length=1),
-        once("indicator"),
+        all_distinct("indicator"),
     ]
     """What fronts are judged by."""
     comparison: Comparison = Comparison()
@@ -253,8 +248,8 @@ class StudyFile(_Entry):
 
     @field_validator("budget")
     @classmethod
-    def _is_for_all(cls, budget: Budget | None, info: ValidationInfo) -> Budget | None:
-        missions = info.data.get("missions", {})
+    def _check_budget(cls, budget: Budget | None, info: ValidationInfo) -> Budget | None:
+        missions = info.data.get("missions", {})  # none if they are not valid
         without = [label for label, entry in missions.items() if entry.budget is None]
         if budget is None and without:
             raise ValueError(
@@ -264,8 +259,9 @@ class StudyFile(_Entry):
 
     @field_validator("bounds")
     @classmethod
-    def _is_of_expectations(cls, bounds: Bounds | None, info: ValidationInfo) -> Bounds | None:
+    def _check_bounds(cls, bounds: Bounds | None, info: ValidationInfo) -> Bounds | None:
         if bounds and (problem := info.data.get("problem")):
-            said = f"not of the objectives of {problem!r}"
-            raise ValueError(f"bounds are proved of E[R] and E[S], {said}")
+            raise ValueError(
+                f"bounds are proved of E[R] and E[S], not of the objectives of {problem!r}"
+            )
         return bounds

@@ -1,4 +1,4 @@
-"""A YAML text as plain values, with the line of each of them."""
+"""YAML texts as plain values, with the line of each value."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +14,7 @@ _PLAIN = ("null", "bool", "int", "float", "str", "seq", "map")
 
 
 class _Constructor(SafeConstructor):
-    """Makes what JSON has; all other tags are refused, at their line."""
+    """Constructs the types of JSON only; any other tag is an error, which knows its line."""
 
     yaml_constructors = {  # noqa: RUF012 (as the class that it replaces)
         tag: SafeConstructor.yaml_constructors[tag]
@@ -22,21 +22,21 @@ class _Constructor(SafeConstructor):
     }
 
     def flatten_mapping(self, node: Any) -> None:
-        """Merge what ``<<`` names; keys are texts, as labels may be 2 or true."""
+        """Merge the mappings that ``<<`` names; make keys texts, as labels may be 2 or true."""
         super().flatten_mapping(node)
         for key, _ in node.value:
             if not isinstance(key, ScalarNode):
-                said = "expected a text as a key of a mapping, found a list or a mapping"
-                raise ConstructorError(problem=said, problem_mark=key.start_mark)
+                problem = "expected a text as a key of a mapping, found a list or a mapping"
+                raise ConstructorError(problem=problem, problem_mark=key.start_mark)
             key.tag = f"{_TAG}str"
 
 
-# YAML 1.2 has no dates.
+# YAML 1.2 has no dates: they are texts.
 _Constructor.add_constructor(f"{_TAG}timestamp", _Constructor.construct_yaml_str)
 
 
 class DocumentError(ValueError):
-    """A text that cannot be read as YAML: the line, and why."""
+    """A text cannot be read as YAML; says in which line, and why."""
 
     def __init__(self, line: int, why: str) -> None:
         super().__init__(f"{line}: not valid YAML: {' '.join(why.split())}.")
@@ -68,13 +68,13 @@ class Document:
             raise DocumentError(1, str(error)) from None
 
     def line(self, place: Sequence[int | str]) -> int:
-        """Return the line of the key or item at a place, or of the last one above that exists."""
+        """Return the line of the key or item at a place, or of the nearest one above it."""
         node, line = self._root, 1
         for step in place:
             if isinstance(node, SequenceNode) and isinstance(step, int) and step < len(node.value):
                 key = node = node.value[step]
             elif isinstance(node, MappingNode):
-                # A key of the mapping itself comes after one that is merged.
+                # Keys of the mapping itself come after those that are merged into it, and win.
                 pairs = [(key, value) for key, value in node.value if key.value == str(step)]
                 if not pairs:
                     continue
@@ -86,7 +86,7 @@ class Document:
 
 
 def _explained(error: Any) -> tuple[int, str]:
-    """Return the line of an error of the library, and its words without their excerpts."""
+    """Return the line of an error of ruamel.yaml, and its words without excerpts of the text."""
     problem = error.problem or ""
     if isinstance(error, DuplicateKeyError):
         problem = problem.partition(" with value ")[0]

@@ -1,4 +1,4 @@
-"""Reading a study file: all of it is checked before anything runs."""
+"""Reading a study file, and checking all of it before anything runs."""
 
 import json
 import os
@@ -22,20 +22,20 @@ from botohe_moo.study.file.model import MANIFEST, Study, StudyError, seeds_of, s
 def load_study(
     source: str | os.PathLike[str] | Mapping[str, Any], *, out: str | os.PathLike[str] | None = None
 ) -> Study:
-    """Read a study file and check all it says, before anything runs.
+    """Read a study file, and check all of it before anything runs.
 
     Parameters
     ----------
     source
         Path of a YAML file, or the content of one as a mapping.
     out
-        Folder of the study's results, if not ``results/NAME``: it remembers which packages
-        algorithms and missions are from, to name those that are missing.
+        Folder of the study's results, if not ``results/NAME``. Earlier results in it tell from
+        which package an algorithm or mission was that is not known any more.
 
     Raises
     ------
     StudyError
-        Lists every fault: the file and line, what was expected and what was found.
+        If there are faults; lists each with its file and line, what was expected and found.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def load_study(
         text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"  # JSON is YAML, too
     else:
         path = Path(source)
-        text = _text(path)
+        text = _read_text(path)
         try:
             document = Document(text)
         except DocumentError as error:
@@ -76,14 +76,14 @@ def load_study(
 
 
 def _shape_faults(content: Any, invalid: ValidationError) -> list[Fault]:
-    """Return the places and sentences of what pydantic found wrong with a file's content."""
-    found: dict[Place, list[Mapping[str, Any]]] = {}
+    """Return the faults that pydantic found in a file's content."""
+    errors: dict[Place, list[Mapping[str, Any]]] = {}
     for error in invalid.errors(include_url=False):
         place = way_into(content, error["loc"])
         if error["loc"] and (not place or error["type"] == "missing"):
             place = (*place, error["loc"][-1])  # a key that is not there
-        found.setdefault(place, []).append(error)
-    return [(place, _sentence(place, errors)) for place, errors in found.items()]
+        errors.setdefault(place, []).append(error)
+    return [(place, _sentence(place, at_place)) for place, at_place in errors.items()]
 
 
 def _sentence(place: Place, errors: Sequence[Mapping[str, Any]]) -> str:
@@ -98,13 +98,13 @@ def _sentence(place: Place, errors: Sequence[Mapping[str, Any]]) -> str:
     name = str(place[-1]) if place else "the study"
     if place and isinstance(place[-1], int):
         name = f"{place[-2]}[{place[-1]}]"
-    return wrong_value(name, *errors).removeprefix(f"{name}: ")  # the place says it
+    return wrong_value(name, *errors).removeprefix(f"{name}: ")  # its place is named anyway
 
 
 def _known_keys(place: Place) -> list[str]:
     """Return the keys that the mapping at a place may have."""
     model: type[BaseModel] = StudyFile
-    for step in place[:1] + place[2:]:  # without labels, which come second
+    for step in place[:1] + place[2:]:  # the second is the label of a mission or algorithm
         model = _model_in(model.model_fields[str(step)].annotation) or model
     return list(model.model_fields)
 
@@ -115,19 +115,19 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     return next(filter(None, map(_model_in, get_args(annotation))), None)
 
 
-def _lines(found: Iterable[Fault], path: Path, document: Document | None) -> list[str]:
-    """Return faults as lines of text, in the order of their lines in the file, if it is one."""
+def _lines(faults: Iterable[Fault], path: Path, document: Document | None) -> list[str]:
+    """Return a line of text for each fault, each once, in the order of the file if there is one."""
     numbered: dict[tuple[int, str], None] = {}
-    for place, said in found:
+    for place, sentence in faults:
         line = document.line(place) if document else 0
-        named = f"{'.'.join(map(str, place))}: {said}" if place else said
-        numbered[line, " ".join(named.split())] = None
+        text = f"{'.'.join(map(str, place))}: {sentence}" if place else sentence
+        numbered[line, " ".join(text.split())] = None
     ordered = sorted(numbered, key=lambda entry: entry[0])
-    return [f"{path}:{line}: {said}" if document else said for line, said in ordered]
+    return [f"{path}:{line}: {text}" if document else text for line, text in ordered]
 
 
 def _as_json(content: Any, where: str = "") -> Any:
-    """Return content with the values that JSON has: mappings, lists, texts, numbers, flags."""
+    """Return content with the types of JSON only: mappings, lists, texts, numbers, flags."""
     try:
         return json.loads(json.dumps(content, default=_plain))
     except (TypeError, RecursionError, ValueError) as error:  # such as one that contains itself
@@ -142,19 +142,22 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"got {quoted(value)}")
 
 
-def _text(path: Path) -> str:
+def _read_text(path: Path) -> str:
     try:
         return read_bytes(path).decode("utf-8-sig")
     except FileNotFoundError:
-        among = sorted(p.name for p in path.parent.glob("[!.]*.y*ml"))
-        near = f"; beside it are {', '.join(nearest_first(path.name, among))}" if among else ""
-        raise StudyError(f"{path}: there is no such file{near}.") from None
+        others = nearest_first(path.name, (p.name for p in path.parent.glob("[!.]*.y*ml")))
+        beside = f"; beside it are {', '.join(others)}" if others else ""
+        raise StudyError(f"{path}: there is no such file{beside}.") from None
     except (OSError, ValueError) as error:  # such as text that is not UTF-8
         raise StudyError(f"{path}: cannot be read ({error}).") from None
 
 
 def _missing_packages(content: Any, out: str | os.PathLike[str] | None) -> dict[str, str]:
-    """Return the packages, not installed any more, of what earlier results name as theirs."""
+    """Return packages that are not installed any more, by the names that earlier results have.
+
+    Algorithms, missions and problems are named in the manifest of the study, if there is one.
+    """
     name = content.get("name") if isinstance(content, dict) else None
     try:
         manifest = json.loads(read_bytes(study_folder(name, out) / MANIFEST))
@@ -162,14 +165,14 @@ def _missing_packages(content: Any, out: str | os.PathLike[str] | None) -> dict[
             *((entry["algorithm"], entry) for entry in manifest["algorithms"].values()),
             *((entry["source"]["name_or_path"], entry) for entry in manifest["missions"].values()),
         ]
-        if own := manifest.get("problem"):
-            entries.append((own["problem"], own))
+        if problem := manifest.get("problem"):
+            entries.append((problem["problem"], problem))
         return {
             name: f"{entry['package']} {entry['version']}"
             for name, entry in entries
             if entry["package"] is not None
             and not any(metadata.distributions(name=entry["package"]))
         }
-    # There is none, or it is not a study's.
+    # There is no manifest, or it is that of something else.
     except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError):
         return {}

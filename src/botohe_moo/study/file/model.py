@@ -24,7 +24,7 @@ PACKAGES = {"version": "botohe-moo", "pymoo": "pymoo"}  # algorithms derive from
 
 
 class StudyError(ValueError):
-    """What is wrong with a study or its folder, and where; one line for each fault.
+    """A study or its folder has faults; each is a line that says where it is and what is wrong.
 
     Examples
     --------
@@ -38,7 +38,7 @@ class StudyError(ValueError):
     """
 
 
-@functools.cache  # they are read from files
+@functools.cache  # versions are read from files
 def installed_versions() -> Mapping[str, str]:
     """Return the versions of the packages that every result depends on."""
     return {name: version(package) for name, package in PACKAGES.items()}
@@ -54,39 +54,39 @@ ObjectiveBounds = Annotated[tuple[float, float], AfterValidator(largest_objectiv
 
 @dataclass(frozen=True)
 class StudyMission:
-    """A mission as a study plans for it."""
+    """A mission of a study, with the limits of its plans and the budget of its runs."""
 
     label: str
     mission: InstanceOf[Mission]
-    source: Mapping[str, Any]  # what load_mission made it from
+    source: Mapping[str, Any]  # arguments of load_mission
     origin: Mapping[str, str | None]  # package and version
     min_survival: float
     budget: Budget
     digest: str  # of labels, arcs, survivals, rewards, base and robots
     family: str  # label of its entry in the file
     grid: Mapping[str, Any]  # its values of the entry's grid; empty without one
-    max_length: float | None = None  # travel budget, the entry's or the mission's own; None: none
-    objective_bounds: ObjectiveBounds | None = None  # of the study's own problem, if it has one
+    max_length: float | None = None  # travel budget, the entry's or the mission's own, if any
+    objective_bounds: ObjectiveBounds | None = None  # of the study's own problem, if any
 
     @property
     def scale(self) -> Scale:
-        """What both objectives are at most: the mission says it, or the study's own problem."""
+        """The most that both objectives can be, by the mission or by the study's own problem."""
         return self.mission if self.objective_bounds is None else self.objective_bounds
 
     def decides(self) -> dict[str, Any]:
         """Return everything that results depend on; labels are not part of it."""
-        # Without a budget of seconds no run is killed.
+        # Without a budget of seconds no run is killed when its grace is over.
         unused = {"grace_seconds"} if self.budget.seconds is None else None
         return {**self._limited(), "budget": self.budget.model_dump(exclude=unused)}
 
     @property
     def bound_digest(self) -> str:
-        """Digest of all that a bound on its front depends on; the name of the bound."""
+        """Digest of all that a bound on its front depends on, which names the bound's file."""
         return hashlib.sha256(canonical(self._limited()).encode()).hexdigest()[:16]
 
     def _limited(self) -> dict[str, Any]:
         """Return the mission and the limits of its plans."""
-        # Only where there is one, so that runs of earlier versions keep their names.
+        # Left out where there is none, so that runs of earlier versions keep their digests.
         limit = {} if self.max_length is None else {"max_length": float(self.max_length)}
         return {"mission": self.digest, "min_survival": float(self.min_survival), **limit}
 
@@ -99,14 +99,14 @@ class StudyAlgorithm:
     algorithm: str  # registered name or module:Class, as in the file
     parameters: Mapping[str, Any]  # as in the file
     origin: Mapping[str, str | None]  # package, version and source
-    identity: AlgorithmIdentity  # the part of all this that results depend on
+    identity: AlgorithmIdentity  # its name and parameters, however the file writes them
     family: str  # label of its entry in the file
     grid: Mapping[str, Any]  # its values of the entry's grid; empty without one
 
     def decides(self, budget: Budget) -> dict[str, Any]:
         """Return everything that results depend on.
 
-        Numbers of threads are part of it only where seconds limit a run.
+        Numbers of threads are part of it only if seconds limit a run.
         """
         neutral = self.identity.neutral if budget.seconds is None else frozenset()
         return {
@@ -128,8 +128,8 @@ class Run:
     algorithm: StudyAlgorithm
     seed: int
     recording: Recording
-    setting: Mapping[str, Any] = field(repr=False)  # all that its result depends on but the seed
-    digest: str  # of its identity; the name of the run
+    setting: Mapping[str, Any] = field(repr=False)  # all that its result depends on, but the seed
+    digest: str  # of its identity, which names the run's file
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -143,7 +143,7 @@ class Run:
 
 
 def seeds_of(seeds: Seeds) -> tuple[int, ...]:
-    """Return the seeds of the repetitions; a seed does not depend on their number."""
+    """Return the seeds of the repetitions; none of them depends on how many there are."""
     if seeds.values is not None:
         return tuple(seeds.values)
     numbers = range(1, (seeds.count or 0) + 1)
@@ -260,7 +260,7 @@ class Study:
 
 def _runs(mission: StudyMission, algorithm: StudyAlgorithm, study: Study) -> Iterator[Run]:
     recording = study.file.recording
-    # Further counts in order, and within the budget: all others make no difference.
+    # Counts above the budget, their order and their repetition make no difference to a run.
     limit = math.inf if mission.budget.evaluations is None else mission.budget.evaluations
     at = sorted({count for count in recording.at if count <= limit})
     setting = {
@@ -270,9 +270,9 @@ def _runs(mission: StudyMission, algorithm: StudyAlgorithm, study: Study) -> Ite
         "seed": None,
         **study.versions,
     }
-    # The text is made once, and each seed put into its place.
-    before, mark, after = canonical(setting).rpartition('"seed":null')
+    # For speed, the canonical text is made once, with null in the place of the seed.
+    before, _, after = canonical(setting).rpartition('"seed":null')
     for seed in study.seeds:
-        text = f"{before}{mark.removesuffix('null')}{seed}{after}"
+        text = f'{before}"seed":{seed}{after}'
         digest = hashlib.sha256(text.encode()).hexdigest()[:16]
         yield Run(mission, algorithm, seed, recording, setting, digest)

@@ -16,7 +16,7 @@ from botohe_moo.study.file.config import StudyFile
 
 
 def study_schema() -> str:
-    """Return the JSON Schema of study files, for editors that check while one types."""
+    """Return the JSON Schema of study files, with which editors check them."""
     schema = StudyFile.model_json_schema()
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["$defs"]["AlgorithmEntry"]["allOf"] = _rules(
@@ -55,5 +55,6 @@ def _rules(
 def _described(parameter: Parameter) -> dict[str, Any]:
     schema = parameter.adapter.json_schema() if parameter.adapter and parameter.plain else {}
     default = plain_value(parameter.default)
-    known = {} if parameter.required or default is NotImplemented else {"default": default}
-    return {**schema, **known, "description": parameter.description}
+    if not (parameter.required or default is NotImplemented):
+        schema["default"] = default
+    return {**schema, "description": parameter.description}

@@ -1,4 +1,4 @@
-"""Texts and values in a study file: what they may be, and how they are written as texts."""
+"""Texts and other values in a study file: which are allowed, and how they are written."""
 
 import functools
 import json
@@ -15,26 +15,26 @@ _NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 
 
 def value_text(value: Any) -> str:
-    """Write a parameter's value as a study file would: a text as it is, all others as JSON."""
+    """Return a parameter's value as a study file has it: a text as it is, all others as JSON."""
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 def canonical(value: Any) -> str:
-    """Write what a study file can hold so that equal values give equal texts."""
-    return json.dumps(_one_number(value), sort_keys=True, separators=(",", ":"))
+    """Return any value of a study file as a text; equal values give equal texts."""
+    return json.dumps(_whole_numbers(value), sort_keys=True, separators=(",", ":"))
 
 
-def _one_number(value: Any) -> Any:
-    """Write 1.0 as 1: whether a number may be one is checked before, and it is the same number."""
+def _whole_numbers(value: Any) -> Any:
+    """Replace 1.0 by 1 and so on, which are the same numbers."""
     if isinstance(value, float) and value.is_integer():
         return int(value)
     if isinstance(value, dict):
-        return {key: _one_number(item) for key, item in value.items()}
-    return [_one_number(item) for item in value] if isinstance(value, list | tuple) else value
+        return {key: _whole_numbers(item) for key, item in value.items()}
+    return [_whole_numbers(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def _text(value: str) -> str:
-    """Refuse what a line of a figure or of a table cannot show."""
+def _check_line(value: str) -> str:
+    """Refuse a text that a line of a figure or table cannot show."""
     if not value.isprintable() or value != value.strip():
         expected = "one line of printable characters without spaces around it"
         raise ValueError(f"expected {expected}, got {quoted(value)}")
@@ -52,8 +52,8 @@ def _matching(pattern: str, expected: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-def different(what: str, values: Sequence[Any]) -> Sequence[Any]:
-    """Refuse a list that has something twice; 1 and 1.0 are the same."""
+def check_distinct(what: str, values: Sequence[Any]) -> Sequence[Any]:
+    """Refuse values of which two are equal, as 1 and 1.0 are."""
     texts = [canonical(value) for value in values]
     text, count = Counter(texts).most_common(1)[0] if texts else ("", 1)
     if count > 1:
@@ -62,13 +62,13 @@ def different(what: str, values: Sequence[Any]) -> Sequence[Any]:
     return values
 
 
-def once(what: str) -> AfterValidator:
-    """Return :func:`different` as a check of a type."""
-    return AfterValidator(functools.partial(different, what))
+def all_distinct(what: str) -> AfterValidator:
+    """Return :func:`check_distinct` as a check of a type."""
+    return AfterValidator(functools.partial(check_distinct, what))
 
 
-Text = Annotated[str, StringConstraints(min_length=1, max_length=200), AfterValidator(_text)]
-# Legends of matplotlib hide what begins with _.
+Text = Annotated[str, StringConstraints(min_length=1, max_length=200), AfterValidator(_check_line)]
+# matplotlib leaves labels that begin with _ out of legends.
 Label = Annotated[Text, _matching("[^_].*", "a label that does not begin with _")]
 Name = Annotated[
     str,

@@ -1,4 +1,4 @@
-"""Making the tables of a study from the files of its runs."""
+"""Making the tables of a study from the outcomes of its runs."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -32,24 +32,24 @@ from botohe_moo.study.store.folder import OUTCOME_FIELDS, StudyFolder, writing
 from botohe_moo.study.store.schemas import SCHEMAS
 from botohe_moo.study.store.tables import to_arrow, write_tables
 
-_Found: TypeAlias = Sequence[tuple[Run, Outcome]]
+_Outcomes: TypeAlias = Sequence[tuple[Run, Outcome]]
 
 
 def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> None:
-    """Make all tables of a study, of the runs and bounds that are there, and write them.
+    """Make all tables of a study from the runs and bounds that are in its folder, and write them.
 
-    ``made_from`` is the digest of what they are made from. A StudyError names the files that
-    are damaged, or a bound that a run refutes, or says that the folder cannot be written to.
+    ``made_from`` is the digest of what they are made from. A StudyError names the files that are
+    damaged, or a bound that a run refutes, or says that the folder cannot be written to.
     """
-    found = list(folder.outcomes(study.runs()))
+    outcomes = list(folder.outcomes(study.runs()))
     missions = {mission.label: mission.mission for mission in study.missions}
     manifest = study.manifest()
     bounds = {
-        mission.label: kept[0]
+        mission.label: bound_and_seconds[0]
         for mission in (study.missions if study.file.bounds else ())
-        if (kept := folder.bound(mission))
+        if (bound_and_seconds := folder.bound(mission))
     }
-    tables = _judged(study, found, bounds)
+    tables = _judged(study, outcomes, bounds)
     _check_bounds(bounds, tables["runs"])
     tables["missions"] = mission_table(manifest, missions, bounds)
     tables["bounds"] = bound_table(bounds)
@@ -59,7 +59,7 @@ def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> No
 
 
 def _check_bounds(bounds: Mapping[str, FrontBound], runs: pd.DataFrame) -> None:
-    """Refuse a bound below the area that a run has found: one of them has a fault."""
+    """Raise a StudyError if a run's area is above the bound: then one of them is wrong."""
     for label, bound in bounds.items():
         area = runs.loc[runs["mission"] == label, "area"].max()
         if area > bound.area + TIE:
@@ -70,7 +70,7 @@ def _check_bounds(bounds: Mapping[str, FrontBound], runs: pd.DataFrame) -> None:
             )
 
 
-def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
+def _run_row(run: Run, outcome: Outcome, environment: str) -> dict[str, Any]:
     budget = run.mission.budget
     last = outcome.records[-1] if outcome.records else None
     return {
@@ -85,30 +85,29 @@ def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
         "max_length": run.mission.max_length,
         "front_size": last.front_size if last else 0,
         "ties": last.ties if last else 0,
-        "environment": where,
+        "environment": environment,
     }
 
 
 def _judged(
-    study: Study, found: _Found, bounds: Mapping[str, FrontBound]
+    study: Study, outcomes: _Outcomes, bounds: Mapping[str, FrontBound]
 ) -> dict[str, pd.DataFrame]:
     """Return all tables but ``missions``, ``bounds`` and ``algorithms``."""
     missions = {mission.label: mission.scale for mission in study.missions}
-    comparison, indicators = study.file.comparison, study.file.indicators
-    level = comparison.significance
-    labels = [algorithm.label for algorithm in study.algorithms]
-    tables = _recorded(found)
-    # The last front of each run, without points where there is none.
-    fronts = [[record.objectives for record in outcome.records] for _, outcome in found]
+    algorithms = [algorithm.label for algorithm in study.algorithms]
+    indicators, control = study.file.indicators, study.file.comparison.control
+    significance = study.file.comparison.significance
+    tables = _recorded(outcomes)
+    fronts = [[record.objectives for record in outcome.records] for _, outcome in outcomes]
     finals = [of_run[-1] if of_run else np.empty((0, 2)) for of_run in fronts]
     references = reference_fronts(tables["runs"], finals)
-    measured = score_records(
+    scores_of_records = score_records(
         zip(tables["trace"]["mission"], chain.from_iterable(fronts), strict=True),
         references,
         missions=missions,
         indicators=indicators,
     )
-    trace = tables["trace"].assign(**measured)
+    trace = tables["trace"].assign(**scores_of_records)
     areas = tables["runs"]["run"].map(trace.groupby("run")["area"].last()).fillna(0.0)
     tables |= {"runs": tables["runs"].assign(area=areas), "trace": trace}
     tables = {name: _typed(name, frame) for name, frame in tables.items()}
@@ -116,85 +115,94 @@ def _judged(
     scores = score_runs(runs, finals, references, missions=missions, indicators=indicators)
     ranks = rank_algorithms(
         scores,
-        algorithms=labels,
-        significance=level,
+        algorithms=algorithms,
+        significance=significance,
         digests={mission.label: mission.digest for mission in study.missions},
     )
     return tables | {
         "references": references,
         "indicators": scores,
         "comparisons": compare_algorithms(
-            scores, runs=runs, algorithms=labels, control=comparison.control, significance=level
+            scores,
+            runs=runs,
+            algorithms=algorithms,
+            control=control,
+            significance=significance,
         ),
         "ranks": ranks,
-        "posthoc": compare_ranks(ranks, significance=level),
+        "posthoc": compare_ranks(ranks, significance=significance),
         "summary": summarise(
             runs,
             scores,
             missions=list(missions),
-            algorithms=labels,
-            significance=level,
+            algorithms=algorithms,
+            significance=significance,
             bounds=bounds,
         ),
         "targets": reach_targets(
-            runs, tables["trace"], references, missions=missions, algorithms=labels
+            runs, tables["trace"], references, missions=missions, algorithms=algorithms
         ),
     }
 
 
-def _recorded(found: _Found) -> dict[str, pd.DataFrame]:
-    """Return the tables of runs, records, points, plans and environments, without scores."""
-    places = [outcome.environment or environment() for _, outcome in found]
+def _recorded(outcomes: _Outcomes) -> dict[str, pd.DataFrame]:
+    """Return ``runs``, ``trace``, ``fronts``, ``plans`` and ``environments``, without scores."""
+    environments = [outcome.environment or environment() for _, outcome in outcomes]
     runs = pd.DataFrame(
         [
-            _run_row(run, outcome, place["environment"])
-            for (run, outcome), place in zip(found, places, strict=True)
+            _run_row(run, outcome, columns["environment"])
+            for (run, outcome), columns in zip(outcomes, environments, strict=True)
         ],
         columns=SCHEMAS["runs"].names,
     )
-    records = [record for _, outcome in found for record in outcome.records]
-    trace = _repeated(runs, [len(outcome.records) for _, outcome in found]).assign(
+    records = [record for _, outcome in outcomes for record in outcome.records]
+    trace = _repeated(runs, [len(outcome.records) for _, outcome in outcomes]).assign(
         evaluations=[record.evaluations for record in records],
         seconds=[record.seconds for record in records],
         front_size=[len(record.objectives) for record in records],
         ties=[record.ties for record in records],
     )
-    finals = [(outcome.records[-1].plans if outcome.records else None) for _, outcome in found]
-    kept = [final or ((), np.empty((0, 2))) for final in finals]
-    plans = _with_points(runs, [objectives for _, objectives in kept])
+    finals = [
+        (outcome.records[-1].plans if outcome.records else None) or ((), np.empty((0, 2)))
+        for _, outcome in outcomes
+    ]
+    plans = _with_points(runs, [objectives for _, objectives in finals])
     trails = [
         json.dumps(run.mission.mission.labels(plan), ensure_ascii=False)
-        for (run, _), (batch, _) in zip(found, kept, strict=True)
+        for (run, _), (batch, _) in zip(outcomes, finals, strict=True)
         for plan in batch
     ]
-    known = {place["environment"]: place for place in places}
+    distinct = {columns["environment"]: columns for columns in environments}
     return {
         "runs": runs,
         "trace": trace,
         "fronts": _with_points(trace, [record.objectives for record in records], "evaluations"),
         "plans": plans.assign(trails=trails, plan_id=plans.groupby("run").cumcount()),
         "environments": pd.DataFrame(
-            [known[key] for key in sorted(known)], columns=SCHEMAS["environments"].names
+            [distinct[digest] for digest in sorted(distinct)], columns=SCHEMAS["environments"].names
         ),
     }
 
 
 def _repeated(frame: pd.DataFrame, counts: Sequence[int], *further: str) -> pd.DataFrame:
-    """Repeat the identity of each run, once for each of its rows in another table."""
+    """Return the identity of each run (each row of ``frame``), repeated ``counts`` times.
+
+    ``further`` columns are repeated with it.
+    """
     rows = np.repeat(np.arange(len(frame)), np.array(counts, int))
     identity = ["run", "mission", "algorithm", "seed"]
     return frame.loc[:, [*identity, *further]].take(rows).reset_index(drop=True)
 
 
 def _with_points(frame: pd.DataFrame, fronts: Sequence[FloatArray], *further: str) -> pd.DataFrame:
-    """Return a row for each point of the fronts, one for each row of ``frame``."""
+    """Return a row for each point of the fronts; each row of ``frame`` has one front."""
     points = np.concatenate([np.empty((0, 2)), *fronts])
     repeated = _repeated(frame, list(map(len, fronts)), *further)
     return repeated.assign(reward=points[:, 0], survivors=points[:, 1])
 
 
 def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
-    """Put columns in order, and give them the types of the schema."""
+    """Return a table with the columns of its schema, in its order and of its types."""
     counts = [field.name for field in SCHEMAS[name] if field.nullable and field.type == pa.int64()]
     table: pd.DataFrame = to_arrow(name, frame).to_pandas(integer_object_nulls=True)
     return table.astype(dict.fromkeys(counts, "Int64"))

@@ -1,4 +1,4 @@
-"""Tests of algorithms: in pairs on each mission, and by their ranks over missions."""
+"""Tests of algorithms: in pairs on each mission, and by ranks over missions."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,13 +11,7 @@ from scipy import stats
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
-from botohe_moo.study.judge.scores import (
-    as_table,
-    best_first,
-    merge_ties,
-    samples_of,
-    sign_of,
-)
+from botohe_moo.study.judge.scores import as_table, best_first, merge_ties, samples_of, sign_of
 from botohe_moo.study.judge.statistics import (
     a12,
     a12_interval,
@@ -27,9 +21,9 @@ from botohe_moo.study.judge.statistics import (
     smallest_p,
 )
 
-MIN_ALGORITHMS, MIN_BLOCKS = 3, 5  # of Friedman's test
-_DECIMALS = 12  # to which an effect is rounded: it is computed, and 0.56 may be 0.5599999
+MIN_ALGORITHMS, MIN_BLOCKS = 3, 5  # for Friedman's test
 _EFFECTS = ((0.71, "large"), (0.64, "medium"), (0.56, "small"), (0.0, "negligible"))
+_DECIMALS = 12  # before an effect is compared with these: a computed 0.56 may be 0.5599999
 
 
 def compare_algorithms(
@@ -45,8 +39,8 @@ def compare_algorithms(
     Two-sided Mann-Whitney tests, corrected by Holm over the tests of a mission by an indicator,
     with the effect size A12, its interval, and a verdict in words. Differences up to 1e-12 count
     as ties. With a ``control``, all others are compared with it; without one, all pairs are
-    compared. If one side has no run, as in a study that was interrupted, there is no row; if it has
-    a single one, there is no test, and the pair does not count for Holm's correction.
+    compared. If one side has no runs, as in a study that was interrupted, there is no row. If it
+    has a single one, there is no test, and the pair does not count for Holm's correction.
     """
     if control is None:
         pairs = list(combinations(algorithms, 2))
@@ -57,17 +51,20 @@ def compare_algorithms(
     rows: list[dict[str, Any]] = []
     for (mission, indicator), samples in samples_of(indicators).items():
         sign = sign_of(indicator)
-        known = [pair for pair in pairs if sign and samples.keys() >= set(pair)]
-        sides = {pair: _sides(samples[pair[0]], samples[pair[1]], sign) for pair in known}
-        for (one, other), found in _compared(sides, significance).items():
+        sides = {
+            (one, other): _sides(samples[one], samples[other], sign)
+            for one, other in pairs
+            if sign and one in samples and other in samples
+        }
+        for (one, other), outcome in _compared(sides, significance).items():
             lost = [
                 f"{n} of {len(samples[label])} runs of {label}"
                 for label in (one, other)
                 if (n := n_lost.get((mission, label)))
             ]
-            if lost:  # which says more than a low value
+            if lost:  # a low median would not tell why
                 ending = "; without a front, and scored as bringing nothing back: "
-                found["verdict"] += ending + ", ".join(lost)
+                outcome["verdict"] += ending + ", ".join(lost)
             rows.append(
                 {
                     "mission": mission,
@@ -78,7 +75,7 @@ def compare_algorithms(
                     "n_other": len(samples[other]),
                     "median": float(np.median(samples[one])),
                     "median_other": float(np.median(samples[other])),
-                    **found,
+                    **outcome,
                 }
             )
     return as_table("comparisons", rows)
@@ -93,11 +90,12 @@ def _sides(values: FloatArray, others: FloatArray, sign: int) -> tuple[FloatArra
 def _compared(
     sides: Mapping[tuple[str, str], tuple[FloatArray, FloatArray]], level: float
 ) -> dict[tuple[str, str], dict[str, Any]]:
-    """Return the outcome for each pair; pairs that are tested are corrected together."""
+    """Return the test, effect size and verdict of each pair; p-values are corrected together."""
     tested = [pair for pair, both in sides.items() if min(map(len, both)) >= 2]
     p_values = {pair: mann_whitney(*sides[pair]) for pair in tested}
     corrected = _holm(p_values)
-    # Holm's correction of a p-value grows with every other one: at best all are at their smallest.
+    # The smallest that any corrected p-value can be: a corrected one never falls when another
+    # p-value grows, so all are at their smallest.
     smallest = _holm({pair: smallest_p(*map(len, sides[pair])) for pair in tested})
     rows = {}
     for pair, (x, y) in sides.items():
@@ -174,13 +172,13 @@ def rank_algorithms(
 ) -> pd.DataFrame:
     """Return the table ``ranks``: average ranks of medians over missions, tested by Friedman.
 
-    Missions are the blocks, and seeds never are: the runs of a mission are not several problems.
-    The test needs ``MIN_ALGORITHMS`` = 3 algorithms, since for two it would be a sign test, and
-    ``MIN_BLOCKS`` = 5 missions: with fewer, three algorithms would have to rank almost alike on
-    all, and the outcome would depend on a single mission. ``digests`` tells, by label, missions
-    that are the same under several labels, with other budgets or survival floors: they are one
-    block, and there is no test then. The column ``note`` says why there is no test. Missions where
-    an algorithm has no run, as in a study that was interrupted, are left out and counted there.
+    Missions are the blocks. Seeds never are: the runs of a mission are not several problems.
+    The test needs ``MIN_ALGORITHMS`` = 3 algorithms, since for two it would be a sign test. It
+    needs ``MIN_BLOCKS`` = 5 missions: with fewer, three algorithms would have to rank almost alike
+    on all, and the outcome would depend on a single mission. ``digests``, by label, are equal for
+    missions that differ in budgets or limits only. These are one block, and then there is no test.
+    The column ``note`` says why there is no test. Missions where an algorithm has no runs, as in a
+    study that was interrupted, are left out, and the note counts them.
     """
     rows: list[dict[str, Any]] = []
     for indicator, values in indicators.groupby("indicator", sort=False):
@@ -216,18 +214,21 @@ def _tested(
 ) -> tuple[float | None, float | None, str]:
     """Return Friedman's statistic, its p-value, and the outcome in words."""
     n_missions, n_algorithms = medians.shape
-    lacking = []
+    obstacles = []
     if n_algorithms < MIN_ALGORITHMS:
-        found = counted(n_algorithms, "algorithm")
-        lacking.append(f"{found}, at least {MIN_ALGORITHMS} are needed")
+        algorithms = counted(n_algorithms, "algorithm")
+        obstacles.append(f"{algorithms}, at least {MIN_ALGORITHMS} are needed")
+    missions = counted(n_blocks, "mission")
     if n_blocks < n_missions:
-        several = f"{n_missions} labels represent {counted(n_blocks, 'mission')}"
-        lacking.append(f"{several}, and a mission under several labels is one block")
+        obstacles.append(
+            f"{n_missions} labels represent {missions}, and a mission under several labels is "
+            "one block"
+        )
     if n_blocks < MIN_BLOCKS:
         needed = f"at least {MIN_BLOCKS} are needed as blocks, and seeds are no blocks"
-        lacking.append(f"{counted(n_blocks, 'mission')}, {needed}")
-    if lacking:
-        return None, None, f"no Friedman test: {'; '.join(lacking)}"
+        obstacles.append(f"{missions}, {needed}")
+    if obstacles:
+        return None, None, f"no Friedman test: {'; '.join(obstacles)}"
     statistic, p_value = friedman(medians, rng=generator_for(medians.ravel()))
     if statistic is None or p_value is None:
         return None, None, "no Friedman test: all algorithms have the same median on every mission"
@@ -245,7 +246,7 @@ def nemenyi(average_ranks: FloatArray, n_blocks: int, *, significance: float) ->
     divided by sqrt(2).
     """
     k = len(average_ranks)
-    unit = math.sqrt(k * (k + 1) / (12 * n_blocks))  # sqrt(2) is in it
+    unit = math.sqrt(k * (k + 1) / (12 * n_blocks))  # divided by sqrt(2)
     critical = float(stats.studentized_range.ppf(1 - significance, k, np.inf)) * unit
     sizes = np.abs(average_ranks[:, None] - average_ranks[None, :])
     different, where = np.unique(sizes.round(9), return_inverse=True)
@@ -254,15 +255,15 @@ def nemenyi(average_ranks: FloatArray, n_blocks: int, *, significance: float) ->
 
 
 def compare_ranks(ranks: pd.DataFrame, *, significance: float) -> pd.DataFrame:
-    """Return the table ``posthoc``: Nemenyi's test of all pairs, by indicators tested by Friedman.
+    """Return the table ``posthoc``: Nemenyi's test of all pairs, if there is Friedman's.
 
     Where Friedman's test finds no difference, no pair is significant.
     """
     rows: list[dict[str, Any]] = []
-    for indicator, found in ranks.dropna(subset="statistic").groupby("indicator", sort=False):
-        averages = found["average_rank"].to_numpy(float)
-        labels = found["algorithm"].tolist()
-        n_blocks, overall = int(found["n_missions"].iloc[0]), float(found["p_value"].iloc[0])
+    for indicator, tested in ranks.dropna(subset="statistic").groupby("indicator", sort=False):
+        averages = tested["average_rank"].to_numpy(float)
+        labels = tested["algorithm"].tolist()
+        n_blocks, overall = int(tested["n_missions"].iloc[0]), float(tested["p_value"].iloc[0])
         critical, p_values = nemenyi(averages, n_blocks, significance=significance)
         rows += [
             {

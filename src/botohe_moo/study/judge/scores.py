@@ -1,4 +1,4 @@
-"""Scores of fronts: reference fronts, and the indicators of every run and record."""
+"""Scores of fronts: the reference fronts, and the indicators of all runs and records."""
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,19 +17,20 @@ from botohe_moo.study.store.schemas import SCHEMAS
 # Values of each algorithm, by mission and indicator.
 Samples: TypeAlias = dict[tuple[str, str], dict[str, FloatArray]]
 
-_DIGITS = 16
+_DIGITS = 16  # of a reference front's digest
 
 
 def reference_fronts(runs: pd.DataFrame, fronts: Sequence[FloatArray]) -> pd.DataFrame:
     """Return the table ``references``: what all runs on each mission found together.
 
-    The non-dominated points of the final ``fronts``, one for each run, each once, by descending
-    reward. Where no run found anything, the single point (0, 0): the plan that brings nothing back.
+    They are the non-dominated points of the final ``fronts``, one front for each run. Each point is
+    there once, by descending reward. Where no run found any, the reference front is the point
+    (0, 0): a plan that brings nothing back.
     """
     rows: list[dict[str, Any]] = []
     for mission in runs["mission"].unique():
         of_mission = runs["mission"] == mission
-        union = _union([front for front, own in zip(fronts, of_mission, strict=True) if own])
+        union = _union([front for front, its in zip(fronts, of_mission, strict=True) if its])
         digest = hashlib.sha256(union.astype("<f8").tobytes()).hexdigest()[:_DIGITS]
         rows += [
             {"reference": digest, "mission": mission, "reward": reward, "survivors": survivors}
@@ -49,9 +50,9 @@ def score_runs(
     """Return the table ``indicators``: a row for each run, in the order of ``runs``, and indicator.
 
     ``fronts`` are the final ones, one for each run. A run without a front, because it failed or
-    found nothing feasible, is scored as the single plan that brings nothing back, (0, 0): its area
-    is 0, its IGD+ and epsilon are those of that point, and its front has 0 points. Values of a
-    mission that differ by at most 1e-12 are made equal by :func:`merge_ties`.
+    found nothing feasible, is scored as a plan that brings nothing back: its area is 0, its IGD+
+    and epsilon are those of the point (0, 0), and its front has 0 points. Values of a mission that
+    differ by at most 1e-12 are made equal by :func:`merge_ties`.
     """
     targets = points_by_mission(references)
     names = references.groupby("mission")["reference"].first()
@@ -78,23 +79,23 @@ def score_records(
     missions: Mapping[str, Scale],
     indicators: Sequence[str],
 ) -> dict[str, list[float]]:
-    """Compute lists ``area``, ``igd_plus``, ..., with a value for each recorded front.
+    """Compute the columns ``area``, ``igd_plus``, ..., with a value for each recorded front.
 
-    ``fronts`` are pairs of a mission's label and points (n, 2); a front equal to the one before it
-    is not measured again. An indicator that is not wanted is NaN.
+    ``fronts`` are pairs of a mission's label and points (n, 2). For speed, a front that equals the
+    one before it is not measured again. An indicator that is not wanted is NaN.
     """
     targets = points_by_mission(references)
     scores: dict[str, list[float]] = {"area": [], **{name: [] for name in further_indicators()}}
     wanted = [name for name in scores if name == "area" or name in indicators]
     last: tuple[str, FloatArray] | None = None
-    found: dict[str, float] = {}
+    measured: dict[str, float] = {}
     for label, points in fronts:
         if last is None or last[0] != label or not np.array_equal(last[1], points):
             last, mission = (label, points), missions[label]
             target = targets.get(label)
-            found = {name: INDICATORS[name].measure(points, target, mission) for name in wanted}
+            measured = {name: INDICATORS[name].measure(points, target, mission) for name in wanted}
         for name, column in scores.items():
-            column.append(found.get(name, np.nan))
+            column.append(measured.get(name, np.nan))
     return scores
 
 
@@ -105,21 +106,22 @@ def as_table(name: str, rows: list[dict[str, Any]]) -> pd.DataFrame:
 
 
 def merge_ties(values: ArrayLike) -> FloatArray:
-    """Make values (n,) that differ by at most 1e-12 equal.
+    """Return values (n,) of which those that differ by at most 1e-12 are made equal.
 
-    Each value is replaced by the largest that a chain of such steps leads to. Rounding would not
-    do, as two neighbouring numbers may be rounded apart. Merging again changes nothing.
+    Each value is replaced by the largest that can be reached from it by such steps from value to
+    value. Rounding would not do, since it may put two neighbouring numbers apart. Merging again
+    changes nothing.
 
     >>> merge_ties([0.3, 0.1 + 0.2, 0.2]).tolist()
     [0.30000000000000004, 0.30000000000000004, 0.2]
     """
-    given = np.asarray(values, np.float64)
-    order = np.argsort(given, kind="stable")
-    ordered = given[order]
-    last = np.append(np.diff(ordered) > TIE, True)[: len(given)]
-    ends = np.flatnonzero(last)
-    merged = np.empty_like(given)
-    merged[order] = ordered[ends[np.searchsorted(ends, np.arange(len(given)))]]
+    values = np.asarray(values, np.float64)
+    order = np.argsort(values, kind="stable")
+    ordered = values[order]
+    is_last = np.append(np.diff(ordered) > TIE, True)[: len(values)]  # of a group of ties
+    ends = np.flatnonzero(is_last)
+    merged = np.empty_like(values)
+    merged[order] = ordered[ends[np.searchsorted(ends, np.arange(len(values)))]]
     return merged
 
 
@@ -127,14 +129,13 @@ def samples_of(indicators: pd.DataFrame) -> Samples:
     """Return the values of every algorithm by mission and indicator, in the order of the table."""
     samples: Samples = {}
     groups: Any = indicators.groupby(["mission", "indicator", "algorithm"], sort=False)["value"]
-    for (mission, indicator, algorithm), found in groups:
-        of_mission = samples.setdefault((mission, indicator), {})
-        of_mission[algorithm] = found.to_numpy(float)
+    for (mission, indicator, algorithm), values in groups:
+        samples.setdefault((mission, indicator), {})[algorithm] = values.to_numpy(float)
     return samples
 
 
 def sign_of(indicator: str) -> int:
-    """Return 1 where more is better, -1 where less is, 0 for an indicator that does not judge."""
+    """Return 1 if more is better, -1 if less is, 0 if the indicator does not judge."""
     return {True: 1, False: -1, None: 0}[INDICATORS[indicator].higher_is_better]
 
 
@@ -151,7 +152,7 @@ def points_by_mission(references: pd.DataFrame) -> dict[str, FloatArray]:
 
 def _union(fronts: list[FloatArray]) -> FloatArray:
     """Return the non-dominated points, each once, by descending reward."""
-    # -0.0 equals 0.0 and has other bytes.
+    # Adding 0.0 makes -0.0 to 0.0, which would have other bytes in the digest.
     points = np.unique(np.concatenate(fronts), axis=0)[::-1] + 0.0
-    kept: FloatArray = points[moocore.is_nondominated(points, maximise=True)]
-    return kept if len(kept) else np.zeros((1, 2))
+    union: FloatArray = points[moocore.is_nondominated(points, maximise=True)]
+    return union if len(union) else np.zeros((1, 2))

@@ -7,6 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize, stats
 
+N_RESAMPLES = 9_999
+_SEED = 20_250
+_BATCH = 1_000  # resamples at a time, on which memory depends, but not the result
+
 
 def a12(x: ArrayLike, y: ArrayLike) -> float:
     """Return the probability that a value of ``x`` is larger than one of ``y``, ties counted half.
@@ -65,30 +69,25 @@ def mann_whitney(x: ArrayLike, y: ArrayLike) -> float:
     first, second = np.asarray(x, np.float64), np.asarray(y, np.float64)
     if np.ptp(np.concatenate([first, second])) == 0:
         return 1.0
-    found = stats.mannwhitneyu(first, second, alternative="two-sided", method="auto").pvalue
+    p_value = stats.mannwhitneyu(first, second, alternative="two-sided", method="auto").pvalue
     # For few values with ties, the approximation falls below the p-value of any arrangement:
     # 3 ones against 3 zeros would be significant at 0.05, although 1 in 10 arrangements are as far
     # apart.
-    return float(max(found, smallest_p(len(first), len(second))))
+    return float(max(p_value, smallest_p(len(first), len(second))))
 
 
 def smallest_p(n: int, m: int) -> float:
     """Return the smallest p-value of a two-sided Mann-Whitney test of n and m values.
 
-    2 / binomial(n + m, n), that of samples of which one lies above the other.
+    It is 2 / binomial(n + m, n): all values of one sample are above all of the other.
     """
     return 2 / math.comb(n + m, n)
 
 
-N_RESAMPLES = 9_999
-_SEED = 20_250
-_BATCH = 1_000  # resamples at a time: memory, not the result
-
-
 def generator_for(values: ArrayLike) -> np.random.Generator:
-    """Return a generator seeded by the values (in their order), to resample them.
+    """Return a generator seeded by the values, in their order, to resample them.
 
-    So a sample has the same interval in every study.
+    A sample then has the same interval in every study.
     """
     content = np.ascontiguousarray(values, "<f8").tobytes()
     digest = np.frombuffer(hashlib.sha256(content).digest(), "<u4")
@@ -110,7 +109,7 @@ def median_interval(
     median = float(np.median(sample))
     if sample[0] == sample[-1]:
         return median, median, median
-    found = stats.bootstrap(
+    interval = stats.bootstrap(
         (sample,),
         np.median,
         n_resamples=N_RESAMPLES,
@@ -121,8 +120,8 @@ def median_interval(
         rng=rng,
     ).confidence_interval
     # Interpolated percentiles may lie beyond the values, or the median, by rounding.
-    low = min(max(float(found.low), float(sample[0])), median)
-    high = max(min(float(found.high), float(sample[-1])), median)
+    low = min(max(float(interval.low), float(sample[0])), median)
+    high = max(min(float(interval.high), float(sample[-1])), median)
     return median, low, high
 
 
@@ -131,8 +130,8 @@ def friedman(
 ) -> tuple[float, float] | tuple[None, None]:
     """Test whether treatments rank differently over blocks (n_blocks, n_treatments >= 3).
 
-    Returns Friedman's statistic and its p-value; both are None if all treatments are tied in every
-    block, and there is nothing to test.
+    Returns Friedman's statistic and its p-value. Both are None if all treatments are tied in every
+    block, so that there is nothing to test.
 
     Friedman, "The use of ranks to avoid the assumption of normality implicit in the analysis of
     variance", Journal of the American Statistical Association 32, 1937; the statistic is that of

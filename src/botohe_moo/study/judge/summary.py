@@ -12,13 +12,10 @@ from botohe_moo.indicators import TIE, Scale, area_indicator, further_indicators
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.values import canonical, value_text
-from botohe_moo.study.judge.scores import (
-    as_table,
-    best_first,
-    merge_ties,
-    points_by_mission,
-)
+from botohe_moo.study.judge.scores import as_table, best_first, merge_ties, points_by_mission
 from botohe_moo.study.judge.statistics import generator_for, median_interval
+
+SHARES = (0.9, 0.95, 0.99)  # of the area of a reference front: the targets
 
 
 def mission_table(
@@ -28,33 +25,32 @@ def mission_table(
 ) -> pd.DataFrame:
     """Return the table ``missions``, with a further column for each parameter in a grid.
 
-    ``bounds`` are those that there are, by label of the mission.
+    ``missions`` and ``bounds`` are by label; not every mission has a bound.
     """
     rows = []
     for label, entry in manifest["missions"].items():
-        mission = missions[label]
-        bound = bounds.get(label)
+        mission, bound = missions[label], bounds.get(label)
         rows.append(
             {
                 "mission": label,
                 "name": str(entry["source"]["name_or_path"]),
-                "family": entry.get("family", label),
+                "family": entry["family"],
                 "nodes": mission.graph.number_of_nodes(),
                 "arcs": mission.graph.number_of_edges(),
                 "robots": mission.robots,
                 "total_reward": mission.total_reward,
                 "min_survival": entry["min_survival"],
-                "max_length": entry.get("max_length"),
+                "max_length": entry["max_length"],
                 "bound_area": None if bound is None else bound.area,
                 "bound_seconds": None if bound is None else bound.seconds,
             }
         )
-    varied = [entry.get("grid") or {} for entry in manifest["missions"].values()]
-    return _widened("missions", rows, varied, prefix="grid_")
+    grids = [entry["grid"] for entry in manifest["missions"].values()]
+    return _widened("missions", rows, grids, prefix="grid_")
 
 
 def bound_table(bounds: Mapping[str, FrontBound]) -> pd.DataFrame:
-    """Return the table ``bounds`` of the bounds that there are, by label of the mission."""
+    """Return the table ``bounds``; the bounds are by label of the mission."""
     rows = [
         {"mission": label, "reward": reward, "survivors": survivors}
         for label, bound in bounds.items()
@@ -66,26 +62,26 @@ def bound_table(bounds: Mapping[str, FrontBound]) -> pd.DataFrame:
 def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
     """Return the table ``algorithms``, with further columns for parameters.
 
-    There is a column for each parameter that is given to any algorithm, and for each whose values
-    differ between algorithms that have it, such as one that a class hands to its base.
+    There is a column for each parameter that the study file gives to any algorithm, and for each
+    whose values differ between algorithms that have it, such as one that a class sets for its base.
     """
     rows = [
         {
             "algorithm": label,
-            "name": entry.get("name", entry["algorithm"]),
-            "family": entry.get("family", label),
+            "name": entry["name"],
+            "family": entry["family"],
             "package": entry["package"],
             "version": entry["version"],
         }
         for label, entry in manifest["algorithms"].items()
     ]
     entries = manifest["algorithms"].values()
-    used = [{**entry.get("effective", {}), **entry["parameters"]} for entry in entries]
-    found: dict[str, set[str]] = {}
+    used = [{**entry["effective"], **entry["parameters"]} for entry in entries]
+    different: dict[str, set[str]] = {}  # values of each parameter
     for name, value in (pair for values in used for pair in values.items()):
-        found.setdefault(name, set()).update([] if value is None else [canonical(value)])
+        different.setdefault(name, set()).update([] if value is None else [canonical(value)])
     columns = dict.fromkeys(name for entry in entries for name in entry["parameters"])
-    columns |= dict.fromkeys(name for name, values in found.items() if len(values) > 1)
+    columns |= dict.fromkeys(name for name, values in different.items() if len(values) > 1)
     shown = [{name: values[name] for name in columns if name in values} for values in used]
     return _widened("algorithms", rows, shown, prefix="parameter_")
 
@@ -93,7 +89,7 @@ def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
 def _widened(
     name: str, rows: list[dict[str, Any]], parameters: Sequence[Mapping[str, Any]], *, prefix: str
 ) -> pd.DataFrame:
-    """Add a column for each parameter, in the order of appearance."""
+    """Return a table with a further column for each parameter, in the order of appearance."""
     table = as_table(name, rows)
     for parameter in dict.fromkeys(key for given in parameters for key in given):
         column = parameter
@@ -114,9 +110,6 @@ def _typed(values: list[Any]) -> "pd.Series[Any]":
     return pd.Series(texts, dtype="str")
 
 
-SHARES = (0.9, 0.95, 0.99)
-
-
 def summarise(
     runs: pd.DataFrame,
     indicators: pd.DataFrame,
@@ -132,41 +125,41 @@ def summarise(
     not depend on the rest of the study. An algorithm without runs on a mission, as in a study that
     was interrupted, has no row.
     """
-    if len(runs):  # the values that are compared
+    if len(runs):  # ties are merged, as for comparisons
         areas: Any = runs.groupby("mission", sort=False)["area"]
         runs = runs.assign(raw_area=runs["area"], area=areas.transform(merge_ties))
     groups: Any = runs.groupby(["mission", "algorithm"], sort=False)
-    found: dict[Any, pd.DataFrame] = dict(iter(groups))
+    runs_of: dict[Any, pd.DataFrame] = dict(iter(groups))
     values: Any = indicators.groupby(["mission", "algorithm", "indicator"])["value"]
     medians = values.median().to_dict()
     rows: list[dict[str, Any]] = []
     for mission in missions:
-        labels = [label for label in algorithms if (mission, label) in found]
+        labels = [label for label in algorithms if (mission, label) in runs_of]
         ranks = stats.rankdata(
-            best_first("area", [found[mission, label]["area"].median() for label in labels])
+            best_first("area", [runs_of[mission, label]["area"].median() for label in labels])
         )
         for label, rank in zip(labels, ranks, strict=True):
             row: dict[str, Any] = {"mission": mission, "algorithm": label, "rank": float(rank)}
             for name in further_indicators():
                 row[f"{name}_median"] = medians.get((mission, label, name))
-            row |= _described(found[mission, label], significance)
+            row |= _described(runs_of[mission, label], significance)
             if mission in bounds:
                 row["area_gap"] = _gap(bounds[mission].area, row["area_mean"])
             rows.append(row)
     return as_table("summary", rows)
 
 
-def _gap(most: float, area: float) -> float:
+def _gap(bound: float, area: float) -> float:
     """Return by which share an area may be exceeded at most, as ``FrontBound.gap`` does."""
     if area == 0.0:
-        return np.inf if most > 0.0 else 0.0
-    return max(0.0, most / area - 1.0)
+        return np.inf if bound > 0.0 else 0.0
+    return max(0.0, bound / area - 1.0)
 
 
 def _described(runs: pd.DataFrame, significance: float) -> dict[str, Any]:
     areas = np.sort(runs["area"].to_numpy(float))
     median = float(np.median(areas))
-    # Not the merged values, which depend on the other runs of the study.
+    # The interval is not that of merged values, which depend on the other runs of the study.
     raw = np.sort(runs["raw_area"].to_numpy(float))
     _, low, high = median_interval(raw, confidence=1.0 - significance, rng=generator_for(raw))
     return {
@@ -194,19 +187,20 @@ def reach_targets(
 ) -> pd.DataFrame:
     """Return the table ``targets``: what reaching 90, 95 and 99 % of the reference area takes.
 
-    What is reached between two records counts from the second. Medians are over all runs; one that
-    never reaches a target takes for ever. An algorithm without runs on a mission, as in a study
-    that was interrupted, has no rows, nor has a mission whose reference front has no area.
+    A target that is reached between two records counts as reached at the second. Medians are over
+    all runs; a run that never reaches a target takes for ever. An algorithm without runs on a
+    mission, as in a study that was interrupted, has no rows, nor has a mission whose reference
+    front has no area.
     """
     fronts = points_by_mission(references)
     areas = {label: area_indicator(fronts[label], missions[label]) for label in fronts}
     runs = runs[runs["mission"].map(areas).astype(float) > 0].reset_index(drop=True)
-    whole = trace["mission"].map(areas).to_numpy(float)
+    reference_areas = trace["mission"].map(areas).to_numpy(float)
     keys, columns = ["mission", "algorithm"], ["evaluations", "seconds"]
     parts = []
     for share in SHARES:
-        there = trace[trace["area"].to_numpy(float) >= share * whole - TIE]
-        first = there.drop_duplicates("run").set_index("run")[columns].astype(float)
+        reached = trace[trace["area"].to_numpy(float) >= share * reference_areas - TIE]
+        first = reached.drop_duplicates("run").set_index("run")[columns].astype(float)
         spent = runs[keys].assign(**first.reindex(runs["run"]).reset_index(drop=True))
         medians = spent.fillna({"evaluations": np.inf, "seconds": np.inf}).groupby(keys)[columns]
         part = medians.median().replace(np.inf, np.nan).add_suffix("_median")
@@ -215,6 +209,6 @@ def reach_targets(
     table = pd.concat(parts).reset_index()
     table["target"] = table["share"] * table["mission"].map(areas).astype(float)
     order: Any = {"mission": list(missions), "algorithm": list(algorithms), "share": list(SHARES)}
-    table = table.sort_values(list(order), key=lambda given: given.map(order[given.name].index))
+    table = table.sort_values(list(order), key=lambda column: column.map(order[column.name].index))
     rows: Any = table.to_dict("records")
     return as_table("targets", rows)

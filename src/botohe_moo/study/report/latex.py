@@ -1,4 +1,4 @@
-"""The tables of a report in LaTeX: plain ``tabular`` with booktabs, which every class takes."""
+"""The tables of a report in LaTeX: ``tabular`` with booktabs, which every class can set."""
 
 import textwrap
 from collections.abc import Iterable
@@ -34,7 +34,7 @@ _ESCAPED = str.maketrans(
 
 
 def escape_latex(text: str) -> str:
-    r"""Return a text as LaTeX prints it; further scripts are left to XeLaTeX and LuaLaTeX.
+    r"""Return a text in LaTeX; letters of other scripts are left to XeLaTeX and LuaLaTeX.
 
     >>> print(escape_latex("a_b & 5 %, ε ≤ 1"))
     a\_b \& 5 \%, $\epsilon$ $\leq$ 1
@@ -43,7 +43,7 @@ def escape_latex(text: str) -> str:
 
 
 def outcome_latex(tables: StudyTables) -> str:
-    """Return the matrix that opens the report: medians, marks and ranks."""
+    """Return the matrix of medians, marks and ranks that opens the report."""
     shown = matrix(tables)
     caption = escape_latex(matrix_caption(tables))
     comment = [
@@ -63,11 +63,11 @@ def outcome_latex(tables: StudyTables) -> str:
 
 
 def _heading(label: str, position: str) -> str:
-    """Return the heading of a column, with words below each other."""
+    """Return the heading of a column, with its words below each other."""
     words = list(map(escape_latex, label.split(" ")))
-    lines = r"\\".join(words)
     if len(words) == 1:
-        return lines
+        return words[0]
+    lines = r"\\".join(words)
     return rf"\begin{{tabular}}[b]{{@{{}}{position}@{{}}}}{lines}\end{{tabular}}"
 
 
@@ -109,11 +109,11 @@ def ranks_latex(tables: StudyTables) -> str:
     )
 
 
-def _tables(blocks: Iterable[tuple[str, TextTable, list[str]]]) -> str:
-    """Return tables below each other, each with its title and without some columns."""
+def _tables(titled: Iterable[tuple[str, TextTable, list[str]]]) -> str:
+    """Return tables below each other, each with its title and without the columns listed."""
     text = ["% Needs booktabs. Each tabular may stand in a table of its own, wide ones in table*."]
     names = {known.label: known.latex for known in INDICATORS.values() if known.latex}
-    for title, table, left_out in blocks:
+    for title, table, left_out in titled:
         cells: Any = table.cells.map(escape_latex)
         if table.strong:
             cells.loc[table.strong, table.bold] = r"\textbf{" + cells[table.bold] + "}"

@@ -1,4 +1,4 @@
-"""The report of a study: a page with figures and styles in it, and LaTeX tables."""
+"""The report of a study: a page that embeds its figures and styles, and tables in LaTeX."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,17 +21,17 @@ from botohe_moo.study.store.tables import StudyTables
 
 
 def write_report(tables: StudyTables) -> list[Path]:
-    """Write the report of a study into the folder ``report`` in the study's own; return its files.
+    """Write the report into the folder ``report`` of a study's folder; return its files.
 
     They are ``report.html``, ``outcome.tex``, ``summary.tex``, ``comparisons.tex``, ``ranks.tex``,
-    and in the folder ``figures`` the figures. Files of other names stay.
+    and the figures in the folder ``figures``. Files of other names stay.
     """
     folder = tables.folder / "report"
     drawings = folder / "figures"
     drawings.mkdir(parents=True, exist_ok=True)
-    figures = draw_figures(tables, drawings)
+    figures_of = draw_figures(tables, drawings)
     texts = {
-        "report.html": render_page(tables, figures),
+        "report.html": render_page(tables, figures_of),
         "outcome.tex": outcome_latex(tables),
         "summary.tex": summary_latex(tables),
         "comparisons.tex": comparisons_latex(tables),
@@ -39,7 +39,7 @@ def write_report(tables: StudyTables) -> list[Path]:
     }
     for name, text in texts.items():
         replace_file(folder / name, text.encode())
-    drawn = [path for shown in figures.values() for figure in shown for path in figure.paths]
+    drawn = [path for figures in figures_of.values() for figure in figures for path in figure.paths]
     return [*(folder / name for name in texts), *drawn]
 
 

@@ -26,7 +26,7 @@ from botohe_moo.study.report.words import level, main_indicator, slug
 from botohe_moo.study.store.tables import StudyTables
 
 FORMATS = ("png", "pdf", "svg")
-_SHARES = np.arange(50, 100) / 100  # of the reference front's area: the targets
+_SHARES = np.arange(50, 100) / 100  # of the reference front's area, as targets
 
 Picture = tuple[str, Axes, str]  # kind, axes, caption
 
@@ -35,15 +35,14 @@ Picture = tuple[str, Axes, str]  # kind, axes, caption
 class ReportFigure:
     """A figure of a report."""
 
-    path: Path  # the PNG file
-    paths: tuple[Path, ...]  # the same as PNG, PDF and SVG
+    paths: tuple[Path, ...]  # its files, as PNG, PDF and SVG
     caption: str  # what it shows, what its lines and bands mean, and what is not in it
     alternative: str  # text for readers who cannot see it
 
     @property
     def data(self) -> str:
-        """Return the PNG file as text, as a page holds it."""
-        return base64.b64encode(self.path.read_bytes()).decode()
+        """The PNG file as base64, to be embedded in a page."""
+        return base64.b64encode(self.paths[0].read_bytes()).decode()
 
 
 def draw_figures(tables: StudyTables, folder: Path) -> dict[str, list[ReportFigure]]:
@@ -66,8 +65,8 @@ def draw_figures(tables: StudyTables, folder: Path) -> dict[str, list[ReportFigu
 def _saved(folder: Path, name: str, ax: Axes, caption: str, where: str = "") -> ReportFigure:
     paths = tuple(folder / f"{name}.{end}" for end in FORMATS)
     save_plot(ax, *paths)
-    first = caption.split(". ")[0].removesuffix(".")
-    return ReportFigure(paths[0], paths, caption, f"{first}.{where}")
+    first = caption.split(". ")[0].removesuffix(".")  # sentence
+    return ReportFigure(paths, caption, f"{first}.{where}")
 
 
 def _ranks(tables: StudyTables, palette: dict[str, Any]) -> Iterator[Picture]:
@@ -84,16 +83,16 @@ def _ranks(tables: StudyTables, palette: dict[str, Any]) -> Iterator[Picture]:
     if overruled(pairs):
         caption += "; here Friedman's test finds no difference, so that no pair counts."
     else:
-        apart = float(pairs["critical_difference"].iloc[0])
-        caption += f": their ranks lie less than the critical difference, {apart:.2f}, apart."
+        critical = float(pairs["critical_difference"].iloc[0])
+        caption += f": their ranks lie less than the critical difference, {critical:.2f}, apart."
     yield f"critical-difference-{main}", plot_ranks(rows, pairs, palette=palette), caption
 
 
 def rivals(tables: StudyTables, mission: str) -> tuple[str, str] | None:
-    """Return the two algorithms whose attainment is compared; None if there is only one.
+    """Return the two algorithms whose attainment is compared; None if there are fewer.
 
-    They are the control and the best other one, or without a control the two with the largest
-    median areas, in the order of the study file.
+    They are the control and the best of the others. Without a control they are the two with the
+    largest median areas, in the order of the study file.
     """
     rows = tables.summary[tables.summary["mission"] == mission]
     ranked = rows.sort_values("area_median", ascending=False, kind="stable")["algorithm"].tolist()
@@ -106,14 +105,13 @@ def rivals(tables: StudyTables, mission: str) -> tuple[str, str] | None:
 
 
 class MissionPictures:
-    """Pictures of one mission, drawn one by one."""
+    """The pictures of one mission, each drawn when it is asked for."""
 
     def __init__(self, tables: StudyTables, mission: str, palette: dict[str, Any]) -> None:
         self._tables, self._mission = tables, mission
-        self._own = tables.manifest["missions"][mission].get("objective_bounds")
         self._runs, self._palette = self._rows(tables.runs), palette
-        most = self._rows(tables.missions)["bound_area"].iloc[0]
-        self._most = None if pd.isna(most) else float(most)
+        bound = self._rows(tables.missions)["bound_area"].iloc[0]
+        self._bound_area = None if pd.isna(bound) else float(bound)
 
     def _rows(self, table: pd.DataFrame) -> pd.DataFrame:
         return table[table["mission"] == self._mission]
@@ -127,12 +125,13 @@ class MissionPictures:
                 yield from self._distances(trace)
             yield from self._areas()
             yield from self._grids()
-        # Their axes are E[R] and E[S].
-        if self._own is None and not self._rows(self._tables.plans).empty:
+        # Axes of fronts are E[R] and E[S], which objectives of your own need not be.
+        own_bounds = self._tables.manifest["missions"][self._mission].get("objective_bounds")
+        if own_bounds is None and not self._rows(self._tables.plans).empty:
             yield from self._fronts()
 
     def _without_front(self, table: pd.DataFrame) -> str:
-        """Write how many runs of which algorithms have no row in a table."""
+        """Return how many runs of which algorithms have no row in a table; empty if none."""
         missing = self._runs.loc[~self._runs["run"].isin(table["run"]), "algorithm"]
         counts: Any = missing.groupby(missing, sort=False).size()
         return ", ".join(f"{n} of {label}" for label, n in counts.items())
@@ -152,14 +151,14 @@ class MissionPictures:
         }
         for x, (kind, how) in kinds.items():
             caption = f"The area of the front over {NAMES[x]}. {how}"
-            ax = plot_curves(trace, x=x, bound=self._most, palette=self._palette)
+            ax = plot_curves(trace, x=x, bound=self._bound_area, palette=self._palette)
             yield kind, ax, caption
 
     def _reached(self, trace: pd.DataFrame) -> Iterator[Picture]:
-        known = self._rows(self._tables.targets)
-        if known.empty:  # the reference front has no area
+        targets = self._rows(self._tables.targets)
+        if targets.empty:  # the reference front has no area
             return
-        whole = float(known["target"].iloc[0] / known["share"].iloc[0])
+        whole = float(targets["target"].iloc[0] / targets["share"].iloc[0])
         kinds: dict[Progress, str] = {"evaluations": "reached", "seconds": "reached-seconds"}
         for x, kind in kinds.items():
             caption = (
@@ -189,7 +188,7 @@ class MissionPictures:
         )
         if (self._runs["status"] != "done").any():
             caption += " Crosses are runs that are not done; without a front their area is 0."
-        ax = plot_areas(self._runs, summary, bound=self._most, palette=self._palette)
+        ax = plot_areas(self._runs, summary, bound=self._bound_area, palette=self._palette)
         yield "areas", ax, caption
 
     def _grids(self) -> Iterator[Picture]:
@@ -206,7 +205,7 @@ class MissionPictures:
 
     def _fronts(self) -> Iterator[Picture]:
         plans, reference = self._rows(self._tables.plans), self._rows(self._tables.references)
-        bound = None if self._most is None else self._rows(self._tables.bounds)
+        bound = None if self._bound_area is None else self._rows(self._tables.bounds)
         ax = plot_fronts(plans, self._runs, reference=reference, bound=bound, palette=self._palette)
         caption = (
             "For each algorithm the final front of the run with the median area, of the middle two "

@@ -1,6 +1,6 @@
-"""The tables of a report with their cells as text: its page and its LaTeX show the same ones.
+"""The tables of a report with their cells as text, for its page and for LaTeX.
 
-The first one is the matrix of all missions and algorithms that opens a report.
+The matrix of all missions and algorithms opens a report.
 """
 
 from collections import Counter
@@ -15,7 +15,10 @@ from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.study.judge.comparisons import effect_size
 from botohe_moo.study.judge.scores import best_first
 from botohe_moo.study.report.words import (
+    BETTER,
+    EQUAL,
     MARKS,
+    WORSE,
     budget_words,
     count,
     distinct,
@@ -27,9 +30,8 @@ from botohe_moo.study.report.words import (
     percent,
     significant,
 )
+from botohe_moo.study.store.schemas import SCHEMAS
 from botohe_moo.study.store.tables import StudyTables
-
-_BETTER, _EQUAL, _WORSE = MARKS
 
 
 @dataclass(frozen=True)
@@ -38,8 +40,8 @@ class TextTable:
 
     cells: pd.DataFrame
     texts: int = 1  # number of leading columns with words; the others hold numbers
-    strong: Sequence[bool] = ()  # of each row, whether it is set off
-    bold: str = ""  # the column that LaTeX sets off in strong rows
+    strong: Sequence[bool] = ()  # whether a row is set in bold, for each row
+    bold: str = ""  # the only column that LaTeX sets in bold in these rows
 
 
 def summary_table(tables: StudyTables, mission: str) -> TextTable:
@@ -100,14 +102,14 @@ def comparison_table(rows: pd.DataFrame) -> TextTable:
 
 
 def _verdict(row: Mapping[Any, Any]) -> str:
-    """Return what a comparison finds, without the numbers that stand beside it."""
+    """Return the verdict of a comparison without the numbers, which have cells of their own."""
     if row["significant"]:
         return f"{'better' if row['a12'] > 0.5 else 'worse'}, {effect_size(row['a12'])}"
     return str(row["verdict"]).partition(":")[0]
 
 
 def rank_table(rows: pd.DataFrame) -> TextTable:
-    """Return average ranks by an indicator, the best first, ties in the order of the study file."""
+    """Return the average ranks by an indicator, the best first, ties as in the study file."""
     rows = rows.sort_values("average_rank", kind="stable")
     cells = {
         "algorithm": rows["algorithm"],
@@ -122,26 +124,26 @@ def posthoc_table(rows: pd.DataFrame) -> TextTable:
     cells = {
         "algorithm": rows["algorithm"],
         "other": rows["other"],
-        "difference of average ranks": [fixed(found, 2) for found in rows["difference"]],
+        "difference of average ranks": [fixed(difference, 2) for difference in rows["difference"]],
         "p (Nemenyi)": rows["p_value"].map(p_value),
     }
     return TextTable(pd.DataFrame(cells), texts=2, strong=rows["significant"].tolist())
 
 
 def target_table(rows: pd.DataFrame) -> TextTable:
-    """Return what reaching shares of the reference area took, a row for each algorithm."""
-    lines: dict[str, dict[str, str]] = {}
+    """Return what it took to reach shares of the reference area, a row for each algorithm."""
+    cells: dict[str, dict[str, str]] = {}
     for row in rows.to_dict("records"):
-        line = lines.setdefault(row["algorithm"], {"algorithm": row["algorithm"]})
+        of_algorithm = cells.setdefault(row["algorithm"], {"algorithm": row["algorithm"]})
         share = f"{100 * row['share']:g} %"
-        line[f"{share}: runs"] = f"{count(row['n_reached'])} of {count(row['n'])}"
-        line[f"{share}: evaluations"] = count(row["evaluations_median"])
-        line[f"{share}: seconds"] = significant(row["seconds_median"])
-    return TextTable(pd.DataFrame(list(lines.values())).fillna("–"))
+        of_algorithm[f"{share}: runs"] = f"{count(row['n_reached'])} of {count(row['n'])}"
+        of_algorithm[f"{share}: evaluations"] = count(row["evaluations_median"])
+        of_algorithm[f"{share}: seconds"] = significant(row["seconds_median"])
+    return TextTable(pd.DataFrame(list(cells.values())).fillna("–"))
 
 
 def mission_table(tables: StudyTables) -> TextTable:
-    """Return what the missions of a study are, a row for each."""
+    """Return the missions of a study, a row for each."""
     rows = []
     for label, entry in tables.manifest["missions"].items():
         mission = tables.mission(label)
@@ -169,26 +171,25 @@ def mission_table(tables: StudyTables) -> TextTable:
 
 
 def algorithm_table(tables: StudyTables) -> TextTable:
-    """Return what the algorithms of a study are, with the parameters that differ among them."""
-    known = ["algorithm", "name", "family", "package", "version"]
-    given = tables.algorithms.drop(columns=known).astype(object)
+    """Return the algorithms of a study, with the parameters that differ among them."""
+    parameters = tables.algorithms.drop(columns=SCHEMAS["algorithms"].names).astype(object)
     cells = tables.algorithms[["algorithm", "name"]].set_axis(["label", "algorithm"], axis=1)
-    varied = [
+    words = [
         parameter_words({str(name): value for name, value in row.dropna().items()}) or "defaults"
-        for _, row in given.iterrows()
+        for _, row in parameters.iterrows()
     ]
-    return TextTable(cells.assign(parameters=varied), texts=3)
+    return TextTable(cells.assign(parameters=words), texts=3)
 
 
 def fault_table(runs: pd.DataFrame) -> TextTable:
-    """Return why runs are not done."""
+    """Return the runs that are not done, with the reasons."""
     shown = runs[["mission", "algorithm", "status", "stopped_by", "error", "seed"]]
     cells = shown.fillna({"error": "–"}).assign(area=runs["area"].map(fixed))
     return TextTable(cells.rename(columns={"stopped_by": "stopped by"}).astype(str), texts=5)
 
 
 def environment_table(tables: StudyTables) -> TextTable:
-    """Return where runs ran, a row for each environment."""
+    """Return the environments in which runs ran, a row for each."""
     rows = tables.environments
     commit = (" (" + rows["commit"].astype(str) + ")").where(rows["commit"].notna(), "")
     n_runs = rows["environment"].map(tables.runs["environment"].value_counts()).fillna(0)
@@ -214,16 +215,16 @@ class Cell:
     """A cell of the matrix: an algorithm on a mission."""
 
     text: str = "–"  # the median; a dash where there are no runs
-    mark: str = ""  # +, − or =: better than what it is compared with, worse, or neither
+    mark: str = ""  # +, − or =: better than the rival, worse, or neither
     rank: str = ""  # of the median on the mission
     best: bool = False
 
 
 @dataclass(frozen=True)
 class Matrix:
-    """Medians of all algorithms on all missions; the longer list goes down the page."""
+    """Medians of all algorithms on all missions; the rows are the more numerous of both."""
 
-    header: Sequence[str]  # what the rows are, and the names of the columns
+    header: Sequence[str]  # "algorithm" or "mission", and the headings of the columns
     rows: Sequence[tuple[str, Sequence[Cell]]]
 
 
@@ -231,11 +232,12 @@ def matrix(tables: StudyTables) -> Matrix:
     """Return the matrix of missions and algorithms."""
     missions, algorithms = tables.mission_labels, tables.algorithm_labels
     columns = {mission: _cells(tables, mission) for mission in missions}
-    columns |= _further(tables, columns)
+    if len(missions) > 1:
+        columns |= _over_missions(tables, columns)
     if len(algorithms) >= len(missions):
-        rows = [(a, [of_one[a] for of_one in columns.values()]) for a in algorithms]
+        rows = [(a, [column[a] for column in columns.values()]) for a in algorithms]
         return Matrix(["algorithm", *columns], rows)
-    rows = [(name, [of_one[a] for a in algorithms]) for name, of_one in columns.items()]
+    rows = [(name, [column[a] for a in algorithms]) for name, column in columns.items()]
     return Matrix(["mission", *algorithms], rows)
 
 
@@ -265,25 +267,23 @@ def _marks(tables: StudyTables, mission: str, *, rival: str) -> dict[str, str]:
     rows = rows[(rows["mission"] == mission) & (rows["indicator"] == main_indicator(rows))]
     marks = {}
     for row in rows.to_dict("records"):
-        pair = [row["algorithm"], row["other"]]
-        if rival in pair and min(row["n"], row["n_other"]) >= 2:
-            # A12 above 0.5 speaks for the first one.
-            better = _BETTER if (row["a12"] > 0.5) == (row["other"] == rival) else _WORSE
-            pair.remove(rival)
-            marks[pair[0]] = better if row["significant"] else _EQUAL
+        first, other = row["algorithm"], row["other"]
+        if rival in (first, other) and min(row["n"], row["n_other"]) >= 2:
+            label = other if first == rival else first
+            is_better = (row["a12"] > 0.5) == (label == first)  # A12 is that of the first
+            mark = BETTER if is_better else WORSE
+            marks[label] = mark if row["significant"] else EQUAL
     return marks
 
 
-def _further(
+def _over_missions(
     tables: StudyTables, columns: Mapping[str, Mapping[str, Cell]]
 ) -> dict[str, dict[str, Cell]]:
-    """Return what sums up the missions: the count of each mark, and average ranks."""
+    """Return columns over all missions: the count of each mark, and average ranks."""
     labels = tables.algorithm_labels
     further: dict[str, dict[str, Cell]] = {}
-    if len(columns) == 1:
-        return further
     if tables.control is not None:
-        marks = {a: Counter(of_one[a].mark for of_one in columns.values()) for a in labels}
+        marks = {a: Counter(column[a].mark for column in columns.values()) for a in labels}
         counts = {a: Cell("/".join(str(marks[a][mark]) for mark in MARKS)) for a in labels}
         further["/".join(MARKS)] = {**counts, tables.control: Cell()}
     ranks = tables.ranks[tables.ranks["indicator"] == main_indicator(tables.comparisons)]

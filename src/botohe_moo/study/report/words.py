@@ -1,4 +1,4 @@
-"""Numbers and outcomes of a study as text, for its report."""
+"""Numbers and captions of a study's report as text."""
 
 import hashlib
 import math
@@ -14,10 +14,10 @@ from botohe_moo.study.file.values import value_text
 from botohe_moo.study.judge.scores import merge_ties
 from botohe_moo.study.store.tables import StudyTables
 
-MARKS = BETTER, EQUAL, WORSE = ("+", "=", "−")  # of medians
+MARKS = BETTER, EQUAL, WORSE = ("+", "=", "−")  # of a median beside another
 _DASH = "–"
 _LONGEST_SLUG = 60
-_MOST_DIGITS = 13  # with which all values that are not ties differ
+_MOST_DIGITS = 13  # values that are not ties differ in one of these
 
 
 def fixed(value: Any, decimals: int = 4) -> str:
@@ -26,7 +26,7 @@ def fixed(value: Any, decimals: int = 4) -> str:
 
 
 def significant(value: Any, digits: int = 3) -> str:
-    """Return a number with ``digits`` significant digits, a large one whole, a tiny as 1.2e-09."""
+    """Return a number with significant digits, a large one whole, a tiny one as 1.2e-09."""
     if pd.isna(value):
         return _DASH
     number = float(value)
@@ -54,14 +54,14 @@ def interval(low: Any, high: Any, decimals: int = 4) -> str:
 
 
 def p_value(value: Any) -> str:
-    """Return a p-value with two digits; below 0.0001 only that it is."""
+    """Return a p-value with two significant digits, or ``< 0.0001``."""
     if pd.isna(value):
         return _DASH
     return "< 0.0001" if value < 1e-4 else significant(value, 2)
 
 
 def level(tables: StudyTables) -> str:
-    """Return how much intervals cover, in percent."""
+    """Return the confidence level of the study's intervals, in percent."""
     return f"{100 * (1 - tables.significance):g} %"
 
 
@@ -76,7 +76,7 @@ def budget_words(budget: Mapping[str, Any]) -> str:
 
 
 def bound_words(mission: Mapping[Any, Any]) -> str:
-    """Return what is proved of a mission, a row of that table; empty where nothing is."""
+    """Return the bound of a mission, a row of that table, in words; empty if it has none."""
     if pd.isna(mission["bound_area"]):
         return ""
     took = significant(mission["bound_seconds"])
@@ -91,7 +91,7 @@ def parameter_words(parameters: Mapping[str, Any]) -> str:
 
 
 def seed_words(seeds: Sequence[int]) -> str:
-    """Return seeds; consecutive ones as the first and the last."""
+    """Return seeds; three or more consecutive ones as the first and the last."""
     if len(seeds) > 2 and list(seeds) == list(range(seeds[0], seeds[0] + len(seeds))):
         return f"{seeds[0]}{_DASH}{seeds[-1]}"
     return ", ".join(map(str, seeds))
@@ -100,34 +100,34 @@ def seed_words(seeds: Sequence[int]) -> str:
 def distinct(
     values: Iterable[float], write: Callable[[Any, int], str] = fixed, *, digits: int = 4
 ) -> list[str]:
-    """Return numbers so that those that are not ties look different, with ``digits`` at least."""
-    shown = np.array(list(values), np.float64)
-    known = np.isfinite(shown)
-    shown[known] = merge_ties(shown[known])
-    different = set(shown[known].tolist())
+    """Return numbers with ``digits`` or as many more as make those that are not ties different."""
+    merged = np.array(list(values), np.float64)
+    finite = np.isfinite(merged)
+    merged[finite] = merge_ties(merged[finite])
+    different = set(merged[finite].tolist())
     while digits < _MOST_DIGITS and len({write(v, digits) for v in different}) < len(different):
         digits += 1
-    return [write(value, digits) for value in shown.tolist()]
+    return [write(value, digits) for value in merged.tolist()]
 
 
 def slug(label: str) -> str:
-    """Return the part of a file's name that represents a mission; it differs for every label."""
+    """Return a label as part of a file's name; different labels give different names."""
     plain = re.sub(r"[^a-z0-9._-]+", "-", label.lower()).strip(".-_")[:_LONGEST_SLUG]
     if plain == label:
         return plain
-    # Two labels may differ only in what was left out.
+    # Two labels may differ only in characters that are left out.
     digest = hashlib.sha256(label.encode()).hexdigest()[:8]
     return f"{plain}-{digest}" if plain else digest
 
 
 def main_indicator(comparisons: pd.DataFrame) -> str:
-    """Return the indicator that a report speaks of first."""
-    found = list(comparisons["indicator"].unique())
-    return "area" if "area" in found or not found else str(found[0])
+    """Return the indicator of the matrix and of ranks: the area, or the first one without it."""
+    indicators = list(comparisons["indicator"].unique())
+    return "area" if "area" in indicators or not indicators else str(indicators[0])
 
 
 def matrix_caption(tables: StudyTables) -> str:
-    """Return what the matrix shows, and how to read it."""
+    """Return the caption of the matrix: what it shows, and how to read it."""
     name = INDICATORS[main_indicator(tables.comparisons)].label
     rival = tables.control or "the best on the mission"
     n_lost = int((tables.runs["status"] != "done").sum())

@@ -1,7 +1,7 @@
 """The process of runs and of bounds: ``python -m botohe_moo.study.run.child``.
 
-Its standard input is a connection to the process that has started it: tasks come in, and messages
-(their kind, their content) go out.
+Its standard input is a connection to the process that has started it. Tasks come in. Messages go
+out: pairs of a kind (``ready``, ``begin``, ``record`` or ``end``) and a content.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ from botohe_moo.study.run.task import (
 if TYPE_CHECKING:
     from botohe_moo.search.bounds import FrontBound
 
-# Small missions: one that gets its true front, and one whose bound soon reaches this gap.
+# Small missions: the bound of the first is its true front; that of the second soon has this gap.
 _WARM_UP_MISSIONS = ("toy", "power_plant")
 _WARM_UP_GAP = 0.5
 
@@ -42,7 +42,8 @@ _WARM_UP_GAP = 0.5
 def main() -> None:
     """Perform one task after another until the connection is closed."""
     connection = Connection(os.dup(0))
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # nobody answers an algorithm that asks
+    # An algorithm that reads from standard input finds its end.
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     threading.Thread(target=_end_with_parent, args=(connection.fileno(),), daemon=True).start()
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     warm: set[tuple[str, str]] = set()
@@ -59,7 +60,7 @@ def main() -> None:
 
 
 def _run(task: Task, warm: set[tuple[str, str]], connection: Connection) -> Outcome:
-    """Perform a run, and send its records; the process ends where the run takes too long."""
+    """Perform a run, and send its records; a run that takes too long ends the process."""
     _end_unless_within(MOST_SECONDS_TO_START)
     run = task.run
     if mismatch := code_mismatch({"version": run.setting["version"]}, [run.algorithm]):
@@ -71,8 +72,8 @@ def _run(task: Task, warm: set[tuple[str, str]], connection: Connection) -> Outc
             warm_up(run)
     began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     connection.send(("begin", (began, environment())))
-    # Algorithms have a generator of their own. Those that draw from the global ones should at
-    # least draw the same numbers again.
+    # Algorithms have generators of their own. One that draws from a global generator nevertheless
+    # should draw the same numbers each time.
     random.seed(run.seed)
     np.random.seed(run.seed)  # noqa: NPY002
     seconds = task.seconds_allowed
@@ -121,7 +122,7 @@ def _warm_up_bounds(*, floor: bool, budget: bool) -> None:
 
 
 def _end_unless_within(seconds: float) -> None:
-    """Let SIGALRM end this process, whatever it does, unless it is called again in time."""
+    """Let SIGALRM end this process, unless this function is called again within the time."""
     signal.setitimer(signal.ITIMER_REAL, 0.0 if seconds == math.inf else seconds)
 
 

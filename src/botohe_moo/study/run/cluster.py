@@ -1,4 +1,4 @@
-"""Performing runs on a Dask cluster; workers without the same code get none."""
+"""Performing runs on the workers of a Dask cluster that have the same code."""
 
 import contextlib
 import socket
@@ -27,9 +27,9 @@ def dask_outcomes(
 ) -> Generator[tuple[Task, Outcome], None, None]:
     """Perform runs on a Dask cluster; yield their outcomes as they end.
 
-    Workers need nothing of this machine's disk. Those that lack this package or an algorithm, or
-    have another version of them, get no runs, and a warning says so; the same holds for workers
-    that join later. Dask gives the runs of a worker that dies to another. ``stopped`` is asked five
+    Workers need no access to this machine's disk. Workers that lack this package or an algorithm,
+    or have another version of them, get no runs, and a warning says so; the same holds for workers
+    that join later. If a worker dies, Dask gives its runs to another. ``stopped`` is asked five
     times a second; when it is true, waiting runs are cancelled, and the others are not waited for.
     """
     waiting, running = deque(tasks), dict[Any, tuple[Task, set[str]]]()
@@ -38,12 +38,12 @@ def dask_outcomes(
         try:
             while (waiting or running) and not stopped():
                 threads = workers.count_threads()
-                for future, (task, asked) in list(running.items()):
-                    have_left = asked.isdisjoint(threads)
-                    if not (have_left or future.done()):
+                for future, (task, allowed) in list(running.items()):
+                    is_lost = allowed.isdisjoint(threads)  # its workers have left
+                    if not (is_lost or future.done()):
                         continue
                     del running[future]
-                    outcome = None if have_left else _outcome(future)
+                    outcome = None if is_lost else _outcome(future)
                     if outcome is not None:
                         yield task, outcome
                     else:
@@ -105,28 +105,28 @@ def _connected(address: str) -> Any:
             "A Dask cluster needs the package distributed: pip install 'botohe-moo[dask]'."
         ) from None
     connect: Any = Client  # untyped
-    where = check_address(address)
-    made: Future[Any] = Future()
+    host_and_port = check_address(address)
+    client: Future[Any] = Future()
 
-    def act() -> None:
+    def make_client() -> None:
         try:
-            # A client without a scheduler leaves threads behind that log errors at the end.
-            socket.create_connection(where, timeout=_SECONDS_TO_CONNECT).close()
-            made.set_result(connect(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False))
+            # A client that finds no scheduler leaves threads behind that log errors at exit.
+            socket.create_connection(host_and_port, timeout=_SECONDS_TO_CONNECT).close()
+            client.set_result(connect(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False))
         except Exception as error:
-            made.set_exception(error)
+            client.set_exception(error)
 
-    # A client waits for ever for a server that is not Dask's, such as that of its dashboard.
-    threading.Thread(target=act, daemon=True).start()
+    # A client waits for ever if the server is not a scheduler, but for example its dashboard.
+    threading.Thread(target=make_client, daemon=True).start()
     try:
-        return made.result(timeout=2 * _SECONDS_TO_CONNECT)
+        return client.result(timeout=2 * _SECONDS_TO_CONNECT)
     except Exception as error:
-        said = str(error).partition("\n")[0] or "it does not answer as one"
-        raise StudyError(f"No Dask scheduler answers at {address!r} ({said}).") from None
+        reason = str(error).partition("\n")[0] or "it does not answer as one"
+        raise StudyError(f"No Dask scheduler answers at {address!r} ({reason}).") from None
 
 
 class _FitWorkers:
-    """The workers of a cluster that have the same code; each is asked when it is first seen."""
+    """The workers of a cluster that have the same code; each is asked for it when first seen."""
 
     def __init__(self, client: Any, address: str, tasks: Sequence[Task]) -> None:
         self._client = client
@@ -151,8 +151,11 @@ class _FitWorkers:
         if fit:
             self._idle_since = time.monotonic()
         elif time.monotonic() - self._idle_since > _SECONDS_WITHOUT_WORKERS:
-            said = f"no worker of the Dask cluster at {self._address} can perform runs"
-            warnings.warn(f"{said}; waiting for one that can.", stacklevel=2)
+            warnings.warn(
+                f"no worker of the Dask cluster at {self._address} can perform runs; waiting for "
+                "one that can.",
+                stacklevel=2,
+            )
         return fit
 
     def _check(self, addresses: list[str]) -> None:
@@ -165,17 +168,17 @@ class _FitWorkers:
             on_error="return",
         )
         for address, answer in answers.items():
-            if isinstance(answer, OSError):  # it has left: if it comes back, it is asked again
+            if isinstance(answer, OSError):  # it has left; if it comes back, it is asked again
                 continue
             self._is_fit[address] = answer is None
             if isinstance(answer, Exception):
-                said = " ".join(str(answer).split())
-                answer = f"cannot use botohe-moo ({said})"
+                reason = " ".join(str(answer).split())
+                answer = f"cannot use botohe-moo ({reason})"
             if answer is not None:
                 warnings.warn(f"the Dask worker {address} gets no runs: it {answer}.", stacklevel=2)
 
 
-# One for all threads of a Dask worker; its processes end with the worker's.
+# One pool serves all threads of a Dask worker; its processes end with the worker's.
 _POOL = WorkerPool()
 
 

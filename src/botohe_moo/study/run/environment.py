@@ -1,4 +1,4 @@
-"""Where runs run: versions, machine, settings of thread pools."""
+"""The environment of runs: versions, machine, settings of thread pools."""
 
 import contextlib
 import functools
@@ -11,15 +11,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-# Thread pools of other libraries would take cores from other workers, and bring nothing here.
+# One thread each: thread pools of other libraries would take cores from other workers, and make
+# nothing faster here.
 THREAD_SETTINGS = tuple(f"{pool}_NUM_THREADS" for pool in ("OMP", "OPENBLAS", "MKL", "NUMBA"))
 _PACKAGES = ("numpy", "numba", "llvmlite", "pymoo", "moocore", "scipy", "networkx")
 
 
 @functools.cache
 def environment() -> dict[str, Any]:
-    """Describe this process's environment, a row of the table ``environments``."""
-    found: dict[str, Any] = {
+    """Return this process's environment, a row of the table ``environments``."""
+    columns: dict[str, Any] = {
         "botohe_moo": version("botohe-moo"),
         "commit": _commit(),
         "python": platform.python_version(),
@@ -32,12 +33,12 @@ def environment() -> dict[str, Any]:
             f"{name}={os.environ[name]}" for name in THREAD_SETTINGS if name in os.environ
         ),
     }
-    digest = hashlib.sha256(json.dumps(found, sort_keys=True).encode()).hexdigest()[:12]
-    return {"environment": digest, **found}
+    digest = hashlib.sha256(json.dumps(columns, sort_keys=True).encode()).hexdigest()[:12]
+    return {"environment": digest, **columns}
 
 
 def n_cpus() -> int:
-    """Count the processors that this process may use."""
+    """Return how many processors this process may use."""
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:  # not on every system

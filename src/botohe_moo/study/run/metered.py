@@ -1,4 +1,4 @@
-"""Problems that count evaluations themselves, for algorithms that may not."""
+"""A problem that counts its evaluations, for algorithms that do not count them exactly."""
 
 import sys
 from collections.abc import Callable
@@ -14,17 +14,17 @@ from botohe_moo.trails import PlanBatch
 
 
 class BudgetSpentError(Exception):
-    """Ends a run within an evaluation: the budget is spent."""
+    """Ends a run in the middle of an evaluation, because its budget is spent."""
 
 
 @dataclass
 class Meter:
     """The number of evaluations and their limit, which all copies of a metered problem share."""
 
-    evaluations: int = sys.maxsize  # allowed
+    allowed: int = sys.maxsize  # evaluations
     archive: PlanArchive | None = None  # gets all feasible plans that are evaluated
     progress: Callable[[], Any] | None = None  # called after evaluations
-    spent: int = 0
+    spent: int = 0  # evaluations
 
 
 class MeteredBOTOHE(BOTOHE):
@@ -47,9 +47,9 @@ class MeteredBOTOHE(BOTOHE):
         self.meter = meter
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
-        """Compute the objectives of plans; a BudgetSpentError if not all of them are allowed."""
+        """Compute the objectives of plans; raise a BudgetSpentError if not all are allowed."""
         meter = self.meter
-        allowed = batch[: max(meter.evaluations - meter.spent, 0)]
+        allowed = batch[: max(meter.allowed - meter.spent, 0)]
         if len(allowed) == 0 < len(batch):
             raise BudgetSpentError
         meter.spent += len(allowed)
@@ -59,8 +59,8 @@ class MeteredBOTOHE(BOTOHE):
         if meter.archive is not None:
             feasible, objectives = allowed, -self.checked("F", F, len(allowed))
             if self.n_ieq_constr:
-                kept = np.flatnonzero((self.constrain_batch(allowed) <= 0).all(axis=1))
-                feasible, objectives = allowed.take(kept), objectives[kept]
+                rows = np.flatnonzero((self.constrain_batch(allowed) <= 0).all(axis=1))
+                feasible, objectives = allowed.take(rows), objectives[rows]
             if len(feasible):
                 meter.archive.insert(feasible, objectives)
         if len(allowed) < len(batch):
@@ -73,7 +73,7 @@ class MeteredBOTOHE(BOTOHE):
 
     @property
     def objective_bounds(self) -> tuple[float, float]:
-        """What the problem states."""
+        """The bounds that the problem states."""
         return self.problem.objective_bounds
 
     def allowing_invalid(self) -> "MeteredBOTOHE":
@@ -81,7 +81,7 @@ class MeteredBOTOHE(BOTOHE):
         return MeteredBOTOHE(self.problem.allowing_invalid(), self.meter)
 
     def checked(self, what: str, values: Any, n_plans: int) -> FloatArray:
-        """Refuse values in the name of the problem."""
+        """Check values as the problem does, so that an error names its class."""
         return self.problem.checked(what, values, n_plans)
 
     def name(self) -> str:
@@ -89,8 +89,8 @@ class MeteredBOTOHE(BOTOHE):
         return self.problem.name()
 
     def __getattr__(self, name: str) -> Any:
-        """Return what only the class of the problem has, such as methods for its own algorithm."""
-        if name.startswith("_"):  # also asked for before there is a problem, by copy and pickle
+        """Return an attribute that only the problem's class has, such as a method of its own."""
+        if name.startswith("_"):  # copy and pickle ask for these before there is a problem
             raise AttributeError(name)
         return getattr(self.problem, name)
 

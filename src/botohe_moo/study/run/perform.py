@@ -27,6 +27,11 @@ from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
 from botohe_moo.study.run.task import Outcome, Record, failure
 from botohe_moo.trails import PlanBatch
 
+# A run that only compiles kernels, and limits that do not limit its plans.
+_WARM_UP_EVALUATIONS = 250
+WARM_UP_SURVIVAL = 1e-9
+WARM_UP_LENGTH = 1e9
+
 
 def record_counts(
     *, evaluations: int | None, per_decade: int, start: float, at: Sequence[int]
@@ -52,7 +57,8 @@ class Recorder:
         self._archive = archive
         self._send = send
         budget, recording = run.mission.budget, run.recording
-        self._whole = budget.seconds is not None  # it may be killed before it can send its plans
+        # A run with a budget of seconds may be killed before it can send its final plans.
+        self._always_with_plans = budget.seconds is not None
         self._counts = record_counts(
             evaluations=budget.evaluations,
             per_decade=recording.per_decade,
@@ -60,37 +66,32 @@ class Recorder:
             at=recording.at,
         )
         self._next = self._counts[0]
-        self.recording = 0.0
+        self.recording_seconds = 0.0
         self._started = time.perf_counter()
 
     def elapsed(self) -> float:
         """Return the algorithm's own time so far, in seconds."""
-        return time.perf_counter() - self._started - self.recording
+        return time.perf_counter() - self._started - self.recording_seconds
 
     def watch(self, evaluations: int) -> None:
-        """Record the front if a record is due after so many evaluations."""
+        """Record the front if a record is due at this number of evaluations."""
         if evaluations >= self._next:
-            self.record(evaluations, self.elapsed(), whole=self._whole)
+            self.record(evaluations, self.elapsed(), with_plans=self._always_with_plans)
             passed = bisect.bisect_right(self._counts, evaluations)
             self._next = self._counts[passed] if passed < len(self._counts) else sys.maxsize
 
-    def record(self, evaluations: int, seconds: float, *, whole: bool) -> None:
-        """Send a record of the front, if it has any points, and of its plans if it is ``whole``."""
+    def record(self, evaluations: int, seconds: float, *, with_plans: bool) -> None:
+        """Send a record of the front, if it has any points, with or without its plans."""
         began = time.perf_counter()
         archive = self._archive()
         if len(archive):
             objectives = archive.objectives
-            different = np.ones(len(objectives), bool)
-            different[1:] = (objectives[1:] != objectives[:-1]).any(axis=1)
-            ties = int(len(objectives) - different.sum())
-            plans = (archive.plans, objectives.copy()) if whole else None
-            self._send(Record(evaluations, seconds, objectives[different], ties, plans))
-        self.recording += time.perf_counter() - began
-
-
-_WARM_UP_EVALUATIONS = 250
-WARM_UP_SURVIVAL = 1e-9
-WARM_UP_LENGTH = 1e9
+            is_first = np.ones(len(objectives), bool)  # of equal points, which are neighbours
+            is_first[1:] = (objectives[1:] != objectives[:-1]).any(axis=1)
+            ties = int(len(objectives) - is_first.sum())
+            plans = (archive.plans, objectives.copy()) if with_plans else None
+            self._send(Record(evaluations, seconds, objectives[is_first], ties, plans))
+        self.recording_seconds += time.perf_counter() - began
 
 
 def perform(
@@ -98,9 +99,9 @@ def perform(
 ) -> Outcome:
     """Perform a run; every record is sent when it is made, and is not in the outcome.
 
-    ``progress`` is called whenever plans have been evaluated. Whatever the algorithm raises becomes
-    the outcome of a failed run. The receiver has to verify the last record: an algorithm may have
-    changed the mission that this process knows.
+    ``progress`` is called whenever plans have been evaluated. If the algorithm raises an exception,
+    the outcome is that of a failed run. The receiver has to verify the last record, since the
+    algorithm may have changed this process's copy of the mission.
     """
     allowed = run.mission.budget.evaluations
     meter = Meter(progress=progress)
@@ -118,28 +119,28 @@ def perform(
         if allowed is not None and meter.spent > allowed:
             raise RuntimeError(f"evaluated {meter.spent} plans of the {allowed} allowed")
         archive = _archive(algorithm, problem, meter)
-        recorder.record(meter.spent, seconds, whole=True)
+        recorder.record(meter.spent, seconds, with_plans=True)
     except (Exception, SystemExit) as error:  # an algorithm may end its own run only
-        said = "".join(traceback.format_exception_only(error)).strip()
         seconds = recorder.elapsed() if recorder else 0.0
-        failed = failure(said, traceback.format_exc())
+        failed = failure("".join(traceback.format_exception_only(error)), traceback.format_exc())
         return replace(failed, evaluations=meter.spent, seconds=seconds)
     return Outcome(
         status="done" if len(archive) else "infeasible",
         stopped_by=stopped_by,
         evaluations=meter.spent,
         seconds=seconds,
-        recording_seconds=recorder.recording,
+        recording_seconds=recorder.recording_seconds,
         error=None if len(archive) else "no feasible plan was found",
     )
 
 
 def _metered(algorithm: Algorithm, problem: BOTOHE, meter: Meter, allowed: int | None) -> BOTOHE:
-    """Return the problem, metered unless it is certain that the algorithm counts rightly."""
+    """Return the problem, metered unless the algorithm is known to count its evaluations."""
     if not isinstance(algorithm, ArchiveAlgorithm | PopulationAlgorithm):
         meter.archive = PlanArchive(problem.mission.robots)
-        meter.evaluations = sys.maxsize if allowed is None else allowed
-    # What evaluates in a kernel refuses problems that override the evaluation, if only to count.
+        meter.allowed = sys.maxsize if allowed is None else allowed
+    # An algorithm that evaluates in a kernel refuses a problem that overrides the evaluation, as a
+    # metered one does.
     elif getattr(algorithm, "evaluates_in_kernels", False) or (
         type(problem) is BOTOHE and _is_ours(algorithm)
     ):
@@ -161,7 +162,7 @@ def _loop(budget: Budget, algorithm: Algorithm, meter: Meter, recorder: Recorder
             algorithm.next()
         except BudgetSpentError:
             break
-        if meter.archive is None:  # it may evaluate in kernels, or more than it counts
+        if meter.archive is None:  # kernels do not count in the meter
             meter.spent = max(meter.spent, algorithm.evaluator.n_eval)
         if meter.spent > before and meter.progress is not None:
             meter.progress()
@@ -182,22 +183,22 @@ def _archive(algorithm: Algorithm, problem: BOTOHE, meter: Meter) -> PlanArchive
 
 
 def verify(run: Run, plans: PlanBatch, claimed: FloatArray) -> None:
-    """Evaluate a final front again; no algorithm's objectives are trusted.
+    """Evaluate the plans of a final front again; raise a ValueError if a claim about them is wrong.
 
     ``claimed`` are E[R] and E[S] according to the algorithm, or −F of the study's own problem,
     shape (n, 2).
     """
     mission = run.mission.mission
-    found = mission.evaluate(plans)  # names plans that are not valid
+    objectives = mission.evaluate(plans)  # raises if plans are not valid
     problem = problem_on(run.mission, run.problem)
     if run.problem:
-        found = _own_objectives(problem, plans)
-    wrong = np.flatnonzero(~np.isclose(found, claimed, rtol=1e-9, atol=1e-12).all(axis=1))
+        objectives = _own_objectives(problem, plans)
+    wrong = np.flatnonzero(~np.isclose(objectives, claimed, rtol=1e-9, atol=1e-12).all(axis=1))
     if len(wrong):
         plan = int(wrong[0])
         raise ValueError(
             f"plan {plan} of the final front is claimed to bring {claimed[plan]}, and brings "
-            f"{found[plan]}"
+            f"{objectives[plan]}"
         )
     least = mission.robot_survival(plans).min(initial=1.0)
     if least < problem.survival_floor:
@@ -225,20 +226,20 @@ def _own_objectives(problem: BOTOHE, plans: PlanBatch) -> FloatArray:
 
 
 def warm_up(run: Run) -> None:
-    """Compile, or load from the cache, the kernels that a run will need, so that it is not timed.
+    """Compile, or load from the cache, the kernels of a run, so that this time is not the run's.
 
-    Other packages' algorithms and problems are not tried: they may have side effects.
+    Other packages' algorithms and problems are not called: they may have side effects.
     """
     mission, algorithm = run.mission, run.algorithm
-    limited = replace(
+    small = replace(
         mission,
         mission=load_mission("toy"),
-        # A limit, however loose, has kernels of its own.
+        # Missions with limits, however loose, need further kernels.
         min_survival=min(mission.min_survival, WARM_UP_SURVIVAL),
         max_length=None if mission.max_length is None else WARM_UP_LENGTH,
         budget=Budget(evaluations=_WARM_UP_EVALUATIONS),
     )
-    known = replace(algorithm, origin={**algorithm.origin, "problem": None})
+    trusted = replace(algorithm, origin={**algorithm.origin, "problem": None})
     if not _is_ours(make_algorithm(algorithm.algorithm, **algorithm.parameters)):
-        known = replace(known, algorithm="random", parameters={})
-    perform(replace(run, mission=limited, algorithm=known), lambda _: None)
+        trusted = replace(trusted, algorithm="random", parameters={})
+    perform(replace(run, mission=small, algorithm=trusted), lambda _: None)

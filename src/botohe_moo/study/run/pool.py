@@ -26,8 +26,8 @@ from botohe_moo.study.run.task import (
 )
 
 _SECONDS_BETWEEN_LOOKS = 0.1
-_SECONDS_TO_DIE = 5.0  # a core may be written meanwhile
-_MOST_OUTPUT = 4_000  # bytes
+_SECONDS_TO_DIE = 5.0  # the system may be writing a core dump
+_MOST_OUTPUT = 4_000  # bytes of what a process printed last, which are kept
 
 Given = TypeVar("Given", Task, BoundTask)
 
@@ -52,8 +52,8 @@ class WorkerPool:
     ) -> Generator[tuple[Given, Any], None, None]:
         """Perform tasks, several at a time; yield each with its result as they end.
 
-        The result of a run is its outcome, that of a bound a FrontBound or a line that says why
-        there is none. Several threads may call this at the same time.
+        The result of a run is its outcome. The result of a bound is a FrontBound, or a line that
+        says why there is none. Several threads may call this at the same time.
 
         Parameters
         ----------
@@ -96,46 +96,42 @@ class WorkerPool:
 
 
 class _Worker:
-    """A process, the connection to it, and what it prints."""
+    """A process, the connection to it, and the file of what it prints."""
 
     def __init__(self) -> None:
-        self.connection, theirs = Pipe()
+        self.connection, childs_end = Pipe()
         self.closed = False
         self._output = tempfile.TemporaryFile()  # noqa: SIM115
         path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)  # noqa: PTH109
         threads = {name: os.environ.get(name, "1") for name in THREAD_SETTINGS}
-        with theirs:
+        with childs_end:
             self._process = subprocess.Popen(
                 # -P: a file of the current folder must not stand in for a standard module.
                 [sys.executable, "-P", "-m", "botohe_moo.study.run.child"],
-                stdin=theirs.fileno(),
+                stdin=childs_end.fileno(),
                 stdout=self._output,
                 stderr=self._output,
                 env={**os.environ, **threads, "PYTHONPATH": path},
                 start_new_session=True,  # Ctrl-C is for the runner alone
             )
 
-    def is_alive(self) -> bool:
-        """Return whether the process has not ended."""
-        return self._process.poll() is None
-
     def receive(self) -> tuple[str, Any] | None:
-        """Return the next message; None if there is none, ``("died", None)`` after the last."""
-        has_died = not self.is_alive()
+        """Return the next message; None if there is none yet, ``("died", None)`` after the last."""
+        has_died = self._process.poll() is not None
         if has_died:
             self._kill()  # processes that it has started may hold the connection open
         try:
             if self.connection.poll():
                 message: tuple[str, Any] = self.connection.recv()
                 return message
-        except (EOFError, OSError):  # in the middle of a message, too
+        except (EOFError, OSError):  # it may have died in the middle of a message
             has_died = True
         return ("died", None) if has_died else None
 
     def last_words(self) -> tuple[int, str | None]:
         """Close; return how the process ended, as ``Popen`` does, and what it printed last."""
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(_SECONDS_TO_DIE)  # it may still be about to end
+            self._process.wait(_SECONDS_TO_DIE)
         size = self._output.seek(0, os.SEEK_END)
         self._output.seek(max(0, size - _MOST_OUTPUT))
         output = self._output.read().decode(errors="replace").strip()
@@ -143,7 +139,7 @@ class _Worker:
         return self._process.returncode, output or None
 
     def close(self) -> None:
-        """End the process and all it has started, whatever they do."""
+        """Kill the process and all processes that it has started."""
         self.closed = True
         self._kill()
         self._process.wait()
@@ -166,13 +162,13 @@ class _Job:
     environment: dict[str, Any] = field(default_factory=environment)
 
     def advance(self, note: Callable[[Task, Record], None]) -> Any:
-        """Take the worker's next message, if there is one; return the result if it was the last."""
+        """Handle the next message, if there is one; return the task's result if it was the last."""
         message = self.worker.receive()
         if message is None:
             return None
         (kind, content), task = message, self.task
         if kind == "ready":
-            with contextlib.suppress(OSError):  # it has died: seen when it should answer
+            with contextlib.suppress(OSError):  # it has died, and the next message says so
                 self.worker.connection.send(task)
         elif kind == "begin":
             self.began, self.environment = content
@@ -183,19 +179,20 @@ class _Job:
             if isinstance(task, BoundTask):
                 return content
             if task.run.algorithm.origin["source"] is not None:
-                self.worker.close()  # its code might leave something behind
+                self.worker.close()  # code of the user's own might leave something behind
             return self._complete(content)
         elif kind == "died":
             status, output = self.worker.last_words()
             if isinstance(task, Task) and status == -signal.SIGALRM:
                 return self._complete(_killed(task, self.began, self.records))
-            how = (
-                f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
-            )
-            said = f"its process died ({how})"
+            how = f"exit status {status}"
+            if status < 0:
+                how = f"signal {signal.Signals(-status).name}"
+            error = f"its process died ({how})"
+            if isinstance(task, BoundTask):
+                return error
             last = self.records[-1] if self.records else None
-            failed = failure(said, output, last)
-            return said if isinstance(task, BoundTask) else self._complete(failed)
+            return self._complete(failure(error, output, last))
         return None
 
     def _complete(self, outcome: Outcome) -> Outcome:
@@ -217,8 +214,8 @@ def add_record(records: list[Record], record: Record) -> None:
 def checked_outcome(run: Run, outcome: Outcome, records: list[Record]) -> Outcome:
     """Return the outcome of a run with its records; a failed run has none.
 
-    The final front is evaluated again in this process, where no algorithm has run. A run fails
-    whose claims are wrong.
+    The final front is evaluated again in this process, where no algorithm has run. If its
+    objectives are not those that were recorded, the run has failed.
     """
     last = records[-1] if records else None
     if outcome.status == "failed":

@@ -1,4 +1,4 @@
-"""What a study and its workers exchange: tasks, records, outcomes."""
+"""The data that a study and its workers exchange: tasks, records, outcomes."""
 
 import math
 from dataclasses import dataclass, field
@@ -17,13 +17,13 @@ class Task:
     """A run to be performed."""
 
     run: Run
-    # Seconds without an evaluation after which the run of another package's algorithm fails, if it
-    # has no budget of seconds. No result depends on it.
+    # Seconds without an evaluation after which a run of another package's algorithm fails, unless
+    # it has a budget of seconds. Not part of a run's identity: no result depends on it.
     patience: float = PATIENCE
 
     @property
     def seconds_allowed(self) -> float:
-        """How long it may take, or without a budget of seconds, go without an evaluation."""
+        """Seconds for the run; without a budget of seconds, those between its evaluations."""
         budget, origin = self.run.mission.budget, self.run.algorithm.origin
         if budget.seconds is not None:
             return budget.seconds + budget.grace_seconds
@@ -36,20 +36,20 @@ class BoundTask:
     """A mission whose front is to be bounded."""
 
     mission: StudyMission
-    front: FloatArray  # E[R] and E[S] of what runs have found (n, 2)
+    front: FloatArray  # E[R] and E[S] of the points that its runs have found (n, 2)
     seconds: float
 
 
 @dataclass(frozen=True)
 class Record:
-    """A run's front at some moment."""
+    """The front of a run after some number of evaluations."""
 
-    evaluations: int  # so far
-    seconds: float  # the algorithm's own time so far
+    evaluations: int
+    seconds: float  # the algorithm's own time
     objectives: FloatArray  # E[R] and E[S] of distinct points (n, 2), by descending reward
     ties: int  # further plans whose objectives are those of a point
-    # The plans and their objectives (front_size + ties, 2): of the last record, and of every record
-    # where the run may be killed.
+    # The plans, and their objectives (front_size + ties, 2). The last record has them; the others
+    # have them only if the run may be killed.
     plans: tuple[PlanBatch, FloatArray] | None = None
 
     @property
@@ -74,8 +74,12 @@ class Outcome:
     began: str | None = None  # UTC, as 2026-11-22T04:30:12Z; None if it never did
 
 
-def failure(error: str, where: str | None = None, last: Record | None = None) -> Outcome:
-    """Return the outcome of a run that failed; ``error`` becomes a single line."""
+def failure(error: str, traceback: str | None = None, last: Record | None = None) -> Outcome:
+    """Return the outcome of a run that failed after its ``last`` record.
+
+    ``error`` becomes a single line. ``traceback`` is that of an exception, or what the process
+    printed before it died.
+    """
     return Outcome(
         status="failed",
         stopped_by="error",
@@ -83,5 +87,5 @@ def failure(error: str, where: str | None = None, last: Record | None = None) ->
         seconds=last.seconds if last else 0.0,
         recording_seconds=0.0,
         error=" ".join(error.split()),
-        traceback=where,
+        traceback=traceback,
     )

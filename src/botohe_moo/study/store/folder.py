@@ -24,23 +24,23 @@ from botohe_moo.study.file.values import canonical
 from botohe_moo.study.run.task import Outcome, Record
 from botohe_moo.trails import PlanBatch
 
-# The folders in it; tables are made of the files in the first three.
+# The folders in a study's; its tables are made from the files in the first three.
 RUNS, FAILURES, BOUNDS, MISSIONS = PARTS = ("runs", "failures", "bounds", "missions")
 OUTCOME_FIELDS = [field.name for field in fields(Outcome) if field.name != "records"]
 _STUDY = TypeAdapter(Study)
 _LOCK = ".lock"
 _UNFINISHED = f".{'?' * 16}.tmp"  # as replace_file names them
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-_LONG = 200  # characters of a reason
+_LONGEST_REASON = 200  # characters
 
 
 class StudyFolder:
     """The folder of a study's results; it need not exist, and :meth:`locked` makes it.
 
-    ``runs/DIGEST.npz`` holds a finished run, ``failures/DIGEST.npz`` the last failure of a run
-    that has never finished: failures are not results, and the run is performed again.
-    ``bounds/DIGEST-SECONDS.json`` holds the bound of a mission, and the seconds that it was
-    allowed. What cannot be used or written to is named by a StudyError.
+    ``runs/DIGEST.npz`` holds a finished run. ``failures/DIGEST.npz`` holds the last failure of a
+    run that has never finished: failures are not results, and the run is performed again.
+    ``bounds/DIGEST-SECONDS.json`` holds the bound of a mission that was allowed these seconds.
+    A StudyError names what cannot be used or written to.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -71,7 +71,7 @@ class StudyFolder:
             lock.release()
 
     def check(self, study: Study) -> None:
-        """Make sure that the folder is empty, missing, or holds this study."""
+        """Raise a StudyError unless the folder is missing, empty or holds this study."""
         names = sorted(path.name for path in self.path.iterdir()) if self.path.exists() else []
         if MANIFEST in names:
             if (name := read_manifest(self.path)["name"]) != study.name:
@@ -79,22 +79,19 @@ class StudyFolder:
                     f"{self.path}: holds the study {name!r}, not {study.name!r}; give another "
                     "folder by --out."
                 )
-        elif names and _LOCK not in names:  # which is made first
+        elif names and _LOCK not in names:  # a runner that was killed may have made no more
             raise StudyError(
                 f"{self.path}: expected an empty folder or that of a study, found {names[0]!r} "
                 "in it; give another folder by --out."
             )
 
     def write_study(self, study: Study) -> None:
-        """Write the study file, the missions and ``study.json``.
-
-        The latter has the manifest, and all else that a study consists of.
-        """
+        """Write the study file, the missions, and ``study.json``: the manifest and the study."""
         kept = _STUDY.dump_python(
             study,
             mode="json",
-            exclude={"missions": {"__all__": {"mission"}}},  # which are in files of their own
-            exclude_defaults=True,  # a file need not have them, and some have no value to write
+            exclude={"missions": {"__all__": {"mission"}}},  # missions have files of their own
+            exclude_defaults=True,  # some of which cannot be written as JSON
         )
         content = json.dumps({**study.manifest(), "kept": kept}, indent=1) + "\n"
         with writing(self.path):
@@ -104,7 +101,7 @@ class StudyFolder:
             replace_file(self.path / MANIFEST, content.encode())
 
     def digests(self, part: str = RUNS) -> set[str]:
-        """List the digests of all runs that are finished, or have failed."""
+        """Return the digests of all runs that are finished, or of those that have failed."""
         return {path.stem for path in (self.path / part).glob("*.npz")}
 
     def save(self, run: Run, outcome: Outcome) -> None:
@@ -125,7 +122,7 @@ class StudyFolder:
         return None
 
     def outcomes(self, runs: Iterable[Run]) -> Iterator[tuple[Run, Outcome]]:
-        """Read the outcomes of those runs that have one; a StudyError names all damaged files."""
+        """Read the outcomes of the runs that have one; a StudyError names all damaged files."""
         damaged = []
         for run in runs:
             try:
@@ -142,59 +139,59 @@ class StudyFolder:
         return self.path / part / f"{run.digest}.npz"
 
     def bound(self, mission: StudyMission) -> tuple[FrontBound, float] | None:
-        """Read the bound of a mission that was allowed the most seconds, and how many they were.
+        """Read the bound of a mission that was allowed the most seconds, and these seconds.
 
-        A file that is damaged counts as not there, and a warning names it.
+        A damaged file counts as missing, and a warning names it.
         """
-        found = (self.path / BOUNDS).glob(f"{mission.bound_digest}-*.json")
-        allowed = {float(path.stem.partition("-")[2]): path for path in found}
-        if not allowed:
+        paths = (self.path / BOUNDS).glob(f"{mission.bound_digest}-*.json")
+        by_seconds = {float(path.stem.partition("-")[2]): path for path in paths}
+        if not by_seconds:
             return None
-        seconds = max(allowed)
+        seconds, path = max(by_seconds.items())
         try:
-            return FrontBound.load(allowed[seconds], mission.mission), seconds
+            return FrontBound.load(path, mission.mission), seconds
         except ValueError:
-            warnings.warn(f"{allowed[seconds]}: damaged, and left out.", stacklevel=2)
+            warnings.warn(f"{path}: damaged, and left out.", stacklevel=2)
             return None
 
     def save_bound(self, mission: StudyMission, bound: FrontBound, seconds: float) -> None:
-        """Write the bound of a mission that was allowed that many seconds."""
+        """Write the bound of a mission that was allowed these seconds."""
         name = f"{mission.bound_digest}-{canonical(seconds)}.json"
         with writing(self.path):
             bound.save(self.path / BOUNDS / name)
 
     def inputs(self, study: Study) -> list[tuple[str, int, int]]:
-        """List the files that a study's tables are made of, each with its size and its time."""
+        """List the files that a study's tables are made from, with sizes and times of change."""
         digests = {run.digest for run in study.runs()}
         digests |= {mission.bound_digest for mission in study.missions}
-        found = []
+        files = []
         for part in (RUNS, FAILURES, BOUNDS):
             for path in (self.path / part).glob("[!.]*"):
                 if path.stem.partition("-")[0] in digests:
                     state = path.stat()
-                    found.append((f"{part}/{path.name}", state.st_size, state.st_mtime_ns))
-        return sorted(found)
+                    files.append((f"{part}/{path.name}", state.st_size, state.st_mtime_ns))
+        return sorted(files)
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read what ``study.json`` says; a StudyError if a folder has none."""
+    """Read ``study.json``; raise a StudyError if a folder has none, or a damaged one."""
     path = folder / MANIFEST
     if not path.exists():
-        among = sorted(p.parent.name for p in folder.parent.glob(f"*/{MANIFEST}"))
-        near = nearest_first(folder.name, among)
-        known = f"; studies beside it are {', '.join(near)}" if near else ""
-        raise StudyError(f"{folder}: there is no study in this folder{known}.")
+        others = (path.parent.name for path in folder.parent.glob(f"*/{MANIFEST}"))
+        names = ", ".join(nearest_first(folder.name, others))
+        beside = f"; studies beside it are {names}" if names else ""
+        raise StudyError(f"{folder}: there is no study in this folder{beside}.")
     with _reading(path):
         content: dict[str, Any] = json.loads(read_bytes(path))
-        content["name"]
+        content["name"]  # raises if this is something else
     return content
 
 
 def restore_study(folder: Path) -> Study:
     """Read the study that a folder holds, as it was checked when its runs were planned.
 
-    No code is called: missions are read from the folder, and the packages that algorithms come
-    from need not be installed.
+    The code that it names is not called: missions are read from the folder, and the packages of
+    its algorithms need not be installed.
     """
     manifest = read_manifest(folder)
     with _reading(folder / MANIFEST):
@@ -213,7 +210,7 @@ def restore_study(folder: Path) -> Study:
 
 
 def _pack_run(run: Run, outcome: Outcome) -> bytes:
-    """Return the file of a run: arrays of its records and plans as ``npz``, all else as JSON."""
+    """Return the content of a run's file: arrays as ``npz``, one of which has the rest as JSON."""
     records = outcome.records
     plans, objectives = (records[-1].plans if records else None) or (None, np.empty((0, 2)))
     header = {"identity": run.identity, **{n: getattr(outcome, n) for n in OUTCOME_FIELDS}}
@@ -240,10 +237,8 @@ def _read_run(path: Path, robots: int) -> Outcome:
             arrays: dict[str, Any] = dict(file)
         header = json.loads(arrays["header"].tobytes())
         fronts = np.split(arrays["points"], np.cumsum(arrays["n_points"]))[:-1]
-        evaluations, seconds, ties = (
-            arrays[n].tolist() for n in ("evaluations", "seconds", "ties")
-        )
-        records = list(map(Record, evaluations, seconds, fronts, ties))
+        evaluations, seconds = arrays["evaluations"].tolist(), arrays["seconds"].tolist()
+        records = list(map(Record, evaluations, seconds, fronts, arrays["ties"].tolist()))
         if records:
             plans = PlanBatch(arrays["plan_nodes"], arrays["plan_offsets"], robots)
             records[-1] = replace(records[-1], plans=(plans, arrays["plan_objectives"]))
@@ -252,19 +247,19 @@ def _read_run(path: Path, robots: int) -> Outcome:
 
 @contextlib.contextmanager
 def _reading(path: Path) -> Iterator[None]:
-    """Turn whatever a damaged file causes into the StudyError that names it."""
+    """Turn any exception into a StudyError that says that the file is damaged."""
     try:
         yield
-    except Exception as error:  # numpy, zipfile and what they decode with declare none
-        said = " ".join(f"{error}".split())[:_LONG]
+    except Exception as error:  # numpy and zipfile do not say which a damaged file raises
+        reason = " ".join(f"{error}".split())[:_LONGEST_REASON]
         raise StudyError(
-            f"{path}: damaged ({said}); remove the file, and run the study again."
+            f"{path}: damaged ({reason}); remove the file, and run the study again."
         ) from error
 
 
 @contextlib.contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Turn an OSError into the StudyError that says what it means for the study."""
+    """Turn an OSError into a StudyError that says what it means for the study."""
     try:
         yield
     except OSError as error:

@@ -7,7 +7,7 @@ import pyarrow as pa
 from botohe_moo.indicators import INDICATORS, further_indicators
 
 TEXT, INTEGER, NUMBER, FLAG = pa.string(), pa.int64(), pa.float64(), pa.bool_()
-FURTHER = "further"  # key of a schema's metadata: what columns that depend on the study hold
+FURTHER = "further"  # key of a schema's metadata, where it has columns that depend on the study
 
 
 def _schema(
@@ -20,9 +20,10 @@ def _schema(
     return pa.schema(fields, {FURTHER: further} if further else None)
 
 
+_MISSION = ("mission", TEXT, "label of the mission in the study file")
 _RUN = (
     ("run", TEXT, "identity of the run: digest of all that its result depends on"),
-    ("mission", TEXT, "label of the mission in the study file"),
+    _MISSION,
     ("algorithm", TEXT, "label of the algorithm in the study file"),
     ("seed", INTEGER, "seed of the run's random numbers"),
 )
@@ -30,14 +31,18 @@ _PLAN = (
     ("reward", NUMBER, "E[R], expected team reward"),
     ("survivors", NUMBER, "E[S], expected number of surviving robots"),
 )
+_LIMITS = (
+    ("min_survival", NUMBER, "survival floor of every robot"),
+    ("max_length", NUMBER, "travel budget of every robot; missing where there is none"),
+)
 _EVALUATIONS = ("evaluations", INTEGER, "trail plans evaluated so far")
 _SECONDS = ("seconds", NUMBER, "the algorithm's own time so far, without recording")
 
 
-def _scores(ending: str, said: str) -> list[tuple[str, pa.DataType, str]]:
+def _scores(ending: str, what: str) -> list[tuple[str, pa.DataType, str]]:
     """Return a column for each indicator that a study need not have."""
     return [
-        (f"{name}{ending}", NUMBER, f"{said} {known.in_words}; missing where it is not computed")
+        (f"{name}{ending}", NUMBER, f"{what} {known.in_words}; missing where it is not computed")
         for name, known in INDICATORS.items()
         if name in further_indicators()
     ]
@@ -69,7 +74,7 @@ def _indicators() -> pa.Schema:
 
 def _summary() -> pa.Schema:
     return _schema(
-        ("mission", TEXT, "label of the mission in the study file"),
+        _MISSION,
         ("algorithm", TEXT, "label of the algorithm"),
         ("n", INTEGER, "runs"),
         ("n_not_done", INTEGER, "runs among them that failed, timed out or found nothing feasible"),
@@ -104,8 +109,7 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         ("recording_seconds", NUMBER, "time spent on recording fronts"),
         ("budget_evaluations", INTEGER, "evaluations allowed; missing where there is no limit"),
         ("budget_seconds", NUMBER, "seconds allowed; missing where there is no limit"),
-        ("min_survival", NUMBER, "survival floor of every robot"),
-        ("max_length", NUMBER, "travel budget of every robot; missing where there is none"),
+        *_LIMITS,
         ("area", NUMBER, "area of the final front, in [0, 1]"),
         ("front_size", INTEGER, "points on the final front"),
         ("ties", INTEGER, "further plans on it whose objectives are those of a point"),
@@ -128,11 +132,11 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
     "indicators": _indicators,
     "references": _schema(
         ("reference", TEXT, "digest of the front's points"),
-        ("mission", TEXT, "label of the mission in the study file"),
+        _MISSION,
         *_PLAN,
     ),
     "bounds": _schema(
-        ("mission", TEXT, "label of the mission in the study file"),
+        _MISSION,
         (
             "reward",
             NUMBER,
@@ -141,7 +145,7 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         ("survivors", NUMBER, "E[S] of the point"),
     ),
     "comparisons": _schema(
-        ("mission", TEXT, "label of the mission in the study file"),
+        _MISSION,
         ("indicator", TEXT, "what is compared"),
         ("algorithm", TEXT, "label of the first algorithm"),
         ("other", TEXT, "label of the second, the control where there is one"),
@@ -178,7 +182,7 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         ("significant", FLAG, "whether it and Friedman's are below the significance level"),
     ),
     "targets": _schema(
-        ("mission", TEXT, "label of the mission in the study file"),
+        _MISSION,
         ("algorithm", TEXT, "label of the algorithm"),
         ("share", NUMBER, "share of the area of the mission's reference front: 0.9, 0.95, 0.99"),
         ("target", NUMBER, "the area that this is"),
@@ -189,15 +193,14 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         optional=("evaluations_median", "seconds_median"),
     ),
     "missions": _schema(
-        ("mission", TEXT, "label of the mission in the study file"),
+        _MISSION,
         ("name", TEXT, "its source: a name, a file or module:Class"),
         ("family", TEXT, "label of its entry in the study file, before grids are expanded"),
         ("nodes", INTEGER, "nodes"),
         ("arcs", INTEGER, "arcs"),
         ("robots", INTEGER, "robots of the team"),
         ("total_reward", NUMBER, "sum of the nodes' rewards"),
-        ("min_survival", NUMBER, "survival floor of every robot"),
-        ("max_length", NUMBER, "travel budget of every robot; missing where there is none"),
+        *_LIMITS,
         ("bound_area", NUMBER, "area that no front exceeds; missing where there is no bound"),
         ("bound_seconds", NUMBER, "how long that bound was computed; missing where there is none"),
         optional=("max_length", "bound_area", "bound_seconds"),
@@ -230,11 +233,11 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
 
 
 class _Schemas(Mapping[str, pa.Schema]):
-    """The columns of each table; some follow from what indicators there are."""
+    """The schema of each table; some have columns for the indicators that are registered."""
 
     def __getitem__(self, name: str) -> pa.Schema:
-        found = _TABLES[name]
-        return found() if callable(found) else found
+        schema = _TABLES[name]
+        return schema() if callable(schema) else schema
 
     def __iter__(self) -> Iterator[str]:
         return iter(_TABLES)

@@ -4,8 +4,7 @@ import io
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +21,9 @@ from botohe_moo.study.store.schemas import SCHEMAS
 from botohe_moo.trails import TrailPlan
 
 _LARGE = ("trace", "fronts", "plans", "references", "bounds")  # all others are CSV files, too
-_LONG = 200  # characters of a reason
-# Keys of the metadata of Parquet files: the digest of what the tables were made from, which is that
-# of all tables of a moment; and in one of them the manifest of the study.
+_LONGEST_REASON = 200  # characters
+# Keys of the metadata of Parquet files: a digest of what the tables were made from, the same in all
+# that were made together, and in the table runs the manifest of the study.
 _MADE_FROM, _MANIFEST = b"made_from", b"study"
 
 
@@ -35,11 +34,11 @@ class StudyTables:
     Attributes
     ----------
     folder, manifest
-        Where the study is, and what: its file's labels, budgets and the comparison that is wanted.
+        The folder of the study, and its description: labels, budgets, comparison and so on.
     runs, indicators, summary
         One row a run; one for each run and indicator; one for each mission and algorithm.
     trace, fronts, plans
-        How the area of recorded fronts grows, their points, and the plans of the final ones.
+        Recorded fronts with their areas, the points of these, and the plans of the final fronts.
     references
         The reference fronts: what all runs on a mission found together.
     bounds
@@ -50,9 +49,9 @@ class StudyTables:
     ranks, posthoc
         Average ranks over missions, and pairs of them, where Friedman's test applies.
     targets
-        What it took to reach parts of the reference fronts' areas.
+        Evaluations and seconds that it took to reach shares of the reference fronts' areas.
     missions, algorithms, environments
-        What is compared, on what, with a column for each parameter, and where runs ran.
+        Missions and algorithms, with columns for parameters, and where runs ran.
 
     Examples
     --------
@@ -89,6 +88,7 @@ class StudyTables:
     missions: pd.DataFrame
     algorithms: pd.DataFrame
     environments: pd.DataFrame
+    _missions: dict[str, Mission] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def name(self) -> str:
@@ -97,7 +97,7 @@ class StudyTables:
 
     @property
     def title(self) -> str:
-        """What the study is, in words; its name where its file says nothing."""
+        """The study's title, or its name if it has no title."""
         return str(self.manifest.get("title") or self.name)
 
     @property
@@ -132,10 +132,10 @@ class StudyTables:
         A row for each mission and algorithm that lacks some. They were not performed yet, or the
         study was stopped.
         """
-        wanted = len(self.manifest["seeds"])
-        found: Any = self.runs.groupby(["mission", "algorithm"]).size()
+        n_seeds = len(self.manifest["seeds"])
+        n_runs: Any = self.runs.groupby(["mission", "algorithm"]).size()
         rows = [
-            (mission, algorithm, wanted - int(found.get((mission, algorithm), 0)))
+            (mission, algorithm, n_seeds - int(n_runs.get((mission, algorithm), 0)))
             for mission in self.mission_labels
             for algorithm in self.algorithm_labels
         ]
@@ -168,11 +168,6 @@ class StudyTables:
             self._missions[label] = read_mission(self.folder / entry["file"])
         return self._missions[label]
 
-    @cached_property
-    def _missions(self) -> dict[str, Mission]:
-        """The missions that have been read so far, by label."""
-        return {}
-
     def plan(self, run: str, plan_id: int) -> TrailPlan:
         """Return a plan of a final front, to be evaluated again or drawn.
 
@@ -188,21 +183,21 @@ class StudyTables:
         KeyError
             If there is no such run or plan, or several runs begin like that.
         """
-        found = self.plans[
+        rows = self.plans[
             self.plans["run"].str.startswith(run) & (self.plans["plan_id"] == plan_id)
         ]
-        if len(found) != 1:
-            raise KeyError(f"Expected one plan {plan_id} of a run {run!r}, found {len(found)}.")
-        row = found.iloc[0]
+        if len(rows) != 1:
+            raise KeyError(f"Expected one plan {plan_id} of a run {run!r}, found {len(rows)}.")
+        row = rows.iloc[0]
         return self.mission(row["mission"]).plan(json.loads(row["trails"]))
 
 
 def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
-    """Convert a table; an error says which column is missing, or not of its schema's type."""
+    """Convert a table; raise an error if a column is missing or not of its schema's type."""
     schema = SCHEMAS[name]
-    if schema.metadata:  # it may have further columns
-        own = frame.drop(columns=schema.names)
-        schema = pa.schema([*schema, *pa.Schema.from_pandas(own, preserve_index=False)])
+    if schema.metadata:  # the table may have further columns
+        further = frame.drop(columns=schema.names)
+        schema = pa.schema([*schema, *pa.Schema.from_pandas(further, preserve_index=False)])
     return pa.Table.from_pandas(frame, schema, preserve_index=False)
 
 
@@ -211,16 +206,16 @@ def write_tables(
 ) -> None:
     """Write tables as Parquet, and the small ones as CSV, too.
 
-    All are made before the first one replaces an earlier one. Their metadata hold ``made_from`` of
-    the manifest, so that a reader notices tables of several moments, as a kill may leave them.
+    All are made before the first one replaces an earlier one. A process that is killed meanwhile
+    leaves some new tables beside old ones; a reader notices by ``made_from`` in their metadata.
     """
     files = {}
     for name, frame in tables.items():
         table = to_arrow(name, frame)
-        own = {_MADE_FROM: manifest["made_from"]}
+        metadata = {**table.schema.metadata, _MADE_FROM: manifest["made_from"]}
         if name == "runs":
-            own[_MANIFEST] = json.dumps(manifest)
-        table = table.replace_schema_metadata({**table.schema.metadata, **own})
+            metadata[_MANIFEST] = json.dumps(manifest)
+        table = table.replace_schema_metadata(metadata)
         buffer = io.BytesIO()
         pq.write_table(table, buffer, compression="zstd")
         files[f"{name}.parquet"] = buffer.getvalue()
@@ -231,7 +226,7 @@ def write_tables(
 
 
 def read_study(folder: str | os.PathLike[str]) -> StudyTables:
-    """Read the tables of a study: while a runner is at work, those that were made last.
+    """Read the tables of a study that were made last.
 
     Parameters
     ----------
@@ -241,7 +236,7 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
     Raises
     ------
     StudyError
-        If it holds no study, no tables are made yet, or one is missing or damaged; names the file.
+        If the folder holds no study or no tables yet, or if one is missing or damaged.
 
     Examples
     --------
@@ -258,29 +253,29 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
     [['greedy', 'done']]
     """
     folder = Path(folder)
-    again = f"`botohe study tables {folder}` makes the tables of the runs that are there."
-    tables, moments, manifest = {}, set(), b""
+    remedy = f"`botohe study tables {folder}` makes the tables of the runs that are there."
+    tables, made_from, manifest = {}, set(), b""
     for name in SCHEMAS:
         path = folder / f"{name}.parquet"
         try:
             table = _read_parquet(path)
             metadata = table.schema.metadata
-            moments.add(metadata[_MADE_FROM])
+            made_from.add(metadata[_MADE_FROM])
             manifest = metadata.get(_MANIFEST, manifest)
             tables[name] = table.to_pandas(use_threads=False)
         except FileNotFoundError:
-            read_manifest(folder)  # which says if there is no study
-            raise StudyError(f"{path}: there is no such table yet. {again}") from None
+            read_manifest(folder)  # raises if there is no study at all
+            raise StudyError(f"{path}: there is no such table yet. {remedy}") from None
         except (OSError, ValueError, LookupError, pa.ArrowException) as error:
-            said = f"{error}".partition("\n")[0][:_LONG]
-            raise StudyError(f"{path}: cannot be read ({said}). {again}") from error
-    if len(moments) > 1:
-        raise StudyError(f"{folder}: its tables are of several moments. {again}")
+            reason = f"{error}".partition("\n")[0][:_LONGEST_REASON]
+            raise StudyError(f"{path}: cannot be read ({reason}). {remedy}") from error
+    if len(made_from) > 1:
+        raise StudyError(f"{folder}: its tables are of several moments. {remedy}")
     return StudyTables(folder, json.loads(manifest), **tables)
 
 
 def _read_parquet(path: Path) -> pa.Table:
-    # Threads of Arrow's may still hold a file when Python ends, and abort it (apache/arrow issues
-    # 34314 and 50482); a reader of memory needs none.
+    # Without threads: those of Arrow may still hold a file when Python ends, and abort it
+    # (apache/arrow issues 34314 and 50482).
     data = pa.BufferReader(read_bytes(path))
     return pq.read_table(data, use_threads=False, pre_buffer=False)
