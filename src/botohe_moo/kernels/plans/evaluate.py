@@ -5,7 +5,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo.kernels.compile import array_maker, helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.plans.trails import sort_trails
 from botohe_moo.kernels.sharing import shared
@@ -60,7 +60,7 @@ class _Scratch(NamedTuple):
     team: Team
 
 
-@helper(makes_arrays=True)
+@array_maker
 def new_team(n_nodes: int) -> Team:
     """Return scratch for plans on a graph of ``n_nodes`` nodes."""
     return Team(
