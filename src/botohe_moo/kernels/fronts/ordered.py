@@ -137,6 +137,21 @@ def place_before(front: OrderedFront, at: int, place: int) -> tuple[int, int]:
     return at, place
 
 
+@inlined
+def find_dominated(front: OrderedFront, reward: float, survivors: float) -> tuple[int, int]:
+    """Find the plan of most E[S] among those with at most this E[R] and this E[S].
+
+    Returns its block's number in the directory, −1 where there is none, and its place there.
+    """
+    at, place = find_place(front, survivors)
+    if at == front.n.blocks or front.places[front.directory[at], place].survivors > survivors:
+        at, place = place_before(front, at, place)
+    # No plan before it has less E[R].
+    if at >= 0 and front.places[front.directory[at], place].reward > reward:
+        at = -1
+    return at, place
+
+
 @helper
 def insert(front: OrderedFront, reward: float, survivors: float) -> int:
     """Insert a plan, and remove those that it dominates or equals; return its slot.
@@ -144,11 +159,8 @@ def insert(front: OrderedFront, reward: float, survivors: float) -> int:
     No plan of the front may dominate it.
     """
     while True:
-        at, place = find_place(front, survivors)
-        behind = at == front.n.blocks
-        if behind or front.places[front.directory[at], place].survivors > survivors:
-            at, place = place_before(front, at, place)
-        if at < 0 or front.places[front.directory[at], place].reward > reward:
+        at, place = find_dominated(front, reward, survivors)
+        if at < 0:
             return add_place(front, reward, survivors)
         remove_place(front, at, place)
 

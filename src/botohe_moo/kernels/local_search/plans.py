@@ -14,6 +14,7 @@ from botohe_moo.kernels.fronts.ordered import (
     OrderedFront,
     add_place,
     best_reward,
+    find_dominated,
     find_place,
     place_before,
     remove_place,
@@ -195,14 +196,10 @@ def insert(
     """
     if best_reward(front, survivors) >= reward:
         return False
-    no_more = survivors * (1.0 + TOLERANCE)
+    no_more = survivors * (1.0 + TOLERANCE)  # survivors, but for rounding
     while True:
-        # Plans are in order of E[S]: those dominated, but for rounding, end at this one.
-        block, place = find_place(front, no_more)
-        behind = block == front.n.blocks
-        if behind or front.places[front.directory[block], place].survivors > no_more:
-            block, place = place_before(front, block, place)
-        if block < 0 or front.places[front.directory[block], place].reward > reward:
+        block, place = find_dominated(front, reward, no_more)
+        if block < 0:
             break
         slot = remove_place(front, block, place)
         for k in range(front.plan.shape[1]):
