@@ -13,7 +13,7 @@ from botohe_moo.kernels.fronts.ordered import copy_front, new_front, read_front
 from botohe_moo.kernels.graph.graph import Graph, Limits, with_costs
 from botohe_moo.kernels.local_search.refill import refill
 from botohe_moo.kernels.local_search.routes import FULL_UP_TO, new_routes
-from botohe_moo.kernels.local_search.search import Given, has_room, improve
+from botohe_moo.kernels.local_search.search import has_room, improve
 from botohe_moo.kernels.local_search.trail_store import copy_trails, new_store, ragged
 from botohe_moo.kernels.local_search.workspace import (
     N_CHILDREN,
@@ -22,6 +22,7 @@ from botohe_moo.kernels.local_search.workspace import (
     new_memory,
     new_workspace,
 )
+from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
@@ -128,12 +129,12 @@ class LocalSearch:
 
     def _search(self, batch: PlanBatch | None, n_evaluations: int) -> int:
         n, n_robots = 0, self.mission.robots
-        given = Given(np.empty(0, np.int32), np.zeros(1, np.int64))
+        given = read_trails(np.empty(0, np.int32), np.zeros(1, np.int64))
         while n < n_evaluations:
             if not has_room(self._parts):
                 self._keep(read_front(self._front)[0])
             if batch is not None:
-                given = Given(batch.nodes.copy(), batch.offsets[n * n_robots :].copy())
+                given = read_trails(batch.nodes, batch.offsets[n * n_robots :].copy())
             n += improve(self._parts, given, n_evaluations - n)
             if self._memory[0].n_waiting == REFILLED_AT_ONCE:
                 n += refill(self._parts, n_evaluations - n)

@@ -1,8 +1,5 @@
 """Pareto local search: parents from a front, children of one changed trail, back into it."""
 
-from typing import NamedTuple
-
-from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.fronts.ordered import contribution, draw_place
 from botohe_moo.kernels.graph.graph import find_arc
@@ -30,6 +27,7 @@ from botohe_moo.kernels.local_search.workspace import (
     Search,
     Workspace,
 )
+from botohe_moo.kernels.plans.trails import Trails
 from botohe_moo.kernels.rng import below, uniform
 from botohe_moo.kernels.sharing import shared
 
@@ -46,13 +44,6 @@ P_END, _P_SAFE_END = 0.1, 0.4
 PATIENCE, P_OTHER = 2_000, 0.5
 
 
-class Given(NamedTuple):
-    """Valid plans from elsewhere, ragged: they are evaluated first."""
-
-    nodes: IntArray
-    offsets: OffsetArray
-
-
 @helper
 def has_room(search: Search) -> bool:
     """Return whether there is room for the children of a parent, or for a plan of new trails."""
@@ -62,8 +53,8 @@ def has_room(search: Search) -> bool:
 
 
 @kernel
-def improve(search: Search, given: Given, n_evaluations: int) -> int:
-    """Insert the given plans into the front, then search from there.
+def improve(search: Search, given: Trails, n_evaluations: int) -> int:
+    """Evaluate the given plans, which are valid, insert them into the front, and search from there.
 
     Returns how many plans have been evaluated, the given ones among them. These are fewer than
     ``n_evaluations`` where there is no room for more, where plans wait to be refilled, or where no
@@ -92,7 +83,7 @@ def improve(search: Search, given: Given, n_evaluations: int) -> int:
 
 
 @helper
-def _insert_given(search: Search, given: Given, plan: int) -> None:
+def _insert_given(search: Search, given: Trails, plan: int) -> None:
     """Insert a given plan into the front, unless that has one as good."""
     graph, store, work = search.graph, search.store, search.work
     n_robots = work.trails.shape[0]
