@@ -104,10 +104,10 @@ def _make_child(search: Search) -> bool:
     """
     work, draft = search.work, search.work.draft
     draft.mark += 1
-    mark, draft.n_legs = draft.mark, 0
+    draft.n_legs = 0
     for which in range(draft.n_chosen):
-        build_tour(search, which, mark)
-    fill_tours(search.graph, search.routes, work, mark)
+        build_tour(search, which)
+    fill_tours(search)
     for k in range(work.parent.shape[0]):
         work.refilled[k] = work.parent[k]
     is_new = False

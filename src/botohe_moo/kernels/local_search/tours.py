@@ -30,8 +30,8 @@ P_FULL, SPREAD = 0.5, 0.6
 
 
 @helper
-def build_tour(search: Search, which: int, mark: int) -> None:
-    """Build a tour of some of the stops of a chosen robot's trail."""
+def build_tour(search: Search, which: int) -> None:
+    """Build a tour of some of the stops of a chosen robot's trail, which are marked as seen."""
     graph, routes, work = search.graph, search.routes, search.work
     draft, slack, goals = work.draft, work.slacks[which], work.goals
     _draw_slack(search, which)
@@ -47,7 +47,7 @@ def build_tour(search: Search, which: int, mark: int) -> None:
         leg.following, leg.tour = NONE if is_last else draft.n_legs + 1, which
         slack.danger -= leg.danger
         slack.length -= leg.length
-        work.nodes[after].seen = mark
+        work.nodes[after].seen = draft.mark
         draft.n_legs += 1
         stop = after
 
@@ -119,14 +119,18 @@ def _set_leg(routes: Routes, work: Workspace, number: int, before: int, after: i
 
 
 @helper
-def fill_tours(graph: Graph, routes: Routes, work: Workspace, mark: int) -> None:
-    """Insert nodes into the tours until no more fit; their worth is lowered by chance."""
+def fill_tours(search: Search) -> None:
+    """Insert nodes that are not marked into the tours until no more fit.
+
+    What each is worth is what the other robots leave of its reward, lowered at random.
+    """
+    graph, routes, work = search.graph, search.routes, search.work
     draft, nodes, worth, legs = work.draft, work.nodes, work.worth, work.legs
     states, n_nodes = work.states, graph.reward.shape[0]
     noise = uniform(states, 0)
     for node in range(n_nodes):
         work.insertion_cost[node], worth[node] = np.inf, 0.0
-        if nodes[node].left > 0.0 and nodes[node].seen != mark:
+        if nodes[node].left > 0.0 and nodes[node].seen != draft.mark:
             worth[node] = nodes[node].left * (1.0 - noise * uniform(states, 0))
     for number in range(draft.n_legs):
         _update_insertion_costs(graph, routes, work, number)
