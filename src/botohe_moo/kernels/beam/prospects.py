@@ -29,12 +29,12 @@ TOLERANCE = 1e-12
 
 
 class Near(NamedTuple):
-    """For each node those others that are safest to reach, in this order.
+    """For each node the other nodes that are safest to reach, the safest first.
 
-    Where fewer can be reached, the node itself with survival 0 is in place of the others.
+    Where fewer can be reached, the rest of the row is the node itself with survival 0.
     """
 
-    near: OffsetArray  # which nodes (n_nodes, n_near), n_near < n_nodes
+    nodes: OffsetArray  # (n_nodes, n_near), n_near < n_nodes
     reach: FloatArray  # survival of the safest path to each of them (n_nodes, n_near)
 
 
@@ -63,7 +63,7 @@ def find_near(graph: Graph, n_near: int) -> Near:
 @kernel
 def _write_near(graph: Graph, paths: Paths, used: OffsetArray, near: Near) -> None:
     graph, paths, near = shared(graph), shared(paths), shared(near)
-    for source in range(near.near.shape[0]):
+    for source in range(near.nodes.shape[0]):
         _search_from(graph, paths, used, near, source)
 
 
@@ -71,22 +71,22 @@ def _write_near(graph: Graph, paths: Paths, used: OffsetArray, near: Near) -> No
 # the kernel itself, it would be compiled again.
 @helper
 def _search_from(graph: Graph, paths: Paths, used: OffsetArray, near: Near, source: int) -> None:
-    n_near = near.near.shape[1]
+    n_near = near.nodes.shape[1]
     n = search_paths(graph, paths, used, 1, source, ANYWHERE, n_near + 1, False)
     alive = paths.distance  # which is not needed any more
     alive[source] = 1.0
     for i in range(n - 1, n_near):
-        near.near[source, i], near.reach[source, i] = source, 0.0
+        near.nodes[source, i], near.reach[source, i] = source, 0.0
     for i in range(n - 1):
         node = paths.order[i + 1]
         arc = paths.entry[node]
         alive[node] = alive[graph.tail[arc]] * graph.survival[arc]
-        near.near[source, i], near.reach[source, i] = node, alive[node]
+        near.nodes[source, i], near.reach[source, i] = node, alive[node]
 
 
 def dangers(graph: Graph, near: Near, survival_weight: float) -> FloatArray:
     """Return ``BeamRule.danger``."""
-    home_after = near.reach * graph.home[near.near]
+    home_after = near.reach * graph.home[near.nodes]
     return survival_weight * (graph.home[:, None] - home_after)
 
 
@@ -112,10 +112,10 @@ def judge(near: Near, rule: BeamRule, ahead: FloatArray, child: Any, stay: float
     travel budget do not count.
     """
     node = child.node
-    n_nodes, n_near = near.near.shape
+    n_nodes, n_near = near.nodes.shape
     most = promise = nearby = 0.0
     for i in range(n_near):
-        there = near.near[node, i]
+        there = near.nodes[node, i]
         worth = ahead[there]
         nearby += worth
         if _is_too_far(rule.budget, there, child.length):

@@ -52,7 +52,7 @@ class Choices(NamedTuple):
     n_hull: OffsetArray
     # For each robot the reward of each goal, times the probability that none before it gets there.
     left: FloatArray
-    figures: FloatArray  # for each robot E[R] and E[S] of those before it
+    objectives: FloatArray  # for each robot E[R] and E[S] of those before it (n_robots, 2)
 
 
 def new_choices(
@@ -74,7 +74,7 @@ def new_choices(
         hull_survives=np.zeros(shape),
         n_hull=np.zeros(n_robots, np.int64),
         left=left,
-        figures=np.zeros((n_robots, 2)),
+        objectives=np.zeros((n_robots, 2)),
     )
 
 
@@ -168,7 +168,7 @@ def _list_choices(choices: Choices, front: OrderedFront, robot: int) -> None:
     if n_more > 0:
         _make_hull(choices, robot)
     n_kept = 0
-    reward, survivors = choices.figures[robot, 0], choices.figures[robot, 1]
+    reward, survivors = choices.objectives[robot, 0], choices.objectives[robot, 1]
     for i in range(n):
         trail, gain = choices.listed[robot, i], choices.gain[robot, i]
         alive = survivors + choices.survives[trail]
@@ -207,14 +207,14 @@ def choose_teams(
             return FULL
         state.n_looks += 1
         trail = choices.listed[robot, at]
-        reward = choices.figures[robot, 0] + choices.gain[robot, at]
-        survivors = choices.figures[robot, 1] + choices.survives[trail]
+        reward = choices.objectives[robot, 0] + choices.gain[robot, at]
+        survivors = choices.objectives[robot, 1] + choices.survives[trail]
         if not _is_hopeful(choices, front, robot, n_more, reward, survivors):
             choices.at[robot] += 1
         elif n_more > 0:
             state.robot += 1
             state.n_looks += choices.n_listed[robot] - at
-            choices.figures[robot + 1, 0], choices.figures[robot + 1, 1] = reward, survivors
+            choices.objectives[robot + 1, 0], choices.objectives[robot + 1, 1] = reward, survivors
             for goal in range(choices.left.shape[1]):
                 missed = 1.0 - choices.reached[trail, goal]
                 choices.left[robot + 1, goal] = choices.left[robot, goal] * missed
