@@ -265,7 +265,7 @@ class Beam:
     def ahead(self, trail):
         """Reach, worth and number of each near node that is not visited and not too far."""
         here = trail[-1]
-        near = zip(self.near.near[here].tolist(), self.near.reach[here], strict=True)
+        near = zip(self.near.nodes[here].tolist(), self.near.reach[here], strict=True)
         return [
             (reach, self.worth[node], node)
             for node, reach in near
@@ -274,7 +274,7 @@ class Beam:
 
     def bound(self, trail):
         nearby = sum(reach * worth for reach, worth, _ in self.ahead(trail))
-        near = self.near.near[trail[-1]].tolist()
+        near = self.near.nodes[trail[-1]].tolist()
         far = sum(w for v, w in enumerate(self.worth) if v not in (*trail, *near))
         most = nearby + far * self.near.reach[trail[-1], -1]
         return self.value(trail) + self.alive(trail) * most + self.stay(trail)
@@ -348,7 +348,7 @@ class TestNearest:
             expected = sorted(
                 (np.exp(-cost) for v, cost in costs.items() if v != node), reverse=True
             )
-            near, reach = found.near[node].tolist(), found.reach[node]
+            near, reach = found.nodes[node].tolist(), found.reach[node]
             assert len({*near, node}) == len(near) + 1
             assert reach == pytest.approx(expected[: len(near)], rel=1e-12)
             assert reach == pytest.approx([np.exp(-costs[v]) for v in near], rel=1e-12)

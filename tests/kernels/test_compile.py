@@ -16,7 +16,7 @@ from numba.core.cpu import CPUTargetOptions
 from botohe_moo import kernels
 from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels import compile as decorators
-from botohe_moo.kernels.compile import _PRIVATE, helper, kernel
+from botohe_moo.kernels.compile import _PRIVATE, array_maker, helper, kernel
 from botohe_moo.kernels.sharing import shared
 
 FOLDER = Path(kernels.__file__).parent
@@ -45,7 +45,7 @@ def test_helpers_may_be_called_from_python_and_from_kernels():
     def twice(x):
         return 2 * x
 
-    @helper(makes_arrays=True)
+    @array_maker
     def filled(n, value):
         made = np.empty(n)
         made[:] = twice(value)

@@ -284,11 +284,11 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
     limits = {"min_survival": floor, "max_length": budget}
     chosen = np.random.default_rng(seed).permutation(robots)[: 1 + seed % robots].tolist()
     search = holding(mission, random_tours(mission, seed), chosen, seed=seed, **limits)
-    graph, routes, work = search._graph, search._routes, search._work
+    routes, work = search._routes, search._work
     work.draft.mark += 1
-    mark, work.draft.n_legs = int(work.draft.mark), 0
+    work.draft.n_legs = 0
     for which in range(len(chosen)):
-        filling.build_tour(search._parts, which, mark)
+        filling.build_tour(search._parts, which)
     opened, rooms = tours_of(work), slacks_of(work)
     states, left = work.states.copy(), work.nodes["left"].copy()
     noise, worth = uniform(states, 0), np.zeros(n_nodes)
@@ -296,7 +296,7 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
         if left[node] > 0 and all(node not in stops for stops in opened):
             worth[node] = left[node] * (1 - noise * uniform(states, 0))
     expected = Filler(mission, routes.per_length, left, worth).fill(opened, rooms)
-    filling.fill_tours(graph, routes, work, mark)
+    filling.fill_tours(search._parts)
     assert work.states.tolist() == states.tolist()
     assert tours_of(work) == expected[0]
     assert np.allclose(slacks_of(work), expected[1], rtol=1e-9, atol=1e-9)

@@ -1,7 +1,7 @@
 """How kernels are compiled: the one place that knows numba's options.
 
-``kernel`` is for what Python calls, ``helper`` and ``inlined`` for what kernels call. Called from
-Python, helpers are plain Python.
+``kernel`` is for what Python calls; ``helper``, ``inlined`` and ``array_maker`` are for what
+kernels call. Called from Python, functions of these three kinds are plain Python.
 
 A named tuple takes some 0.1 µs for each of its arrays when Python hands it to a kernel: kernels
 that run for less than a millisecond make their scratch themselves.
@@ -10,9 +10,8 @@ that run for less than a millisecond make their scratch themselves.
 import gc
 import os
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar, cast, overload
+from typing import Any, TypeVar, cast
 
 import numba
 from numba import njit
@@ -25,20 +24,15 @@ from numba.extending import register_jitable
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Options that numba does not document, tried with 0.61 to 0.68. Where a version does not know one,
-# kernels do without and give the same results: they compile for a tenth longer, and run for longer,
-# up to ten times (BO-ACO on the museum).
-# ``_nrt`` off: makes no arrays, and so does not count who uses those it is given.
-# ``no_..._wrapper``: no way in from Python or C, which have the function itself.
+# kernels do without it and give the same results. They compile for a tenth longer, and run up to
+# ten times as long (BO-ACO on the museum).
+# ``_nrt`` off: the function makes no arrays, and so does not count who uses those it is given.
+# ``no_..._wrapper``: Python and C have no entry to the compiled function, and need none.
 # ``forceinline``: LLVM copies it into its callers; numba's own ``inline`` compiles for longer.
 _PRIVATE = ("_nrt", "no_cpython_wrapper", "no_cfunc_wrapper", "forceinline")
 _KNOWN = {name for name in _PRIVATE if hasattr(CPUTargetOptions, name)}
 # IEEE arithmetic: a division by zero is inf, not an exception that a hot loop has to test for.
 _EVERYWHERE = {"error_model": "numpy"}
-
-
-def _private(*, makes_arrays: bool, forceinline: bool) -> dict[str, bool]:
-    options = dict.fromkeys(_PRIVATE, True) | {"_nrt": makes_arrays, "forceinline": forceinline}
-    return {name: value for name, value in options.items() if name in _KNOWN}
 
 
 def kernel(function: Function) -> Function:
@@ -49,44 +43,43 @@ def kernel(function: Function) -> Function:
     return cast("Function", _compile(function, nogil=True))
 
 
-@overload
-def helper(function: Function) -> Function: ...
-
-
-@overload
-def helper(*, makes_arrays: bool) -> Callable[[Function], Function]: ...
-
-
-def helper(function: Any = None, *, makes_arrays: bool = False) -> Any:
-    """Let kernels call a function; unless it says so, it makes no arrays.
+def helper(function: Function) -> Function:
+    """Let kernels call a function that makes no arrays.
 
     Numba compiles it once for each kind of caller (kernels, helpers, inlined functions), and the
     code of what it calls is optimised again in every caller. So what is called in many places is
     best called from helpers only, and chains of calls are best short.
     """
-    if function is None:
-        return partial(helper, makes_arrays=makes_arrays)
-    # Callers hand down to whatever does not set them.
-    options = _private(makes_arrays=makes_arrays, forceinline=False)
-    return register_jitable(**_EVERYWHERE, **options)(function)
+    return _let_kernels_call(function, makes_arrays=False, forceinline=False)
+
+
+def array_maker(function: Function) -> Function:
+    """Let kernels call a function that makes arrays, otherwise as ``helper``."""
+    return _let_kernels_call(function, makes_arrays=True, forceinline=False)
 
 
 def inlined(function: Function) -> Function:
-    """Let kernels contain a function.
+    """Let kernels contain a function that makes no arrays.
 
-    A call hands over every array of every tuple that is not ``shared``, one word after another: for
-    what is called in hot loops this costs more than the work.
+    A call hands over every array of every tuple that is not ``shared``, one word after another. In
+    hot loops this costs more than the function's own work.
     """
-    options = _private(makes_arrays=False, forceinline=True)
-    shared: Function = register_jitable(**_EVERYWHERE, **options)(function)
-    return shared
+    return _let_kernels_call(function, makes_arrays=False, forceinline=True)
+
+
+def _let_kernels_call(function: Function, *, makes_arrays: bool, forceinline: bool) -> Function:
+    # All options are set, also to False: one that a function leaves out comes from its caller.
+    private = dict.fromkeys(_PRIVATE, True) | {"_nrt": makes_arrays, "forceinline": forceinline}
+    options = {name: value for name, value in private.items() if name in _KNOWN}
+    callable_by_kernels: Function = register_jitable(**_EVERYWHERE, **options)(function)
+    return callable_by_kernels
 
 
 def _has_place_to_keep() -> bool:
-    """Return whether there is a place for what is compiled: beside the source, named, or at home.
+    """Return whether numba finds a folder for what it compiles.
 
-    Where all three are missing, numba makes a folder named "~" in the one that users stand in, and
-    would load code from such a folder that it finds there.
+    It may be beside the source, named by the environment, or in the user's home. Without any, numba
+    would make a folder named "~" in the working directory, and load code from one that is there.
     """
     if {"NUMBA_CACHE_DIR", "XDG_CACHE_HOME"} & os.environ.keys():
         return True

@@ -18,6 +18,9 @@ _WORD = np.uint64(64)
 _DROP = np.uint64(11)
 _SCALE = 2.0**-53
 
+# 2⁶⁴ over the golden ratio: the increment of SplitMix64.
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+
 
 def seed_states(random_state: np.random.Generator, n: int) -> SeedArray:
     """Derive ``n`` independent states, shape (n, 2), from one draw of numpy's generator."""
@@ -30,23 +33,23 @@ def seed_states(random_state: np.random.Generator, n: int) -> SeedArray:
 def draw_state(random_state: np.random.Generator) -> SeedArray:
     """Draw one state, shape (1, 2), for a kernel that works through a batch in order.
 
-    Two words of numpy's generator are state enough where no second one is drawn beside it, at a
-    third of what ``seed_states`` takes.
+    Where only one state is drawn, two words of numpy's generator will do. This takes a third of the
+    time of ``seed_states``.
     """
     return random_state.integers(0, 2**64, (1, 2), np.uint64)
 
 
 @helper
 def mixed(word: Words) -> Words:
-    """Mix the bits of a number, as SplitMix64 (Steele, Lea and Flood, 2014) finishes its own."""
+    """Mix the bits of a number by the last step of SplitMix64 (Steele, Lea and Flood, 2014)."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return word ^ (word >> np.uint64(31))
 
 
 def hash_keys(n: int) -> SeedArray:
-    """Return each of ``n`` indices a key of 64 bits; a set of them hashes to its keys' xor."""
-    return mixed(np.arange(1, n + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15))
+    """Return a key of 64 bits for each of ``n`` indices; the xor of its keys is a set's hash."""
+    return mixed(np.arange(1, n + 1, dtype=np.uint64) * GOLDEN)
 
 
 @helper

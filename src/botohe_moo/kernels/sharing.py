@@ -1,7 +1,7 @@
 """Named tuples that the helpers of a kernel share.
 
-Numba hands a named tuple to a function array by array, and an array as seven numbers: calls of
-helpers were most of the code that it compiled. ``shared`` hands over one address instead.
+Numba hands a named tuple to a function array by array, and each array as seven numbers: most of the
+code that it compiled was calls of helpers. ``shared`` hands over one address instead.
 """
 
 from typing import Any, TypeVar
@@ -27,7 +27,7 @@ class _Shared(_Type):  # type: ignore[misc]
         super().__init__(name=f"shared({named})")
 
     def kind_of(self, name: str) -> types.Type:
-        """Return what a field is read as: named tuples in it are shared, too."""
+        """Return the type of a field; a field that is a named tuple is shared, too."""
         field: types.Type = self.named[self.named.fields.index(name)]
         return _Shared(field) if isinstance(field, types.BaseNamedTuple) else field
 
@@ -59,8 +59,8 @@ _numba.lower_getattr_generic(_Shared)(_read_field)
 def shared(named: Tuple) -> Tuple:
     """Return the same named tuple, whose address is what a kernel hands to its helpers.
 
-    Only for the arguments of a kernel, which others own as long as it runs: arrays that it makes
-    itself would be freed, for nobody counts who uses them through an address.
+    Only for arguments of a kernel: its caller keeps their arrays as long as it runs. Arrays that
+    the kernel makes would be freed too early, since users by address are not counted.
     """
     return named
 

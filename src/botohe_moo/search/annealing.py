@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -25,12 +25,12 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan
 
-# How likely each kind of move is to be drawn: the published ones, and our deletion of loops;
-# ``kinds_of_moves`` adds detours.
+# How likely each kind of move is to be drawn: the published kinds, then our deletion of loops. Of
+# detours ``kinds_of_moves`` says it.
 _PUBLISHED_KINDS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1, 0.0)
 _COOLED_KINDS = (*_PUBLISHED_KINDS[:-1], 0.1)
 _MAX_TRIES = 100  # draws, before a few detours are tried
-_WEIGHTS_A_PASS = 10  # at least, where generations are few
+_WEIGHTS_A_PASS = 10  # at least: where generations are few, there are fewer passes
 _PUBLISHED_TEMPERATURE = 0.2
 _PUBLISHED_COOLING = 0.95
 _RECORDS, _NODES_EACH = 1_000, 16  # plans that a call of the kernel may record, nodes of each
@@ -55,6 +55,18 @@ class AnnealingSchedule:
         return self.schedule == "journal"
 
 
+class _Sweep(NamedTuple):
+    """Turns of all weights, in each pass once."""
+
+    n_steps: int
+    n_weights: int
+    n_passes: int
+
+    @property
+    def n_turns(self) -> int:
+        return self.n_weights * self.n_passes
+
+
 class Annealing:
     """A search that anneals one plan, for one weight after another.
 
@@ -77,8 +89,9 @@ class Annealing:
         self.state: AnnealState = new_state(graph, mission.robots, random, detours=detours)
         longest = mission.robots * (graph.n_arcs + 1)
         self._records = new_records(mission.robots, _RECORDS, _RECORDS * _NODES_EACH + longest)
-        self._sweep = (0, 1, 0)  # its steps, weights, and passes through them
-        self._turn = self.steps_left = 0  # how many turns have begun, and what is left of this
+        self._sweep = _Sweep(n_steps=0, n_weights=1, n_passes=0)
+        self._turn = 0  # how many turns of the sweep have begun
+        self.steps_left = 0
         self.weight = 0.0
         rewards = graph.reward / (mission.total_reward or 1.0)
         self._share = float(rewards @ rewards) or 1.0
@@ -95,7 +108,10 @@ class Annealing:
         )
 
     def kinds_of_moves(self) -> FloatArray:
-        """Detours are as likely as there are one-way arcs, which the other moves can hardly use."""
+        """Return how likely each kind of move is to be drawn, relative.
+
+        For detours this is the share of one-way arcs, which the other moves can hardly use.
+        """
         kinds = _PUBLISHED_KINDS if self.schedule.journal else _COOLED_KINDS
         one_way = self.mission.arrays.reverse < 0
         return np.array([*kinds, one_way.mean()] if one_way.any() else kinds)
@@ -103,7 +119,7 @@ class Annealing:
     def best(self) -> tuple[PlanBatch, FloatArray]:
         """Return the best plan evaluated for the weight, and its E[R] and E[S] (1, 2).
 
-        At first everybody is at base.
+        Before the first step it is the plan in which all robots stay at base.
         """
         state = self.state
         ends = zip(state.starts[state.best], state.stops[state.best], strict=True)
@@ -114,72 +130,75 @@ class Annealing:
     def begin_turn(
         self, archive: PlanArchive | None, n_left: int | None, n_generations: float
     ) -> None:
-        """Begin the turn of the next weight.
+        """Begin the turn of the next weight, from the last one's best plan, or the archive's.
 
-        It begins from the best plan of the last one, or a better one of the archive. ``n_left`` is
+        The better one of these is taken; None instead of an archive leaves it out. ``n_left`` is
         how many evaluations are left, None without a limit, and ``n_generations`` how many
         generations there will be in all.
         """
         schedule, state = self.schedule, self.state
-        if self._turn == self._sweep[1] * self._sweep[2]:
+        if self._turn == self._sweep.n_turns:
             self._plan_sweep(n_left, n_generations)
         self.weight, self.steps_left = self._plan_turn()
         self._turn += 1
         self._rule = self._rule._replace(weight=self.weight)
         if archive is not None:
-            self.start_from(archive)
+            self._start_from(archive)
         state.to_best[0] = 1
         if schedule.journal:
             state.best_score[0] = -np.inf
             state.temperature[0] = _PUBLISHED_TEMPERATURE
             cooling = _PUBLISHED_COOLING
         else:
-            state.best_score[:] = self.scores(state.best_objectives[np.newaxis])
+            state.best_score[:] = self._scores(state.best_objectives[np.newaxis])
             state.temperature[0] = schedule.initial_temperature * self._share
             fall = schedule.final_temperature / schedule.initial_temperature
             cooling = fall ** (1.0 / self.steps_left)
         self._rule = self._rule._replace(cooling=cooling)
 
     def _plan_sweep(self, n_left: int | None, n_generations: float) -> None:
+        """Divide the steps that are left, or those of a usual sweep, into turns of weights."""
         schedule = self.schedule
         n_passes = 1 if schedule.journal else schedule.n_passes
         if n_left is None and n_generations < math.inf:
-            # A generation for each turn of a weight, as many as there will be.
+            # As many turns as there will be generations, each of them one generation long.
             n_turns = max(1, int(n_generations))
             n_steps = n_turns * schedule.steps_per_generation
             n_passes = min(n_passes, max(1, n_turns // _WEIGHTS_A_PASS))
-            usual = max(1, n_turns // n_passes)
+            usual_weights = max(1, n_turns // n_passes)
         else:
             n_steps = schedule.sweep_evaluations if n_left is None else n_left
             root = math.isqrt(n_steps) if schedule.journal else round(n_steps ** (1 / 3))
-            usual = max(1, root)
-        n_weights = min(schedule.n_weights or usual, n_steps)
-        n_passes = min(n_passes, n_steps // n_weights)
-        self._sweep = (n_steps, n_weights, n_passes)
+            usual_weights = max(1, root)
+        n_weights = min(schedule.n_weights or usual_weights, n_steps)
+        self._sweep = _Sweep(n_steps, n_weights, min(n_passes, n_steps // n_weights))
         self._turn = 0
 
     def _plan_turn(self) -> tuple[float, int]:
-        """Return the weight whose turn it is, and its steps: they differ by one at most."""
-        n_steps, n_weights, n_passes = self._sweep
-        n_turns = n_weights * n_passes
-        downward, place = divmod(self._turn, n_weights)
-        if downward % 2:
+        """Return the weight whose turn it is, and its steps.
+
+        Weights ascend in one pass and descend in the next. Turns differ by one step at most.
+        """
+        n_steps, n_weights, _ = self._sweep
+        n_turns = self._sweep.n_turns
+        which_pass, place = divmod(self._turn, n_weights)
+        if which_pass % 2:
             place = n_weights - 1 - place
         steps = n_steps * (self._turn + 1) // n_turns - n_steps * self._turn // n_turns
         return place / (n_weights - 1) if n_weights > 1 else 0.5, steps
 
-    def scores(self, objectives: FloatArray) -> FloatArray:
+    def _scores(self, objectives: FloatArray) -> FloatArray:
         """Return the scores of plans for the weight, from their E[R] and E[S] (n, 2)."""
         return score(self._rule, self.mission.robots, objectives[:, 0], objectives[:, 1])
 
-    def start_from(self, archive: PlanArchive) -> None:
-        """Put the archive's best plan for the weight in the best one's place, if it is better."""
+    def _start_from(self, archive: PlanArchive) -> None:
+        """Make the archive's best plan for the weight the best one, if it is better."""
         state, objectives = self.state, archive.objectives
         if len(archive) == 0:
             return
-        scores = self.scores(objectives)
+        scores = self._scores(objectives)
         row = int(np.argmax(scores))
-        if scores[row] <= self.scores(state.best_objectives[np.newaxis])[0]:
+        if scores[row] <= self._scores(state.best_objectives[np.newaxis])[0]:
             return
         for slot, trail in zip(state.best, archive.plans[row].trails, strict=True):
             start = state.starts[slot]
@@ -188,11 +207,11 @@ class Annealing:
         state.best_objectives[:] = objectives[row]
 
     def run(self, n_steps: int) -> tuple[PlanBatch, FloatArray]:
-        """Make at most ``steps_left`` steps of the weight's turn, each of which evaluates a plan.
+        """Make some of the ``steps_left`` of the weight's turn, each of which evaluates a plan.
 
-        Returns what may enter the front, with E[R] and E[S] (n, 2): of the plans evaluated those
-        that the plans at hand did not dominate; with the journal's schedule the best plan when the
-        turn ends.
+        Returns plans that may enter the front, and their E[R] and E[S] (n, 2). These are the plans
+        evaluated that neither the current nor the best plan dominated; with the journal's schedule,
+        the best plan when the turn ends.
         """
         graph, records = self.mission.arrays, self._records
         self.steps_left -= n_steps
@@ -200,7 +219,7 @@ class Annealing:
         while n_steps > 0:
             records.n_plans[0] = 0
             n_made = anneal(graph, self._rule, self.state, records, n_steps)
-            if n_made < 0:
+            if n_made < 0:  # the next step needs scratch for detours
                 n_made = -1 - n_made
                 moves = new_move_scratch(graph, detours=True)
                 self.state = self.state._replace(moves=moves)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 Allocation = Literal["sequential", "concurrent"]
 
-_log = np.frompyfunc(math.log, 1, 1)  # with the bits of the kernels' logarithm; numpy's may differ
+_log = np.frompyfunc(math.log, 1, 1)  # has the bits of the kernels' logarithm; numpy's may differ
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ class ColonyRule:
 class Colony:
     """Ants that build plans, and the pheromone they leave.
 
-    Results do not depend on ``n_threads``, which build plans: each ant has its own generator,
-    whose seed is drawn from ``random_state``.
+    Plans are built by ``n_threads``, on which results do not depend: each ant has its own
+    generator, whose seed is drawn from ``random_state``.
     """
 
     def __init__(
@@ -82,23 +82,23 @@ class Colony:
         self._graph = mission.arrays
         self._budget = new_budget(mission.arrays, limits)
         self._is_careful = not mission.arrays.balanced or limits.bind
-        # Where ants need not look for ways home, they get less, which is quicker to hand over.
+        # Ants that need not look for ways home get less of the graph: it is quicker to hand over.
         self._roads: Any = mission.arrays if self._is_careful else roads_of(mission.arrays)
         self._states = seed_states(random_state, n_ants)
         self._pheromone = _new_pheromone(mission, rule)
         self._weights = _new_weights(mission, rule, self._pheromone)
         self._rooms: dict[int, tuple[Plans, Paths | None, AntScratch]] = {}  # of each thread
         self._deposited_version = -1  # of the archive, when its deposit was last summed up
-        self._archived: Depositors  # the archive of that version
-        # The depositors of the last iteration, as ``learn`` takes them, until they are learned.
+        self._archived: Depositors  # the plans of that version
+        # Arguments of ``learn`` that the last iteration has left for the next one.
         self._to_learn: tuple[Depositors, Depositors, bool] | None = None
-        self.weigh()
+        self._weigh()
 
     @property
     def pheromone(self) -> FloatArray:
         """Reward and survival pheromone of the arcs (n_maps, n_arcs + 1, 2).
 
-        With one map the robots share it; behind the mission's arcs comes the base's self-loop.
+        Each robot has a map, or all share one; behind the arcs comes the base's self-loop.
         """
         self._catch_up()
         return self._pheromone.levels
@@ -114,12 +114,12 @@ class Colony:
             return self._construct_span(0, n_ants, 0, n_ants)
         cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
         spans = range(n_threads), [n_ants] * n_threads, cuts[:-1], cuts[1:]
-        # Threads that end with the iteration: none is left to pickle, to fork or to close.
+        # Threads end with the iteration, so that none is left to pickle, to fork or to close.
         with ThreadPoolExecutor(n_threads) as pool:
             return PlanBatch.concatenate([*pool.map(self._construct_span, *spans)])
 
     def _construct_span(self, part: int, n_ants: int, begin: int, end: int) -> PlanBatch:
-        """Build the plans of the ants ``begin`` to ``end``."""
+        """Build the plans of the ants ``begin`` to ``end``, in the thread with number ``part``."""
         n_robots, rule, graph = self.n_robots, self.rule, self._graph
         concurrent = rule.allocation == "concurrent"
         limits, budget = self.limits, self._budget
@@ -169,7 +169,7 @@ class Colony:
     def _catch_up(self) -> None:
         """Learn what the last iteration has found, if it has not been learned yet.
 
-        This waits until ants build again, so that a first front need not compile it.
+        ``learn`` is called only when ants build again, so that a first front need not compile it.
         """
         if self._to_learn is not None:
             rule = LearningRule(self.rule.evaporation, self.rule.pooled_deposit)
@@ -177,8 +177,11 @@ class Colony:
             learn(roads_of(self._graph), *self._to_learn, self.n_robots, rule, *changed)
             self._to_learn = None
 
-    def weigh(self) -> None:
-        """Weigh arcs by the pheromone at the start, before any deposit."""
+    def _weigh(self) -> None:
+        """Weigh arcs by the pheromone at the start, with the bits of ``learn``.
+
+        In Python, so that a first front need not compile that.
+        """
         pheromone, weights = self._pheromone, self._weights
         logs = np.asarray(_log(np.maximum(pheromone.levels, LEAST)), np.float64)
         weights.log_reward[:] = logs[..., 0] + pheromone.log_eta_reward
@@ -223,7 +226,7 @@ def _new_weights(mission: Mission, rule: ColonyRule, pheromone: Pheromone) -> We
 
 def tabulate_pheromone(mission: Mission, colonies: Sequence[Colony]) -> pd.DataFrame:
     """Return the pheromone of colonies, a row for each arc, as :attr:`BOACO.pheromone_maps`."""
-    import pandas as pd  # late: importing it takes as long as importing all else
+    import pandas as pd  # here, since importing it takes as long as importing all else
 
     graph, nodes = mission.arrays, mission.nodes
     tails, heads = (

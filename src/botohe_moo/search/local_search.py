@@ -13,8 +13,13 @@ from botohe_moo.kernels.fronts.ordered import copy_front, new_front, read_front
 from botohe_moo.kernels.graph.graph import Graph, Limits, with_costs
 from botohe_moo.kernels.local_search.refill import refill
 from botohe_moo.kernels.local_search.routes import FULL_UP_TO, new_routes
-from botohe_moo.kernels.local_search.search import Given, has_room, improve
-from botohe_moo.kernels.local_search.trail_store import copy_trails, new_store, ragged
+from botohe_moo.kernels.local_search.search import has_room, improve
+from botohe_moo.kernels.local_search.trail_store import (
+    TrailStore,
+    copy_trails,
+    new_store,
+    ragged,
+)
 from botohe_moo.kernels.local_search.workspace import (
     N_CHILDREN,
     REFILLED_AT_ONCE,
@@ -22,6 +27,7 @@ from botohe_moo.kernels.local_search.workspace import (
     new_memory,
     new_workspace,
 )
+from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
@@ -29,7 +35,7 @@ from botohe_moo.trails import PlanBatch
 # Names of the moves, in the order in which the kernels number them.
 MOVES = ("shortcut", "visit", "visit-two", "splice", "graft", "swap-loops", "reverse", "adopt")
 
-# How likely each is to be drawn: `make bench` shows what each is good for.
+# How likely each move is to be drawn; `make bench` shows what each is good for.
 DEFAULT_MOVES: Mapping[str, float] = {
     "shortcut": 0.07,
     "visit": 0.18,
@@ -41,23 +47,23 @@ DEFAULT_MOVES: Mapping[str, float] = {
     "adopt": 0.1,
 }
 
-# With what probability a parent is refilled, at least: on its n-th turn it is 1 / n² or more.
+# On its n-th turn as a parent a plan is refilled with probability 1 / n², but never less than this.
 P_REFILL = 0.02
 
-# What the length of the longest arc costs, at most.
-_MOST_COST = 1e12
+# The most that the length of the longest arc costs, and the least budget to divide by.
+_MOST_COST, _LEAST_LENGTH = 1e12, 1e-300
 
-# How many plans the front has room for at first, and how many a parent adds at most.
+# How many plans the front has room for at first, and how many plans a parent adds at most.
 _FIRST_PLANS, _N_ADDED = 256, N_CHILDREN + 1
 
 
 class LocalSearch:
     """A front, and the search that improves it.
 
-    Every robot keeps the ``limits``. A parent is refilled with at least probability ``p_refill``,
-    on missions of up to 1 000 nodes. ``moves`` says how likely each move is to be drawn, by its
-    name in ``MOVES``; those left out are not. The search's own generator takes its seed from
-    ``random_state``. After each call the front keeps ``max_size`` plans at most, at least 2; None
+    Every robot keeps the ``limits``. On missions of up to ``FULL_UP_TO`` nodes a parent is refilled
+    with at least probability ``p_refill``. ``moves`` says how likely each move is to be drawn, by
+    its name in ``MOVES``; those left out never are. The search's own generator takes its seed from
+    ``random_state``. After each call the front keeps at most ``max_size`` plans, 2 or more; None
     keeps all.
     """
 
@@ -84,7 +90,7 @@ class LocalSearch:
         self._prepare()
 
     def _prepare(self) -> None:
-        """Compute what follows from the mission, or holds nothing between two calls."""
+        """Compute what is not pickled: what follows from the mission, and scratch."""
         self._graph, per_length = _priced(self.mission.arrays, self.limits)
         self._routes = new_routes(self._graph, per_length)
         self._work = new_workspace(
@@ -99,9 +105,14 @@ class LocalSearch:
     @property
     def _parts(self) -> Search:
         """What the kernels work with."""
-        store, front = self._store, self._front
         return Search(
-            self._graph, self._routes, store, front, self._work, self.limits, self._p_refill
+            graph=self._graph,
+            routes=self._routes,
+            store=self._store,
+            front=self._front,
+            work=self._work,
+            limits=self.limits,
+            p_refill=self._p_refill,
         )
 
     def restart(self) -> None:
@@ -122,18 +133,19 @@ class LocalSearch:
         Returns how many plans were evaluated: fewer than ``n_evaluations`` where no move makes any
         other plan.
         """
-        if self.mission.arrays.n_arcs == 0:  # kernels draw arcs and nodes, and look for none before
+        if self.mission.arrays.n_arcs == 0:  # the kernels rely on arcs to draw from
             return 0
         return self._search(None, n_evaluations)
 
     def _search(self, batch: PlanBatch | None, n_evaluations: int) -> int:
+        """Evaluate the plans of a batch, or search on; return how many plans were evaluated."""
         n, n_robots = 0, self.mission.robots
-        given = Given(np.empty(0, np.int32), np.zeros(1, np.int64))
+        given = read_trails(np.empty(0, np.int32), np.zeros(1, np.int64))
         while n < n_evaluations:
             if not has_room(self._parts):
                 self._keep(read_front(self._front)[0])
             if batch is not None:
-                given = Given(batch.nodes.copy(), batch.offsets[n * n_robots :].copy())
+                given = read_trails(batch.nodes, batch.offsets[n * n_robots :].copy())
             n += improve(self._parts, given, n_evaluations - n)
             if self._memory[0].n_waiting == REFILLED_AT_ONCE:
                 n += refill(self._parts, n_evaluations - n)
@@ -173,7 +185,7 @@ class LocalSearch:
         return batch, objectives, front.serial[slots]
 
     def _keep(self, slots: OffsetArray) -> None:
-        """Copy plans of some slots of the front, and their trails, to where twice as many fit."""
+        """Keep only the plans of some slots of the front; make room for twice as many."""
         front, store = self._front, self._store
         users = np.bincount(front.plan[slots].ravel(), minlength=len(store.trails))
         store.trails["n_users"] = users
@@ -184,7 +196,8 @@ class LocalSearch:
         copy_trails(store, self._store)
         self._front = copy_front(front, slots, 2 * len(slots) + _N_ADDED + _FIRST_PLANS)
 
-    def _new_store(self, n_trails: int, n_arcs: int, n_visits: int) -> Any:
+    def _new_store(self, n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
+        """Return a store with this room, and room for the trails of a few parents' children."""
         graph = self.mission.arrays
         n_new = 2 * max(_N_ADDED, self.mission.robots)
         return new_store(
@@ -203,7 +216,7 @@ class LocalSearch:
 
 
 class IterationSearch:
-    """Improves a share, in (0, 1], of the plans of each iteration of an algorithm.
+    """A local search that improves a share, in (0, 1], of the plans of an algorithm's iterations.
 
     It spends ``evaluations_each``, at least 1, on each of them. The search's own generator takes
     its seed from ``random_state``.
@@ -220,22 +233,18 @@ class IterationSearch:
     ) -> None:
         self.share = share
         self.evaluations_each = evaluations_each
-        self._search = LocalSearch(
-            mission,
-            limits,
-            random_state=random_state,
-        )
+        self._search = LocalSearch(mission, limits, random_state=random_state)
 
     def improve(
         self, batch: PlanBatch, members: OffsetArray, random_state: np.random.Generator, n_left: int
     ) -> tuple[PlanBatch, FloatArray, int]:
         """Start a Pareto local search from some of the iteration's plans.
 
-        Those of its Pareto set, ``members``, come first, then others, drawn by ``random_state``.
+        Plans of its Pareto set, ``members``, are drawn first by ``random_state``, then others.
         ``n_left`` is how many evaluations are left.
 
-        Returns the plans that the search has added to the front of those it began with, their E[R]
-        and E[S] (n, 2), and how many plans it has evaluated.
+        Returns the plans of the search's front that it has found itself, their E[R] and E[S]
+        (n, 2), and how many plans it has evaluated.
         """
         n_chosen = max(1, round(self.share * len(batch)))
         chosen = random_state.permutation(members)[:n_chosen]
@@ -254,22 +263,27 @@ class IterationSearch:
 
 
 def _priced(graph: Graph, limits: Limits) -> tuple[Graph, float]:
-    """Return the graph, and what a unit of length adds to the costs of arcs; 0 without a budget.
+    """Return the graph with costs of arcs, and what a unit of length adds to these.
 
-    Paths that are cheapest then are neither the safest nor the shortest: a whole budget costs as
-    much as all the danger that the survival floor allows, or as a survival of 1 / e without one. A
-    budget that is far shorter than the longest arc costs less, so that all costs are finite.
+    Without a travel budget, costs are dangers: −log of survivals. With one, lengths cost as well,
+    so that the cheapest paths compromise between the safest and the shortest ones. The whole budget
+    costs as much as all the danger that the survival floor allows, or as a survival of 1 / e
+    without a floor. A budget that is far shorter than the longest arc costs less, so that all costs
+    are finite.
     """
     if limits.max_length == math.inf:
         return graph, 0.0
     danger = -math.log(limits.min_survival) if 0.0 < limits.min_survival < 1.0 else 1.0
     longest = float(graph.length.max(initial=0.0)) or 1.0
-    per_length = min(danger / max(limits.max_length, 1e-300), _MOST_COST / longest)
+    per_length = min(danger / max(limits.max_length, _LEAST_LENGTH), _MOST_COST / longest)
     return with_costs(graph, graph.cost + per_length * graph.length), per_length
 
 
 def _most_contributing(objectives: FloatArray, n_most: int) -> OffsetArray:
-    """Return which plans stay when that of the least area is removed each time; the ends stay."""
+    """Return which plans stay, by index, when the one of least area is removed again and again.
+
+    Areas are those of the rectangles between a plan's two neighbours; both ends stay.
+    """
     kept = np.arange(len(objectives))
     while len(kept) > n_most:
         reward, survivors = objectives[kept].T

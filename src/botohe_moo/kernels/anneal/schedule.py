@@ -23,45 +23,42 @@ _N_SLOTS = 3  # for each robot
 class AnnealRule(NamedTuple):
     """How to anneal."""
 
-    # How trails are changed. Every robot of every plan keeps its limits, that of the first plan
-    # included.
-    moves: MoveRule
-    record: bool  # whether to record the plans that are evaluated
+    moves: MoveRule  # how trails are changed; the first plan keeps its limits, too
+    record: bool  # whether to record plans that are evaluated
     total_reward: float  # sum of all rewards, or 1 where there is none
     weight: float  # on reward, in [0, 1]
     cooling: float  # the factor by which the temperature falls after each step
-    return_probability: float  # with what probability a rejected step ends at the best plan
+    return_probability: float  # of going back to the best plan after a rejected step
 
 
 class AnnealState(NamedTuple):
-    """Where a search is.
+    """The state of a search.
 
-    Trails lie in slots, three for each robot: 3k to 3k + 2 are those of robot k. One holds its
-    trail in the current plan, one that in the best plan, and a step writes one that is free. What
-    is known of trails is kept, so that those that have not changed are not walked again.
+    Trails lie in slots, three for each robot: 3k to 3k + 2 are those of robot k. One has its trail
+    in the current plan, one that in the best plan, and each step writes to a free one. What is
+    known of trails is kept, so that unchanged ones are not walked again.
     """
 
-    nodes: OffsetArray  # the trails, n_arcs + 1 nodes apart
+    nodes: OffsetArray  # the trails; each slot has room for n_arcs + 1 nodes
     # Where each trail begins and ends (n_slots).
     starts: OffsetArray
     stops: OffsetArray
-    # The nodes of each trail by first visit (n_slots, n_nodes), and how many (n_slots).
+    # The nodes of each trail by first visit (n_slots, n_nodes), and how many there are (n_slots).
     met: OffsetArray
     n_met: OffsetArray
-    reach: FloatArray  # the chance to reach each of these (n_slots, n_nodes)
-    alive: FloatArray  # the chance to survive each trail (n_slots)
+    reach: FloatArray  # probability to reach each of these (n_slots, n_nodes)
+    alive: FloatArray  # probability to survive each trail (n_slots)
     # The slots of the current plan, of the one that is tried, and of the best one that has been
     # evaluated (n_robots).
     current: OffsetArray
     tried: OffsetArray
     best: OffsetArray
-    # E[R] and E[S] of the current plan and of the best one (2), and the weighted sum of the best
-    # one's shares (1). The score may be −inf at first, whatever the plan is: then the best plan is
-    # among those evaluated from then on.
+    # E[R] and E[S] of the current plan and of the best one (2), and the score of the best one (1).
+    # With a score of −inf the next plan that is evaluated becomes the best one.
     objectives: FloatArray
     best_objectives: FloatArray
     best_score: FloatArray
-    # Whether the search has to go to the best plan before its next step (1); so it begins.
+    # Whether the next step begins at the best plan (1), as the first one does.
     to_best: OffsetArray
     temperature: FloatArray  # (1)
     random: SeedArray  # state of the random numbers (1, 2)
@@ -75,7 +72,7 @@ class AnnealState(NamedTuple):
 
 
 class Records(NamedTuple):
-    """Plans that a search has evaluated, but for those that the plans at hand dominated."""
+    """Plans that a search has evaluated, except those that the current or best plan dominated."""
 
     # Their trails; there may be room for more.
     nodes: IntArray
@@ -147,9 +144,10 @@ def _walk(graph: Graph, state: AnnealState, slot: int) -> None:
 
 @helper
 def _change(graph: Graph, rule: MoveRule, state: AnnealState, robot: int) -> int:
-    """Change a robot's trail by one move; return the slot of the new one, or of the old if none is.
+    """Change a robot's trail by one move, and return the slot of the new trail.
 
-    ``NO_PATHS`` where a detour was drawn for which there is no scratch.
+    This is the old slot where no move can be made, and ``NO_PATHS`` where a detour was drawn for
+    which there is no scratch.
     """
     nodes, slot, free = state.nodes, state.current[robot], _N_SLOTS * robot
     while free == slot or free == state.best[robot]:
@@ -179,7 +177,7 @@ def _copy(slots: OffsetArray, into: OffsetArray) -> None:
 def _evaluate(reward: FloatArray, state: AnnealState) -> tuple[float, float]:
     """Return E[R] and E[S] of the plan that is tried, with the bits of ``evaluate``.
 
-    Its trails have been walked, which is most of the work.
+    Its trails must have been walked.
     """
     order, team, met, reach = state.order, state.team, state.met, state.reach
     _copy(state.tried, order)
@@ -203,7 +201,7 @@ def score(rule: AnnealRule, n_robots: int, reward: Number, survivors: Number) ->
 
 @helper
 def _dominates(objectives: FloatArray, reward: float, survivors: float) -> bool:
-    """Return whether a plan is at least as good as another in both, and better in one."""
+    """Return whether ``objectives`` dominate another plan's E[R] and E[S]."""
     better, safer = objectives[0] > reward, objectives[1] > survivors
     return bool((better and objectives[1] >= survivors) or (safer and objectives[0] >= reward))
 
@@ -234,9 +232,10 @@ def anneal(
     back to the best plan with ``return_probability``. Kirkpatrick, Gelatt and Vecchi,
     "Optimization by simulated annealing", Science 220, 1983.
 
-    Each plan that is evaluated is recorded, but for those that the current plan or the best one
-    dominates. Returns how many steps, n, were made: fewer than asked for where there may be no room
-    to record another plan; −1 − n where the next step needs scratch for detours.
+    Plans that are evaluated are recorded, except those that the current plan or the best one
+    dominates. Returns how many steps, n, were made. These are fewer than ``n_steps`` where
+    there may be no room to record another plan. Where the next step needs scratch for detours, it
+    returns −1 − n.
     """
     graph, rule, state, records = shared(graph), shared(rule), shared(state), shared(records)
     current, tried, best, states = state.current, state.tried, state.best, state.random
@@ -244,7 +243,7 @@ def anneal(
     n_robots, every_robot = current.shape[0], rule.moves.every_robot
     longest = n_robots * (graph.head.shape[0] + 1)
     for step in range(n_steps):
-        if state.to_best[0]:  # which may come from elsewhere
+        if state.to_best[0]:  # walk it again: it may come from elsewhere
             _copy(best, current)
             for k in range(n_robots):
                 _walk(graph, state, current[k])

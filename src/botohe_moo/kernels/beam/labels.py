@@ -20,7 +20,7 @@ LABEL = np.dtype(
         ("arc", np.int64),  # the arc by which, −1 for the first one
         ("node", np.int64),  # where it ends
         ("alive", np.float64),  # probability to get there
-        ("length", np.float64),  # how long it is
+        ("length", np.float64),  # sum of the lengths of its arcs
         ("value", np.float64),  # worth collected
         ("left", np.float64),  # worth of all nodes not visited
         ("used", np.uint64),  # hash of the set of arcs used
@@ -32,14 +32,16 @@ LABEL = np.dtype(
 )
 STATE = np.dtype(
     [
-        ("low", np.int64),  # the last level is labels low to high
+        # The last level is labels ``low`` to ``high``; ``high`` is 0 before the search.
+        ("low", np.int64),
         ("high", np.int64),
         ("at", np.int64),  # the current label
-        ("cut", np.int64),  # whether a label was dropped for want of width
+        ("cut", np.int64),  # whether the beam was too narrow for a label
         ("value", np.float64),  # value of the best trail known
-        ("label", np.int64),  # the label and the arc after which it goes home, −1 if it stays
+        # The label and the arc after which it goes home, −1 where it stays at base.
+        ("label", np.int64),
         ("arc", np.int64),
-        ("n_hops", np.int64),  # length of the best trail once the search has ended
+        ("n_hops", np.int64),  # hops of the best trail, once the search has ended
     ]
 )
 
@@ -55,7 +57,7 @@ class Standing(NamedTuple):
 
 
 class Level(NamedTuple):
-    """The children of one level, of which some go on."""
+    """The children of one level, some of which go on as labels."""
 
     children: RecordArray  # as ``LABEL``
     table: OffsetArray  # a hash table of children, −1 where a slot is empty
@@ -72,7 +74,7 @@ class Beam(NamedTuple):
     level: Level
     standing: Standing
     paths: Paths
-    # Of each node at least what a robot that is there for sure collects on the safest way home
+    # Of each node, what a robot that is there for sure collects on the safest way home, or more
     # (n_nodes).
     gathered: FloatArray
     # Keys for hashes: of each arc used, of each node visited, and of the node where a label ends.
@@ -128,7 +130,8 @@ def stand_at(
 ) -> None:
     """Move from the label ``before`` to another one.
 
-    Only as far up from both as to where they part: mostly not far, however long the trails are.
+    Only the arcs that they do not share are taken back and added: mostly few, however long the
+    trails are.
     """
     used, visits, ahead = standing.used, standing.visits, standing.ahead
     while before != label:

@@ -1,4 +1,4 @@
-"""What partial trails are worth: gone home at once, by what lies ahead, and at most."""
+"""What partial trails are worth: when they go home at once, by what lies ahead, and at most."""
 
 from typing import Any, NamedTuple
 
@@ -20,34 +20,35 @@ from botohe_moo.kernels.graph.paths import (
 )
 from botohe_moo.kernels.sharing import shared
 
-# Share of what still looks worth its danger that counts when labels are ranked. Measured on the
-# case studies: without, beams run home too early; above a half they put off going home.
+# The share of what lies ahead and looks worth its danger that counts when labels are ranked.
+# Measured on the case studies: without it, beams run home too early; above a half, too late.
 FORESIGHT = 0.5
 
-# Relative gains below this are not searched for: they would be rounding, not reward.
+# Smaller gains, relative, are not searched for: they would be rounding, not reward.
 TOLERANCE = 1e-12
 
 
 class Near(NamedTuple):
-    """For each node those others that are safest to reach, in this order.
+    """For each node the other nodes that are safest to reach, the safest first.
 
-    Where fewer can be reached, the node itself with survival 0 is in place of the others.
+    Where fewer can be reached, the rest of the row is the node itself with survival 0.
     """
 
-    near: OffsetArray  # which nodes (n_nodes, n_near), n_near < n_nodes
+    nodes: OffsetArray  # (n_nodes, n_near), n_near < n_nodes
     reach: FloatArray  # survival of the safest path to each of them (n_nodes, n_near)
 
 
 class BeamRule(NamedTuple):
-    """What a trail is searched for; see ``best_trail``."""
+    """What to search for, and how widely; see ``best_trail``."""
 
-    worth: FloatArray  # of each node to a robot that reaches it for sure, at least 0 (n_nodes)
-    # What a robot that is surely alive loses by visiting each near node on its way home
-    # (n_nodes, n_near).
+    worth: FloatArray  # what each node is worth to a robot that surely reaches it (n_nodes)
+    # What a robot that is surely alive at a node loses of the worth of surviving when it goes home
+    # by a near node, instead of by the safest way (n_nodes, n_near).
     danger: FloatArray
     survival_weight: float  # what surviving for sure is worth, at least 0
     least: float  # survival floor: the least probability to survive the trail; 0 sets none
-    budget: Budget | None  # travel budget, with the floor; what it needs is compiled only with one
+    # Travel budget, with the survival floor; without a budget its code is not compiled.
+    budget: Budget | None
     width: int  # labels that go on from each level, at least 1
     max_labels: int  # how many labels are kept at most
 
@@ -63,30 +64,30 @@ def find_near(graph: Graph, n_near: int) -> Near:
 @kernel
 def _write_near(graph: Graph, paths: Paths, used: OffsetArray, near: Near) -> None:
     graph, paths, near = shared(graph), shared(paths), shared(near)
-    for source in range(near.near.shape[0]):
+    for source in range(near.nodes.shape[0]):
         _search_from(graph, paths, used, near, source)
 
 
-# Called from a helper, ``search_paths`` is compiled once for all helpers that call it; called from
-# the kernel itself, it would be compiled again.
+# A helper of its own, since ``search_paths`` is compiled once for all helpers that call it, but
+# again for a kernel that does.
 @helper
 def _search_from(graph: Graph, paths: Paths, used: OffsetArray, near: Near, source: int) -> None:
-    n_near = near.near.shape[1]
+    n_near = near.nodes.shape[1]
     n = search_paths(graph, paths, used, 1, source, ANYWHERE, n_near + 1, False)
     alive = paths.distance  # which is not needed any more
     alive[source] = 1.0
     for i in range(n - 1, n_near):
-        near.near[source, i], near.reach[source, i] = source, 0.0
+        near.nodes[source, i], near.reach[source, i] = source, 0.0
     for i in range(n - 1):
         node = paths.order[i + 1]
         arc = paths.entry[node]
         alive[node] = alive[graph.tail[arc]] * graph.survival[arc]
-        near.near[source, i], near.reach[source, i] = node, alive[node]
+        near.nodes[source, i], near.reach[source, i] = node, alive[node]
 
 
 def dangers(graph: Graph, near: Near, survival_weight: float) -> FloatArray:
     """Return ``BeamRule.danger``."""
-    home_after = near.reach * graph.home[near.near]
+    home_after = near.reach * graph.home[near.nodes]
     return survival_weight * (graph.home[:, None] - home_after)
 
 
@@ -107,15 +108,15 @@ def write_gathered(graph: Graph, worth: FloatArray, gathered: FloatArray) -> Non
 def judge(near: Near, rule: BeamRule, ahead: FloatArray, child: Any, stay: float) -> None:
     """Write ``bound`` and ``rank`` of a child of the current label.
 
-    That is, the most that all nodes not visited could bring together, and what those near promise
-    over the danger of going there before going home. Nodes near that are too far from home for the
-    travel budget do not count.
+    The bound counts the most that all nodes not visited could bring together; the rank, what near
+    nodes bring beyond the danger of going home by them. Near nodes that are too far from home for
+    the travel budget do not count.
     """
     node = child.node
-    n_nodes, n_near = near.near.shape
+    n_nodes, n_near = near.nodes.shape
     most = promise = nearby = 0.0
     for i in range(n_near):
-        there = near.near[node, i]
+        there = near.nodes[node, i]
         worth = ahead[there]
         nearby += worth
         if _is_too_far(rule.budget, there, child.length):
@@ -137,7 +138,7 @@ def has_no_limits(rule: BeamRule) -> bool:
 
 @inlined
 def is_hopeless(graph: Graph, rule: BeamRule, child: Any, stay: float, enough: float) -> bool:
-    """Return whether a cheap test rules a label out: by the limits, or not worth ``enough``."""
+    """Return whether a cheap test shows that a label breaks limits or is not worth ``enough``."""
     if _is_too_far(rule.budget, child.node, child.length):
         return True
     most = child.value + child.alive * child.left + stay
@@ -146,7 +147,7 @@ def is_hopeless(graph: Graph, rule: BeamRule, child: Any, stay: float, enough: f
 
 @inlined
 def _is_too_far(budget: Budget | None, node: int, length: float) -> bool:
-    """Return whether no trail that has a length before it visits a node keeps the travel budget."""
+    """Return whether a trail of some length cannot visit a node within the travel budget."""
     if budget is None:
         return False
     return bool(length + budget.short.home[node] > budget.limits.max_length)
@@ -164,8 +165,8 @@ def close(
 ) -> tuple[float, float]:
     """Send a child of the current label home; return value and survival of the closed trail.
 
-    The value is −1 where that cannot be the best trail known; the survival −1 where no way leads
-    home, or none is known that keeps a travel budget.
+    The value is −1 where the trail cannot be better than the best one known. The survival is −1
+    where no way leads home, or none is known that keeps the travel budget.
     """
     used, ahead, free = standing.used, standing.ahead, has_no_limits(rule)
     value, survives, node = child.value, child.alive, child.node

@@ -23,14 +23,13 @@ from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import way_within
 from botohe_moo.kernels.sharing import shared
 
-# A search keeps no more labels than this, whatever its width: a few hundred megabytes.
+# A search keeps at most as many labels, whatever its width: a few hundred megabytes.
 MAX_LABELS = 5_000_000
 
-# A trail that comes to less than this share of the best one known does so by more than rounding.
+# A trail worth less than this share of the best one known is worse by more than rounding.
 _NEARLY = 1 - 1e-9
 
-_STARTING = 0
-_ENDED = 0
+_ENDED = 0  # instead of a number of children
 
 
 def best_trail(
@@ -46,10 +45,10 @@ def best_trail(
     where there is no such way the label is dropped. With a travel budget it is closed by the way
     that ``way_within`` finds, so that trails are lost whose way home compromises. (Where the usual
     way home is blocked, another one is looked for only if there are limits, or it may lead to the
-    best trail known.) Labels that end at the same node and have used the same arcs are one state,
-    of which the most valuable stays. A label is left out if it could not beat the best trail known,
-    were every node not visited reached by its safest path. Of the rest the ``width`` go
-    on that rank highest by
+    best trail known.) Of labels that end at the same node and have used the same arcs the most
+    valuable stays. A label is left out if it could not beat the best trail known even by reaching
+    every node not visited by its safest path. Of the rest the ``width`` labels go on that rank
+    highest by
 
     value + survival_weight · (survival of going home) + FORESIGHT · (probability to be here) ·
     Σ over near nodes v not visited of max(0, worth of v · reach of v − what the detour over v
@@ -65,7 +64,7 @@ def best_trail(
     budget, no trail is better by more than 10⁻¹² of the value, unless 64-bit hashes collide.
     """
     state = beam.state[0]
-    state["high"] = _STARTING
+    state["high"] = 0
     while (n_children := _search(graph, near, rule, beam)) != _ENDED:
         beam = larger_beam(beam, int(state["high"]) + min(n_children, rule.width), n_children)
     return beam.trail[: state["n_hops"]].copy(), float(state["value"]), bool(state["cut"])
@@ -73,10 +72,13 @@ def best_trail(
 
 @kernel
 def _search(graph: Graph, near: Near, rule: BeamRule, beam: Beam) -> int:
-    """Search until the end, or until a level has too many children; return how many those are."""
+    """Search until a level has more children than there is room for, and return how many it has.
+
+    Returns ``_ENDED`` at the end of the search.
+    """
     graph, near, rule, beam = shared(graph), shared(near), shared(rule), shared(beam)
     state, labels, level = beam.state[0], beam.labels, beam.level
-    if state.high == _STARTING:
+    if state.high == 0:
         _start_at_base(graph, rule, beam)
     while state.low < state.high:
         n_most = 0
@@ -123,16 +125,16 @@ def _start_at_base(graph: Graph, rule: BeamRule, beam: Beam) -> None:
 def _expand(graph: Graph, near: Near, rule: BeamRule, beam: Beam, n_most: int) -> int:
     """Go on by one hop from the labels of the last level; return how many children there are.
 
-    A child is left out that cannot get home within the limits; that cannot beat the best trail
-    known; or that another child equals in node and arcs used, at no less value.
+    Children are left out that cannot get home within the limits or beat the best trail known, or
+    where another child has the same node and arcs used, and as much value.
     """
     state, labels, level, standing = beam.state[0], beam.labels, beam.level, beam.standing
     children, table, used, ahead = level.children, level.table, standing.used, standing.ahead
     size = table_size(n_most)
     for slot in range(size):
         table[slot] = -1
-    # Where a robot that may take any way home surely gets there, only the best go home.
-    some = graph.balanced and has_no_limits(rule)
+    # Where every child surely has a way home, only those that may become the best trail are closed.
+    closes_few = graph.balanced and has_no_limits(rule)
     n = 0
     for parent in range(state.low, state.high):
         stand_at(labels, standing, rule.worth, state.at, parent)
@@ -163,7 +165,7 @@ def _expand(graph: Graph, near: Near, rule: BeamRule, beam: Beam, n_most: int) -
             value, survives = -1.0, -1.0
             if child.bound > enough:
                 gathered = child.value + child.alive * beam.gathered[node] + stay
-                if some and gathered < _NEARLY * state.value:
+                if closes_few and gathered < _NEARLY * state.value:
                     survives = child.alive
                 else:
                     value, survives = close(
@@ -184,9 +186,9 @@ def _expand(graph: Graph, near: Near, rule: BeamRule, beam: Beam, n_most: int) -
 
 @helper
 def _rank(level: Level, n_children: int, enough: float) -> int:
-    """List the children that may come to more than ``enough``, the highest rank first.
+    """List the children that may become worth more than ``enough``, the highest rank first.
 
-    Returns how many they are. Equal ranks stay in order.
+    Returns how many there are. Equal ranks stay in order.
     """
     children, order = level.children, level.order
     n = 0
@@ -200,9 +202,10 @@ def _rank(level: Level, n_children: int, enough: float) -> int:
 
 @helper
 def _choose(level: Level, place_keys: SeedArray, n: int, n_go_on: int) -> None:
-    """Put those of the first ``n`` in order first that go on: the best of each kind, then others.
+    """Put the children that go on first in the order: the best of each kind, then others.
 
-    Children at the same node that have visited the same nodes of any worth mostly come to the same.
+    Children of a kind are at the same node and have visited the same nodes of any worth: mostly
+    they become the same trails.
     """
     children, table, order, others = level.children, level.table, level.order, level.spare
     size = table_size(n)

@@ -1,4 +1,4 @@
-"""The most that relaxed trails are worth, under prices that depend on the probability to be alive.
+"""Upper bounds on what trails are worth, under prices that depend on the probability to be alive.
 
 A visit of node v by a robot that is alive with probability p is worth f_v(p), coming home alive
 with probability p is worth mu · p, and what lies ahead of a state is a function of p, too. All of
@@ -15,22 +15,22 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import Net, States
 from botohe_moo.kernels.compile import inlined, kernel
 
-_MOST_CHOICES = 2_000  # times that choices are made better
+_MOST_CHOICES = 2_000  # how often the choices of a level are improved
 _STRAIGHT = 1e-12  # how far prices may be from a straight line, relative
-_SAME = 1e-12  # by how much a link must be better than the one before it
-_LEAST_LOSS = 1e-9  # on a cycle, for it to be worth no more than floats can say
+_SAME = 1e-12  # by how much a link must be better than an earlier one to take its place
+_LEAST_LOSS = 1e-9  # on a cycle of links; with less, its worth is lost in rounding
 
 
 class _Level(NamedTuple):
-    """What a link is worth at one level: ``gain`` + ``part`` × what lies ahead of its end."""
+    """What links are worth at one level: ``gain`` + ``part`` × what lies ahead of its end."""
 
     gain: FloatArray  # (n_links)
     part: FloatArray  # (n_links)
-    stop: FloatArray  # of states, where no link is taken (n_states)
+    stop: FloatArray  # what stopping in each state is worth (n_states)
 
 
 class _Policy(NamedTuple):
-    """A choice of a link for each state, and what is needed to follow it."""
+    """A choice of a link for each state, and scratch to follow these choices."""
 
     chosen: OffsetArray  # −1 to stop (n_states)
     path: OffsetArray  # states in the order in which they are followed (n_states)
@@ -48,9 +48,10 @@ def chord(values: FloatArray, row: int, level: float) -> float:
 def _weigh_arcs(
     net: Net, prices: FloatArray, level: int, low: OffsetArray, part: FloatArray, paid: FloatArray
 ) -> None:
-    """Say for all arcs between which levels of its head a robot gets from a level of its tail.
+    """Compute where each arc leads from a level of its tail, and what the visit is worth there.
 
-    Between ``low`` and the next, ``part`` of the way; ``paid`` is what a visit is worth there.
+    A robot gets to the level ``low`` + ``part`` of the arc's head, where 0 ≤ ``part`` ≤ 1. A visit
+    is worth ``paid`` there.
     """
     head = net.graph.head
     for arc in range(head.shape[0]):
@@ -89,7 +90,7 @@ def _count_linear(prices: FloatArray) -> int:
 def _follow_choices(
     states: States, level: _Level, cap: FloatArray, value: FloatArray, policy: _Policy
 ) -> bool:
-    """Value all states, each with its chosen link, −1 to stop; False where that is infinite."""
+    """Compute what all states are worth with the links chosen; False where one is infinite."""
     chosen, path, seen = policy.chosen, policy.path, policy.seen
     seen[:] = 0
     for first in range(value.shape[0]):
@@ -135,9 +136,10 @@ def _choose(
     policy: _Policy,
     is_forward: bool,
 ) -> bool:
-    """Choose better links, and raise values; returns whether there are any.
+    """Choose better links, and raise values; return whether there were any.
 
-    To and fro by turns, since what is raised goes on to states that come later.
+    A raised value at once counts for states that come later in the pass, so passes alternate in
+    direction.
     """
     is_better, chosen, n_states = False, policy.chosen, value.shape[0]
     for i in range(n_states):
@@ -165,10 +167,13 @@ def relax(
 ) -> bool:
     """Write what lies ahead of each state at each level, to a tolerance (n_states, n_levels + 1).
 
-    Given the levels below, what lies ahead at one level is linear in that of other states: a choice
-    of a link in each state can be valued at once, and is made better until none is, beginning with
-    those of the level below: Howard, "Dynamic Programming and Markov Processes", MIT Press, 1960.
-    Nothing gets above ``cap`` (n_nodes, n_levels + 1). False where choices took too long.
+    Levels are solved from the lowest up, each by policy iteration: Howard, "Dynamic Programming and
+    Markov Processes", MIT Press, 1960. Given the levels below, what lies ahead of a state is linear
+    in what lies ahead of the others, so that one choice of a link in each state can be valued at
+    once. Choices begin with those of the level below, and are improved until none can be. Nothing
+    gets above ``cap`` (n_nodes, n_levels + 1).
+
+    Returns False where choices were improved too often.
     """
     n_states, n_levels, n_arcs = values.shape[0], values.shape[1] - 1, net.graph.head.shape[0]
     low, part, paid = np.empty(n_arcs, np.int64), np.empty(n_arcs), np.empty(n_arcs)
@@ -186,7 +191,7 @@ def relax(
         for link in range(n_links):
             arc, to = states.arc[link], states.to[link]
             gain = paid[arc] if states.pays[link] else 0.0
-            if level == n_linear:  # proportional to the level from here on down
+            if level == n_linear:  # at this level and below, values are proportional to the level
                 made.part[link] = net.ratio[arc]
             elif low[arc] == level - 1:
                 gain += values[to, level - 1] * (1.0 - part[arc])
@@ -215,7 +220,7 @@ def relax(
 def shortfall(
     net: Net, states: States, prices: FloatArray, mu: float, cap: FloatArray, values: FloatArray
 ) -> float:
-    """Return by how much a value falls short, at most, of the best that one step leads to."""
+    """Return the most by which a value falls short of the best that one step leads to."""
     n_levels, most = values.shape[1] - 1, 0.0
     for state in range(values.shape[0]):
         node = states.node[state]
@@ -239,8 +244,8 @@ def follow(
 ) -> tuple[int, float]:
     """Write the links of the best relaxed trail that leaves the base.
 
-    At step ``turn`` it takes the second best link. It ends where ``links`` is full. Returns how
-    many links there are, and what the best relaxed trail is worth, at least 0.
+    Only at step ``turn`` it takes the second best link. It ends where ``links`` is full. Returns
+    how many links there are, and what the best relaxed trail is worth, at least 0.
     """
     n_levels = values.shape[1] - 1
     state, level, n, most = 0, float(n_levels), 0, 0.0

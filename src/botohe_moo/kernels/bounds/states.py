@@ -1,10 +1,10 @@
 """What a relaxed trail remembers: states (node, memory), and the links between them.
 
-A relaxed trail may visit a node for its reward, or take an arc, more often than once where it has
-forgotten that it did. A memory is a mask; each node remembers visits and arcs of its own, and what
-the next node does not remember as well is forgotten on the way: ng-routes, Baldacci, Mingozzi and
-Roberti, "New route relaxation and pricing strategies for the vehicle routing problem", Operations
-Research 59(5), 2011.
+A relaxed trail may collect a node's reward, or take an arc, more than once where it has forgotten
+that it did. A memory is a mask of bits. At each node some visits and arcs can be remembered; what
+the next node cannot remember is forgotten on the way there. These are ng-routes: Baldacci, Mingozzi
+and Roberti, "New route relaxation and pricing strategies for the vehicle routing problem",
+Operations Research 59(5), 2011.
 """
 
 from typing import NamedTuple
@@ -15,11 +15,12 @@ from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.kernels.compile import inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
 
-# Limits are kept by what exceeds them by no more than this, relative: twice what searches allow,
-# which multiply and add in another order.
+# What exceeds limits by no more than this, relative, still keeps them. It is twice what searches
+# allow, which multiply and add in another order.
 ROUNDING = 2e-12
 
-MOST_MASKS = 50_000_000  # of all nodes together: each is numbered, reached or not
+# Masks of all nodes together, whether they are reached or not: there is a number for each.
+MOST_MASKS = 50_000_000
 
 # Instead of a bit.
 NONE = -1
@@ -32,8 +33,8 @@ class Net(NamedTuple):
     graph: Graph
     # Survival of the safest way from the base, 1 at the base (n_nodes).
     reach: FloatArray
-    # Of each arc: how much of the best at its head is left to those who are best off at its tail:
-    # reach[tail] × survival / reach[head], at most 1 (n_arcs).
+    # The share of the head's reach that is left to a robot that comes by an arc on the safest way
+    # to its tail: reach[tail] × survival / reach[head], at most 1 (n_arcs).
     ratio: FloatArray
     home_length: FloatArray  # of the shortest way home (n_nodes)
     min_survival: float
@@ -41,7 +42,7 @@ class Net(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Which bits of a node's mask say what, as far as arcs need to know."""
+    """What the bits of the nodes' masks mean for arcs."""
 
     n_bits: OffsetArray  # of each node's mask (n_nodes)
     # Bits that are remembered at both ends of arc a, as pairs (at its tail, at its head):
@@ -61,8 +62,8 @@ class States(NamedTuple):
     node: OffsetArray  # (n_states)
     # The links that leave state s are ``first[s]`` to ``first[s + 1]`` (n_states + 1).
     first: OffsetArray
-    # Of each link its arc, the state that it enters, and whether its head's reward is collected
-    # (n_links).
+    # Of each link its arc, the state that it enters, and whether the reward of the arc's head is
+    # collected (n_links).
     arc: OffsetArray
     to: OffsetArray
     pays: BoolArray
@@ -81,7 +82,7 @@ def _next_mask(memory: Memory, arc: int, mask: int) -> int:
 
 @kernel
 def find_states(net: Net, memory: Memory, n_most: int) -> States:
-    """Find all states that are reached from base; none where they are more than ``n_most``."""
+    """Find all states that are reached from base; none where there are more than ``n_most``."""
     graph = net.graph
     n_nodes = graph.reward.shape[0]
     offset = np.zeros(n_nodes + 1, np.int64)

@@ -1,7 +1,7 @@
-"""Trails that are worth the most: depth-first search, bounded by what lies ahead if relaxed.
+"""Trails that are worth the most: depth-first search, bounded by what relaxed trails are worth.
 
-Of partial trails that use the same arcs only the most valuable is extended: they are at the same
-node, alive with the same probability, and have visited the same nodes. A set of arcs is recognised
+Partial trails that use the same arcs are at the same node, alive with the same probability, and
+have visited the same nodes. Only the most valuable of them is extended. A set of arcs is recognised
 by 128 random bits.
 """
 
@@ -14,9 +14,9 @@ from botohe_moo.kernels.bounds.relaxed import chord
 from botohe_moo.kernels.bounds.states import ROUNDING, Net, States
 from botohe_moo.kernels.compile import inlined, kernel
 
-# Survivals this much below a step of stairs count as on it, relative.
+# Survivals that are this much below a step of stairs, relative, count as on it.
 _EDGE = 1e-13
-_LINK = 16  # numbers that are written in the time of a link
+_LINK = 16  # how many numbers are written in the time that trying a link takes
 
 _STEP = np.dtype(
     [(name, np.int64) for name in ("state", "link", "arc", "pays")]
@@ -43,15 +43,18 @@ class Completions(NamedTuple):
 
 
 class Stairs(NamedTuple):
-    """Heights that never rise: step b represents survivals of b · ``width`` or more."""
+    """What a trail must be worth to count, by its survival.
 
-    heights: FloatArray  # (n_steps)
+    Step b is for survivals of b · ``width`` or more.
+    """
+
+    heights: FloatArray  # which never rise (n_steps)
     width: float
-    least: float  # with which trails come home that are looked for
+    least: float  # survival of the trails that are looked for, at least
 
 
 class Worth(NamedTuple):
-    """What a trail is worth: what prices say of its visits, and ``mu`` for survival."""
+    """What a trail is worth: the prices of its visits, and ``mu`` for survival."""
 
     prices: FloatArray  # (n_nodes, n_levels + 1)
     mu: float
@@ -60,50 +63,53 @@ class Worth(NamedTuple):
 class TrailRule(NamedTuple):
     """What to look for."""
 
-    # All trails above the stairs, whatever the order of their arcs; else stairs are raised, each
-    # time by ``slack`` more than they have to be.
+    # Whether all trails above the stairs are looked for, in every order of their arcs. Otherwise
+    # each trail found raises the stairs to its worth and ``slack`` more.
     every: bool
     slack: float
-    n_most: int  # links to try
+    n_most: int  # links to try at most
 
 
 class Depths(NamedTuple):
     """Scratch of depth-first searches, and what the last has found."""
 
-    # How many trails have raised stairs in the last search, and how many searches there have been.
+    # How many trails the last search has found, and how many searches there have been.
     found: Record
-    # The arcs of these, as many as there is room for, and the last one (n_room, n_arcs); how many.
+    # The arcs of these trails (n_room, n_arcs), and how many each has (n_room). Where there are too
+    # many trails, the last row has the last of them.
     arcs: OffsetArray
     n_arcs: OffsetArray
     steps: RecordArray  # of the partial trail (n_arcs + 2)
-    left: FloatArray  # what unvisited nodes give beside prices, at each step (n_arcs + 2, n_lines)
+    # At each step the sum of ``Completions.beside`` of the nodes not visited (n_arcs + 2, n_lines).
+    left: FloatArray
     used: OffsetArray  # the last search in which an arc is on the partial trail (n_arcs)
     met: OffsetArray  # the same of nodes that have paid (n_nodes)
     keys: SeedArray  # random bits of each arc (n_arcs, 2)
-    # The last sets of arcs that were extended, each at the place that its bits give.
+    # Sets of arcs that were extended, the last one for each place that their bits give.
     seen: RecordArray
 
 
 def new_depths(
     net: Net, random_state: np.random.Generator, n_seen: int, n_room: int, n_lines: int
 ) -> Depths:
-    """Return the scratch; ``n_seen`` is a power of 2."""
+    """Return the scratch for ``n_seen`` sets of arcs, a power of 2, and ``n_room`` trails."""
     n_arcs, n_nodes = net.graph.n_arcs, net.graph.n_nodes
     return Depths(
-        np.zeros(1, _FOUND).view(np.recarray)[0],
-        np.zeros((n_room, n_arcs), np.int32),
-        np.zeros(n_room, np.int64),
-        np.zeros(n_arcs + 2, _STEP).view(np.recarray),
-        np.zeros((n_arcs + 2, n_lines)),
-        np.full(n_arcs, -1, np.int64),
-        np.full(n_nodes, -1, np.int64),
-        random_state.integers(2**64, size=(n_arcs, 2), dtype=np.uint64),
-        np.zeros(n_seen, _SEEN).view(np.recarray),
+        found=np.zeros(1, _FOUND).view(np.recarray)[0],
+        arcs=np.zeros((n_room, n_arcs), np.int32),
+        n_arcs=np.zeros(n_room, np.int64),
+        steps=np.zeros(n_arcs + 2, _STEP).view(np.recarray),
+        left=np.zeros((n_arcs + 2, n_lines)),
+        used=np.full(n_arcs, -1, np.int64),
+        met=np.full(n_nodes, -1, np.int64),
+        keys=random_state.integers(2**64, size=(n_arcs, 2), dtype=np.uint64),
+        seen=np.zeros(n_seen, _SEEN).view(np.recarray),
     )
 
 
 @inlined
 def _raise(stairs: FloatArray, at: int, value: float) -> None:
+    """Raise a step to a value, and the steps before it."""
     while at >= 0 and stairs[at] < value:
         stairs[at] = value
         at -= 1
@@ -135,7 +141,7 @@ def _may_exceed(
     corners: OffsetArray,
     last: int,
 ) -> bool:
-    """Return whether lines ``most`` − ``mu`` · s leave room above the stairs, up to a step."""
+    """Return whether all lines ``most`` − ``mu`` · s exceed the stairs at a step up to ``last``."""
     for i in range(corners.shape[0]):
         at = corners[i]
         if at > last:
@@ -164,7 +170,7 @@ def _begin(depths: Depths, states: States, ahead: Completions) -> int:
 
 @inlined
 def _record(depths: Depths, depth: int, arc: int) -> None:
-    """Write the arcs of the partial trail and one more, over those of the last where it is full."""
+    """Write the arcs of the partial trail and one more; in a full table over the last trail."""
     row = min(depths.found.n_trails, depths.n_arcs.shape[0] - 1)
     depths.found.n_trails += 1
     depths.n_arcs[row] = depth + 1
@@ -193,9 +199,9 @@ def find_trails(
     rule: TrailRule,
     depths: Depths,
 ) -> int:
-    """Raise stairs until no trail is above: each raises its step, and those before.
+    """Find trails above the stairs; unless ``every`` one is wanted, each raises the stairs.
 
-    Returns how many links were tried; −1 if ``n_most``, or the room for trails, were not enough.
+    Returns how many links were tried; −1 where ``n_most``, or the room for trails, were not enough.
     """
     prices, mu, heights, width = worth.prices, worth.mu, stairs.heights, stairs.width
     graph, found, steps = net.graph, depths.found, depths.steps
@@ -257,8 +263,8 @@ def find_trails(
             continue
         depth += 1
         step = steps[depth]
-        step.state, step.link, step.arc, step.pays = states.to[link], 0, arc, pays
-        step.link = states.first[step.state]
+        to = states.to[link]
+        step.state, step.link, step.arc, step.pays = to, states.first[to], arc, pays
         step.alive, step.value, step.length, step.low, step.high = alive, value, length, low, high
         depths.used[arc] = search
         if pays:

@@ -49,12 +49,12 @@ def _choose(
     node: int,
     alive: float,
 ) -> int:
-    """Choose one more arc for a robot, after which a way home is left; return the arc.
+    """Choose the next arc of a robot, after which a way home is left; return the arc.
 
-    Where some node has more arcs in than out (the graph is not balanced), an arc from which no
-    unused arcs lead home is drawn again: the walk never enters a dead end. Likewise for an arc from
-    which the robot could not get home with probability ``min_survival`` over all, or from which
-    ``way_within`` finds no way home within the travel budget.
+    Another arc is drawn where that one leads into a dead end, from which no unused arcs lead home.
+    There may be dead ends where some node has more arcs in than out (the graph is not balanced).
+    Another one is also drawn where the whole trail could not survive with ``min_survival``, or
+    where ``way_within`` finds no way home within the travel budget.
     """
     loop = graph.head.shape[0]
     n_rejected = 0
@@ -90,11 +90,12 @@ def _leads_home(
     """Return whether a way home within the limits is known from the head of an arc, and note it.
 
     ``alive`` and ``length`` are those of the trail up to the arc. No ant gets stuck: with limits,
-    the arc by which the way that was noted last goes on can always be taken. For the rest of a
-    safest (or shortest) way is the safest (or shortest) from there, and would be found again; as
-    another one may be as safe but longer, it is not looked for again. With a travel budget, plans
-    are lost where the only ways home are neither the safest nor the shortest ones.
+    it can always follow the way that was noted last. The rest of a safest (or shortest) way is the
+    safest (or shortest) one from there. It is not looked for again, as a way that is found instead
+    may be as safe but longer. With a travel budget, plans are lost where the only ways home are
+    neither the safest nor the shortest ones.
     """
+    # ``budget`` is that of the rule: for an argument that is None numba leaves out what needs it.
     if paths is None:
         return True
     if budget is None and rule.min_survival == 0.0:
@@ -180,7 +181,7 @@ def _walk(
 
 @inlined
 def _begin_plan(graph: Graph, rule: BuildRule, scratch: AntScratch, plans: Plans, ant: int) -> None:
-    """Put all robots at the base; as long as they are out, offsets count their hops."""
+    """Put all robots at the base; until ``_end_plan`` the plan's offsets count their hops."""
     for i in range(scratch.n_touched[0]):
         scratch.unreached[scratch.touched[i]] = 1.0
     scratch.n_touched[0] = 0
@@ -193,16 +194,16 @@ def _begin_plan(graph: Graph, rule: BuildRule, scratch: AntScratch, plans: Plans
 def _end_plan(
     plans: Plans, rule: BuildRule, scratch: AntScratch, ant: int, start: int, stop: int
 ) -> None:
-    """Add up what the offsets have counted, and put hops that mingle in the robots' order.
+    """Make offsets of the counts of hops, and sort the hops by robot where they took turns.
 
-    Behind the hops there is room for as many.
+    ``start`` to ``stop`` are the plan's hops. Behind them there is room for as many.
     """
     first = ant * rule.n_robots
     for trail in range(first, first + rule.n_robots):
         plans.offsets[trail + 1] += plans.offsets[trail]
     if not rule.concurrent:
         return
-    n, ends = stop - start, scratch.node  # the robots are all home
+    n, ends = stop - start, scratch.node  # which is not needed any more: all robots are home
     for robot in range(rule.n_robots):
         ends[robot] = plans.offsets[first + robot + 1]
     for i in range(start, stop):
@@ -228,12 +229,10 @@ def construct(
     An ant at a node weighs each arc a that this trail has not used yet with
     (τ_R η_R)^(1 − λ) (τ_S η_S)^λ, where η_R is ``1 + gain[a] · (probability that no other robot
     reaches its head, by the trails as they are so far)`` times that of a head already in this
-    trail.
+    trail. What an ant builds depends on its own random numbers only, whose state is advanced.
 
-    ``paths`` is scratch of searches for ways home; None where the graph is balanced and there are
-    no limits, so that there always is one. ``states`` of random numbers, one for each ant
-    (n_ants, 2), are advanced: what an ant builds depends on its own numbers only. Plans are written
-    to ``plans``.
+    ``paths`` is scratch of searches for ways home. It is None where there always is one, since the
+    graph is balanced and there are no limits. Plans are written to ``plans``.
 
     Returns the first ant for whose plan there might be no room, or ``end``.
     """

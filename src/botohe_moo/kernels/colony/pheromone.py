@@ -1,4 +1,4 @@
-"""Deposit and evaporation of the two pheromones, and what ants make of them."""
+"""Deposit and evaporation of the two pheromones, and the weights that follow from them."""
 
 import math
 from typing import NamedTuple
@@ -8,12 +8,13 @@ from botohe_moo.kernels.colony.weighing import Weights
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Roads, find_arc
 
-# Far below any amount that matters, far above where floats lose their digits: on arcs that no
-# Pareto set uses pheromone falls by the same factor every iteration, for thousands of iterations.
+# The least pheromone. On arcs that no Pareto set uses pheromone falls by the same factor for
+# thousands of iterations: this is far below any amount that matters, and far above where floats
+# lose their digits.
 LEAST = 1e-250
 
-# Bounds on log(τη): a product of two such factors is neither 0 nor infinite, nor are sums of them,
-# whatever rewards and parameters are. Ants rely on it: of weights that are all 0 none can be drawn.
+# Bounds on log(τη). Whatever rewards and parameters are, products of two such factors, and sums of
+# these products, are neither 0 nor infinite: where all weights are 0 ants could not draw an arc.
 LOG_LOW, LOG_HIGH = -650.0, 250.0
 
 
@@ -21,8 +22,8 @@ class LearningRule(NamedTuple):
     """How pheromone changes."""
 
     evaporation: float  # share that evaporates, in [0, 1)
-    # Whether each deposit is divided by the number of plans in both sets together, or by the size
-    # of its own set.
+    # Whether the deposits of the iteration's and of the global Pareto set are divided by the number
+    # of plans in both; otherwise each by the number in its own set.
     pooled: bool
 
 
@@ -37,20 +38,21 @@ class Depositors(NamedTuple):
 
 
 class Pheromone(NamedTuple):
-    """Pheromone, and what has been deposited last; with one map the robots share it."""
+    """Pheromone, and the last deposits; each robot has a map, or all robots share one."""
 
     levels: FloatArray  # reward and survival pheromone, above 0 (n_maps, n_arcs + 1, 2)
-    # What the iteration's and the global Pareto set have left, in sum (n_maps, n_arcs + 1, 2).
+    # Sums of what the plans of the iteration's and of the global Pareto set have left
+    # (n_maps, n_arcs + 1, 2).
     deposits: FloatArray
     archive_deposits: FloatArray
-    # Logarithms of the heuristics (n_arcs + 1); that of reward for a node already visited.
+    # Logarithms of η_R for a node already visited, and of η_S (n_arcs + 1).
     log_eta_reward: FloatArray
     log_eta_survival: FloatArray
 
 
 @helper
 def _deposit(roads: Roads, plans: Depositors, n_robots: int, amounts: FloatArray) -> None:
-    """Set ``amounts`` to what the plans leave on each arc, in sum (n_maps, n_arcs + 1, 2)."""
+    """Set ``amounts`` to the sum of what the plans leave on each arc (n_maps, n_arcs + 1, 2)."""
     n_maps, loop = amounts.shape[0], roads.head.shape[0]
     for m in range(n_maps):
         for arc in range(loop + 1):
@@ -83,9 +85,8 @@ def learn(
 ) -> None:
     """Evaporate pheromone, and deposit that of the iteration's and of the global Pareto set.
 
-    With one map the robots share it. What the archive deposits is summed up again only where
-    ``is_new``. ``weights`` are written anew: log(τ_R η_R) and log(τ_S η_S), within ``LOG_LOW`` and
-    ``LOG_HIGH``.
+    What the archive deposits is summed up again only if the archive ``is_new``. Then the logarithms
+    of τ_R η_R and τ_S η_S are written to ``weights``, within ``LOG_LOW`` and ``LOG_HIGH``.
     """
     levels, deposits, archived = pheromone.levels, pheromone.deposits, pheromone.archive_deposits
     _deposit(roads, iteration, n_robots, deposits)

@@ -1,4 +1,4 @@
-"""What ants weigh the arcs by that leave a node, and which of these they choose.
+"""Ants at a node: the weights of the arcs that leave it, and the choice of one of them.
 
 Arcs are numbered as in the graph; behind them comes the base's self-loop, which ends a trail.
 """
@@ -22,47 +22,49 @@ _SHORT_SCAN = 5
 
 
 class BuildRule(NamedTuple):
-    """How plans are built."""
+    """How ants build plans."""
 
     n_robots: int  # trails per plan
     n_ants: int  # size of the colony: ant i has λ = i / (n_ants − 1), a single ant λ = 1/2
-    # Whether all robots are out at once and take one hop each in turn, those left out that have
-    # ended their trails; otherwise one trail is complete before the next begins.
+    # Whether the robots take one hop each in turn until their trails have ended; otherwise one
+    # trail is complete before the next begins.
     concurrent: bool
     # Every weight is raised by exploration · (mean weight) / (number of candidates).
     exploration: float
     # Survival floor: the least probability with which every robot gets home; 0 sets none.
     min_survival: float
-    budget: Budget | None  # travel budget, with the floor; what it needs is compiled only with one
+    # Travel budget, with the survival floor; without a budget its code is not compiled.
+    budget: Budget | None
 
 
 class Weights(NamedTuple):
-    """What ants weigh arcs by."""
+    """What the weights of arcs are computed from."""
 
-    # log(τ_R η_R), with η_R that of a head already in this trail, and log(τ_S η_S)
-    # (n_maps, n_arcs + 1); one map a robot, or one that all robots share.
+    # log(τ_R η_R), where η_R is that of a head already in this trail, and log(τ_S η_S)
+    # (n_maps, n_arcs + 1). Each robot has a map, or all robots share one.
     log_reward: FloatArray
     log_survival: FloatArray
-    # What a head that no robot reaches yet adds to η_R, relative, and log(1 + gain) (n_arcs + 1).
+    # Of a head that no robot reaches yet, η_R is 1 + gain times as large. This gain, and
+    # log(1 + gain) (n_arcs + 1).
     gain: FloatArray
     log_fresh: FloatArray
 
 
 class AntScratch(NamedTuple):
-    """AntScratch of an ant: weights in tables, and where its robots have been."""
+    """Scratch of ants: weights in tables, and where the robots of one ant have been."""
 
     # Weights of arcs for each ant of a block (n_maps, ``BLOCK``, n_arcs + 1): for a head already in
     # the trail, and for one that no robot reaches yet.
     seen: FloatArray
     fresh: FloatArray
-    # For which block the arcs that leave a node have been tabulated (n_maps, n_nodes).
+    # The last block for which the arcs that leave each node were tabulated (n_maps, n_nodes).
     tabulated: OffsetArray
-    # The last trail that used each arc (n_rows, n_arcs + 1) and visited each node
-    # (n_rows, n_nodes): a row for each robot that is out at once.
+    # The last trail that used each arc (n_rows, n_arcs + 1), and that visited each node
+    # (n_rows, n_nodes); a row for each robot if all take their hops in turn, else one row.
     used: OffsetArray
     visited: OffsetArray
-    # With limits: of each node on the way home that a robot knows, the arc by which that way goes
-    # on; −1 at the base (n_rows, n_nodes).
+    # With limits, the way home that each robot knows: the arc by which it leaves each of its nodes,
+    # −1 at the base (n_rows, n_nodes).
     onward: OffsetArray
     # Where each robot is, −1 where its trail has ended, with what probability, and with a travel
     # budget how long its trail is (n_robots).
@@ -70,16 +72,16 @@ class AntScratch(NamedTuple):
     alive: FloatArray
     length: FloatArray
     unreached: FloatArray  # probability that no robot reaches each node (n_nodes)
-    # The nodes where that is below 1, and how many they are (n_nodes), (1).
+    # The nodes where that is below 1 (n_nodes), and how many there are (1).
     touched: OffsetArray
     n_touched: OffsetArray
     cumulated: FloatArray  # weights of the candidates, summed up (n_arcs + 1)
-    rejected: OffsetArray  # arcs that were drawn and lead to where no way home is left (n_arcs + 1)
+    rejected: OffsetArray  # arcs that were drawn, but leave no way home (n_arcs + 1)
     states: SeedArray  # state of each ant's random numbers (n_ants, 2)
 
 
 def new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -> AntScratch:
-    """Return scratch for ants that build by a rule, whose random numbers have these states."""
+    """Return scratch for ants; ``states`` are those of their random numbers (n_ants, 2)."""
     n_nodes, n_arcs = graph.n_nodes, graph.n_arcs + 1
     n_rows = rule.n_robots if rule.concurrent else 1
     scratch = AntScratch(
@@ -104,12 +106,13 @@ def new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -
 
 
 class Ant(NamedTuple):
-    """What one trail of an ant is built by: rows of the scratch, and 1 − λ as a power."""
+    """One trail of an ant while it is built."""
 
     number: int
-    trail: int
+    trail: int  # its number among the trails of all ants
     robot: int
-    power: float
+    power: float  # 1 − λ
+    # Rows of the scratch.
     used: OffsetArray
     visited: OffsetArray
     onward: OffsetArray
@@ -196,7 +199,8 @@ def draw_arc(
 ) -> int:
     """Choose one of the arcs that ``weigh`` has weighed, of which there are several.
 
-    ``drawn`` is a random number from 0 to 1 + exploration / n: above 1 all are equally likely.
+    ``drawn`` is a random number from 0 to 1 + exploration / n. From 1 on it chooses uniformly: this
+    is what exploration adds to every weight.
     """
     low, n_arcs = graph.first[node], graph.first[node + 1] - graph.first[node]
     n_listed = n_arcs + 1 if node == graph.base else n_arcs

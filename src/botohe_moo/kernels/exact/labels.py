@@ -1,4 +1,4 @@
-"""Labels of the search for all trails: what they may still reach, and which dominate which.
+"""Labels of the search for all trails: what they may still reach, and which others they dominate.
 
 Label A dominates label B at the same node when A has used no arc that B may still need, reached
 every goal at least as probably, and is alive at least as probably. Proof: every way on from B is
@@ -29,7 +29,8 @@ from botohe_moo.kernels.exact.tables import LabelRule, LabelSearch
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import ANYWHERE, search_paths
 
-# Labels are kept that miss a limit by no more than this, relative: sums in another order differ.
+# Labels that miss a limit by no more than this, relative, are kept: sums and products in another
+# order differ.
 ROUNDING = 1e-12
 
 
@@ -112,10 +113,10 @@ def _find_ways_home(search: LabelSearch) -> None:
 
 @helper
 def look_ahead(search: LabelSearch) -> float:
-    """Write ``prospect`` of the current label, for which ``look_around`` has been called.
+    """Write ``prospect`` of the current label, after a call of ``look_around``.
 
-    Returns an upper bound on the probability to survive for a robot that goes on to a goal that it
-    has not reached, or with a travel budget to the base; −1 where it can do neither.
+    Returns the most with which a robot may survive that goes on to a goal that it has not reached,
+    or, with a travel budget, to the base; −1 where it can do neither.
     """
     graph, rule, current, survives = search.graph, search.rule, search.current, -1.0
     reached, prospect, row = current.reached, current.prospect, current.row[0]
@@ -136,7 +137,7 @@ def look_ahead(search: LabelSearch) -> float:
 
 @helper
 def is_dominated(search: LabelSearch, itself: int) -> bool:
-    """Return whether some label of the table, other than ``itself``, dominates the current one."""
+    """Return whether some label of the table, except ``itself``, dominates the current one."""
     labels, rule, current = search.labels, search.rule, search.current.row[0]
     key = _key_of(search)
     label = labels.last[np.int64(key & np.uint64(labels.last.shape[0] - 1))]

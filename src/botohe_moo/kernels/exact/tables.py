@@ -8,7 +8,7 @@ from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArr
 from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.graph.paths import Paths, new_paths
 
-SHELF = 32  # trails that are looked at together
+SHELF = 32  # trails that are skipped together where none can be as good
 
 LABEL = np.dtype(
     [
@@ -55,24 +55,27 @@ class LabelRule(NamedTuple):
 
 
 class LabelTable(NamedTuple):
-    """LabelTable, one a row; those at the same node with the same goals reached are chained."""
+    """Labels, one a row; those at the same node that have reached the same goals are chained."""
 
     rows: RecordArray  # as ``LABEL``
     # Probability to have reached each goal, 0 where it has not been visited (n, n_goals).
     reached: FloatArray
     used: SeedArray  # bits of the arcs that it cannot use any more (n, n_words)
-    # The last label of each chain, −1 for none, by the low bits of its key; as many as there are
-    # rows at most, a power of two. Chains that share a place are one.
+    # The last label of each chain, −1 for none, at the place that the low bits of its key give; the
+    # number of places is a power of two, and at most that of rows. Each place has one chain.
     last: OffsetArray
 
 
 class TrailTable(NamedTuple):
-    """TrailTable that no trail before them is as good as; SHELF of them lie on a shelf."""
+    """Trails, one a row, each better in something than every one before it.
+
+    ``SHELF`` of them lie on a shelf.
+    """
 
     rows: RecordArray  # as ``TRAIL``
     # Probability to reach each goal; for a single robot the share of the reward (n, n_columns).
     reached: FloatArray
-    # The largest of them on each shelf.
+    # The largest survival, and the largest of each column, of the trails on each shelf.
     shelf_survives: FloatArray
     shelf_reached: FloatArray
 
@@ -81,16 +84,16 @@ class CurrentLabel(NamedTuple):
     """Scratch: a label, and what it may still reach."""
 
     row: RecordArray  # as ``LABEL`` (1)
-    # Whether it cannot use each arc (n_arcs), and the same as bits (n_words).
+    # Which arcs it cannot use any more (n_arcs), and the same as bits (n_words).
     used: OffsetArray
     bits: SeedArray
-    # Probability to have reached each goal, and at most to reach it at all (n_goals).
+    # Probability to have reached each goal, and the most that this may become (n_goals).
     reached: FloatArray
     prospect: FloatArray
     column: FloatArray  # one row of ``TrailTable.reached``
     paths: Paths  # the safest ways from its node over arcs that it can use
     reach: FloatArray  # survival of these, 0 where there is none (n_nodes)
-    homeward: OffsetArray  # whether arcs that it can use lead from each node home (n_nodes)
+    homeward: OffsetArray  # whether arcs that it can use lead home from each node (n_nodes)
 
 
 class LabelSearch(NamedTuple):
@@ -145,7 +148,7 @@ def new_trails(n: int, n_columns: int) -> TrailTable:
 
 
 def doubled(table: Table) -> Table:
-    """Copy a named tuple of arrays to where there is room for twice as many rows."""
+    """Return a copy of a named tuple of arrays with room for twice as many rows."""
     larger = [
         np.concatenate([column, np.zeros_like(column)]).view(type(column)) for column in table
     ]
@@ -153,11 +156,11 @@ def doubled(table: Table) -> Table:
 
 
 def chained_again(labels: LabelTable, n_labels: int) -> LabelTable:
-    """Make all chains anew, where there is room for more of them."""
+    """Chain all labels again, after the table has got room for more chains."""
     labels.last[:] = -1
     rows = labels.rows[:n_labels]
     place = (rows["key"] & np.uint64(len(labels.last) - 1)).astype(np.int64)
-    order = np.argsort(place, kind="stable")
+    order = np.argsort(place, kind="stable")  # chain by chain, the oldest label first
     follows = place[order[1:]] == place[order[:-1]]
     rows["before"] = -1
     rows["before"][order[1:][follows]] = order[:-1][follows]

@@ -1,11 +1,11 @@
 """The Pareto front over all multisets of K trails, by branch and bound.
 
-Robots choose trails one after another, in an order that ascends: each multiset comes up once. What
-the others may still add is bounded by the diminishing returns of reward: n further robots add at
-most the sum of what each would add alone to the team as it stands, hence no more than n times a
-point of the upper concave hull of (reward added, survival) over the trails left to choose from. A
-team is given up when the front covers that whole bound. What a trail adds can only shrink deeper
-down, so that a trail that has been given up stays so.
+Robots choose trails one after another, in ascending order, so that each multiset comes up once. A
+bound on what further robots add follows from the diminishing returns of reward. n of them add at
+most the sum of what each would add alone to the team as it is. This is at most n times a point of
+the upper concave hull of (reward added, survival) over the trails left to choose from. A team is
+given up when no point of its bound gets beyond the front. What a trail adds only shrinks as the
+team grows: a trail that has been given up for a robot is not tried again for those after it.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from botohe_moo.kernels.fronts.ordered import (
 
 TURN = np.dtype(
     [
-        ("robot", np.int64),  # whose turn it is to choose, −1 before the first one's
+        ("robot", np.int64),  # whose turn it is to choose, −1 before the search
         ("n_looks", np.int64),  # how many trails have been looked at as choices
     ]
 )
@@ -32,27 +32,30 @@ FINISHED, FULL, PAUSED = 0, 1, 2
 
 
 class Choices(NamedTuple):
-    """Trails to choose from, and the team as it stands."""
+    """Trails to choose from, and those that the robots have chosen."""
 
-    # Of each trail, by descending survival, and the probability to reach each goal
+    # Of each trail its survival, which descends (n_trails), and the probability to reach each goal
     # (n_trails, n_goals).
     survives: FloatArray
     reached: FloatArray
     # By how much of reward and of survivors a team must be better to count as better (2).
     slack: FloatArray
-    # For each robot the trails that it may choose, what each adds to the team before it, how many
-    # they are, and the position of the one that is chosen or comes next.
+    # For each robot the trails that it may choose and what each adds to the robots before it
+    # (n_robots, n_trails); how many there are, and the position of the one that it has chosen or
+    # tries next (n_robots).
     listed: OffsetArray
     gain: FloatArray
     n_listed: OffsetArray
     at: OffsetArray
-    # For each robot the upper concave hull of its choices, by ascending gain.
+    # For each robot the upper concave hull of its choices, by ascending gain (n_robots, n_trails),
+    # and its size (n_robots).
     hull_gain: FloatArray
     hull_survives: FloatArray
     n_hull: OffsetArray
-    # For each robot the reward of each goal, times the probability that none before it gets there.
+    # For each robot the reward of each goal, times the probability that none before it gets there
+    # (n_robots, n_goals).
     left: FloatArray
-    figures: FloatArray  # for each robot E[R] and E[S] of those before it
+    objectives: FloatArray  # for each robot E[R] and E[S] of those before it (n_robots, 2)
 
 
 def new_choices(
@@ -74,7 +77,7 @@ def new_choices(
         hull_survives=np.zeros(shape),
         n_hull=np.zeros(n_robots, np.int64),
         left=left,
-        figures=np.zeros((n_robots, 2)),
+        objectives=np.zeros((n_robots, 2)),
     )
 
 
@@ -114,9 +117,9 @@ def _is_hopeful(
     reward: float,
     survivors: float,
 ) -> bool:
-    """Return whether a team may get beyond the front with more robots, who choose from a hull.
+    """Return whether a team with E[R] and E[S] may get beyond the front by ``n_more`` robots.
 
-    ``reward`` and ``survivors`` are the team's without them, ``robot`` is whose hull it is.
+    They choose from the hull of ``robot``.
     """
     reward -= choices.slack[0]
     survivors -= choices.slack[1]
@@ -168,7 +171,7 @@ def _list_choices(choices: Choices, front: OrderedFront, robot: int) -> None:
     if n_more > 0:
         _make_hull(choices, robot)
     n_kept = 0
-    reward, survivors = choices.figures[robot, 0], choices.figures[robot, 1]
+    reward, survivors = choices.objectives[robot, 0], choices.objectives[robot, 1]
     for i in range(n):
         trail, gain = choices.listed[robot, i], choices.gain[robot, i]
         alive = survivors + choices.survives[trail]
@@ -182,11 +185,11 @@ def _list_choices(choices: Choices, front: OrderedFront, robot: int) -> None:
 def choose_teams(
     choices: Choices, front: OrderedFront, turn: RecordArray, n_looks: int, most_reward: bool
 ) -> int:
-    """Continue the search for teams, and return after a number of looks at choices.
+    """Continue the search for teams, and pause after a number of looks at choices.
 
-    With ``most_reward`` only the most rewarding team is looked for: it is put into the front as if
-    all robots survived for sure. Returns whether the search is FINISHED, the front is FULL, or it
-    is only PAUSED.
+    With ``most_reward`` only the most rewarding team is looked for: teams are put into the front as
+    if all robots survived for sure. Returns ``FINISHED``, ``FULL`` where the front has no room, or
+    ``PAUSED``.
     """
     state, n_robots = turn[0], choices.at.shape[0]
     limit = state.n_looks + n_looks
@@ -207,14 +210,14 @@ def choose_teams(
             return FULL
         state.n_looks += 1
         trail = choices.listed[robot, at]
-        reward = choices.figures[robot, 0] + choices.gain[robot, at]
-        survivors = choices.figures[robot, 1] + choices.survives[trail]
+        reward = choices.objectives[robot, 0] + choices.gain[robot, at]
+        survivors = choices.objectives[robot, 1] + choices.survives[trail]
         if not _is_hopeful(choices, front, robot, n_more, reward, survivors):
             choices.at[robot] += 1
         elif n_more > 0:
             state.robot += 1
             state.n_looks += choices.n_listed[robot] - at
-            choices.figures[robot + 1, 0], choices.figures[robot + 1, 1] = reward, survivors
+            choices.objectives[robot + 1, 0], choices.objectives[robot + 1, 1] = reward, survivors
             for goal in range(choices.left.shape[1]):
                 missed = 1.0 - choices.reached[trail, goal]
                 choices.left[robot + 1, goal] = choices.left[robot, goal] * missed

@@ -12,7 +12,7 @@ as it may still reach one.
 
 With a travel budget the safest way home may be too long, and the best one a compromise. So trails
 also end where a label has come to the base arc by arc, and a label goes on as long as it may come
-there by a way that is safer than those that are known.
+there by a safer way than those that are known.
 """
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
@@ -43,8 +43,8 @@ def add_trails(
 def grow(search: LabelSearch, n_looks: int, again: bool) -> bool:
     """Extend at most ``n_looks`` labels in the order in which they were found.
 
-    If ``again``, each label is looked at again first: a label or trail found since may dominate it.
-    Returns whether it ended because there may be no room for the extensions of the next label.
+    If ``again``, labels are left out that a label or a trail found since then dominates. Returns
+    whether there may be no room for the extensions of the next label.
     """
     graph, labels, state = search.graph, search.labels, search.progress[0]
     if state.n_labels == 0:
@@ -112,7 +112,7 @@ def _has_become_needless(search: LabelSearch, label: int) -> bool:
 
 @helper
 def _extend(search: LabelSearch, parent: int, arc: int) -> None:
-    """Extend a label by one arc, and add the new label, the trail that goes home, or both."""
+    """Extend a label by an arc; add the new label, the trail that goes home from there, or both."""
     graph, rule, current, trails = search.graph, search.rule, search.current, search.trails
     _copy_label(search, parent)
     row, node = current.row[0], graph.head[arc]
@@ -135,7 +135,7 @@ def _extend(search: LabelSearch, parent: int, arc: int) -> None:
         if home >= rule.limits.min_survival and _is_short_enough(search):
             _write_column_of_the_way_home(search)
             _add_trail(trails, search.progress, parent, arc, current.column, home)
-        look_ahead(search)
+        look_ahead(search)  # the way home has been written over the prospects
     if survives <= 0.0 or survives < rule.limits.min_survival * (1.0 - ROUNDING):
         return
     as_column(rule, current.prospect, current.column)
@@ -218,10 +218,7 @@ def _add_trail(
     reached: FloatArray,
     survives: float,
 ) -> None:
-    """Put a trail into the next row, unless one that is known is at least as good.
-
-    There must be room for it.
-    """
+    """Put a trail into the next row, which must be free, unless a known one is as good."""
     n = progress[0].n_trails
     if _is_covered(trails, n, reached, survives):
         return

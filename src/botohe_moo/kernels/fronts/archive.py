@@ -11,7 +11,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.rng import mixed
+from botohe_moo.kernels.rng import GOLDEN, mixed
 
 
 class Batch(NamedTuple):
@@ -43,8 +43,8 @@ def new_archive() -> Archive:
 def sort_descending(keys: FloatArray, order: OffsetArray, spare: OffsetArray, n: int) -> None:
     """Sort the first ``n`` indices in ``order`` by their keys, the largest first.
 
-    Equal ones stay in order; NaN comes anywhere. By merging from the bottom up, with ``spare`` as
-    scratch: numpy's own sorting takes seconds to compile.
+    Equal ones stay in order; the place of NaN is undefined. ``spare`` is scratch. This is a merge
+    sort from the bottom up, since numpy's own sorting takes seconds to compile.
     """
     width = 1
     while width < n:
@@ -71,7 +71,7 @@ def plan_hash(batch: Batch, n_robots: int, plan: int) -> np.uint64:
     """Hash the multiset of a plan's trails to 64 bits; the order of the robots does not matter."""
     total = np.uint64(0)
     for trail in range(plan * n_robots, (plan + 1) * n_robots):
-        bits = np.uint64(0x9E3779B97F4A7C15)
+        bits = GOLDEN
         for i in range(batch.offsets[trail], batch.offsets[trail + 1]):
             bits = (bits ^ np.uint64(batch.nodes[i])) * np.uint64(0xBF58476D1CE4E5B9)
             bits ^= bits >> np.uint64(29)
@@ -85,8 +85,8 @@ def find_pareto_set(
 ) -> int:
     """Find the non-dominated plans of a batch, and each repeated plan once.
 
-    Writes their indices by descending E[R] to ``members``, and the hashes of their trails; all
-    arrays are as long as the batch. Returns how many there are.
+    Writes their indices, by descending E[R], to ``members``, and the hashes of their trails to
+    ``hashes``. All arrays are as long as the batch. Returns how many plans there are.
     """
     objectives, n = batch.objectives, 0
     n_plans = objectives.shape[0]
@@ -103,7 +103,7 @@ def find_pareto_set(
             stop += 1
         group = n
         for i in range(first, stop if most > best else first):
-            plan = members[i]  # n <= i: what is overwritten has been looked at
+            plan = members[i]  # n ≤ i: what is overwritten is not needed any more
             if objectives[plan, 1] != most:
                 continue
             hashes[n] = plan_hash(batch, n_robots, plan)
@@ -114,7 +114,7 @@ def find_pareto_set(
                 members[n] = plan
                 n += 1
         best = max(best, most)
-        first = max(stop, first + 1)  # a reward that is NaN equals nothing
+        first = max(stop, first + 1)  # a reward that is NaN does not even equal itself
     return n
 
 
@@ -127,10 +127,10 @@ def _find_newcomers(
     max_ties: int,
     newcomers: OffsetArray,
 ) -> int:
-    """Find those of a batch's Pareto set that the archive neither dominates nor holds already.
+    """Find the plans of a batch's Pareto set that the archive neither dominates nor holds already.
 
-    Of plans with equal objectives those that would be more than ``max_ties`` are left out. Writes
-    their positions among the members, and returns how many there are.
+    Of plans with equal objectives the archive takes up to ``max_ties``. Writes the positions of the
+    plans found among the members, and returns how many there are.
     """
     objectives, archived = batch.objectives, archive.objectives
     n = rank = ties = 0
@@ -140,7 +140,7 @@ def _find_newcomers(
             ties = 0
         while rank < archived.shape[0] and archived[rank, 0] >= reward:
             rank += 1
-        # Before the rank are the plans with as much reward, the last of which survives best.
+        # Before the rank are the plans with as much reward or more; the last of them survives best.
         equal = rank
         if rank > 0 and archived[rank - 1, 1] >= survivors:
             if archived[rank - 1, 1] > survivors or archived[rank - 1, 0] > reward:
@@ -179,7 +179,8 @@ def _merge_order(
                 objectives[members[newcomers[as_rewarding]], 0] >= archived[i, 0]
             ):
                 as_rewarding += 1
-            # Only newcomers can dominate it; of those with as much reward the last survives best.
+            # Only a newcomer can dominate it. Of those with as much reward or more the last one
+            # survives best.
             stays = True
             if as_rewarding > 0:
                 last = members[newcomers[as_rewarding - 1]]
@@ -215,8 +216,8 @@ def insert(
 ) -> tuple[OffsetArray, OffsetArray, Archive]:
     """Insert the plans of a batch that an archive neither dominates nor holds.
 
-    They are numbered on from ``next_id``. Returns the indices of the batch's Pareto set, those of
-    the plans that are inserted, both by descending E[R], and the archive with them.
+    Their numbers begin with ``next_id``. Returns the indices of the batch's Pareto set, and those
+    of the plans that are inserted, both by descending E[R], and the archive with them.
     """
     n_plans, n_archived = batch.objectives.shape[0], archive.ids.shape[0]
     members, found = np.empty(n_plans, np.int64), np.empty(n_plans, np.int64)

@@ -24,19 +24,20 @@ class OrderedFront(NamedTuple):
     """Places for plans, in order of their objectives."""
 
     # How many ``blocks`` and ``plans`` there are, how many plans ever ``entered``, and how many
-    # blocks are ``free`` and slots ``spare``.
+    # blocks (``free``) and slots (``spare``) are not in use.
     n: Record
     directory: OffsetArray  # the blocks in order
     size: OffsetArray  # plans in each block
     # Of each place of each block (n_blocks, BLOCK), which ``slot`` holds the plan, and its E[R] and
     # E[S] (``reward`` and ``survivors``).
     places: RecordArray
-    # Those that are not in use, as stacks.
+    # Blocks and slots that are not in use, as stacks.
     free_blocks: OffsetArray
     spare_slots: OffsetArray
     # The plan in each slot: numbers of its trails, in lexicographic order (n_slots, n_robots).
     plan: IntArray
-    # How many plans had entered before it, and how often it has been a parent (n_slots).
+    # How many plans had entered before that in each slot, and how often it has been a parent
+    # (n_slots).
     serial: OffsetArray
     tried: OffsetArray
 
@@ -71,7 +72,7 @@ def copy_front(front: OrderedFront, kept: OffsetArray, n_slots: int) -> OrderedF
     copy, n = new_front(n_slots, front.plan.shape[1]), len(kept)
     slots, objectives = read_front(front)
     rows = np.flatnonzero(np.isin(slots, kept))
-    full = BLOCK // 2 + 1  # as few as two neighbours may have together: there is room to enter
+    full = BLOCK // 2 + 1  # the least that two neighbours have together: there is room to enter
     n_blocks = -(-n // full)
     at, place = np.divmod(np.arange(n), full)
     copy.directory[:n_blocks] = np.arange(n_blocks)
@@ -90,10 +91,10 @@ def copy_front(front: OrderedFront, kept: OffsetArray, n_slots: int) -> OrderedF
 
 @inlined
 def find_place(front: OrderedFront, survivors: float) -> tuple[int, int]:
-    """Find the first plan with at least this E[S]; of these plans it has the largest E[R].
+    """Find the plan of largest E[R] among those with at least this E[S].
 
-    Returns its block's number in the directory, and its place there; behind the last block where
-    there is none.
+    Returns its block's number in the directory, and its place there. Where there is none, the first
+    is the number of blocks.
     """
     low, high = 0, front.n.blocks
     while low < high:
@@ -137,6 +138,21 @@ def place_before(front: OrderedFront, at: int, place: int) -> tuple[int, int]:
     return at, place
 
 
+@inlined
+def find_dominated(front: OrderedFront, reward: float, survivors: float) -> tuple[int, int]:
+    """Find the plan of most E[S] among those with at most this E[R] and this E[S].
+
+    Returns its block's number in the directory, −1 where there is none, and its place there.
+    """
+    at, place = find_place(front, survivors)
+    if at == front.n.blocks or front.places[front.directory[at], place].survivors > survivors:
+        at, place = place_before(front, at, place)
+    # No plan before it has less E[R].
+    if at >= 0 and front.places[front.directory[at], place].reward > reward:
+        at = -1
+    return at, place
+
+
 @helper
 def insert(front: OrderedFront, reward: float, survivors: float) -> int:
     """Insert a plan, and remove those that it dominates or equals; return its slot.
@@ -144,18 +160,15 @@ def insert(front: OrderedFront, reward: float, survivors: float) -> int:
     No plan of the front may dominate it.
     """
     while True:
-        at, place = find_place(front, survivors)
-        behind = at == front.n.blocks
-        if behind or front.places[front.directory[at], place].survivors > survivors:
-            at, place = place_before(front, at, place)
-        if at < 0 or front.places[front.directory[at], place].reward > reward:
+        at, place = find_dominated(front, reward, survivors)
+        if at < 0:
             return add_place(front, reward, survivors)
         remove_place(front, at, place)
 
 
 @inlined
 def draw_place(front: OrderedFront, states: SeedArray) -> tuple[int, int]:
-    """Draw a plan uniformly: blocks are drawn again by how full they are."""
+    """Draw a plan uniformly: a block and a place there, both again where that place is free."""
     n = front.n.blocks
     while True:
         at = below(states, n)
@@ -167,7 +180,7 @@ def draw_place(front: OrderedFront, states: SeedArray) -> tuple[int, int]:
 
 @inlined
 def _beside(front: OrderedFront, at: int, place: int) -> tuple[Record, Record]:
-    """Return the places before and after one; at an end of the front it is its own neighbour."""
+    """Return the neighbours of a place; at an end of the front it is a neighbour of itself."""
     block = front.directory[at]
     left = right = front.places[block, place]
     if place > 0:
@@ -186,7 +199,7 @@ def _beside(front: OrderedFront, at: int, place: int) -> tuple[Record, Record]:
 def contribution(front: OrderedFront, at: int, place: int) -> float:
     """Return the area of the rectangle between the two neighbours of a plan.
 
-    At the ends it is what it would be if the plans were evenly spaced.
+    Plans at the ends get the area that each would have if the plans were evenly spaced.
     """
     n = front.n.blocks
     is_first = at == 0 and place == 0
@@ -240,7 +253,7 @@ def _drop_block(front: OrderedFront, at: int) -> None:
 
 @helper
 def _merge(front: OrderedFront, at: int) -> None:
-    """Make one block of two neighbours, if there are two, where they leave half of it free."""
+    """Merge a block with the one after it, if there is one, where this leaves half of it free."""
     if at < 0 or at + 1 >= front.n.blocks:
         return
     block, after = front.directory[at], front.directory[at + 1]
@@ -256,9 +269,9 @@ def _merge(front: OrderedFront, at: int) -> None:
 
 @helper
 def add_place(front: OrderedFront, reward: float, survivors: float) -> int:
-    """Add a plan that none in the front dominates or equals; return the slot for its trails.
+    """Add a plan that no plan of the front dominates or equals; return the slot for its trails.
 
-    Those that it dominates must have been removed.
+    The plans that it dominates must have been removed.
     """
     n = front.n
     if n.blocks == 0:

@@ -1,6 +1,6 @@
 """Safest paths: Dijkstra's algorithm on −log(survival), over arcs that a trail has not used.
 
-With the graph that ``measured_by_length`` gives, they are the shortest paths instead.
+In the graph that ``measured_by_length`` returns they are the shortest paths instead.
 
 Arc a is used where ``used[a] == trail``: one array serves trail after trail without being cleared.
 """
@@ -21,8 +21,8 @@ class Paths(NamedTuple):
     """Scratch of searches for paths."""
 
     n_searches: OffsetArray  # how many searches there have been (1)
-    # The last search that met each node (n_nodes); only for nodes met by the current search
-    # ``distance`` and ``entry`` hold.
+    # The last search that met each node (n_nodes). ``distance`` and ``entry`` are those of nodes
+    # that the current search has met.
     met: OffsetArray
     # Cost of the safest path between each node and the source, and the arc by which that path comes
     # to the node, −1 at the source (n_nodes).
@@ -33,9 +33,9 @@ class Paths(NamedTuple):
     heap_keys: FloatArray
     heap_nodes: OffsetArray
     path: OffsetArray  # arcs of the path that was asked for, in order (n_nodes)
-    # Of each node but the base the first arc of some way home, at the beginning of the safest one
-    # (n_nodes). These ways come from all trails so far: arcs on them may be used by this one, and
-    # they may go round in circles. And the last search that followed them from the node (n_nodes).
+    # The first arc of a way home from each node but the base, and the last search that followed it
+    # (n_nodes). Ways are the safest ones at first, and then those that ``leads_home`` found
+    # for any trail: arcs on them may be used by this trail, and they may go round in circles.
     onward: OffsetArray
     followed: OffsetArray
 
@@ -43,7 +43,7 @@ class Paths(NamedTuple):
 class Budget(NamedTuple):
     """A travel budget, for planners that look for ways home."""
 
-    short: Graph  # the graph as ``measured_by_length`` gives it
+    short: Graph  # the graph as ``measured_by_length`` returns it
     limits: Limits  # the budget and the survival floor
 
 
@@ -123,9 +123,9 @@ def search_paths(
 ) -> int:
     """Find the safest paths from a node, or, searching ``backwards``, to it; the safest first.
 
-    The search ends when the path to ``target`` is known (``ANYWHERE``: no such node), or the paths
-    to ``n_most`` nodes, the source among them. Writes ``distance``, ``entry`` and ``order``; gives
-    how many nodes are in ``order``.
+    The search ends when the path to ``target`` is known, or those to ``n_most`` nodes, the source
+    among them. With ``ANYWHERE`` there is no target. Writes ``distance``, ``entry`` and ``order``,
+    and returns how many nodes are in ``order``.
     """
     met, distance, entry = paths.met, paths.distance, paths.entry
     paths.n_searches[0] += 1
@@ -180,9 +180,9 @@ def safest_path(
 
 @helper
 def way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
-    """Write the safest way to the base to ``paths.path``, and return how many arcs it has or −1.
+    """Write the safest way to the base to ``paths.path``; return how many arcs it has, −1 for none.
 
-    First along ``graph.homeward``: cheap, and nearly always enough.
+    The usual way is tried first: it takes little time, and is nearly always free.
     """
     n = usual_way_home(graph, paths, used, trail, source)
     return n if n >= 0 else safest_path(graph, paths, used, trail, source, graph.base)
@@ -224,7 +224,7 @@ def way_within(
     if budget is None:
         return way_home(graph, paths, used, trail, node)
     short, limits = budget.short, budget.limits
-    # What a way home takes at least, with every arc free.
+    # Even if every arc were free:
     if length + short.home[node] > limits.max_length:
         return -1
     if alive * graph.home[node] < limits.min_survival:
@@ -247,10 +247,10 @@ def _keeps(graph: Graph, paths: Paths, n: int, alive: float, length: float, limi
 
 @helper
 def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> bool:
-    """Return whether unused arcs lead from a node to the base, and note by which: ``onward``.
+    """Return whether unused arcs lead from a node to the base, and note them in ``onward``.
 
-    By breadth-first search for a node whose way home, as it is remembered, is free: mostly there is
-    one near by, if it is not the node itself.
+    This is a breadth-first search for a node from which the way home noted before is free. Mostly
+    it is the node itself, or one nearby.
     """
     paths.n_searches[0] += 1
     met, entry, queue, search = paths.met, paths.entry, paths.order, paths.n_searches[0]
@@ -278,10 +278,10 @@ def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: 
 
 @helper
 def _is_free(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> bool:
-    """Return whether the way home that is remembered of a node is free.
+    """Return whether the way home that is noted for a node is free.
 
-    It is not where it comes to a node from which this search has followed it before: that has been
-    blocked, or this one goes round in a circle.
+    It is not if it comes to a node from which this search has followed a way before: that way
+    is blocked, or this one goes round in a circle.
     """
     search = paths.n_searches[0]
     while node != graph.base:

@@ -14,7 +14,7 @@ from botohe_moo.kernels.local_search.trail_store import TrailStore
 from botohe_moo.kernels.local_search.workspace import TOLERANCE, Search, Workspace
 from botohe_moo.kernels.rng import uniform
 
-# How much more likely a step leads to a node that is worth something than to another.
+# The weight of a step to a node with something to collect, beside 1 for a step to another.
 _FRESH = 4.0
 
 
@@ -46,7 +46,7 @@ def _is_used(work: Workspace, arc: int) -> bool:
 
 @helper
 def _find_detour(graph: Graph, routes: Routes, work: Workspace, node: int, goal: int) -> int:
-    """Return the unused arc from a node that begins the safest path to the goal; −1 without any."""
+    """Return the unused arc that begins the safest path from a node to a goal; −1 without any."""
     least = np.inf
     best = -1
     for arc in range(graph.first[node], graph.first[node + 1]):
@@ -65,8 +65,8 @@ def _find_detour(graph: Graph, routes: Routes, work: Workspace, node: int, goal:
 def _append_path(search: Search, node: int, goal: int, n_detours: int) -> bool:
     """Append the safest path between two nodes; return whether one is known.
 
-    Up to ``n_detours`` times it leaves that path where an arc is used already. On large missions
-    the ways to the base are stored apart from other paths, and it takes no detours there.
+    Where an arc is used already it leaves that path, up to ``n_detours`` times. On large missions
+    there are no detours on the way to the base: these ways are stored apart from other paths.
     """
     graph, routes, work = search.graph, search.routes, search.work
     is_homeward = goal == graph.base and routes.entries.shape[1] < routes.entries.shape[0]
@@ -98,7 +98,7 @@ def _append_path(search: Search, node: int, goal: int, n_detours: int) -> bool:
 def _append_steps(graph: Graph, work: Workspace, node: int, n_steps: int) -> int:
     """Append arcs drawn at random, preferably to nodes with something to collect.
 
-    Returns the node where they end. There are fewer than ``n_steps`` where all arcs are used.
+    Returns the node where they end. It stops early at a node where all arcs are used.
     """
     for _ in range(n_steps):
         total = 0.0
@@ -120,7 +120,7 @@ def _append_steps(graph: Graph, work: Workspace, node: int, n_steps: int) -> int
 
 @helper
 def connect_child(search: Search, n_steps: int, n_detours: int) -> bool:
-    """Write the child's new arcs; return whether there is a child, and it differs from the trail.
+    """Write the child's new arcs; return whether there is a child that differs from the trail.
 
     From the prefix it takes ``n_steps`` steps, visits the goals, takes the piece, and goes on to
     the suffix.
@@ -146,9 +146,9 @@ def connect_child(search: Search, n_steps: int, n_detours: int) -> bool:
 
 @helper
 def _join_suffix(work: Workspace) -> bool:
-    """Cut out loops between the new arcs and the suffix; return whether the child is a new trail.
+    """Cut out loops between the new arcs and the suffix, where they have an arc in common.
 
-    There is a loop where the suffix has one of the new arcs.
+    Returns whether the child is a new trail.
     """
     draft, middle = work.draft, work.middle
     last = -1

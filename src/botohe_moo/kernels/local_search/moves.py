@@ -25,30 +25,30 @@ REVERSE = 6
 ADOPT = 7
 N_KINDS = 8
 
-# How many nodes nearby are compared, at most, when one is chosen to be visited: one, two or three.
+# A node to visit is the best of one, two or three nodes nearby.
 _MOST_COMPARED = 3
 
-# With what probability safest paths avoid arcs that the trail uses already, and how often at most.
+# The probability that safest paths avoid arcs that the trail uses already, and how often at most.
 P_DETOUR, _MAX_DETOURS = 0.3, 4
 
-# With what probability the other plan of a move is one near the parent: of its block of the front,
-# or of one of the two beside that.
+# Probabilities:
+# that the other plan of a move is near the parent, in its block of the front or one beside it;
 _P_NEIGHBOUR = 0.5
-# With what probability a segment that is cut out is short, and how many arcs it has at most then.
+# that a segment that is cut out is short, and how many arcs it has at most then;
 _P_SHORT, _N_SHORT = 0.6, 4
-# With what probability a node to visit is drawn among those near.
+# that a node to visit is drawn among those nearby, rather than among all;
 _P_NEAR = 0.8
-# With what probability each visit is one step instead, along an arc drawn, be it safe or not.
+# that a move takes steps along any arcs, safe or not, instead of visits;
 _P_STEP = 0.3
-# With what probability two visits are followed by another, and that by another, and so on.
+# that two visits are followed by a third, that by a fourth, and so on;
 _P_MORE = 0.6
-# With what probability two trails are joined where they meet, if they do at the node drawn.
+# that two trails are joined at the node drawn if they meet there.
 _P_MEET = 0.9
 
 
 @helper
 def make_child(search: Search, kind: int) -> bool:
-    """Make a child by a move; return whether there is one, and it differs from the trail."""
+    """Make a child by a move; return whether there is one that differs from the trail."""
     draft, states = search.work.draft, search.work.states
     n_detours = _MAX_DETOURS if uniform(states, 0) < P_DETOUR else 0
     n_steps = draft.n_goals = draft.n_piece = 0
@@ -85,7 +85,7 @@ def _draw_segment(work: Workspace, n_short: int) -> None:
 
 @helper
 def _draw_visits(graph: Graph, routes: Routes, work: Workspace, n_visits: int) -> None:
-    """Draw nodes to visit: the one of a few nearby where others leave most, or any node."""
+    """Draw nodes to visit: any node, or one nearby where the other robots leave much reward."""
     states, near = work.states, routes.near
     node = work.steps[work.draft.prefix].node
     n_near = near.shape[1]
@@ -120,9 +120,10 @@ def draw_trail(front: OrderedFront, work: Workspace) -> int:
 
 @helper
 def _draw_piece(search: Search, to_end: bool) -> bool:
-    """Draw a segment, or the end, of a trail of another plan, to replace a segment of this trail.
+    """Draw a piece of a trail of another plan to replace a segment of this trail.
 
-    Mostly they are joined where the trails meet, if they do at the node drawn.
+    With ``to_end`` it reaches to the end of that trail. Where the trails meet at an end of the
+    piece, they are mostly joined there.
     """
     graph, store, work = search.graph, search.store, search.work
     draft, states, nodes = work.draft, work.states, work.nodes
@@ -152,10 +153,9 @@ def _draw_piece(search: Search, to_end: bool) -> bool:
 
 @helper
 def _draw_reversed(graph: Graph, work: Workspace) -> bool:
-    """Draw a segment to walk in the other direction.
+    """Draw a segment to walk in the other direction; a segment that is a loop stays one.
 
-    Croes, "A method for solving traveling-salesman problems", Operations Research 6(6), 1958. A
-    segment that is a loop stays one.
+    Croes, "A method for solving traveling-salesman problems", Operations Research 6(6), 1958.
     """
     draft, steps = work.draft, work.steps
     _draw_segment(work, _N_SHORT + 2)

@@ -1,9 +1,9 @@
-"""Plans of the front: taken as parents, laid out for children to be made of them, and inserted.
+"""Plans of the front: made parents, laid out for children to be made of them, and inserted.
 
-With the other robots' trails fixed, a node is worth to one robot what they leave of its reward: the
-rest of the search sees a single robot. A child keeps a prefix of that robot's trail, goes on along
-new arcs, and ends with a suffix of it; its E[S] follows from three products, and its E[R] is
-bounded before the suffix is walked.
+The trails of all robots but one are fixed. To that robot a node is worth what the others leave of
+its reward, so that the rest of the search sees a single robot. A child keeps a prefix of its trail,
+goes on along new arcs, and ends with a suffix of it. Its E[S] follows from three products, and its
+E[R] is bounded before the suffix is walked.
 """
 
 import numpy as np
@@ -14,6 +14,7 @@ from botohe_moo.kernels.fronts.ordered import (
     OrderedFront,
     add_place,
     best_reward,
+    find_dominated,
     find_place,
     place_before,
     remove_place,
@@ -24,20 +25,20 @@ from botohe_moo.kernels.local_search.workspace import NEVER, TOLERANCE, Search, 
 from botohe_moo.kernels.plans.evaluate import begin_team, combine, team_reward
 from botohe_moo.kernels.rng import below, uniform
 
-# With what probability the next parent is the plan that has just entered the front.
+# The probability that the next parent is the plan that has just entered the front.
 P_NEWEST = 0.9
 
 
 @helper
 def find_plan(front: OrderedFront, survivors: float) -> tuple[int, int]:
-    """Find the plan with an E[S]; where it has left the front, one that survives as well."""
+    """Find the plan with an E[S]; where it has left, the next safer one, or else the safest."""
     block, place = find_place(front, survivors)
     return (block, place) if block < front.n.blocks else place_before(front, block, place)
 
 
 @helper
 def pop_newest(work: Workspace) -> float:
-    """Return E[S] of the plan that has just entered the front, if it is to be next; else −1."""
+    """Return E[S] of the plan that entered the front last, if it is the next parent; else −1."""
     newest = work.memory.newest
     work.memory.newest = -1.0
     return newest if newest >= 0.0 and uniform(work.states, 0) < P_NEWEST else -1.0
@@ -85,7 +86,7 @@ def evaluate_others(graph: Graph, store: TrailStore, work: Workspace) -> None:
                 node.unreached = 1.0
                 touched[draft.n_touched] = index
                 draft.n_touched += 1
-            # Added up: the reward less what is left would lose the digits of small chances.
+            # As a sum: small chances would lose their digits in the reward less what is left.
             draft.others += graph.reward[index] * node.unreached * reach
             node.unreached *= 1.0 - reach
         draft.survivors += trail.alive
@@ -142,7 +143,7 @@ def clear_trail(graph: Graph, work: Workspace) -> None:
 
 @helper
 def add_trail(graph: Graph, store: TrailStore, work: Workspace, length: int) -> int:
-    """Store the trail of the first arcs in ``work.child``, and return its number.
+    """Store the trail of the first ``length`` arcs in ``work.child``, and return its number.
 
     It has one user. The store must have room (``fits``).
     """
@@ -172,7 +173,7 @@ def add_trail(graph: Graph, store: TrailStore, work: Workspace, length: int) -> 
 
 @helper
 def evaluate_trails(graph: Graph, store: TrailStore, work: Workspace) -> tuple[float, float]:
-    """Return E[R] and E[S] of the plan in ``work.trails``: the bits of ``evaluate``."""
+    """Return E[R] and E[S] of the plan in ``work.trails``, with the bits of ``evaluate``."""
     team = work.team
     begin_team(team)
     combine(team, graph.base, 1.0)
@@ -189,20 +190,16 @@ def evaluate_trails(graph: Graph, store: TrailStore, work: Workspace) -> tuple[f
 def insert(
     store: TrailStore, front: OrderedFront, trails: OffsetArray, reward: float, survivors: float
 ) -> bool:
-    """Insert a plan into a front, unless that has one as good; return whether it has entered.
+    """Insert a plan into a front that has none as good, and remove those that it dominates.
 
-    The plans that it dominates leave the front.
+    Returns whether it has entered.
     """
     if best_reward(front, survivors) >= reward:
         return False
-    no_more = survivors * (1.0 + TOLERANCE)
+    no_more = survivors * (1.0 + TOLERANCE)  # survivors, but for rounding
     while True:
-        # Plans are in order of E[S]: those dominated, but for rounding, end at this one.
-        block, place = find_place(front, no_more)
-        behind = block == front.n.blocks
-        if behind or front.places[front.directory[block], place].survivors > no_more:
-            block, place = place_before(front, block, place)
-        if block < 0 or front.places[front.directory[block], place].reward > reward:
+        block, place = find_dominated(front, reward, no_more)
+        if block < 0:
             break
         slot = remove_place(front, block, place)
         for k in range(front.plan.shape[1]):
@@ -218,7 +215,7 @@ def insert(
 def insert_trails(search: Search, tolerance: float) -> bool:
     """Insert the plan of ``work.trails`` into the front; return whether it has entered.
 
-    It has to be better than all plans of the front by a relative ``tolerance``.
+    It enters only if no plan of the front is as good, but for a relative ``tolerance``.
     """
     store, front, work = search.store, search.front, search.work
     sort_trails(store, work.trails)

@@ -1,9 +1,9 @@
-"""Refilling plans: stops of some robots are removed, and the best nodes inserted instead.
+"""Refills of plans: some stops of some robots are removed, and the best nodes inserted instead.
 
 Ruin and recreate: Schrimpf, Schneider, Stamm-Wilbrandt and Dueck, "Record breaking optimization
 results using the ruin and recreate principle", Journal of Computational Physics 159(2), 2000.
 
-It is a kernel of its own: runs that end before plans wait to be refilled do not compile it.
+It is a kernel of its own, so that runs which end before any refill do not compile it.
 """
 
 from botohe_moo.kernels.compile import helper, kernel
@@ -21,18 +21,18 @@ from botohe_moo.kernels.local_search.workspace import TOLERANCE, Search, Workspa
 from botohe_moo.kernels.rng import below, uniform
 from botohe_moo.kernels.sharing import shared
 
-# How many children a refilled plan has.
-N_REFILLS = 4
-# With what probability a further robot is refilled together with that drawn, then another, and so
-# on.
+N_REFILLS = 4  # how many children a refilled plan has
+# The probability that a second robot is refilled together with the one drawn, that a third follows
+# it, and so on.
 P_PAIR = 0.7
 
 
 @kernel
 def refill(search: Search, n_most: int) -> int:
-    """Refill the plans that wait for it, and those that enter meanwhile; return how many children.
+    """Refill plans that wait for it, and those that enter the front meanwhile.
 
-    Fewer than ``n_most`` where no plan waits any more, or where there may be no room for a child.
+    Returns how many children they had. These are fewer than ``n_most`` where no plan waits any
+    more, or where there may be no room for another child.
     """
     search = shared(search)
     work, memory = search.work, search.work.memory
@@ -68,7 +68,7 @@ def _select_robots(search: Search, survivors: float) -> None:
 
 @helper
 def _draw_robots(work: Workspace) -> None:
-    """Draw which robots are refilled together: ``draft.robot``, or others with it."""
+    """Draw which robots are refilled, ``draft.robot`` among them, and write them to ``chosen``."""
     draft, chosen, states, n_robots = work.draft, work.chosen, work.states, work.parent.shape[0]
     for k in range(n_robots):
         chosen[k] = k
@@ -104,10 +104,10 @@ def _make_child(search: Search) -> bool:
     """
     work, draft = search.work, search.work.draft
     draft.mark += 1
-    mark, draft.n_legs = draft.mark, 0
+    draft.n_legs = 0
     for which in range(draft.n_chosen):
-        build_tour(search, which, mark)
-    fill_tours(search.graph, search.routes, work, mark)
+        build_tour(search, which)
+    fill_tours(search)
     for k in range(work.parent.shape[0]):
         work.refilled[k] = work.parent[k]
     is_new = False

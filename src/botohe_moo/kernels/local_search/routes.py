@@ -1,8 +1,8 @@
 """Safest paths to every node, searched when a move first needs them.
 
-Up to ``FULL_UP_TO`` nodes a row holds the paths from all nodes. On larger missions it holds those
-from the ``NEAR`` nodes that are safest to come from, so that memory grows with the nodes and not
-with their square; only the ways to the base are known from everywhere.
+On missions of up to ``FULL_UP_TO`` nodes a row holds the paths to a node from all nodes. On larger
+ones it holds those from the ``NEAR`` nodes that are safest to come from, so that memory grows with
+the number of nodes, not with its square. Only the ways to the base are known from everywhere.
 """
 
 from typing import NamedTuple
@@ -17,8 +17,7 @@ from botohe_moo.kernels.graph.paths import ANYWHERE, Paths, new_paths, search_pa
 FULL_UP_TO = 1_000
 NEAR = 200
 
-# Instead of an entry: no path is known.
-UNKNOWN = -1
+UNKNOWN = -1  # instead of an entry, where no path is known
 
 _N_NEIGHBOURS = 12
 _ENTRY = np.dtype(
@@ -43,7 +42,7 @@ class Routes(NamedTuple):
     is_known: OffsetArray
     leaving: FloatArray
     coming: FloatArray
-    # With a travel budget likewise their lengths, and what a unit of length adds to the cost.
+    # With a travel budget also the lengths of these paths, and what a unit of length costs.
     has_lengths: bool
     leaving_length: FloatArray
     coming_length: FloatArray
@@ -115,7 +114,7 @@ def search_routes(graph: Graph, routes: Routes, goal: int) -> None:
     n = search_paths(graph, paths, routes.used, 1, goal, ANYWHERE, n_entries, True)
     found, place = -paths.n_searches[0], paths.heap_nodes
     for i in range(n):
-        paths.met[paths.order[i]] = found  # marks that no search leaves
+        paths.met[paths.order[i]] = found  # negative, as no search marks nodes
     n = 0
     for node in range(paths.met.shape[0]):
         if paths.met[node] == found:

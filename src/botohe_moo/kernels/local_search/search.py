@@ -1,8 +1,8 @@
-"""Pareto local search: parents from a front, children of one changed trail, back into it."""
+"""Pareto local search: plans of a front are parents, whose children may enter it.
 
-from typing import NamedTuple
+A child differs from its parent in the trail of one robot.
+"""
 
-from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.fronts.ordered import contribution, draw_place
 from botohe_moo.kernels.graph.graph import find_arc
@@ -30,27 +30,23 @@ from botohe_moo.kernels.local_search.workspace import (
     Search,
     Workspace,
 )
+from botohe_moo.kernels.plans.trails import Trails
 from botohe_moo.kernels.rng import below, uniform
 from botohe_moo.kernels.sharing import shared
 
 # After this many parents in a row without any child there is nothing left to try.
 MAX_FRUITLESS = 10_000
 
-# Instead of a trail: the child's is not stored.
+# Instead of a trail: that of the child is not stored.
 NOT_STORED = -1
 
-# With what probability the parent is the plan of most reward; and where all its robots survive.
+# The probability that the parent is the plan of most reward: ``P_END``, and more where its robots
+# are safe, up to ``_P_SAFE_END`` where all survive for sure.
 P_END, _P_SAFE_END = 0.1, 0.4
-# After this many evaluations without a plan that enters the front, with what probability another
-# robot of a parent takes a trail of another plan, so that two of its trails change.
+# Once ``PATIENCE`` evaluations have brought no plan into the front, the probability that another
+# robot of a parent takes a trail of another plan, so that two trails change. Without this, a
+# mission of six nodes was not solved.
 PATIENCE, P_OTHER = 2_000, 0.5
-
-
-class Given(NamedTuple):
-    """Valid plans from elsewhere, ragged: they are evaluated first."""
-
-    nodes: IntArray
-    offsets: OffsetArray
 
 
 @helper
@@ -62,8 +58,8 @@ def has_room(search: Search) -> bool:
 
 
 @kernel
-def improve(search: Search, given: Given, n_evaluations: int) -> int:
-    """Insert the given plans into the front, then search from there.
+def improve(search: Search, given: Trails, n_evaluations: int) -> int:
+    """Evaluate the given plans, which are valid, insert them into the front, and search from there.
 
     Returns how many plans have been evaluated, the given ones among them. These are fewer than
     ``n_evaluations`` where there is no room for more, where plans wait to be refilled, or where no
@@ -81,7 +77,7 @@ def improve(search: Search, given: Given, n_evaluations: int) -> int:
         if memory.n_waiting == REFILLED_AT_ONCE:
             break
         block, place = _draw_parent(search)
-        if _lets_wait(search, block, place):
+        if _waits_for_refill(search, block, place):
             continue
         _select_robot(search, block, place)
         n_children = _make_children(search, n_evaluations - n)
@@ -92,7 +88,7 @@ def improve(search: Search, given: Given, n_evaluations: int) -> int:
 
 
 @helper
-def _insert_given(search: Search, given: Given, plan: int) -> None:
+def _insert_given(search: Search, given: Trails, plan: int) -> None:
     """Insert a given plan into the front, unless that has one as good."""
     graph, store, work = search.graph, search.store, search.work
     n_robots = work.trails.shape[0]
@@ -108,12 +104,16 @@ def _insert_given(search: Search, given: Given, plan: int) -> None:
 
 
 @helper
-def _lets_wait(search: Search, block: int, place: int) -> bool:
-    """Count a plan's turn as a parent, and draw whether it waits to be refilled instead."""
+def _waits_for_refill(search: Search, block: int, place: int) -> bool:
+    """Count a plan's turn as a parent, and draw whether it waits to be refilled instead.
+
+    On its n-th turn this happens with probability 1 / n², but with ``p_refill`` or more, and with
+    1 / 2 or more divided by the number of plans in the front.
+    """
     front, memory, p_refill = search.front, search.work.memory, search.p_refill
     parent = front.places[front.directory[block], place]
     front.tried[parent.slot] += 1
-    if p_refill > 0.0:  # a small front has few trails to combine: refill its plans more often
+    if p_refill > 0.0:  # plans of a small front, which has few trails to combine, more often
         n_tried = front.tried[parent.slot]
         p_refill = max(p_refill, 0.5 / front.n.plans, 1.0 / (n_tried * n_tried))
     if uniform(search.work.states, 0) >= p_refill:
@@ -127,7 +127,7 @@ def _lets_wait(search: Search, block: int, place: int) -> bool:
 def _select_robot(search: Search, block: int, place: int) -> None:
     """Make a plan the parent, draw the robot that changes, and evaluate the others.
 
-    A robot that stays at base is drawn again once: the others have more to change.
+    Where that robot stays at base, another one is drawn, once: it may have more to change.
     """
     store, work = search.store, search.work
     draft, parent = work.draft, work.parent
@@ -155,10 +155,10 @@ def _change_another(search: Search) -> None:
 
 @helper
 def _draw_parent(search: Search) -> tuple[int, int]:
-    """Draw a plan of the front: the newest, that of most reward, or one with much room beside it.
+    """Draw a plan of the front: the newest, that of most reward, or one of much area.
 
-    Some plans are drawn. The largest area that only one plan dominates, divided by how often the
-    plan was a parent, wins.
+    For the last, some plans are drawn. Each scores the area that only it dominates, divided by how
+    often it has been a parent; the highest score wins.
     """
     front, work = search.front, search.work
     newest = pop_newest(work)
@@ -179,7 +179,7 @@ def _draw_parent(search: Search) -> tuple[int, int]:
 
 @helper
 def _draw_kind(work: Workspace) -> int:
-    """Draw a kind of move, by weights summed up to each."""
+    """Draw a kind of move by its cumulated weight."""
     weights = work.weights
     drawn = uniform(work.states, 0) * weights[N_KINDS - 1]
     kind = 0

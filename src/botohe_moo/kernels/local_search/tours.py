@@ -15,23 +15,22 @@ from botohe_moo.kernels.local_search.trail_store import TrailStore, discard
 from botohe_moo.kernels.local_search.workspace import TOLERANCE, Search, Workspace
 from botohe_moo.kernels.rng import below, uniform
 
-# Instead of a leg or a node: there is none.
-NONE = -1
-# Instead of a node's cheapest leg: that leg has been split, and the cheapest has to be found again.
-# Until then its last insertion cost is a lower bound.
+NONE = -1  # instead of a leg or a node
+# Instead of a node's cheapest leg, where that has been split and the next has to be found. Until
+# then the node's last insertion cost is a lower bound.
 UNKNOWN = -1
 
-# A smaller cost, −log of a survival, counts as this much, for worth to be divided by it.
+# Smaller costs count as this much, since worth is divided by them.
 _LEAST_COST = 1e-300
 
-# With what probability tours may use up the limits. Otherwise their danger may differ from that of
-# the trail by as much as this, on the scale of logarithms.
+# The probability that a tour may use up the limits; and by how much its danger may differ from the
+# trail's otherwise, on the scale of logarithms.
 P_FULL, SPREAD = 0.5, 0.6
 
 
 @helper
-def build_tour(search: Search, which: int, mark: int) -> None:
-    """Build a tour of some of the stops of a chosen robot's trail."""
+def build_tour(search: Search, which: int) -> None:
+    """Build a tour of some of the stops of a chosen robot's trail, which are marked as seen."""
     graph, routes, work = search.graph, search.routes, search.work
     draft, slack, goals = work.draft, work.slacks[which], work.goals
     _draw_slack(search, which)
@@ -47,7 +46,7 @@ def build_tour(search: Search, which: int, mark: int) -> None:
         leg.following, leg.tour = NONE if is_last else draft.n_legs + 1, which
         slack.danger -= leg.danger
         slack.length -= leg.length
-        work.nodes[after].seen = mark
+        work.nodes[after].seen = draft.mark
         draft.n_legs += 1
         stop = after
 
@@ -56,13 +55,13 @@ def build_tour(search: Search, which: int, mark: int) -> None:
 def _draw_slack(search: Search, which: int) -> None:
     """Draw how dangerous and how long a tour may get: about as the trail is, or up to the limits.
 
-    Where there is a travel budget but no survival floor, danger may grow as the length does.
+    Where there is a travel budget but no survival floor, danger may grow as much as length.
     """
     graph, store, work, limits = search.graph, search.store, search.work, search.limits
     slack, states = work.slacks[which], work.states
     trail = store.trails[work.parent[work.chosen[which]]]
     slack.danger, slack.length = -np.log(trail.alive), np.inf
-    if trail.n_arcs == 0:  # the robot may leave: down to a survival of 1 / e
+    if trail.n_arcs == 0:  # the robot may leave the base, with a survival of 1 / e or more
         slack.danger = uniform(states, 0)
     slack.danger *= np.exp(SPREAD * (2.0 * uniform(states, 0) - 1.0))
     is_full = uniform(states, 0) < P_FULL
@@ -73,7 +72,7 @@ def _draw_slack(search: Search, which: int) -> None:
         slack.length = min(limits.max_length, length * (1.0 + SPREAD))
         if is_full:
             slack.length = limits.max_length
-            # Finite: the danger of a trail without any must stay 0.
+            # By a finite factor, so that a danger of 0 stays 0.
             slack.danger *= min(limits.max_length / max(length, _LEAST_COST), 1.0 / _LEAST_COST)
     if limits.min_survival > 0.0:
         most = -np.log(limits.min_survival)
@@ -82,7 +81,7 @@ def _draw_slack(search: Search, which: int) -> None:
 
 @helper
 def _draw_stops(store: TrailStore, work: Workspace, which: int) -> int:
-    """Draw stops of a trail to remove, write the others to ``work.goals``, return how many."""
+    """Draw which stops of a trail stay, write them to ``work.goals``, and return how many."""
     goals, states = work.goals, work.states
     trail = store.trails[work.parent[work.chosen[which]]]
     n = 0
@@ -119,14 +118,18 @@ def _set_leg(routes: Routes, work: Workspace, number: int, before: int, after: i
 
 
 @helper
-def fill_tours(graph: Graph, routes: Routes, work: Workspace, mark: int) -> None:
-    """Insert nodes into the tours until no more fit; their worth is lowered by chance."""
+def fill_tours(search: Search) -> None:
+    """Insert nodes that are not marked into the tours until no more fit.
+
+    What each is worth is what the other robots leave of its reward, lowered at random.
+    """
+    graph, routes, work = search.graph, search.routes, search.work
     draft, nodes, worth, legs = work.draft, work.nodes, work.worth, work.legs
     states, n_nodes = work.states, graph.reward.shape[0]
     noise = uniform(states, 0)
     for node in range(n_nodes):
         work.insertion_cost[node], worth[node] = np.inf, 0.0
-        if nodes[node].left > 0.0 and nodes[node].seen != mark:
+        if nodes[node].left > 0.0 and nodes[node].seen != draft.mark:
             worth[node] = nodes[node].left * (1.0 - noise * uniform(states, 0))
     for number in range(draft.n_legs):
         _update_insertion_costs(graph, routes, work, number)
@@ -150,7 +153,7 @@ def fill_tours(graph: Graph, routes: Routes, work: Workspace, mark: int) -> None
 
 @helper
 def _update_insertion_costs(graph: Graph, routes: Routes, work: Workspace, number: int) -> None:
-    """Compute what inserting each node into a leg costs, and note the leg where that is least."""
+    """Compute what it costs to insert each node into a leg, and note whether that is least."""
     costs, cheapest, leg = work.insertion_cost, work.cheapest_leg, work.legs[number]
     leaving, coming = routes.leaving[leg.before], routes.coming[leg.after]
     leg_cost = leg.cost
@@ -183,10 +186,10 @@ def _evaluate_tour(work: Workspace, which: int) -> None:
 
 @helper
 def _find_best_node(graph: Graph, routes: Routes, work: Workspace) -> int:
-    """Return the node with the largest gain for its insertion cost of those that fit; or ``NONE``.
+    """Return the node that fits and has the largest gain per insertion cost, or ``NONE``.
 
-    What a node gains is its worth, less what the danger on the way to it and back takes from the
-    stops behind it; for a small cost c, 1 / (1 + c) is used for exp(−c).
+    A node gains its worth, less what the danger of the detour takes from the stops after it. For
+    small costs c, 1 / (1 + c) takes the place of exp(−c).
     """
     costs, worth, cheapest, legs = work.insertion_cost, work.worth, work.cheapest_leg, work.legs
     best, highest = NONE, 0.0

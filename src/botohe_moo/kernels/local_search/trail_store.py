@@ -1,7 +1,7 @@
 """Trails that many plans share: each is stored once, as long as some plan has it.
 
-A child differs from its parent in one trail; the others are the parent's. So memory and the cost
-of a new plan follow the length of the trail that changed, not the size of the team.
+A child differs from its parent in one trail, and shares the others. So the memory and the time that
+it takes depend on the length of that trail, not on the size of the team.
 """
 
 from typing import NamedTuple
@@ -34,8 +34,8 @@ class TrailStore(NamedTuple):
     # (``n_users``), and with what probability a robot survives it (``alive``).
     trails: RecordArray
     arc: IntArray  # the arcs of all trails, one trail after another
-    # Likewise the nodes with a reward, the base left out, by first visit, and the probability to
-    # reach each.
+    # Also the nodes that each trail visits, in order of first visits, except the base and nodes
+    # without reward; and the probability to reach each.
     node: IntArray
     reach: FloatArray
     spare: OffsetArray  # numbers that are free, as a stack
@@ -56,7 +56,7 @@ def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
 
 
 def copy_trails(store: TrailStore, into: TrailStore) -> None:
-    """Copy the trails that some plan has into an empty store, without gaps; they keep numbers."""
+    """Copy trails that some plan has into an empty store, without gaps; they keep their numbers."""
     used = np.flatnonzero(store.trails["n_users"])
     trails = into.trails[used] = store.trails[used]
     arcs = ragged(trails["first_arc"], trails["n_arcs"])
@@ -72,7 +72,7 @@ def copy_trails(store: TrailStore, into: TrailStore) -> None:
 
 
 def ragged(first: OffsetArray, lengths: OffsetArray) -> OffsetArray:
-    """Return the indices of some stretches of an array, one stretch after another."""
+    """Return the indices of stretches of an array, one stretch after another."""
     before = np.cumsum(lengths) - lengths
     return np.repeat(first - before, lengths) + np.arange(lengths.sum())
 
@@ -90,7 +90,7 @@ def fits(graph: Graph, store: TrailStore, n_trails: int) -> bool:
 
 @helper
 def release(store: TrailStore, trail: int) -> None:
-    """Note that one plan fewer has a trail; where no plan is left, its number is free."""
+    """Note that a trail has one user less; where none is left, its number is free."""
     store.trails[trail].n_users -= 1
     if store.trails[trail].n_users == 0:
         store.spare[store.n.spare] = trail
@@ -99,7 +99,7 @@ def release(store: TrailStore, trail: int) -> None:
 
 @helper
 def discard(store: TrailStore, trail: int) -> None:
-    """Release a trail; where it is the last that was stored, and unused, free its room."""
+    """Release a trail; if it was stored last and has no user left, free its room, too."""
     n, last = store.n, store.trails[trail]
     release(store, trail)
     ends = last.first_arc + last.n_arcs, last.first_visit + last.n_visits

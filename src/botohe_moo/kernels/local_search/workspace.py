@@ -1,6 +1,6 @@
 """What a search works with: the mission, the front, what it remembers, and scratch."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,16 +18,15 @@ TOLERANCE = 1e-12
 # The position of a node that a trail does not visit.
 NEVER = np.int64(1) << 40
 
-# How many children a parent has, and among how many plans it is chosen; and both while the search
-# is busy: a plan has entered the front within this many evaluations.
+# How many children a parent has, and how many plans are drawn for it to be chosen among.
 N_CHILDREN, N_DRAWN = 24, 2
+# The same while the search is busy: a plan has entered the front within ``BUSY`` evaluations.
 N_CHILDREN_BUSY, N_DRAWN_BUSY, BUSY = 8, 8, 100
 
-# How many plans are refilled one after another: the search waits until there are this many.
+# How many plans wait until they are refilled, one after another: a short run compiles no refilling.
 REFILLED_AT_ONCE = 32
 
-# How many nodes a move visits at most.
-MOST_GOALS = 64
+MOST_GOALS = 64  # how many nodes a move visits at most
 
 _MEMORY = np.dtype([("newest", np.float64), ("idle", np.int64), ("n_waiting", np.int64)])
 _PARENT = ("block", "robot", "n_chosen", "n_touched")
@@ -53,7 +52,7 @@ _SLACK = np.dtype([(name, np.float64) for name in ("danger", "length")])
 
 
 class Workspace(NamedTuple):
-    """What a search remembers, and scratch, which holds nothing between two parents."""
+    """What a search remembers, and scratch that holds nothing between two parents."""
 
     # E[S] of the plan that entered the front last, −1 once it has been a parent (``newest``); how
     # many plans have been evaluated since one entered (``idle``); and how many wait to be refilled
@@ -121,29 +120,40 @@ class Search(NamedTuple):
     front: OrderedFront
     work: Workspace
     limits: Limits
-    # With what probability a parent is refilled, at least: on its n-th turn it is 1 / n² or more.
+    # The least probability with which a parent is refilled, 0 for never; see ``_waits_for_refill``.
     p_refill: float
 
 
 def new_memory() -> RecordArray:
     """Return the memory of a search that has not begun, as an array of one record.
 
-    A record alone would not do: numpy writes to a copy of one that was unpickled.
+    A record alone would not do: once it is unpickled, numpy writes to a copy of it.
     """
     memory = np.zeros(1, _MEMORY).view(np.recarray)
     memory.newest = -1.0
     return memory
 
 
-def new_workspace(graph: Graph, n_robots: int, **remembered: Any) -> Workspace:
-    """Return the scratch of a search, beside what it remembers: ``memory`` to ``weights``."""
+def new_workspace(
+    graph: Graph,
+    n_robots: int,
+    *,
+    memory: Record,
+    waiting: FloatArray,
+    states: SeedArray,
+    weights: FloatArray,
+) -> Workspace:
+    """Return a workspace of what a search remembers, with new scratch."""
     n_nodes, n_arcs = graph.n_nodes, graph.n_arcs
     nodes, arcs = np.zeros(n_nodes, _NODE), np.zeros(n_arcs, _ARC)
     nodes["left"], nodes["unreached"], nodes["met"] = graph.reward, -1.0, NEVER
     nodes["left"][graph.base] = 0.0
     arcs["position"] = -1
     return Workspace(
-        **remembered,
+        memory=memory,
+        waiting=waiting,
+        states=states,
+        weights=weights,
         draft=np.zeros(1, _DRAFT).view(np.recarray)[0],
         steps=np.zeros(n_arcs + 1, _STEP).view(np.recarray),
         nodes=nodes.view(np.recarray),

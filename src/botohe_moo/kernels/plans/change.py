@@ -1,8 +1,7 @@
 """Change trails by moves, drawn until one can be made.
 
-The moves need arcs that join what they leave, most of them arcs both ways. Where arcs are one-way,
-a detour can be made wherever there is a trail: part of it goes another way, along safest paths over
-arcs that the trail has not taken.
+Most moves need arcs that lead both ways. Where arcs are one-way, detours can still be made: a part
+of a trail goes another way, along safest paths over arcs that the trail has not taken.
 """
 
 import math
@@ -28,26 +27,25 @@ from botohe_moo.kernels.plans.trails import Trails, write_trails
 from botohe_moo.kernels.rng import below, uniform
 from botohe_moo.kernels.sharing import shared
 
-# How many detours are tried where none of the moves drawn could be made.
-_LAST_TRIES = 10
+_LAST_TRIES = 10  # detours, where none of the moves drawn could be made
 
 
 class MoveRule(NamedTuple):
     """How trails are changed."""
 
-    # How likely each kind of move is to be drawn, relative (up to ``N_KINDS``; those left out are
-    # never drawn).
+    # How likely each kind of move is to be drawn, relative; at most ``N_KINDS``, and kinds left out
+    # are never drawn.
     weights: FloatArray
-    max_tries: int  # how often to draw, before a few detours are tried
+    max_tries: int  # how many moves to draw before a few detours are tried
     every_robot: bool  # whether every trail of a plan is changed, rather than one drawn uniformly
-    limits: Limits  # which trails keep
+    limits: Limits  # of every trail
 
 
 @helper
 def _add_path(
     graph: Graph, scratch: MoveScratch, paths: Paths, n: int, source: int, target: int
 ) -> int:
-    """Add the safest path over arcs that are not marked to a way of ``n`` arcs.
+    """Append the safest path over arcs that are not marked to a way of ``n`` arcs.
 
     Returns the new number of arcs, −1 where there is no path.
     """
@@ -61,7 +59,7 @@ def _add_path(
 def _replace(
     graph: Graph, way: OffsetArray, n: int, nodes: OffsetArray, length: int, start: int, stop: int
 ) -> int:
-    """Put ``n`` arcs in the place of a segment; ``CANNOT`` if they are the same."""
+    """Replace a segment by a way of ``n`` arcs; ``CANNOT`` if it is the same."""
     longer = n - (stop - start)
     if longer == 0:
         i = 0
@@ -86,13 +84,13 @@ def _take_detour(
 ) -> int:
     """Go another way from a position of a trail to the same or a later one, in place.
 
-    First to a node, by the arc where a free one leads there, else by the safest path, then by the
-    safest path to where the trail goes on; all over arcs that the rest of the trail does not take.
-    The first position is drawn uniformly, the other one so that short spans are drawn as often as
-    long ones (evenly in their logarithms), the node among all: with the base, or a node at one of
-    the positions, the safest path is taken at once.
+    The way leads over a node drawn among all. It takes the arc to that node if it is free, else the
+    safest path, and then the safest path to the second position. With the base, or a node at one of
+    the positions, it is the safest path between these. All arcs are ones that the rest of the trail
+    does not take. The first position is drawn uniformly, the second so that the logarithms of spans
+    are uniform.
 
-    ``CANNOT`` where there is no path, or no other one than the trail takes.
+    Returns ``CANNOT`` where there is no path, or only the one that the trail takes.
     """
     used, mark, way = scratch.used, scratch.mark[0], scratch.way
     start = below(states, length)
@@ -133,8 +131,8 @@ def _move(
 ) -> int:
     """Try one move of a kind; parameters and result are those of ``move_trail``.
 
-    ``paths`` are those of ``scratch``: for an argument that is None numba compiles the branch for
-    None alone. The result is ``NO_PATHS`` for a detour then.
+    ``paths`` is that of ``scratch``. Where it is None, the result for a detour is ``NO_PATHS``: for
+    an argument that is None numba compiles that branch alone.
     """
     if kind != DETOUR:
         return move_trail(graph, scratch, nodes, length, kind, states)
@@ -145,7 +143,7 @@ def _move(
 
 @helper
 def _draw_kind(weights: FloatArray, states: SeedArray) -> int:
-    """Draw a kind of move, −1 where rounding has run past the last kind that may be drawn."""
+    """Draw a kind of move; −1 where rounding leads to a kind that must not be drawn."""
     n_kinds = weights.shape[0]
     total = 0.0
     for kind in range(n_kinds):
@@ -181,11 +179,11 @@ def change_trail(
     length: int,
     states: SeedArray,
 ) -> int:
-    """Make one move, in place, of a kind drawn with given weights.
+    """Make one move, in place, of a kind drawn by the rule's weights.
 
-    Drawn again, kind and all, when it cannot be made, or the trail would not keep the limits. Where
-    none could be made, a few detours are tried. Parameters and result are those of ``move_trail``,
-    but no arc needs to be marked.
+    Another move is drawn where that one cannot be made or the trail would not keep the limits. In
+    the end a few detours are tried. Parameters and result are those of ``move_trail``, but no arc
+    needs to be marked.
     """
     limits = rule.limits
     binding = limits.min_survival > 0.0 or limits.max_length < math.inf
@@ -222,9 +220,9 @@ def _change_plans(
 ) -> int:
     """Change one trail, or every trail, of plans by one move, while there is room to write them.
 
-    A trail with which no draw can be made stays as it is. ``n_done`` trails, those of whole plans,
-    have been written to ``out`` before. Gives how many, n, have been written; −1 − n where the next
-    plan needs scratch for detours.
+    A trail for which no move can be made stays as it is. ``n_done`` trails, those of whole plans,
+    have been written to ``out`` before. Returns the number of trails, n, that are written in the
+    end, or −1 − n where the next plan needs scratch for detours.
     """
     graph, rule, scratch = shared(graph), shared(rule), shared(scratch)
     plans, out = shared(plans), shared(out)
@@ -264,9 +262,9 @@ def needs_detours(graph: Graph) -> bool:
 def change_plans(
     graph: Graph, rule: MoveRule, plans: Trails, n_robots: int, states: SeedArray
 ) -> tuple[IntArray, OffsetArray]:
-    """Change one trail, or every trail, of valid plans by one move; parameters as above.
+    """Change one trail, or every trail, of valid plans by one move.
 
-    Where arcs lead both ways detours are hardly ever needed: they compile when they are.
+    Where arcs lead both ways, detours are hardly ever needed. They are compiled when they are.
     """
     scratch = new_move_scratch(graph, detours=needs_detours(graph))
 

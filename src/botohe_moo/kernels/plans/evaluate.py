@@ -5,13 +5,13 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo.kernels.compile import array_maker, helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.plans.trails import sort_trails
 from botohe_moo.kernels.sharing import shared
 
-# What may be wrong with a trail; ``evaluate`` reports the first fault as
-# (kind, plan, robot, position), all zero when there is none.
+# What may be wrong with a trail. ``evaluate`` returns the first fault as
+# (kind, plan, robot, position), which are all zero where there is none.
 VALID = 0
 EMPTY_TRAIL = 1
 UNKNOWN_NODE = 2
@@ -28,8 +28,8 @@ class Values(NamedTuple):
     """What plans are worth."""
 
     objectives: FloatArray  # E[R] in rewards and E[S] in robots (n_plans, 2)
-    # Trails that do not begin or do not end at base, missing arcs, and arcs that are used again
-    # (n_plans).
+    # How many beginnings and ends of trails are not at base, and how many arcs are missing or used
+    # again (n_plans).
     faults: FloatArray
     alive: FloatArray  # the probability that each robot survives (n_plans, n_robots)
     lengths: FloatArray  # how long each trail is, up to its first fault (n_plans, n_robots)
@@ -53,14 +53,14 @@ class Team(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """Which trail has last used each arc and visited each node, and what a plan reaches."""
+    """The last trail that used each arc and visited each node, and what a plan reaches."""
 
     used: OffsetArray
     visited: OffsetArray
     team: Team
 
 
-@helper(makes_arrays=True)
+@array_maker
 def new_team(n_nodes: int) -> Team:
     """Return scratch for plans on a graph of ``n_nodes`` nodes."""
     return Team(
@@ -103,7 +103,7 @@ def team_reward(reward: FloatArray, team: Team) -> float:
 def either(one: Chance, other: Chance) -> Chance:
     """Return the chance that one of two robots or the other reaches a node: 1 − (1 − p)(1 − q).
 
-    No term is negative, so that small chances keep their digits, which differences from 1 lose.
+    As p + (1 − p) q it keeps the digits of small chances, which differences from 1 lose.
     """
     return one + (1.0 - one) * other
 
@@ -144,8 +144,8 @@ def _walk(
 ) -> tuple[float, float, int, int, int]:
     """Walk a trail up to its first fault, where the robot is lost.
 
-    Returns with what probability it survives, how long the trail is, how many faults there are, and
-    kind and position of the first.
+    Returns the probability to survive it, its length, the number of its faults, and kind and
+    position of the first fault.
     """
     node = int(nodes[start]) if stop > start else -1
     kind = position = n_faults = 0
@@ -195,11 +195,11 @@ def evaluate(
     floating-point numbers.
 
     Trail t is ``nodes[offsets[t]:offsets[t + 1]]``; plan i owns the trails ``i * n_robots`` to
-    ``(i + 1) * n_robots``. If ``strict``, it ends at the first plan with a fault, and leaves its
-    row and those behind it as they are.
+    ``(i + 1) * n_robots``. If ``strict``, it ends at the first plan with a fault, before its row is
+    written.
 
     Returns (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none,
-    or not ``strict``. ``BAD_OFFSETS`` always ends it.
+    or where it is not ``strict``. It always ends at ``BAD_OFFSETS``.
     """
     graph, values, n_nodes = shared(graph), shared(values), graph.reward.shape[0]
     used, visited = np.full(graph.head.shape[0], -1), np.full(n_nodes, -1)

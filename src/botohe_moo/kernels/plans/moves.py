@@ -1,9 +1,9 @@
 """Moves that change one trail and leave it a trail.
 
 Seven are those of the simulated annealing in Simon, Richley, Overbey and Perez-Lavin, PeerJ
-Computer Science, 2025; an eighth deletes loops, a ninth takes detours (``change`` has these). A
-trail lies in a buffer, with a length and with its arcs marked, and moves work in place. No move
-uses a missing arc, or uses an arc twice; only detours may insert the base, on their way.
+Computer Science, 2025. An eighth deletes loops; a ninth takes detours, see ``change``. A trail lies
+in a buffer, with a length and with its arcs marked, and moves work in place. No move uses a missing
+arc, or an arc twice. Only detours may insert the base.
 """
 
 from typing import NamedTuple
@@ -16,8 +16,8 @@ from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.graph.paths import Paths, new_paths
 from botohe_moo.kernels.rng import below, uniform
 
-# Instead of a length: the move cannot be made, or is a detour without scratch for paths. The trail
-# is as it was.
+# Instead of a length, where the trail stays as it is: the move cannot be made, or is a detour, for
+# which there is no scratch.
 CANNOT = -1
 NO_PATHS = -2
 
@@ -29,8 +29,8 @@ SWAP = 3
 GRAB = 4
 DELETE_SEGMENT = 5
 REVERSE = 6
-N_PUBLISHED = 7
-DELETE_LOOP = 7  # ours
+# Not published:
+DELETE_LOOP = 7
 DETOUR = 8
 N_KINDS = 9
 
@@ -43,7 +43,7 @@ class MoveScratch(NamedTuple):
     used: OffsetArray
     spare: OffsetArray  # a trail as it was before a move (n_arcs + 1)
     way: OffsetArray  # arcs of a detour (2 · n_nodes)
-    # Scratch of searches for paths; None leaves out detours, which then are not compiled.
+    # Scratch of searches for paths. With None there are no detours, and they are not compiled.
     paths: Paths | None
 
 
@@ -68,7 +68,10 @@ def mark_trail(graph: Graph, scratch: MoveScratch, nodes: OffsetArray, length: i
 
 @helper
 def _between(graph: Graph, scratch: MoveScratch, tail: int, head: int, states: SeedArray) -> int:
-    """Draw a node, not the base, to which and from which unused arcs lead; −1 if there is none."""
+    """Draw a node between two others, joined to them by unused arcs; −1 where there is none.
+
+    It is not the base.
+    """
     used, mark = scratch.used, scratch.mark[0]
     n = 0
     drawn = -1
@@ -106,7 +109,7 @@ def _add_node(
     kind: int,
     states: SeedArray,
 ) -> int:
-    """Insert or substitute a node, or grab it: go there and straight back."""
+    """Insert a node, substitute it for another, or grab it: go there and straight back."""
     if kind == SUBSTITUTE:
         if length < 3:
             return CANNOT
@@ -114,7 +117,7 @@ def _add_node(
         longer = 0
     else:
         at = 1 + below(states, length if kind == INSERT else max(1, length - 1))
-        # Behind the return to base, where another loop opens, to insert is to grab.
+        # Behind the return to base, inserting is grabbing: it opens another loop.
         longer = 2 if kind == GRAB or at == length else 1
     before = nodes[at - 1]
     after = before if longer == 2 else nodes[at + 1 - longer]
@@ -132,7 +135,7 @@ def _add_node(
 def _delete(
     graph: Graph, scratch: MoveScratch, nodes: OffsetArray, length: int, start: int, stop: int
 ) -> int:
-    """Delete the nodes from ``start`` to before ``stop``, by the arc that joins what is left."""
+    """Delete nodes from ``start`` to before ``stop``, where an arc joins what is left."""
     before, after = nodes[start - 1], nodes[stop]
     arc = find_arc(graph, before, after)
     if arc < 0:
@@ -148,7 +151,7 @@ def _delete(
 
 @helper
 def _delete_loop(nodes: OffsetArray, length: int, position: int, states: SeedArray) -> int:
-    """Delete what lies between a visit to a node and another one, drawn uniformly."""
+    """Delete what lies between a visit to a node and another visit to it, drawn uniformly."""
     n = 0
     drawn = position
     for i in range(length):
@@ -165,7 +168,7 @@ def _delete_loop(nodes: OffsetArray, length: int, position: int, states: SeedArr
 def _swap(
     graph: Graph, scratch: MoveScratch, nodes: OffsetArray, length: int, low: int, high: int
 ) -> int:
-    """Let the nodes at two inner positions change places."""
+    """Swap the nodes at two inner positions."""
     one, other = nodes[low], nodes[high]
     if one == other:
         return CANNOT
@@ -183,10 +186,10 @@ def _swap(
         if arc < 0:
             return CANNOT
         if scratch.used[arc] == scratch.mark[0]:
-            given_up = False
+            is_freed = False
             for at in (low - 1, low, high - 1, high):
-                given_up = given_up or (nodes[at] == tail and nodes[at + 1] == head)
-            if not given_up:
+                is_freed = is_freed or (nodes[at] == tail and nodes[at + 1] == head)
+            if not is_freed:
                 return CANNOT
     nodes[low], nodes[high] = other, one
     return length
@@ -194,6 +197,7 @@ def _swap(
 
 @helper
 def _reverse(graph: Graph, nodes: OffsetArray, length: int) -> int:
+    """Reverse the trail."""
     for i in range(length - 1):
         if find_arc(graph, nodes[i + 1], nodes[i]) < 0:
             return CANNOT
@@ -215,7 +219,7 @@ def move_trail(
 
     - ``INSERT``: a node between two consecutive ones, or behind the return to base, which opens
       another loop;
-    - ``DELETE``: a node, by the arc between its neighbours; where they are one, the spur goes;
+    - ``DELETE``: a node, by the arc between its neighbours, or with one of them if they are equal;
     - ``SUBSTITUTE``: another node for one;
     - ``SWAP``: two nodes change places;
     - ``GRAB``: from a node to a neighbour and straight back;
@@ -223,14 +227,14 @@ def move_trail(
     - ``REVERSE``: the whole trail;
     - ``DELETE_LOOP``: what lies between two visits to a node, with one of them.
 
-    Positions are drawn first, among the inner ones (for ``INSERT`` and ``GRAB`` among those behind
-    which a node may come, for ``DELETE_LOOP`` among all), then a node or a visit, among those that
-    are possible there.
+    Positions are drawn first, among the inner ones; for ``INSERT`` and ``GRAB`` among those behind
+    which a node may come, for ``DELETE_LOOP`` among all. Then a node or a visit is drawn among the
+    possible ones.
 
-    ``nodes`` is a buffer of at least n_arcs + 1 nodes that begins with a valid trail. Only this
-    trail's arcs are marked before (``mark_trail``), and also after the move.
+    ``nodes`` is a buffer of at least n_arcs + 1 nodes that begins with a valid trail. The arcs
+    marked (``mark_trail``) are those of the trail before the move, also after it.
 
-    Returns the new length; ``CANNOT`` where the move cannot be made: nothing has changed.
+    Returns the new length; ``CANNOT`` where the move cannot be made, and nothing has changed.
     """
     if kind in (INSERT, GRAB, SUBSTITUTE):
         return _add_node(graph, scratch, nodes, length, kind, states)

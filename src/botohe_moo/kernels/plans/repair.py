@@ -25,7 +25,7 @@ TRUNCATE = 1
 class RepairScratch(NamedTuple):
     """Scratch of repairs."""
 
-    # The last trail that used each arc, and the last draft that did (n_arcs).
+    # The last trail, and the last draft, that used each arc (n_arcs).
     used: OffsetArray
     drafted: OffsetArray
     paths: Paths  # scratch of searches for paths
@@ -51,7 +51,7 @@ def _take_back(graph: Graph, scratch: RepairScratch, out: Trails, size: int) -> 
 def _bridge_gaps(
     graph: Graph, scratch: RepairScratch, drafts: Trails, trail: int, out: Trails, size: int
 ) -> int:
-    """Visit the nodes of a draft, by safest paths over gaps; return the new size."""
+    """Visit the nodes of a draft in order, by safest paths over gaps; return the new size."""
     used, paths, nodes = scratch.used, scratch.paths, out.nodes
     node = graph.base
     for i in range(drafts.offsets[trail], drafts.offsets[trail + 1]):
@@ -127,7 +127,7 @@ def _count_changes(
         kept += drafted[arc] == trail
     changes = int(max(0, stop - start - 1) - kept + (end - begin - 1) - kept)
     if changes == 0 and (stop == start or draft[start] != nodes[begin]):
-        return 1  # a single node that is not the base, or none
+        return 1  # the draft is empty, or a single node that is not the base
     return changes
 
 
@@ -143,8 +143,8 @@ def _repair(
 ) -> int:
     """Make valid trails out of drafts, as long as there is room to write them.
 
-    ``n_done`` drafts have been repaired before, into ``out``. Returns how many have been:
-    fewer than all where the next trail, of up to n_arcs + 1 nodes, may find no room.
+    ``n_done`` drafts have been repaired before, into ``out``. Returns how many are repaired in the
+    end: fewer than all where there may be no room for the next trail of up to n_arcs + 1 nodes.
     """
     graph, scratch, drafts, out = shared(graph), shared(scratch), shared(drafts), shared(out)
     for trail in range(n_done, changes.shape[0]):
@@ -167,14 +167,14 @@ def repair(graph: Graph, kind: int, drafts: Trails) -> tuple[IntArray, OffsetArr
     """Make valid trails out of drafts; return nodes, offsets, and the changes of each.
 
     With ``SAFEST_PATH`` every gap is bridged by the safest path over arcs that the trail has not
-    used yet. Nodes are taken in the order of the draft. A hop along an arc that the trail has used
-    already cuts off the loop in between. A node is left out that cannot be reached over unused
-    arcs, or from which, once the safest path leads there, none would lead home.
+    used yet. Nodes are taken in the order of the draft. Where a hop takes an arc that the trail has
+    used already, the loop in between is cut off. Nodes are left out that cannot be reached over
+    unused arcs, or from which no unused arcs would lead home after the safest path to them.
 
-    With ``TRUNCATE`` the longest valid prefix of each draft is kept. Valid is what begins at base,
-    takes arcs that there are, each once, and leaves a way home over arcs it has not taken.
+    With ``TRUNCATE`` the longest valid prefix of each draft is kept. It begins at base, takes no
+    missing arc and no arc twice, and leaves a way home over unused arcs.
 
-    In the end either takes the safest way home. Changes are arcs added and hops dropped.
+    Both end with the safest way home. Changes are arcs added and hops dropped.
     """
     used, n_trails = np.full(graph.n_arcs, -1, np.int64), len(drafts.offsets) - 1
     scratch = RepairScratch(used, used.copy(), new_paths(graph))

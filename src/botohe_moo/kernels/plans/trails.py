@@ -13,14 +13,14 @@ from botohe_moo.kernels.compile import helper, inlined
 class Trails(NamedTuple):
     """Trail t is ``nodes[offsets[t]:offsets[t + 1]]``; a plan's trails follow one another."""
 
-    # Indices of nodes, 64-bit as everywhere in kernels; where kernels write, there may be room for
-    # more.
+    # Indices of nodes, 64-bit as everywhere in kernels. Behind the trails that a kernel has written
+    # there may be room for more.
     nodes: OffsetArray
     offsets: OffsetArray  # where each trail begins, and the end of the last one (n_trails + 1)
 
 
 def read_trails(nodes: IntArray, offsets: OffsetArray) -> Trails:
-    """Hand trails to a kernel."""
+    """Return trails as kernels take them."""
     return Trails(nodes.astype(np.int64), offsets)
 
 
@@ -29,9 +29,9 @@ def write_trails(
 ) -> tuple[IntArray, OffsetArray]:
     """Let a kernel write trails whose lengths are not known before.
 
-    ``write`` is given how many trails it has written, and where to write; it writes on while there
-    is room, and gives how many it has written then. At first there is room for ``n_nodes`` nodes,
-    at least 1.
+    ``write`` takes the number of trails that are written already, and where to write. It writes on
+    while there is room, and returns the new number. At first there is room for ``n_nodes`` nodes,
+    at least 1; it is doubled until all trails are written.
     """
     nodes, offsets = np.empty(n_nodes, np.int64), np.zeros(n_trails + 1, np.int64)
     n_done = write(0, Trails(nodes, offsets))

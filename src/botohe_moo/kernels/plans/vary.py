@@ -1,4 +1,4 @@
-"""Drafts of new plans out of pieces of known ones: what crossovers and mutations need to draw.
+"""Drafts of new plans out of pieces of known ones, for crossovers and mutations.
 
 Kernels write which pieces of an array of nodes each trail of a draft is made of:
 ``pieces[trail, i]`` are the beginning and the end of the i-th one, (0, 0) where there is none.
@@ -50,8 +50,8 @@ def _draw_shared_place(
 ) -> tuple[int, int]:
     """Draw a place inside each of two trails where both are at the same node.
 
-    Uniform over the pairs of such places; (−1, −1) where there is none. ``counts`` is scratch
-    (n_nodes), zero before and after; nodes that are unknown are not shared.
+    All pairs of such places are equally likely; (−1, −1) where there is none. Unknown nodes do not
+    count. ``counts`` is scratch (n_nodes), zero before and after.
     """
     nodes, offsets, n_nodes = trails.nodes, trails.offsets, counts.shape[0]
     start, stop = offsets[one] + 1, offsets[one + 1] - 1
@@ -107,7 +107,7 @@ def _copy_trail(offsets: OffsetArray, trail: int, pieces: OffsetArray, draft: in
 def _continue_as(
     pieces: OffsetArray, draft: int, start: int, cut: int, onward: int, stop: int
 ) -> None:
-    """Let a draft be one trail up to a place, and then go on from another place."""
+    """Make a draft of the nodes from ``start`` to ``cut`` and from ``onward`` to ``stop``."""
     pieces[draft, 0, 0], pieces[draft, 0, 1] = start, cut
     pieces[draft, 1, 0], pieces[draft, 1, 1] = onward, stop
 
@@ -123,13 +123,13 @@ def cross(
 ) -> None:
     """Draft two children of each pair of plans: those of pair m are the plans 2m and 2m + 1.
 
-    ``trails`` are all first parents, then all second ones. With ``EXCHANGE`` the children share out
-    whole trails, a random part of those of one parent and the rest of the other's; with ``SPLICE``
-    one trail of each parent goes on as the other's from a node that both visit (where there is none
-    the two trails change places).
+    ``trails`` are all first parents, then all second ones. With ``EXCHANGE`` each child has whole
+    trails: a random part of one parent's, and the rest from the other parent. With ``SPLICE`` one
+    trail of each parent goes on as the other's from a node that both visit; where there is none the
+    two trails change places.
 
-    Scratch are ``orders``, twice the numbers of the robots (2, n_robots), and ``counts``, zeros
-    (n_nodes). ``states`` (1, 2) are advanced; ``pieces`` are 0 before.
+    ``orders``, twice the numbers of the robots (2, n_robots), and ``counts``, zeros (n_nodes), are
+    scratch. ``states`` (1, 2) are advanced; ``pieces`` are 0 before.
     """
     offsets, n_pairs, n_robots = trails.offsets, kinds.shape[0], orders.shape[1]
     for pair in range(n_pairs):
@@ -167,10 +167,10 @@ def ruin(
     via: IntArray,
     pieces: OffsetArray,
 ) -> None:
-    """Cut a random segment out of one trail of each plan, and put in nodes to visit instead.
+    """Cut a random segment out of one trail of each plan, and visit drawn nodes instead.
 
-    These are written to ``via`` (n_plans, max_via), every number of them being equally likely, and
-    the pieces take them to lie behind the trails' nodes. ``pieces`` are the whole trails before.
+    The nodes are written to ``via`` (n_plans, max_via), and every number of them is equally likely.
+    To ``pieces``, which are whole trails before, they lie behind the trails' nodes.
     """
     offsets, max_via = trails.offsets, via.shape[1]
     for plan in range(via.shape[0]):
@@ -192,9 +192,9 @@ def ruin(
 
 @kernel
 def send_home(trails: Trails, n_robots: int, states: SeedArray, pieces: OffsetArray) -> None:
-    """Let one robot of each plan that leaves the base stay there, as ``ruin`` does.
+    """Let one robot of each plan that leaves the base stay there.
 
-    The pieces take the base to lie behind the trails' nodes.
+    To ``pieces``, which are whole trails before, the base lies behind the trails' nodes.
     """
     behind = trails.nodes.shape[0]
     for plan in range(pieces.shape[0] // n_robots):
@@ -211,10 +211,10 @@ def share(
     states: SeedArray,
     pieces: OffsetArray,
 ) -> None:
-    """Let one robot of each plan take over another's trail, or two robots swap how they go on.
+    """Let one robot of each plan copy another's trail, or two robots swap the ends of their trails.
 
-    They swap from a node that both visit, where there is none from any place of their trails.
-    There are at least two robots; ``pieces`` are the whole trails before.
+    They swap from a node that both visit; where there is none, from any place of each trail. There
+    are at least two robots. ``pieces`` are whole trails before.
     """
     offsets = trails.offsets
     for plan in range(pieces.shape[0] // n_robots):

@@ -141,7 +141,7 @@ def _best_between(net: Net) -> FloatArray:
     """Return the survival of the safest way from each node to each (n_nodes, n_nodes), or more."""
     n_nodes = net.graph.n_nodes
     near, between = find_near(net.graph, n_nodes), np.zeros((n_nodes, n_nodes))
-    np.put_along_axis(between, near.near, near.reach, axis=1)
+    np.put_along_axis(between, near.nodes, near.reach, axis=1)
     np.fill_diagonal(between, 1.0)
     return np.minimum(between * (1.0 + _ABOVE) + np.finfo(float).tiny, 1.0)
 
