@@ -107,7 +107,7 @@ class Lines:
         is_exact = self._by_search(x, prices, effort, deadline)
         if is_exact or time.monotonic() > deadline:
             return False
-        if not self.relaxation.remember([walk for walk in used if walk is not None]):
+        if not self.relaxation.remember([trail for trail in used if trail is not None]):
             return False
         self.drop_forbidden()
         return True

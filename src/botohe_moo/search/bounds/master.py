@@ -10,6 +10,7 @@ import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import ROUNDING, Net
+from botohe_moo.search.bounds.memory import RelaxedTrail
 from botohe_moo.search.bounds.prices import PricedTeam, Prices
 
 _CUT = 1e-7  # by how much a row has to be violated to be added
@@ -36,8 +37,7 @@ class Pool:
         self._known: dict[bytes, int] = {}
         self._matrix: Any = None
         self.visits: list[Visits] = []
-        # The arcs of relaxed trails, and which of these pay; None for trails.
-        self.relaxed: list[tuple[list[int], list[bool]] | None] = []
+        self.relaxed: list[RelaxedTrail | None] = []  # None for trails
         self.dropped: list[bool] = []
 
     def __len__(self) -> int:
@@ -46,43 +46,64 @@ class Pool:
     def add(self, arcs: list[int], paid: list[bool] | None = None) -> tuple[int, bool]:
         """Add a trail, or a relaxed one with the visits that pay.
 
-        Returns its number, and whether it is new. A relaxed trail is a trail if it comes home
-        within the limits, no node pays twice and no arc is taken twice.
+        Returns its number, and whether it is new or was dropped before.
         """
-        net, graph = self._net, self._net.graph
-        alive, seen, at = 1.0, {graph.base}, []
-        for i, arc in enumerate(arcs):
-            alive *= graph.survival[arc]
-            node = int(graph.head[arc])
-            if node not in seen if paid is None else paid[i]:
-                at.append((node, alive))
-            seen.add(node)
-        visited = [node for node, _ in at]
-        is_trail = len({*visited}) == len(visited) and len({*arcs}) == len(arcs)
-        is_trail = is_trail and graph.head[arcs[-1]] == graph.base
-        is_trail = is_trail and alive >= net.min_survival * (1.0 - ROUNDING)
-        is_trail = is_trail and graph.length[arcs].sum() * (1.0 - ROUNDING) <= net.max_length
-        visits = self._visits(at, alive)
+        paying, alive = self._follow(arcs, paid)
+        relaxed = None
+        if paid is not None and not self._is_trail(arcs, paying, alive):
+            relaxed = RelaxedTrail(arcs, paid)
+        visits = self._visits(paying, alive)
         key = visits.columns.tobytes() + visits.weights.round(10).tobytes()
         key += np.round(alive, 12).tobytes()
-        number = self._known.get(key, -1)
-        how = None if is_trail or paid is None else (arcs, paid)
-        if number >= 0:
-            is_new = self.dropped[number]
-            self.dropped[number] = False
-            if how is None:
+        if key in self._known:
+            number = self._known[key]
+            was_dropped, self.dropped[number] = self.dropped[number], False
+            if relaxed is None:
                 self.relaxed[number] = None
-            return number, is_new
+            return number, was_dropped
         self._known[key] = len(self)
         self.visits.append(visits)
-        self.relaxed.append(how)
+        self.relaxed.append(relaxed)
         self.dropped.append(False)
         self._matrix = None
         return len(self) - 1, True
 
-    def _visits(self, at: list[tuple[int, float]], survival: float) -> Visits:
+    def _follow(
+        self, arcs: list[int], paid: list[bool] | None
+    ) -> tuple[list[tuple[int, float]], float]:
+        """Return the nodes that pay, each with the probability to be alive there, and survival.
+
+        Without ``paid``, each node pays at its first visit.
+        """
+        graph = self._net.graph
+        alive, seen, paying = 1.0, {graph.base}, []
+        for i, arc in enumerate(arcs):
+            alive *= graph.survival[arc]
+            node = int(graph.head[arc])
+            if node not in seen if paid is None else paid[i]:
+                paying.append((node, alive))
+            seen.add(node)
+        return paying, alive
+
+    def _is_trail(self, arcs: list[int], paying: list[tuple[int, float]], alive: float) -> bool:
+        """Return whether a relaxed trail is a trail.
+
+        It comes home within the limits, no node pays twice, and no arc is taken twice.
+        """
+        net, graph = self._net, self._net.graph
+        nodes = {node for node, _ in paying}
+        return bool(
+            len(nodes) == len(paying)
+            and len({*arcs}) == len(arcs)
+            and graph.head[arcs[-1]] == graph.base
+            and alive >= net.min_survival * (1.0 - ROUNDING)
+            and graph.length[arcs].sum() * (1.0 - ROUNDING) <= net.max_length
+        )
+
+    def _visits(self, paying: list[tuple[int, float]], survival: float) -> Visits:
+        """Share out the probability to be alive at each node to the two levels next to it."""
         weights: dict[int, float] = {}
-        for node, alive in at:
+        for node, alive in paying:
             row = self._row[node]
             if row < 0:
                 continue
@@ -122,19 +143,19 @@ class Pool:
     @property
     def is_relaxed(self) -> BoolArray:
         """Which of them are relaxed trails only (n)."""
-        return np.array([how is not None for how in self.relaxed], bool)
+        return np.array([trail is not None for trail in self.relaxed], bool)
 
     @property
     def survival(self) -> FloatArray:
         """The probabilities to come home (n)."""
         return np.array([visits.survival for visits in self.visits])
 
-    def drop_forbidden(self, allows: Callable[[list[int], list[bool]], bool]) -> list[int]:
+    def drop_forbidden(self, allows: Callable[[RelaxedTrail], bool]) -> list[int]:
         """Drop relaxed trails that are not allowed any more; return their numbers."""
         found = [
             number
-            for number, how in enumerate(self.relaxed)
-            if how is not None and not self.dropped[number] and not allows(*how)
+            for number, trail in enumerate(self.relaxed)
+            if trail is not None and not self.dropped[number] and not allows(trail)
         ]
         for number in found:
             self.dropped[number] = True
@@ -177,21 +198,29 @@ class Master:
         self._lp.changeColsCost(len(cost), np.arange(len(cost), dtype=np.int32), cost)
         self._n_rows = 0
         for node in range(n_nodes):
-            first = node * n_levels
-            for level in range(1, n_levels):
-                columns = [first + level, first + level - 1, first + level - 2]
-                used = 3 if level > 1 else 2
-                self._add(0.0, columns[:used], [1.0, -2.0, 1.0][:used])
-            steepest = team.reward[node] * team.alive[node, 1]
-            last = first + n_levels - 1
-            used = 2 if n_levels > 1 else 1
-            self._add(-steepest, [last, last - 1][:used], [-1.0, 1.0][:used])
+            self._shape_prices(node)
         self._last = np.zeros(self._mu + 1)
         self._configurations: set[tuple[int, int]] = set()
         # The row of each trail of the pool, and of those relaxed ones that do not count at present.
         self._rows: dict[int, int] = {}
         self._unused: dict[int, int] = {}
         self._only_trails = False
+
+    def _shape_prices(self, node: int) -> None:
+        """Keep a node's prices convex, and their steepest rise at most the reward it brings.
+
+        Level l has column ``first`` + l − 1; level 0, where the price is 0, has none.
+        """
+        team, n_levels = self.team, self.team.n_levels
+        first = node * n_levels
+        for level in range(1, n_levels):
+            columns = [first + level, first + level - 1, first + level - 2]
+            used = 3 if level > 1 else 2
+            self._add(0.0, columns[:used], [1.0, -2.0, 1.0][:used])
+        steepest = team.reward[node] * team.alive[node, 1]
+        last = first + n_levels - 1
+        used = 2 if n_levels > 1 else 1
+        self._add(-steepest, [last, last - 1][:used], [-1.0, 1.0][:used])
 
     def solve(self, pool: Pool, x: float, deadline: float) -> tuple[float, Prices, float]:
         """Return the least bound over known trails, its prices, and theta.
@@ -206,7 +235,7 @@ class Master:
             found = np.array(self._lp.getSolution().col_value)
             if found.shape == self._last.shape and np.isfinite(found).all():
                 self._last = np.clip(found, 0.0, self._upper)
-            solution = self._last  # the one before, where HiGHS has found none
+            solution = self._last  # the previous one, where HiGHS has found none
             visits = np.zeros((len(self.team.nodes), self.team.n_levels + 1))
             visits[:, 1:] = solution[: self._n_prices].reshape(visits[:, 1:].shape)
             prices, theta = Prices(visits, float(solution[self._mu])), float(solution[self._theta])
@@ -226,6 +255,7 @@ class Master:
         return [int(i) for i in numbers[order[used[order] > _CUT]]]
 
     def _cut_configurations(self, prices: FloatArray, solution: FloatArray) -> int:
+        """Add the worst violated configuration of each node; return how many rows are new."""
         left = self.team.beside(prices)
         worst = left.argmax(axis=1)
         over = left[np.arange(len(left)), worst] - solution[self._n_prices : self._theta]
@@ -243,6 +273,7 @@ class Master:
         return n
 
     def _cut_trails(self, pool: Pool, prices: Prices, theta: float) -> int:
+        """Add the trails that are worth the most above theta; return how many rows are new."""
         worth = pool.values(prices)
         if self._only_trails:
             worth[pool.is_relaxed] = -np.inf
@@ -250,7 +281,7 @@ class Master:
         for i in np.argsort(-worth)[:_CUTS_AT_ONCE].tolist():
             if worth[i] > theta + _CUT and i not in self._rows:
                 n += 1
-                if i in self._unused:  # it has turned out to be a trail
+                if i in self._unused:  # a relaxed trail that has turned out to be a trail
                     self._restore(i)
                     continue
                 self._rows[i], visits = self._n_rows, pool.visits[i]
@@ -259,6 +290,7 @@ class Master:
         return n
 
     def _add(self, least: float, columns: list[int], weights: list[float]) -> None:
+        """Add a row: the weighted sum of some columns is at least ``least``."""
         indices = np.array(columns, np.int32)
         self._lp.addRow(least, self._inf, len(columns), indices, np.array(weights))
         self._n_rows += 1

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,13 @@ from botohe_moo.search.bounds.net import Piece, pieces_of
 _MOST_GATES, _MOST_UP = 256, 64
 # By what share survivals of ways are raised: paths are compared by sums of rounded logarithms.
 _ABOVE = 1e-9
+
+
+class RelaxedTrail(NamedTuple):
+    """A trail that may repeat what it has forgotten."""
+
+    arcs: list[int]
+    paid: list[bool]  # whether the visit at the head of each arc pays
 
 
 class Remembered:
@@ -116,15 +124,15 @@ class Remembered:
         n_bits = np.array([len(bits) for bits in self.bits])
         return Memory(n_bits, np.array(first_kept), pairs, adds, unpaid, barred)
 
-    def forgets(self, arcs: Sequence[int], paid: Sequence[bool]) -> list[tuple[int, list[int]]]:
+    def forgets(self, trail: RelaxedTrail) -> list[tuple[int, list[int]]]:
         """Return what a relaxed trail does twice: bits, each with the nodes that lack it.
 
         These are nodes between the first time and the second. Bits with the fewest come first.
         """
         graph = self.net.graph
-        nodes = [graph.base, *graph.head[list(arcs)].tolist()]
+        nodes = [graph.base, *graph.head[trail.arcs].tolist()]
         times: dict[int, list[int]] = {}
-        for step, (arc, pays) in enumerate(zip(arcs, paid, strict=True), 1):
+        for step, (arc, pays) in enumerate(zip(*trail, strict=True), 1):
             times.setdefault(graph.n_nodes + arc, []).append(step)
             if pays:
                 times.setdefault(nodes[step], []).append(step)

@@ -18,7 +18,7 @@ from botohe_moo.kernels.bounds.trails import (
     find_trails,
     new_depths,
 )
-from botohe_moo.search.bounds.memory import Remembered
+from botohe_moo.search.bounds.memory import RelaxedTrail, Remembered
 
 _SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
 _EPSILON = float(np.finfo(float).eps)
@@ -126,12 +126,12 @@ class Relaxation:
         bounded: FloatArray = cap * (1.0 + 1e-12)
         return bounded
 
-    def best_trails(self, ahead: Ahead) -> list[tuple[list[int], list[bool]]]:
-        """Return the arcs of the best relaxed trail and of similar ones, and which arcs pay.
+    def best_trails(self, ahead: Ahead) -> list[RelaxedTrail]:
+        """Return the best relaxed trail and similar ones, in which visits worth nothing do not pay.
 
         Of long ones only the first steps are returned, and some do not come home.
         """
-        found: list[tuple[list[int], list[bool]]] = []
+        found: list[RelaxedTrail] = []
         links = np.empty(_MOST_TRAIL, np.int64)
         for turn in _TURNS:
             given = ahead.prices, ahead.mu, ahead.values, turn, links
@@ -140,7 +140,7 @@ class Relaxation:
                 taken = links[:n]
                 arcs = self.states.arc[taken]
                 paid = self.states.pays[taken] & self._is_worth(ahead, arcs)
-                found.append((arcs.tolist(), paid.tolist()))
+                found.append(RelaxedTrail(arcs.tolist(), paid.tolist()))
         return found
 
     def _is_worth(self, ahead: Ahead, arcs: OffsetArray) -> BoolArray:
@@ -198,14 +198,14 @@ class Relaxation:
         n = min(int(depths.found.n_trails), len(depths.n_arcs))
         return [depths.arcs[i, : depths.n_arcs[i]].tolist() for i in range(n)]
 
-    def remember(self, walks: Sequence[tuple[Sequence[int], Sequence[bool]]]) -> bool:
+    def remember(self, trails: Sequence[RelaxedTrail]) -> bool:
         """Remember what relaxed trails do twice; return whether there was room for more.
 
         What the first trails do comes first.
         """
         before = self._remembered.bits
         n_most = min(self._most_states, int(_GROWTH * len(self.states.node)) + 1)
-        twice = [each for walk in walks for each in self._remembered.forgets(*walk)]
+        twice = [each for trail in trails for each in self._remembered.forgets(trail)]
         while twice:
             if self._remembered.add(twice, self._most_bits):
                 states = find_states(self.net, self._remembered.pack(), n_most)
@@ -226,10 +226,10 @@ class Relaxation:
         else:
             self._remembered.bits = before
 
-    def allows(self, arcs: Sequence[int], paid: Sequence[bool]) -> bool:
-        """Return whether this is still a relaxed trail."""
+    def allows(self, trail: RelaxedTrail) -> bool:
+        """Return whether this is still a relaxed trail, with what is remembered at present."""
         states, state = self.states, 0
-        for arc, pays in zip(arcs, paid, strict=True):
+        for arc, pays in zip(*trail, strict=True):
             first, end = states.first[state : state + 2].tolist()
             link = first + int(np.searchsorted(states.arc[first:end], arc))
             if link == end or states.arc[link] != arc or (pays and not states.pays[link]):
