@@ -21,6 +21,9 @@ from botohe_moo.search.bounds.prices import Prices
 from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import MOST_LINES, Ahead, BoundLines
 
+# As in ``proof``, these constants were chosen by experiment, and every step is valid whatever they
+# are.
+
 _MOST_LINKS = 1_000_000  # of a depth-first search, for each unit of effort
 _MOST_TEAMS = 20_000_000  # choices that are tried for the best team
 _MOST_ROUNDS = 3  # in which thresholds are raised
@@ -33,7 +36,7 @@ _LINES_SHARE = 0.4  # of the time that is left, to find a line at the place of t
 BYTES_A_STATE = 16.0 * len(_SHARES) * 60
 _EPSILON = float(np.finfo(float).eps)
 _EDGE = 1e-12  # survivals this much below a step count as on it, relative
-_LEAST_SURVIVAL = 1e-280
+_LEAST_SURVIVAL = 1e-280  # as good as 0: where no robot survives with more, there are no stairs
 _HIGHER = 1e-9  # by how much thresholds have to rise for another round, in shares of all reward
 
 
@@ -173,9 +176,7 @@ class Steps:
             others = np.minimum(others, most[totals])
         wide = -(-n_steps // self._n_heights)
         starts = np.arange(0, n_steps, wide)
-        lowest = np.repeat(np.minimum.reduceat(goal - others, starts), wide)[:n_steps]
-        falling: FloatArray = np.maximum.accumulate(lowest[::-1])[::-1]
-        return falling
+        return _falling(np.repeat(np.minimum.reduceat(goal - others, starts), wide)[:n_steps])
 
     def _best_team(
         self, x: float, goal: float, arcs: OffsetArray, n_arcs: OffsetArray
@@ -236,6 +237,7 @@ def last_steps(stairs: FloatArray) -> OffsetArray:
 
 
 def _falling(stairs: FloatArray) -> FloatArray:
+    """Raise each step to the highest of those after it, so that stairs never rise."""
     falling: FloatArray = np.maximum.accumulate(stairs[::-1])[::-1]
     return falling
 

@@ -9,9 +9,12 @@ import numpy as np
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.search.bounds.front_bound import FrontBound
 
+# As in ``proof``, these constants were chosen by experiment, and every bound is valid whatever they
+# are.
+
 _CELLS = 24  # of the range of E[S], for the widest gap
-_SAMPLES = 3_000
-_ROUNDING = 1e-12
+_SAMPLES = 3_000  # of E[S], where known plans and bounds are compared
+_ROUNDING = 1e-12  # ends of steps are raised by this share: they are sums of rounded products
 # By what share of its survivors a step begins above a known plan, and what is close to a goal.
 _AFTER, _CLOSE = 1e-9, 5e-4
 # The goal of a step that is too hard is raised by a share of the gap, up to a largest one. Then the
