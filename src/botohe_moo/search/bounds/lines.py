@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from botohe_moo.search.bounds.envelopes import lower_envelope
-from botohe_moo.search.bounds.master import Master, Pool
+from botohe_moo.search.bounds.master import Master
+from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import PricedTeam, Prices
 from botohe_moo.search.bounds.record import Line, LineProof
 from botohe_moo.search.bounds.relaxation import Ahead, Relaxation

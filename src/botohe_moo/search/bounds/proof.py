@@ -16,9 +16,9 @@ from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.lines import LEVELS, Lines
-from botohe_moo.search.bounds.master import Pool
 from botohe_moo.search.bounds.memory import Remembered
 from botohe_moo.search.bounds.net import new_net
+from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import most_levels
 from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import Relaxation
@@ -53,6 +53,7 @@ _LEAST_LEVELS, _MOST_LEVELS, _MOST_PRICES, _MOST_CONFIGURATIONS = 4, 12, 400, 6_
 _NEAREST, _FIRST_BITS, _MOST_BITS, _STEP_BITS = 8, 10, 14, 12
 # States of relaxed trails at most, usually and for steps.
 _MOST_STATES, _MOST_STEP_STATES = 40_000, 120_000
+_N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 _MOST_COMPARED = 3_000  # nodes of which all pairs are compared: a second, and 0.1 GiB
 _BYTES_A_LINK = 40.0  # three integers of 8 bytes and a flag, and two figures of a level
 _MIB = 2**20
@@ -94,7 +95,11 @@ class Proof:
         self._prepare(0, 0, 1, 1)
         self._prepared = time.monotonic() - self._began
 
-    def _prepare(self, nearest: int, n_bits: int, n_levels: int, n_searched: int) -> None:
+    def _prepare(self, nearest: int, n_bits: int, n_levels: int, n_seen: int) -> None:
+        """Make relaxed trails, and begin all lines and steps anew.
+
+        Nodes remember ``n_bits``, first of all the ``nearest`` rewards; prices have ``n_levels``.
+        """
         net, mission = self._net, self._mission
         n_bytes = self._memory * _MIB
         # Two tables of what lies ahead, at the most levels that are looked at, and the links.
@@ -108,7 +113,7 @@ class Proof:
             self._random_state,
             most_bits=_MOST_BITS,
             most_states=max(net.graph.n_nodes + 1, min(_MOST_STATES, fits)),
-            n_searched=n_searched,
+            n_seen=n_seen,
         )
         nodes: OffsetArray = np.flatnonzero(net.graph.reward > 0.0)
         self._pool = Pool(net, nodes, n_levels)
@@ -129,7 +134,7 @@ class Proof:
         return most_levels(robots, n_levels, min(_MOST_CONFIGURATIONS, fits))
 
     def find_front(self) -> bool:
-        """Take the true front as the bound, if a share of the time suffices to find it."""
+        """Take the true front as the bound; return whether a share of the time sufficed for it."""
         mission = self._mission
         try:
             front = exact_front(
@@ -151,7 +156,7 @@ class Proof:
                 self._front.append(Step(moving, height, max(start - stay, 0.0), "front"))
         return True
 
-    def find(self) -> None:
+    def find_lines_and_steps(self) -> None:
         """Find lines and steps where the gap is the widest, until it is as small as wanted.
 
         Steps of one robot come first: they take little time, and make its lines unnecessary. Other
@@ -164,7 +169,7 @@ class Proof:
             )
             return
         if time.monotonic() + _PREPARING * self._prepared < self._deadline:
-            self._prepare(_NEAREST, _FIRST_BITS, n_levels, 1 << 18)
+            self._prepare(_NEAREST, _FIRST_BITS, n_levels, _N_SEEN)
         else:
             self._notes.append("Relaxed trails remember nothing: there is too little time.")
         if self._relaxation.remembers_less:

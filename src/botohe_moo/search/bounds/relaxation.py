@@ -58,13 +58,13 @@ class Relaxation:
         *,
         most_bits: int,
         most_states: int,
-        n_searched: int,
+        n_seen: int,
     ) -> None:
         self.net, self._remembered = net, remembered
         self._most_bits, self._most_states = most_bits, most_states
         self.total = float(net.graph.reward.sum())
         n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
-        self._depths = new_depths(net, random_state, n_searched, n_room, MOST_LINES)
+        self._depths = new_depths(net, random_state, n_seen, n_room, MOST_LINES)
         self._is_capped = False
         self.states: States = find_states(net, remembered.pack(), most_states)
         # Whether there was too little room for all that was to be remembered.
