@@ -17,8 +17,9 @@ from botohe_moo.kernels.beam.prospects import find_near
 from botohe_moo.kernels.bounds.states import NEVER, NONE, Memory, Net
 from botohe_moo.search.bounds.net import Piece, pieces_of
 
-# Bridges that a node chooses from, and how many pieces nearer to the base they are looked for.
-_MOST_GATES, _MOST_UP = 256, 64
+# Bridges that a node chooses from, and how many pieces nearer to the base they are looked for: more
+# than a node can remember.
+_MOST_BRIDGES, _MOST_UP = 256, 64
 # By what share survivals of ways are raised: paths are compared by sums of rounded logarithms.
 _ABOVE = 1e-9
 
@@ -43,8 +44,8 @@ class Remembered:
         self.net = net
         self.bits: list[list[int]] = [[] for _ in range(graph.n_nodes)]
         self.between: FloatArray | None = None
-        self._next: list[list[int]] = [[] for _ in range(graph.n_nodes)]
-        self._backs: dict[int, int] = {}
+        self._rewards: list[list[int]] = [[] for _ in range(graph.n_nodes)]  # the nearest first
+        self._backs: dict[int, int] = {}  # the arc into a piece, by the arc back over its bridge
         if n_bits == 0:
             return
         pieces = pieces_of(graph)
@@ -59,17 +60,17 @@ class Remembered:
         for number, piece in enumerate(pieces[1:], 1):
             hanging[piece.above].append(number)
         for number, piece in enumerate(pieces):
-            gates = _gates_around(pieces, hanging, number)
+            around = [pieces[i] for i in _pieces_around(pieces, hanging, number)]
             for node in piece.nodes:
-                rewards, ways = self._nearest(node, pays, [pieces[gate] for gate in gates])
+                rewards, ways = self._nearest(node, pays, around)
                 bits = rewards[:nearest] + [graph.n_nodes + way.arc for way in ways]
                 self.bits[node] = bits[:n_bits]
-                self._next[node] = rewards
+                self._rewards[node] = rewards
 
     def widen(self, n_bits: int) -> None:
         """Add the next nearest rewards to nodes that remember fewer than ``n_bits``."""
         self.bits = [list(bits) for bits in self.bits]
-        for bits, rewards in zip(self.bits, self._next, strict=True):
+        for bits, rewards in zip(self.bits, self._rewards, strict=True):
             more = [reward for reward in rewards if reward not in bits]
             bits += more[: max(0, n_bits - len(bits))]
 
@@ -154,7 +155,7 @@ def _best_between(net: Net) -> FloatArray:
     return np.minimum(between * (1.0 + _ABOVE) + np.finfo(float).tiny, 1.0)
 
 
-def _gates_around(pieces: list[Piece], hanging: list[list[int]], number: int) -> list[int]:
+def _pieces_around(pieces: list[Piece], hanging: list[list[int]], number: int) -> list[int]:
     """Return the pieces that a trail may enter next, or on its way to the base.
 
     These hang on the piece itself, or on one of the pieces above it.
@@ -162,8 +163,8 @@ def _gates_around(pieces: list[Piece], hanging: list[list[int]], number: int) ->
     found: list[int] = []
     came_from = -1
     for _ in range(_MOST_UP):
-        found += [piece for piece in hanging[number] if piece != came_from][:_MOST_GATES]
+        found += [piece for piece in hanging[number] if piece != came_from][:_MOST_BRIDGES]
         came_from, number = number, pieces[number].above
-        if number < 0 or len(found) > _MOST_GATES:
+        if number < 0 or len(found) > _MOST_BRIDGES:
             break
-    return found[:_MOST_GATES]
+    return found[:_MOST_BRIDGES]

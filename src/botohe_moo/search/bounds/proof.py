@@ -213,13 +213,13 @@ class Proof:
             target = targets.next(bound)
             if target is None:
                 return
-            moving, survivors, place = target
-            x = survivors - (self._mission.robots - moving)
-            x, own = max(x, moving * self._limits.min_survival), self._lines[moving - 1]
-            before = own.bound(x)
-            has_grown = own.tighten(x, effort, until)
-            if not has_grown or own.bound(x) > before * (1 - _LEAST_GAIN):
-                targets.close(place)
+            moving, lines = target.moving, self._lines[target.moving - 1]
+            x = target.survivors - (self._mission.robots - moving)
+            x = max(x, moving * self._limits.min_survival)
+            before = lines.bound(x)
+            remembers_more = lines.tighten(x, effort, until)
+            if not remembers_more or lines.bound(x) > before * (1 - _LEAST_GAIN):
+                targets.close(target)
 
     def _find_steps(self, targets: StepTargets, most_moving: int, until: float) -> None:
         """Find steps for up to ``most_moving`` robots, until the time is over or all are tried."""

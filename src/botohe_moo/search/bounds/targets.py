@@ -59,18 +59,23 @@ class Known:
         return 0.0 if above == 0.0 else above / float(self.reached.sum() or 1e-300)
 
 
+class LineTarget(NamedTuple):
+    """Where lines are to be lowered: for ``moving`` robots, at an E[S] in a cell of its range."""
+
+    moving: int
+    survivors: float
+    cell: int
+
+
 class LineTargets:
     """The choice of the next line, in one of several cells of the range of E[S]."""
 
     def __init__(self, known: Known) -> None:
         self._known = known
-        self._done: set[tuple[int, int]] = set()
+        self._closed: set[tuple[int, int]] = set()  # cells, with numbers of moving robots
 
-    def next(self, bound: FrontBound) -> tuple[int, float, tuple[int, int]] | None:
-        """Return the number of robots that move, the E[S], and the cell with that number.
-
-        Returns None where no open cell has a gap.
-        """
+    def next(self, bound: FrontBound) -> LineTarget | None:
+        """Return the next target; None where no open cell has a gap."""
         known, bounds = self._known, bound.by_robots(self._known.survivors)
         above = np.maximum(0.0, bounds.max(axis=0) - known.reached)
         highest = bounds.argmax(axis=0)
@@ -78,14 +83,14 @@ class LineTargets:
         for cell in np.argsort(-masses, kind="stable").tolist():
             inside = np.flatnonzero((known.cells == cell) & (above > 0.0))
             for moving in np.unique(highest[inside]).tolist():
-                if moving > 0 and (cell, moving) not in self._done:
+                if moving > 0 and (cell, moving) not in self._closed:
                     at = inside[highest[inside] == moving]
-                    return moving, float(known.survivors[at[len(at) // 2]]), (cell, moving)
+                    return LineTarget(moving, float(known.survivors[at[len(at) // 2]]), cell)
         return None
 
-    def close(self, place: tuple[int, int]) -> None:
+    def close(self, target: LineTarget) -> None:
         """Close a cell for a number of robots, whose lines cannot be lowered."""
-        self._done.add(place)
+        self._closed.add((target.cell, target.moving))
 
 
 class StepTarget(NamedTuple):
