@@ -17,7 +17,7 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.lines import LEVELS, Lines
 from botohe_moo.search.bounds.memory import Remembered
-from botohe_moo.search.bounds.net import new_net
+from botohe_moo.search.bounds.net import arcs_by_ends, new_net
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import most_levels
 from botohe_moo.search.bounds.record import Step
@@ -272,8 +272,7 @@ class Proof:
             wanted, n = n, 2 * n
         batch, objectives, _ = search.plans()
         self.known.add(objectives)
-        ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
-        arcs = {pair: arc for arc, pair in enumerate(ends)}
+        arcs = arcs_by_ends(graph)
         for trail in {tuple(trail) for plan in batch for trail in plan.trails}:
             way = [arcs.get(pair, -1) for pair in pairwise(trail)]
             if way and min(way) >= 0:
