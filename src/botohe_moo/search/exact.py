@@ -241,8 +241,9 @@ class FrontSearch:
         return [(r, sum(s for s, _ in t)) for r, t in zip(rewards, followed, strict=True)]
 
     def _advance_teams(self, trails: TrailSearch, choices: teams.Choices) -> None:
-        given = choices, self._front, self._turn
-        state = teams.choose_teams(*given, _CHOICES_A_PORTION, most_reward=False)
+        state = teams.choose_teams(
+            choices, self._front, self._turn, _CHOICES_A_PORTION, most_reward=False
+        )
         if state == teams.FULL:
             self._require(2 * tables.n_bytes(self._front))
             slots, _ = read_front(self._front)

@@ -106,8 +106,9 @@ class TrailSearch:
 
     @property
     def _search(self) -> tables.LabelSearch:
-        known = self._labels, self._trails, self._progress
-        return tables.LabelSearch(self.graph, self.rule, *known, self._current)
+        return tables.LabelSearch(
+            self.graph, self.rule, self._labels, self._trails, self._progress, self._current
+        )
 
     def _tidy(self) -> None:
         """Sort the trails by descending survival, without those that another is as good as."""

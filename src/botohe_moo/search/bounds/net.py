@@ -103,8 +103,8 @@ def _rebuilt(
 ) -> Graph:
     """Return a graph of some of the arcs in their order, with other ends and rewards."""
     tail, head = ends
-    figures = graph.survival[arcs], graph.length[arcs], reward.copy()
-    return new_graph(tail[arcs], head[arcs], *figures, graph.base)
+    survival, length = graph.survival[arcs], graph.length[arcs]
+    return new_graph(tail[arcs], head[arcs], survival, length, reward.copy(), graph.base)
 
 
 def _needed(graph: Graph, outward: Graph, limits: Limits) -> Any:

@@ -134,8 +134,7 @@ class Relaxation:
         found: list[RelaxedTrail] = []
         links = np.empty(_MOST_TRAIL, np.int64)
         for turn in _TURNS:
-            given = ahead.prices, ahead.mu, ahead.values, turn, links
-            n, _ = follow(self.net, self.states, *given)
+            n, _ = follow(self.net, self.states, ahead.prices, ahead.mu, ahead.values, turn, links)
             if n > max(turn, 0):
                 taken = links[:n]
                 arcs = self.states.arc[taken]
@@ -157,9 +156,9 @@ class Relaxation:
 
         Returns whether the search has ended, the value that no trail exceeds then, and its arcs.
         """
-        stairs = Stairs(np.array([least]), np.inf, 0.0)
+        stairs = Stairs(np.array([least]), width=np.inf, least=0.0)  # one step, which is raised
         line = Completions(ahead.values[None], np.zeros(1), np.zeros((1, len(ahead.prices))))
-        rule = TrailRule(False, 0.0, n_most)
+        rule = TrailRule(every=False, slack=0.0, n_most=n_most)
         ended = self._search(Worth(ahead.prices, ahead.mu), line, stairs, rule)
         found = self._found()
         return ended, float(stairs.heights[0]) + ahead.spare, found[-1] if found else []
@@ -168,8 +167,8 @@ class Relaxation:
         self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
     ) -> tuple[bool, list[list[int]]]:
         """Raise stairs above all trails; return whether the search has ended, and trails found."""
-        rule = TrailRule(False, _SLACK * self.total, n_most)
-        ended = self._search(Worth(prices, 0.0), _completions(lines), stairs, rule)
+        rule = TrailRule(every=False, slack=_SLACK * self.total, n_most=n_most)
+        ended = self._search(Worth(prices, mu=0.0), _completions(lines), stairs, rule)
         stairs.heights[:] += max(ahead.spare for ahead, _ in lines)
         return ended, self._found()
 
@@ -182,8 +181,8 @@ class Relaxation:
         """
         spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
         lowered = stairs._replace(heights=stairs.heights - spare)
-        rule = TrailRule(True, 0.0, n_most)
-        if not self._search(Worth(prices, 0.0), _completions(lines), lowered, rule):
+        rule = TrailRule(every=True, slack=0.0, n_most=n_most)
+        if not self._search(Worth(prices, mu=0.0), _completions(lines), lowered, rule):
             return None
         depths, n = self._depths, int(self._depths.found.n_trails)
         return depths.arcs[:n], depths.n_arcs[:n]

@@ -144,8 +144,9 @@ class Steps:
 
     def _raise(self, prices: Prices, lines: BoundLines, stairs: Stairs, effort: int) -> bool:
         """Raise stairs above all trails; return whether the search ended."""
-        given = self._spread(prices), lines, stairs, _MOST_LINKS * effort
-        ended, trails = self._relaxation.raise_stairs(*given)
+        ended, trails = self._relaxation.raise_stairs(
+            self._spread(prices), lines, stairs, _MOST_LINKS * effort
+        )
         for arcs in trails:
             self._pool.add(arcs)
         return ended
@@ -191,8 +192,8 @@ class Steps:
         reward = self._lines.team.reward
         survival, reached = self._figures(arcs, n_arcs)
         order = np.argsort(-survival, kind="stable")
-        figures = survival[order], reached[order], reward
-        choices = new_choices(*figures, np.zeros(2), self._n_robots)
+        no_slack = np.zeros(2)
+        choices = new_choices(survival[order], reached[order], reward, no_slack, self._n_robots)
         # The search leaves out what the front covers: too little reward, or too few survivors.
         front = new_front(4, self._n_robots)
         insert(front, np.inf, x * (1.0 - ROUNDING) - _LEAST_SURVIVAL)
