@@ -120,6 +120,7 @@ class ManyObjectiveArchive:
 def _individual(
     plan: TrailPlan, objectives: FloatArray, constraints: FloatArray | None
 ) -> Individual:
+    """Return an evaluated individual of pymoo's, which minimises."""
     individual = Individual(X=np.array([plan], dtype=object), F=-objectives)
     if constraints is not None:
         individual.set("G", constraints)

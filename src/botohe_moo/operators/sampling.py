@@ -51,6 +51,7 @@ class PlanSampling(Sampling):
         return plans
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
+        """Return ``n_samples`` valid plans, or more."""
         raise NotImplementedError
 
     def _do(

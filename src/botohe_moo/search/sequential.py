@@ -150,6 +150,7 @@ class SequentialPlanner:
         return [self._team(trails[:n]) for n in n_moving] or [self._team([])]
 
     def _team(self, trails: list[list[int]]) -> TrailPlan:
+        """Return the plan in which the other robots stay at base."""
         staying = [[self.mission.arrays.base]] * (self.mission.robots - len(trails))
         return TrailPlan(trails + staying)
 

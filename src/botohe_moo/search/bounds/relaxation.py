@@ -238,6 +238,7 @@ class Relaxation:
 
 
 def _completions(lines: BoundLines) -> Completions:
+    """Return bounds under several prices as the kernel takes them."""
     return Completions(
         np.stack([ahead.values for ahead, _ in lines]),
         np.array([ahead.mu for ahead, _ in lines]),

@@ -152,7 +152,7 @@ class StepTargets:
     def close(self, target: StepTarget, *, is_proved: bool) -> None:
         """Raise the goal or the effort of a step that is too hard; close one that is proved."""
         moving, corner = target.moving, target.corner
-        share, effort = self._share[moving], self._effort[moving]
+        share, effort = self._share[moving], self._effort[moving]  # views, which are changed
         if is_proved:
             self._is_open[moving, corner] &= share[corner] > 0.0
             near: BoolArray = np.arange(len(share)) == corner
