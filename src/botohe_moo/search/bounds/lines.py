@@ -23,12 +23,13 @@ LEVELS = 24
 # How near to the programme's value a line has to come, in shares of the bound: by relaxed trails,
 # and by search.
 _RELAXED_TOLERANCE, _SEARCH_TOLERANCE = 1e-3, 2e-4
-_MOST_RELAXED, _MOST_SEARCHED = 60, 40  # prices that are tried, by relaxed trails and by search
+_MOST_RELAXED = 60  # prices that are tried by relaxed trails
+_MOST_SEARCHED = 40  # prices that are tried by search
 # How far prices go from the best known ones to those of the linear programme: at first, and at
 # least where searches do not end.
 _SMOOTHING, _LEAST_SMOOTHING = 0.5, 0.02
-# Steps of a depth-first search for each unit of effort, and how many times as many the first has.
-_MOST_STEPS, _FIRST_STEPS = 200_000, 10
+_MOST_STEPS = 200_000  # of a depth-first search, for each unit of effort
+_FIRST_STEPS = 10  # the first depth-first search has this many times as many
 _SAMPLES = 200  # of survival, where lines are compared
 _NEW = 1e-6  # by how much a new trail has to be worth more than the known ones
 _EPSILON = float(np.finfo(float).eps)

@@ -31,11 +31,13 @@ from botohe_moo.search.local_search import LocalSearch
 # source is given, they were chosen by experiment, for small gaps on the missions of 20 to 200 nodes
 # in `python -m benchmarks bounds`.
 
-# Shares of the time limit: for the true front, and to find trails.
-_EXACT_SHARE, _SEARCH_SHARE = 0.2, 0.05
-# Shares of the time that is left: for lines and steps of one robot (without a limit they took all
-# of it on 200 nodes), for lines before steps, and for steps.
-_FIRST_SHARE, _LINES_SHARE, _STEPS_SHARE = 0.1, 0.4, 0.5
+# Shares of the time limit.
+_EXACT_SHARE = 0.2  # for the true front
+_SEARCH_SHARE = 0.05  # to find trails
+# Shares of the time that is left.
+_FIRST_SHARE = 0.1  # for one robot: without a limit it took all of the time on 200 nodes
+_LINES_SHARE = 0.4  # for lines, before steps
+_STEPS_SHARE = 0.5  # for steps
 # Relaxed trails get a memory where this many times the preparation without one still fits.
 _PREPARING = 4
 _LEAST_GAIN = 1e-3  # a line that is lowered by a larger share is worth another try
@@ -44,15 +46,17 @@ _SECONDS_OF_EFFORT = 0.3  # that a search for a step took, for each unit of effo
 # Where the first lines of one robot are found, in shares of its best survival: three suffice for
 # its steps.
 _FIRST_LINES = (0.5, 0.75, 0.25)
-# Plans that are evaluated in the search for trails: at most, and before the clock is looked at.
-_EVALUATIONS, _FIRST_EVALUATIONS = 100_000, 100
-# Levels of prices, at least and at most; prices of a linear programme; and configurations of a
-# team's levels, all of which are looked at for each node.
-_LEAST_LEVELS, _MOST_LEVELS, _MOST_PRICES, _MOST_CONFIGURATIONS = 4, 12, 400, 6_000
-# Bits that a node remembers: of rewards near by, with bridges at first, at most, and for steps.
-_NEAREST, _FIRST_BITS, _MOST_BITS, _STEP_BITS = 8, 10, 14, 12
-# States of relaxed trails at most, usually and for steps.
-_MOST_STATES, _MOST_STEP_STATES = 40_000, 120_000
+_EVALUATIONS = 100_000  # plans that the search for trails evaluates at most
+_FIRST_EVALUATIONS = 100  # before it looks at the clock
+_LEAST_LEVELS, _MOST_LEVELS = 4, 12  # of prices
+_MOST_PRICES = 400  # of the linear programme
+_MOST_CONFIGURATIONS = 6_000  # of a team's levels, all of which are looked at for each node
+_NEAREST = 8  # rewards near by that a node remembers
+_FIRST_BITS = 10  # that a node remembers at first: rewards and bridges
+_MOST_BITS = 14  # that a node remembers at most
+_STEP_BITS = 12  # that nodes are filled up to for steps, with further rewards
+_MOST_STATES = 40_000  # of relaxed trails
+_MOST_STEP_STATES = 120_000  # of relaxed trails, for steps
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 _MOST_COMPARED = 3_000  # nodes of which all pairs are compared: a second, and 0.1 GiB
 _BYTES_A_LINK = 40.0  # three integers of 8 bytes and a flag, and two figures of a level

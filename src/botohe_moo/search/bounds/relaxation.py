@@ -22,14 +22,14 @@ from botohe_moo.search.bounds.memory import RelaxedTrail, Remembered
 
 _SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
 _EPSILON = float(np.finfo(float).eps)
-_TOLERANCE = 1e-9  # of values, in shares of all reward
+_TOLERANCE = 1e-9  # in shares of all reward: values are raised only where they rise by more
 _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 # Steps at which a relaxed trail takes the second best link, to find others; −1 for none.
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
 _GROWTH = 1.25  # largest factor for the number of states, when relaxed trails remember more
-# Trails that a search returns at most, by their number and by all their arcs; and its lines.
-_MOST_FOUND, _MOST_FOUND_ARCS = 50_000, 1 << 22
-MOST_LINES = 8
+_MOST_FOUND = 50_000  # trails that a search returns
+_MOST_FOUND_ARCS = 1 << 22  # room for the arcs of all these trails
+MOST_LINES = 8  # prices under which a search bounds what lies ahead
 
 
 class Ahead(NamedTuple):

@@ -15,11 +15,12 @@ from botohe_moo.search.bounds.front_bound import FrontBound
 _CELLS = 24  # of the range of E[S], for the widest gap
 _SAMPLES = 3_000  # of E[S], where known plans and bounds are compared
 _ROUNDING = 1e-12  # ends of steps are raised by this share: they are sums of rounded products
-# By what share of its survivors a step begins above a known plan, and what is close to a goal.
-_AFTER, _CLOSE = 1e-9, 5e-4
-# The goal of a step that is too hard is raised by a share of the gap, up to a largest one. Then the
-# step is tried with several times the effort, up to a most.
-_EASIER, _EASIEST, _MORE, _MOST_EFFORT = 0.25, 0.5, 8, 64
+_AFTER = 1e-9  # share of its survivors by which a step begins above a known plan
+_CLOSE = 5e-4  # share of its goal by which the bound has to exceed it for a step to be tried
+# The goal of a step that is too hard is raised by a share of the gap; from a largest share on, the
+# step is tried with several times the effort instead.
+_EASIER, _EASIEST = 0.25, 0.5
+_MORE, _MOST_EFFORT = 8, 64
 
 
 class Known:
