@@ -168,9 +168,9 @@ class Indicator:
     needs_reference
         Whether ``function`` takes a reference front.
     long_label
-        Stands beside axes and in descriptions of columns; default: the label.
+        Its name beside axes and in descriptions of columns; default: the label.
     latex
-        Heads a column; default: the label.
+        Its name above a column in LaTeX; default: the label.
 
     Examples
     --------
@@ -193,12 +193,12 @@ class Indicator:
 
     @property
     def in_words(self) -> str:
-        """Return the long label."""
+        """The long label, or else the label."""
         return self.long_label or self.label
 
     @property
     def is_distance(self) -> bool:
-        """Return whether less is better and the reference front best: figures show its fall."""
+        """Whether it measures how far a front is from the reference: less is better."""
         return self.needs_reference and self.higher_is_better is False
 
     def measure(self, points: FloatArray, reference: FloatArray | None, mission: Scale) -> float:
@@ -305,7 +305,10 @@ def _row(values: FloatArray, is_wrong: Any) -> str:
 
 
 def _possible(name: str, given: ArrayLike, mission: Scale) -> tuple[FloatArray, FloatArray]:
-    """Convert points of a front, and give what both objectives are at most, which none exceeds."""
+    """Convert points of a front; return them, and what both objectives are at most.
+
+    Raises a ValueError where a point exceeds that.
+    """
     most = np.array(largest_objectives(mission))
     values = check_objectives(name, given)
     above = values > most * (1.0 + _ROUNDING)

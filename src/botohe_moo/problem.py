@@ -21,7 +21,7 @@ from botohe_moo.trails import PlanBatch
 
 __all__ = ["BOTOHE", "FrontOutput"]
 
-_ROUNDING = 1e-12
+_ROUNDING = 1e-12  # relative: what rounding may change in the product or the sum along a trail
 
 
 class BOTOHE(Problem):
@@ -178,10 +178,10 @@ class BOTOHE(Problem):
     def _evaluate(self, x: ObjectArray, out: dict[str, Any], *_: Any, **__: Any) -> None:
         batch = self.mission.batch(x)
         F, G = self.evaluate_batch(batch), self.constrain_batch(batch)
-        if type(self)._evaluate is BOTOHE._evaluate:
+        if not overrides(self, "_evaluate"):
             F = self.checked("F", F, len(batch))
             G = self.checked("G", G, len(batch))
-        out["F"] = F  # to which an override may add columns, or put others in their place
+        out["F"] = F  # an override may add columns to it, or replace it
         if G.shape[1]:
             out["G"] = G
 

@@ -124,16 +124,16 @@ def test_what_is_too_hard_is_made_easier_before_more_effort(known):
 
 def test_lines_are_found_where_the_gap_is_the_widest(known):
     targets = LineTargets(known)
-    moving, survivors, place = targets.next(bound_of())
-    assert moving == 2
-    assert 1.25 < survivors < 1.6  # 12 above 0
-    cells = set()
+    first = targets.next(bound_of())
+    assert first.moving == 2
+    assert 1.25 < first.survivors < 1.6  # 12 above 0
+    found = set()
     while (target := targets.next(bound_of())) is not None:
-        assert target[2] not in cells
-        cells.add(target[2])
-        targets.close(target[2])
-    assert place in cells
-    assert {moving for _, moving in cells} == {1, 2}
+        assert target not in found
+        found.add(target)
+        targets.close(target)
+    assert first in found
+    assert {target.moving for target in found} == {1, 2}
 
 
 MOST_TEAMS = 20_000

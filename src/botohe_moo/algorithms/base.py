@@ -114,9 +114,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         check_options(self, options)
         self.max_ties = max_ties
         self.sampling = [] if sampling is None else listed_plans(sampling)
-        self.archive = PopulationArchive(1)
-        super().__init__(**{"output": FrontOutput(), **options})
-        self.archive = PopulationArchive(1)  # pymoo has set its own, which only sees individuals
+        super().__init__(archive=PopulationArchive(1), **{"output": FrontOutput(), **options})
 
     def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
         """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.

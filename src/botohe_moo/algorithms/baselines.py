@@ -251,7 +251,7 @@ class Exact(ArchiveAlgorithm):
         self._evaluated = set(self.sampling)
 
     def _advance(self, **_: Any) -> None:
-        if len(self.archive) == 0:  # terminations may look at what there is
+        if len(self.archive) == 0:  # some terminations need an optimum from the first generation on
             mission = self.problem.mission
             home = mission.stay_home()
             self._evaluated.add(home)

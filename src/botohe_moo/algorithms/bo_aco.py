@@ -242,23 +242,31 @@ class BOACO(ArchiveAlgorithm):
             initial_survival_pheromone=survival,
             **settings_of(self, ColonyRule),
         )
-        limits, random_state = problem.planning_limits, self.random_state
-        given: dict[str, Any] = {"limits": limits, "random_state": random_state}
         self._improver: IterationSearch | None = None
         if self.local_search > 0:
-            each = self.local_search_evaluations
             self._improver = IterationSearch(
-                mission, share=self.local_search, evaluations_each=each, **given
+                mission,
+                share=self.local_search,
+                evaluations_each=self.local_search_evaluations,
+                limits=problem.planning_limits,
+                random_state=self.random_state,
             )
-        shares = _shares(self.n_ants, self.n_colonies)
         self.colonies = [
-            Colony(mission, rule, n_ants=share, n_threads=self.n_threads, **given)
-            for share in shares
+            Colony(
+                mission,
+                rule,
+                n_ants=share,
+                n_threads=self.n_threads,
+                limits=problem.planning_limits,
+                random_state=self.random_state,
+            )
+            for share in _shares(self.n_ants, self.n_colonies)
         ]
         self._origins: list[PlanArchive] = [self.archive]  # by which the colonies deposit
         if self.n_colonies > 1:
-            max_ties = self.max_ties
-            self._origins = [PlanArchive(mission.robots, max_ties=max_ties) for _ in shares]
+            self._origins = [
+                PlanArchive(mission.robots, max_ties=self.max_ties) for _ in self.colonies
+            ]
 
     def _advance(self, **_: Any) -> None:
         if self.n_colonies > 1 and self.n_iter == 1 and len(self.archive):
@@ -284,8 +292,9 @@ class BOACO(ArchiveAlgorithm):
         """Return an iteration's plans together with what a local search makes of them, if any."""
         if self._improver is None:
             return batch, objectives, members
-        given = batch, members, self.random_state, self._n_left()
-        improved, gained, n_evaluated = self._improver.improve(*given)
+        improved, gained, n_evaluated = self._improver.improve(
+            batch, members, self.random_state, self._n_left()
+        )
         self.evaluator.n_eval += n_evaluated
         if len(improved) == 0:
             return batch, objectives, members

@@ -100,6 +100,7 @@ class ManyObjectiveArchive:
         F = candidates.get("F")
         kept = moocore.is_nondominated(F, keep_weakly=True)
         candidates, F = candidates[kept], F[kept]
+        # Of plans with equal objectives, the first ``max_ties`` stay.
         _, groups = np.unique(F, axis=0, return_inverse=True)
         by_group = np.argsort(groups, kind="stable")
         starts = np.searchsorted(groups[by_group], groups[by_group])
@@ -119,6 +120,7 @@ class ManyObjectiveArchive:
 def _individual(
     plan: TrailPlan, objectives: FloatArray, constraints: FloatArray | None
 ) -> Individual:
+    """Return an evaluated individual of pymoo's, which minimises."""
     individual = Individual(X=np.array([plan], dtype=object), F=-objectives)
     if constraints is not None:
         individual.set("G", constraints)

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 from pymoo.algorithms.moo.moead import ParallelMOEAD
+from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 from pymoo.decomposition.tchebicheff import Tchebicheff
 
@@ -97,7 +98,7 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
 
     def _initialize_advance(self, infills: Population, **kwargs: Any) -> None:
         super()._initialize_advance(infills, **kwargs)
-        self._see_ideal()
+        self._update_ideal()
         if len(infills) <= self.pop_size:
             return
         # More plans to start from than weights: each weight takes its best.
@@ -115,20 +116,21 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
         return infills
 
     def _advance(self, infills: Population, **_: Any) -> None:
-        self._see_ideal()
-        for k, child in zip(self.indices, infills, strict=True):
-            self._replace(k, child)
+        self._update_ideal()
+        for weight, child in zip(self.indices, infills, strict=True):
+            self._replace(weight, child)
 
-    def _see_ideal(self) -> None:
+    def _update_ideal(self) -> None:
         """Set the ideal point to that of the archive; pymoo's includes infeasible plans."""
         if len(self.archive):
             self.ideal = -self.archive.objectives.max(axis=0)
 
-    def _replace(self, k: int, off: Any) -> None:
-        near = self.neighbors[k]
+    def _replace(self, weight: int, child: Individual) -> None:
+        """Put a child in the place of each plan of neighbouring weights that is worse than it."""
+        near = self.neighbors[weight]
         rivals, weights = self.pop[near], self.ref_dirs[near]
         values = self.decomposition.do(rivals.get("F"), weights, ideal_point=self.ideal)
-        value = self.decomposition.do(off.F[np.newaxis], weights, ideal_point=self.ideal)
-        violations, violation = rivals.get("CV")[:, 0], off.CV[0]
+        value = self.decomposition.do(child.F[np.newaxis], weights, ideal_point=self.ideal)
+        violations, violation = rivals.get("CV")[:, 0], child.CV[0]
         better = (violation < violations) | ((violation == violations) & (value < values))
-        self.pop[near[better]] = off
+        self.pop[near[better]] = child

@@ -49,11 +49,11 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
     given = {key: plain_value(value) for key, value in parameters.items()}
     effective = {**_attributes(made), **defaults, **_plain(getattr(made, "settings", {})), **given}
     return AlgorithmIdentity(
-        name=_one_name(name),
+        name=_canonical_name(name),
         parameters={
             key: value
             for key, value in parameters.items()
-            if key not in defaults or not _same(plain_value(value), defaults[key])
+            if key not in defaults or not _are_equal(plain_value(value), defaults[key])
         },
         neutral=frozenset(p.name for p in accepted if p.same_result),
         effective={k: value for k, value in effective.items() if value is not NotImplemented},
@@ -80,12 +80,12 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     return {k: NotImplemented if isinstance(v, list) else v for k, v in plain.items()}
 
 
-def _same(value: Any, default: Any) -> bool:
+def _are_equal(value: Any, default: Any) -> bool:
     """Return whether plain values are equal: 1 is 1.0, but True is not 1."""
     return isinstance(value, bool) == isinstance(default, bool) and bool(value == default)
 
 
-def _one_name(name: str) -> str:
+def _canonical_name(name: str) -> str:
     """Return the registered name of an algorithm, or else ``module:Class`` where it is defined."""
     if not is_path(name):
         return name
@@ -112,7 +112,7 @@ def algorithm_origin(
     their versions identify. Modules that the files import are not looked at.
     """
     factory = find_algorithm(name)
-    path = _one_name(name)
+    path = _canonical_name(name)
     parts = [(name, factory)]
     if is_path(path):
         owner = _distribution_of(path.partition(":")[0])
@@ -124,18 +124,20 @@ def algorithm_origin(
         from botohe_moo.operators.wiring import named_operators  # loads all operators
 
         parts += named_operators(parameters or {})
-    origin = _distribution(owner)
+    origin = _name_and_version(owner)
     if problem is not None:
         parts.append((problem, resolve_name(problem)))
-        theirs = _distribution(_distribution_of(problem.partition(":")[0]))
-        origin |= {"problem": problem, **{f"problem_{key}": theirs[key] for key in theirs}}
+        owner = _distribution_of(problem.partition(":")[0])
+        origin |= {"problem": problem, **_name_and_version(owner, "problem_")}
     return {**origin, "source": _source_digest(parts)}
 
 
-def _distribution(owner: metadata.Distribution | None) -> dict[str, str | None]:
+def _name_and_version(
+    owner: metadata.Distribution | None, prefix: str = ""
+) -> dict[str, str | None]:
     return {
-        "package": owner.name if owner else None,
-        "version": owner.version if owner else None,
+        f"{prefix}package": owner.name if owner else None,
+        f"{prefix}version": owner.version if owner else None,
     }
 
 

@@ -155,9 +155,9 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         batch = mission.batch(plans)
         mission.evaluate(batch)  # names what is wrong with plans from elsewhere
         batch = batch[: self._n_left()]
+        self.evaluator.n_eval += len(batch)
         if problem.n_ieq_constr:
             batch = batch.take((problem.constrain_batch(batch) <= 0).all(axis=1))
-        self.evaluator.n_eval += min(len(plans), self._n_left())
         self._search.insert(batch)
         self._advance()
 
@@ -219,6 +219,7 @@ class _SearchArchive(PopulationArchive):
         return super().population()
 
     def _read_plans(self) -> None:
+        """Read the search's plans, unless its front is the same as when they were read."""
         if self._plans_version == self._search.version:
             return
         batch, objectives, numbers = self._search.plans()

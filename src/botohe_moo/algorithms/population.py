@@ -30,6 +30,7 @@ from botohe_moo.algorithms.base import (
     check_problem,
 )
 from botohe_moo.algorithms.individuals import ManyObjectiveArchive, PopulationArchive
+from botohe_moo.operators.base import Mixture
 from botohe_moo.operators.repair import PenaltyOnly, PlanDuplicates, PlanRepair
 from botohe_moo.operators.wiring import (
     DEFAULT_CROSSOVER,
@@ -112,17 +113,15 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     archive: PopulationArchive | ManyObjectiveArchive
     eliminate_duplicates: DuplicateElimination
 
-    # Children of each pair.
-    _n_children = 2
+    _n_children = 2  # of each pair
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         """State the operators' parameters in the signature of a class that takes any."""
         super().__init_subclass__(**kwargs)
         stated = dict(inspect.signature(cls.__init__).parameters)
         if any(parameter.kind is parameter.VAR_KEYWORD for parameter in stated.values()):
-            for name, parameter in inspect.signature(
-                PopulationAlgorithm.__init__
-            ).parameters.items():
+            inherited = inspect.signature(PopulationAlgorithm.__init__).parameters
+            for name, parameter in inherited.items():
                 if parameter.kind is parameter.KEYWORD_ONLY:
                     stated.setdefault(name, parameter)
         shown = [p for name, p in stated.items() if name not in ("self", "arguments")]
@@ -181,19 +180,23 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         super().__init__(**given)
         self.archive = PopulationArchive(1)
         self.repair = made
-        mine, crossing = type(self).__name__, operators["crossover"]
-        if self._n_children == 1 and crossing.n_offsprings != 1:
-            expected = f"a crossover with n_offsprings = 1 for {mine}"
-            raise ValueError(f"Expected {expected}, got {crossing.n_offsprings}.")
-        if getattr(self.mating, "crossover", None) is not crossing:
-            raise ValueError(f"{mine} mates in a way of its own, which trail plans do not have.")
+        self._adapt_mating(operators["crossover"], pymoos)
+        # pymoo's own default looks for convergence in a design space that plans do not have.
+        self.termination = options.get("termination")
+
+    def _adapt_mating(self, crossover: Crossover, pymoos: Iterable[type]) -> None:
+        """Make the mating of pymoo's class work on trail plans; a ValueError says why it cannot."""
+        name = type(self).__name__
+        if self._n_children == 1 and crossover.n_offsprings != 1:
+            expected = f"a crossover with n_offsprings = 1 for {name}"
+            raise ValueError(f"Expected {expected}, got {crossover.n_offsprings}.")
+        if getattr(self.mating, "crossover", None) is not crossover:
+            raise ValueError(f"{name} mates in a way of its own, which trail plans do not have.")
         self.mating.selection = _picklable(self.mating.selection, pymoos)
         if not isinstance(self.eliminate_duplicates, NoDuplicateElimination):
             self.eliminate_duplicates = PlanDuplicates()
             for part in (self.initialization, self.mating):
                 part.eliminate_duplicates = self.eliminate_duplicates
-        # pymoo's own default looks for convergence in a design space that plans do not have.
-        self.termination = options.get("termination")
 
     def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
         """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
@@ -218,10 +221,12 @@ class PopulationAlgorithm(BudgetedAlgorithm):
 
     def _repairs(self) -> list[object]:
         """Return the repairs of all operators, also of those that were given as objects."""
-        operators = (self.mating.crossover, self.mating.mutation)
-        mixtures = [getattr(operator, "mixture", None) for operator in operators]
-        parts = [getattr(m, "parts", (o,)) for m, o in zip(mixtures, operators, strict=True)]
-        return [getattr(part, "plan_repair", None) for found in parts for part in found]
+        found: list[object] = []
+        for operator in (self.mating.crossover, self.mating.mutation):
+            mixture = getattr(operator, "mixture", None)
+            parts = mixture.parts if isinstance(mixture, Mixture) else (operator,)
+            found += [getattr(part, "plan_repair", None) for part in parts]
+        return found
 
     def infill(self) -> Population | None:
         """Return the plans to evaluate next, no more than the budget allows."""

@@ -55,7 +55,7 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     60
     """
     factory = find_algorithm(name)
-    return _made(name, factory, accepted_by(factory), parameters)
+    return _make(name, factory, accepted_by(factory), parameters)
 
 
 def algorithm_faults(
@@ -80,7 +80,7 @@ def algorithm_faults(
         accepted = accepted_by(factory)
         if faults := check_values(accepted, given, plain=plain):
             return faults
-        _made(name, factory, accepted, given)
+        _make(name, factory, accepted, given)
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         return [raised_fault(error, given, source=PLUGINS.source(name))]
     return []
@@ -108,12 +108,13 @@ def describe_algorithm(name: str) -> str:
     return summary_of(find_algorithm(name))
 
 
-def _made(
+def _make(
     name: str,
     factory: Callable[..., Any],
     accepted: tuple[Parameter, ...],
     parameters: Mapping[str, Any],
 ) -> Algorithm:
+    """Call a factory; a ValueError names the algorithm that cannot be made."""
     source, origin = PLUGINS.source(name), PLUGINS.origin(name)
     algorithm = call_factory(source, factory, accepted, parameters, origin=origin)
     if not isinstance(algorithm, Algorithm):

@@ -52,6 +52,7 @@ class PlanCrossover(Crossover):
         self.plan_repair = check_part("repair", repair, PlanRepair, SafestPathRepair)
 
     def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:  # noqa: ARG002
+        """Return how each pair is crossed (n_pairs): ``EXCHANGE`` or ``SPLICE``."""
         return np.full(n_pairs, self._kind, np.int64)
 
     def _do(

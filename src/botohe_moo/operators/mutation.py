@@ -82,6 +82,7 @@ class PlanMutation(Mutation):
         return self.plan_repair.repair_batch(mission, drafts)
 
     def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
+        """Return a changed draft of each plan, in their order; its trails may hold any nodes."""
         raise NotImplementedError
 
     def _do(
@@ -152,6 +153,7 @@ class TrailMoves(PlanMutation):
         moved = PlanBatch._wrap(*trails, plans.n_robots)
         if valid.all():
             return moved
+        # Back in the order of the plans.
         order = np.argsort(np.concatenate([np.flatnonzero(valid), np.flatnonzero(~valid)]))
         return PlanBatch.concatenate([moved, plans.take(~valid)]).take(order)
 

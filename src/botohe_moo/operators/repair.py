@@ -152,7 +152,7 @@ class PenaltyOnly(PlanRepair):
 
     It shows what repairing brings. The problem has to evaluate plans that are not valid:
     ``BOTOHE(mission, allow_invalid=True)``. The algorithms that
-    :func:`~botohe_moo.make_algorithm` wires see to that themselves.
+    :func:`~botohe_moo.make_algorithm` makes of pymoo's classes change the problem themselves.
 
     Examples
     --------

@@ -51,6 +51,7 @@ class PlanSampling(Sampling):
         return plans
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
+        """Return ``n_samples`` valid plans, or more."""
         raise NotImplementedError
 
     def _do(
@@ -99,13 +100,33 @@ class GuidedTrailSampling(PlanSampling):
 
 
 def _walk(problem: BOTOHE, n_samples: int, rng: Rng, *, heuristic: bool) -> PlanBatch:
-    rule = ColonyRule(heuristic=heuristic, pheromone=False)
-    limits = problem.planning_limits
-    colony = Colony(problem.mission, rule, n_ants=n_samples, limits=limits, random_state=rng)
+    """Let ants without pheromone build plans."""
+    colony = Colony(
+        problem.mission,
+        ColonyRule(heuristic=heuristic, pheromone=False),
+        n_ants=n_samples,
+        limits=problem.planning_limits,
+        random_state=rng,
+    )
     return colony.construct(n_samples)
 
 
-class CornerSampling(PlanSampling):
+class _FilledSampling(PlanSampling):
+    """A sampling of few plans, whose ``rest`` is sampled in another way."""
+
+    def __init__(self, rest: PlanSampling | None = None) -> None:
+        super().__init__()
+        self.rest = check_part("rest", rest, PlanSampling, GuidedTrailSampling)
+
+    def _fill(self, plans: PlanBatch, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
+        """Add plans of the rest until there are ``n_samples``."""
+        if len(plans) >= n_samples:
+            return plans
+        others = self.rest.sample_batch(problem, n_samples - len(plans), rng)
+        return PlanBatch.concatenate([plans, others])
+
+
+class CornerSampling(_FilledSampling):
     """The corners of the front: everybody stays home, and the greedy plan for reward alone.
 
     Parameters
@@ -124,28 +145,15 @@ class CornerSampling(PlanSampling):
     [[0.0, 2.0], [9.01, 0.7]]
     """
 
-    def __init__(self, rest: PlanSampling | None = None) -> None:
-        super().__init__()
-        self.rest = check_part("rest", rest, PlanSampling, GuidedTrailSampling)
-
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         mission = problem.mission
         home = mission.stay_home()
         greedy = SequentialPlanner(mission, problem.planning_limits).plan(1.0)
         corners = PlanBatch.from_plans([home, greedy], mission.robots)
-        return _filled(corners[:n_samples], self.rest, problem, n_samples, rng)
+        return self._fill(corners[:n_samples], problem, n_samples, rng)
 
 
-def _filled(
-    plans: PlanBatch, rest: PlanSampling, problem: BOTOHE, n_samples: int, rng: Rng
-) -> PlanBatch:
-    if len(plans) >= n_samples:
-        return plans
-    others = rest.sample_batch(problem, n_samples - len(plans), rng)
-    return PlanBatch.concatenate([plans, others])
-
-
-class GivenSampling(PlanSampling):
+class GivenSampling(_FilledSampling):
     """Given plans, and others where they are too few.
 
     All given plans are used, even if fewer are wanted or they do not keep the limits.
@@ -173,15 +181,14 @@ class GivenSampling(PlanSampling):
     def __init__(
         self, plans: Iterable[TrailPlan] | ObjectArray, rest: PlanSampling | None = None
     ) -> None:
-        super().__init__()
+        super().__init__(rest)
         self.plans = listed_plans(plans)
-        self.rest = check_part("rest", rest, PlanSampling, GuidedTrailSampling)
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         given = problem.mission.batch(self.plans)
         if not problem.allow_invalid:
             problem.mission.evaluate(given)
-        return _filled(given, self.rest, problem, n_samples, rng)
+        return self._fill(given, problem, n_samples, rng)
 
 
 class MixedSampling(PlanSampling):

@@ -125,7 +125,7 @@ def make_operator(kind: str, name: Any, wanted: type, **offered: Any) -> Any:
     """
     factory = find_operator(kind, name)
     try:
-        made = factory(**_taken(factory, offered))
+        made = factory(**_taken_options(factory, offered))
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         found = f"{type(error).__name__}: {error}"
         raise ParameterError(f"{_source(kind, name)}: cannot be made ({found}).", kind) from error
@@ -147,7 +147,7 @@ def _registered(kind: str) -> Iterator[str]:
                 yield name
 
 
-def _taken(factory: Factory, offered: Mapping[str, Any]) -> dict[str, Any]:
+def _taken_options(factory: Factory, offered: Mapping[str, Any]) -> dict[str, Any]:
     """Return the offered parameters that a factory's signature names, or all if it takes any.
 
     Classes that derive from pymoo's only take other parameters under such names: they get ``prob``.
@@ -161,20 +161,22 @@ def _taken(factory: Factory, offered: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in offered.items() if name in names}
 
 
-def _weights(what: str, given: Any, *, needed: str = "") -> dict[str, float]:
+def _weights(kind: str, given: Any, *, needed: str = "") -> dict[str, float]:
     """Return the weights above 0 of operators, given one name or a mapping from names."""
     if isinstance(given, str):
         return {given: 1.0}
-    weights = check_weights(what, given, given, needed=needed)
+    weights = check_weights(kind, given, given, needed=needed)
     for name in weights:  # also of weight 0
-        find_operator(what, name)
+        find_operator(kind, name)
     return {name: weight for name, weight in weights.items() if weight}
 
 
-def _made(what: str, weights: Mapping[str, float], plans: type, **offered: Any) -> dict[Any, float]:
-    """Make one operator, or several of the class ``plans``, the only ones that can be mixed."""
-    wanted = plans if len(weights) > 1 else KINDS[what]
-    return {make_operator(what, name, wanted, **offered): w for name, w in weights.items()}
+def _make_parts(
+    kind: str, weights: Mapping[str, float], mixable: type, **offered: Any
+) -> dict[Any, float]:
+    """Make one operator, or several of the class ``mixable``; return them with their weights."""
+    wanted = mixable if len(weights) > 1 else KINDS[kind]
+    return {make_operator(kind, name, wanted, **offered): w for name, w in weights.items()}
 
 
 def make_repair(given: str | PlanRepair) -> PlanRepair:
@@ -195,11 +197,12 @@ def make_sampling(given: Named | Sampling | Any, *, corners: bool = True) -> Sam
     if not isinstance(given, str | Mapping):
         rest = GuidedTrailSampling()
         return GivenSampling(given, CornerSampling(rest) if corners else rest)
-    made = _made("sampling", _weights("sampling", given, needed="sampling"), PlanSampling)
-    first = next(iter(made))
-    if not isinstance(first, PlanSampling):
+    weights = _weights("sampling", given, needed="sampling")
+    parts = _make_parts("sampling", weights, PlanSampling)
+    first = next(iter(parts))
+    if not isinstance(first, PlanSampling):  # a pymoo sampling, by itself
         return first
-    sampling = MixedSampling(made)
+    sampling = MixedSampling(parts)
     return CornerSampling(sampling) if corners else sampling
 
 
@@ -215,8 +218,8 @@ def make_crossover(
     weights = _weights("crossover", given)
     if not weights.keys() <= BUILT_IN["crossover"].keys():
         offered = {"prob": prob, "repair": repair, "n_offsprings": n_offsprings}
-        made = _made("crossover", weights, Crossover, **offered)
-        return next(iter(made)) if len(made) == 1 else _CrossoverMixture(made, prob=prob)
+        parts = _make_parts("crossover", weights, Crossover, **offered)
+        return next(iter(parts)) if len(parts) == 1 else _CrossoverMixture(parts, prob=prob)
     total = sum(weights.values())
     return MixedCrossover(
         prob_splice=weights.get("splice", 0.0) / total if total else 0.0,
@@ -231,9 +234,9 @@ def make_mutation(given: Named | Mutation, *, prob: float, repair: PlanRepair) -
     if isinstance(given, Mutation):
         return given
     weights = _weights("mutation", given, needed="mutation")
-    made = _made("mutation", weights, PlanMutation, prob=prob, repair=repair)
-    first = next(iter(made))
-    return MixedMutation(made, prob=prob) if isinstance(first, PlanMutation) else first
+    parts = _make_parts("mutation", weights, PlanMutation, prob=prob, repair=repair)
+    first = next(iter(parts))
+    return MixedMutation(parts, prob=prob) if isinstance(first, PlanMutation) else first
 
 
 class _CrossoverMixture(Crossover):

@@ -141,6 +141,7 @@ def _join(states: States, bits: OffsetArray, gains: FloatArray, chances: FloatAr
 
 
 def _spend(max_outcomes: int, n_joint: int) -> int:
+    """Return what is left of the outcomes that are allowed, or raise a TooManyOutcomesError."""
     if n_joint > max_outcomes:
         raise TooManyOutcomesError
     return max_outcomes - n_joint

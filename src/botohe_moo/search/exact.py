@@ -35,15 +35,16 @@ MemoryLimit: TypeAlias = Annotated[float, Field(gt=0, le=1e9)]  # MiB
 
 _MIB = 2**20
 _FRONT_ROWS = 1024  # rows of the front at first
-# How much is done before limits are checked again: labels extended, nodes and arcs visited for
+# Portions of work, after which limits are checked: labels extended, nodes and arcs visited for
 # them, and choices of trails tried.
 _LABELS_A_PORTION, _LOOKS_A_PORTION, _CHOICES_A_PORTION = 1_000, 3_000_000, 500_000
 # With more labels than this, the size of the search is estimated before it goes on.
-_UNESTIMATED = 10_000
-# By what factor the estimate has to exceed the limits: it compares few labels, and has been up to
-# 4 500 times too large. Searches make 20 000 to 100 000 labels a second.
-_DOUBT, _LABELS_A_SECOND = 10_000, 50_000
-# For the plans that the search begins with: weights, plans for each, and beams.
+_ESTIMATED_FROM = 10_000
+# The search is refused where the estimate exceeds the limits by this factor: it compares few
+# labels, and has been up to 4 500 times too large.
+_MOST_EXCESS = 10_000
+_LABELS_A_SECOND = 50_000  # searches have made 20 000 to 100 000
+# Of the plans that the search begins with: weights, plans for each of them, and beams.
 _N_GUIDES, _MOST_GUIDES, _GUIDE_WIDTH, _GUIDE_LABELS = 11, 20, 20, 5_000
 # In shares of all reward and of all robots: a plan has to be better by more than the first to
 # count, and points of the front that differ by less than the second are one.
@@ -162,7 +163,7 @@ class FrontSearch:
         self._estimated = False
 
     def advance(self) -> None:
-        """Do a portion of the work; raise a ``TooLargeError`` as ``exact_front`` does."""
+        """Do a portion of the work; raise a TooLargeError as :func:`exact_front` does."""
         _compile_kernels()
         self._advance()
 
@@ -178,10 +179,10 @@ class FrontSearch:
             self._advance_teams(self._trails, self._choices)
         self._spent += time.perf_counter() - begun
         if self.plans is None and self._spent > self.time_limit:
-            raise self._beyond(f"time_limit = {self.time_limit:g} seconds")
+            raise self._limit_error(f"time_limit = {self.time_limit:g} seconds")
 
     def _guiding_plans(self) -> list[TrailPlan]:
-        """Return good plans to begin with: the search need not find what they are as good as."""
+        """Return good plans, within the limits; the search leaves out what they dominate."""
         planner = SequentialPlanner(
             self.mission, self.limits, beam_width=_GUIDE_WIDTH, max_labels=_GUIDE_LABELS
         )
@@ -198,7 +199,7 @@ class FrontSearch:
 
     def _advance_trails(self, trails: TrailSearch) -> None:
         self._require(0)
-        if not self._estimated and trails.n_labels > _UNESTIMATED:
+        if not self._estimated and trails.n_labels > _ESTIMATED_FROM:
             self._estimated = True
             self._refuse_by_estimate(trails)
         n_looks = _LOOKS_A_PORTION // (trails.graph.n_nodes + trails.graph.n_arcs)
@@ -206,11 +207,12 @@ class FrontSearch:
             self._begin_teams(trails)
 
     def _refuse_by_estimate(self, trails: TrailSearch) -> None:
+        """Raise a TooLargeError where the search would exceed its limits by far."""
         n_bytes = self.memory_limit * _MIB
         room = min(n_bytes / (1.5 * trails.n_label_bytes), self.time_limit * _LABELS_A_SECOND)
-        if (estimate := trails.estimate(int(n_bytes / 4))) > _DOUBT * room:
+        if (estimate := trails.estimate(int(n_bytes / 4))) > _MOST_EXCESS * room:
             raise TooLargeError(
-                f"{self._name()} is too large: the exact front would take up to about "
+                f"{self._mission_text()} is too large: the exact front would take up to about "
                 f"{estimate:.0e} partial trails, and time_limit = {self.time_limit:g} seconds and "
                 f"memory_limit = {self.memory_limit:g} MiB allow about {room:.0e}. {_REMEDY}"
             )
@@ -239,8 +241,9 @@ class FrontSearch:
         return [(r, sum(s for s, _ in t)) for r, t in zip(rewards, followed, strict=True)]
 
     def _advance_teams(self, trails: TrailSearch, choices: teams.Choices) -> None:
-        given = choices, self._front, self._turn
-        state = teams.choose_teams(*given, _CHOICES_A_PORTION, most_reward=False)
+        state = teams.choose_teams(
+            choices, self._front, self._turn, _CHOICES_A_PORTION, most_reward=False
+        )
         if state == teams.FULL:
             self._require(2 * tables.n_bytes(self._front))
             slots, _ = read_front(self._front)
@@ -276,9 +279,9 @@ class FrontSearch:
         if self._choices is not None:
             taken += tables.n_bytes(self._choices) + tables.n_bytes(self._front)
         if taken + n_bytes > self.memory_limit * _MIB:
-            raise self._beyond(f"memory_limit = {self.memory_limit:g} MiB")
+            raise self._limit_error(f"memory_limit = {self.memory_limit:g} MiB")
 
-    def _beyond(self, limit: str) -> TooLargeError:
+    def _limit_error(self, limit: str) -> TooLargeError:
         n_done, n, what = 0, 0, "partial trails found so far"
         if self._choices is not None:
             n_done, n = int(self._choices.at[0]), int(self._choices.n_listed[0])
@@ -286,12 +289,11 @@ class FrontSearch:
         elif self._trails is not None:
             n_done, n = self._trails.n_done, self._trails.n_labels
         return TooLargeError(
-            f"{self._name()}: the exact front was not found within {limit}. The search had tried "
-            f"{n_done} of {n} {what}. {_REMEDY}"
+            f"{self._mission_text()}: the exact front was not found within {limit}. The search had "
+            f"tried {n_done} of {n} {what}. {_REMEDY}"
         )
 
-    def _name(self) -> str:
-        mission = self.mission
+    def _mission_text(self) -> str:
+        mission, graph = self.mission, self.mission.arrays
         robots = "1 robot" if mission.robots == 1 else f"{mission.robots} robots"
-        n_nodes, n_arcs = len(mission.nodes), mission.arrays.n_arcs
-        return f"Mission {mission.name!r} ({n_nodes} nodes, {n_arcs} arcs, {robots})"
+        return f"Mission {mission.name!r} ({graph.n_nodes} nodes, {graph.n_arcs} arcs, {robots})"

@@ -43,6 +43,7 @@ class TrailSearch:
         self._n_tidy = self.n_trails
 
     def _add_known(self) -> None:
+        """Put known trails into the table; their labels are −1, −2, ... in the order given."""
         others, n = tables.new_trails(_ROWS, self._trails.reached.shape[1]), 0
         for n, trail in enumerate(self._known[:_ROWS], 1):
             survives, reached = self.follow(trail)
@@ -106,8 +107,9 @@ class TrailSearch:
 
     @property
     def _search(self) -> tables.LabelSearch:
-        known = self._labels, self._trails, self._progress
-        return tables.LabelSearch(self.graph, self.rule, *known, self._current)
+        return tables.LabelSearch(
+            self.graph, self.rule, self._labels, self._trails, self._progress, self._current
+        )
 
     def _tidy(self) -> None:
         """Sort the trails by descending survival, without those that another is as good as."""
@@ -208,6 +210,7 @@ class TrailSearch:
 
 
 def _rule_of(graph: Graph, single: bool, limits: Limits) -> tables.LabelRule:
+    """Return what decides about trails: nodes with a reward are goals, but not the base."""
     is_goal = (graph.reward > 0) & (np.arange(graph.n_nodes) != graph.base)
     keys, budget = hash_keys(2 * graph.n_nodes), new_budget(graph, limits)
     return tables.LabelRule(

@@ -150,6 +150,7 @@ class SequentialPlanner:
         return [self._team(trails[:n]) for n in n_moving] or [self._team([])]
 
     def _team(self, trails: list[list[int]]) -> TrailPlan:
+        """Return the plan in which the other robots stay at base."""
         staying = [[self.mission.arrays.base]] * (self.mission.robots - len(trails))
         return TrailPlan(trails + staying)
 
@@ -172,9 +173,15 @@ class SequentialPlanner:
         for _ in range(mission.robots):
             if time.perf_counter() > until:
                 break
-            worth = share * unreached
-            width, n_labels = self.beam_width, self._max_labels
-            rule = BeamRule(worth, danger, survival_weight, least, budget, width, n_labels)
+            rule = BeamRule(
+                worth=share * unreached,
+                danger=danger,
+                survival_weight=survival_weight,
+                least=least,
+                budget=budget,
+                width=self.beam_width,
+                max_labels=self._max_labels,
+            )
             arcs, _, _ = best_trail(graph, self._near, rule, beam)
             if len(arcs) == 0:  # nor will later robots leave
                 break

@@ -102,6 +102,7 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
 
     It is taken for an algorithm where it does not say, and where both have the name.
     """
+    # Imported when they are needed, as below: pymoo takes long to load, and missions do without.
     from botohe_moo._plugins.entry_points import is_path, says_it_makes
     from botohe_moo.algorithms.registry import PLUGINS
     from botohe_moo.mission.library import mission_names

@@ -77,7 +77,7 @@ class Watched(BOTOHE):
         self.seen: list[tuple[TrailPlan, list[float], bool]] = []
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
-        """Evaluate as ever."""
+        """Evaluate plans, and remember them."""
         F = super().evaluate_batch(batch)
         feasible = np.asarray((self.constrain_batch(batch) <= 0).all(axis=1)).tolist()
         self.seen += zip(batch, (-F).tolist(), feasible, strict=True)
@@ -88,19 +88,19 @@ class Watched(BOTOHE):
 
 
 class Counted(Mission):
-    """Counts all plans that are evaluated, whoever asks for it."""
+    """Counts all plans that are evaluated."""
 
     n_evaluated = 0
 
     def evaluate(self, plans: Any) -> FloatArray:
-        """Evaluate as ever."""
+        """Evaluate plans, and count them."""
         values = super().evaluate(plans)
         self.n_evaluated += len(values)
         return values
 
 
 class Halved(BOTOHE):
-    """Another objective: half of E[R]."""
+    """A problem with another objective: half of E[R]."""
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
         """Halve E[R]."""
@@ -117,7 +117,8 @@ def run(
 ) -> Run:
     """Run an algorithm until its budget is spent, as pymoo's ``minimize`` does.
 
-    ``after`` each generation, whose number it is given, it may give another algorithm to go on.
+    ``after`` is called with the number of each generation and the algorithm. It may return another
+    algorithm, with which the run goes on.
     """
     algorithm.setup(problem, termination=("n_eval", evaluations), seed=seed)
     n, idle, spent, fronts = 0, 0, 0, []
@@ -160,7 +161,7 @@ def refuses(algorithm: Algorithm, problem: BOTOHE) -> bool:
 
 
 def revived(thing: Any) -> Any:
-    """Pickle, and unpickle."""
+    """Return a copy of something that has been pickled and unpickled."""
     return pickle.loads(pickle.dumps(thing))
 
 

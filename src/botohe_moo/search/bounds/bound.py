@@ -117,7 +117,7 @@ def bound_front(
     proof.known.add(known)
     try:
         if not proof.find_front():
-            proof.find()
+            proof.find_lines_and_steps()
     except KeyboardInterrupt:
         pass
     bound = proof.bound()

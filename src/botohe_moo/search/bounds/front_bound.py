@@ -278,6 +278,7 @@ class FrontBound:
 
 
 def _without_nan(survivors: ArrayLike) -> FloatArray:
+    """Convert survivors to an array; a ValueError names what is not a number."""
     try:
         given = np.asarray(survivors, np.float64)
     except (TypeError, ValueError):

@@ -9,26 +9,36 @@ from functools import cached_property
 import numpy as np
 
 from botohe_moo.search.bounds.envelopes import lower_envelope
-from botohe_moo.search.bounds.master import Master, Pool
+from botohe_moo.search.bounds.master import Master
+from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import PricedTeam, Prices
 from botohe_moo.search.bounds.record import Line, LineProof
 from botohe_moo.search.bounds.relaxation import Ahead, Relaxation
 
+# As in ``proof``, these constants were chosen by experiment, and every line is valid whatever they
+# are.
+
 # Levels of relaxed trails, at least; a depth-first search has twice as many.
 LEVELS = 24
-_SMOOTHING = 0.5  # how far prices go from the best known ones to those of the linear programme
-_TOLERANCE = 2e-4  # of the bound: how near to the programme's value a line has to come
-_MOST_RELAXED, _MOST_EXACT = 60, 40  # prices that are tried, by relaxed trails and by search
+# How near to the programme's value a line has to come, in shares of the bound: by relaxed trails,
+# and by search.
+_RELAXED_TOLERANCE, _SEARCH_TOLERANCE = 1e-3, 2e-4
+_MOST_RELAXED = 60  # prices that are tried by relaxed trails
+_MOST_SEARCHED = 40  # prices that are tried by search
+# How far prices go from the best known ones to those of the linear programme: at first, and at
+# least where searches do not end.
+_SMOOTHING, _LEAST_SMOOTHING = 0.5, 0.02
 _MOST_STEPS = 200_000  # of a depth-first search, for each unit of effort
-_EPSILON = float(np.finfo(float).eps)
+_FIRST_STEPS = 10  # the first depth-first search has this many times as many
 _SAMPLES = 200  # of survival, where lines are compared
 _NEW = 1e-6  # by how much a new trail has to be worth more than the known ones
+_EPSILON = float(np.finfo(float).eps)
 
 
 class Lines:
     """All lines for a number of moving robots.
 
-    ``others`` are those for other numbers of robots: prices give a line for each of them.
+    ``others`` are the lines for other numbers of robots: prices give a line to each of them.
     """
 
     def __init__(
@@ -37,6 +47,7 @@ class Lines:
         self.relaxation, self.pool = relaxation, pool
         self.n_robots, self.base_reward = n_robots, base_reward
         graph = relaxation.net.graph
+        # As if every robot reached each node along the safest way.
         missed = (1.0 - np.minimum(relaxation.net.reach * (1.0 + 1e-12), 1.0)) ** n_robots
         everything = float((graph.reward * (1.0 - missed)).sum())
         # Each line with the prices that gave it, if any did.
@@ -64,6 +75,7 @@ class Lines:
         return self._made
 
     def _line(self, most: float, mu: float, proof: LineProof) -> Line:
+        """Return a line that is raised by what rounding may have taken from sums over nodes."""
         n_terms = self.relaxation.net.graph.n_nodes + 8
         scale = self.relaxation.total + self.base_reward + abs(most) + mu
         spare = n_terms * _EPSILON * scale
@@ -107,7 +119,7 @@ class Lines:
         is_exact = self._by_search(x, prices, effort, deadline)
         if is_exact or time.monotonic() > deadline:
             return False
-        if not self.relaxation.remember([walk for walk in used if walk is not None]):
+        if not self.relaxation.remember([trail for trail in used if trail is not None]):
             return False
         self.drop_forbidden()
         return True
@@ -134,11 +146,11 @@ class Lines:
             least, wanted, theta = self._master.solve(pool, x, deadline)
             least += self.base_reward
             bound = min(value, self.bound(x))
-            if bound - least < 5 * _TOLERANCE * bound or time.monotonic() > deadline:
+            if bound - least < _RELAXED_TOLERANCE * bound or time.monotonic() > deadline:
                 break
             prices = self._tidied(wanted if best is None else best.towards(wanted, step))
             ahead = self.look_ahead(prices, LEVELS)
-            reached = self._keep(prices, ahead.most, "relaxed", deadline) - prices.mu * x
+            reached = self._keep_all(prices, ahead.most, "relaxed", deadline) - prices.mu * x
             added = [pool.add(*trail) for trail in self.relaxation.best_trails(ahead)]
             if reached < value:
                 best, value = prices, reached
@@ -155,35 +167,35 @@ class Lines:
         """
         pool, value, step, is_exact = self.pool, np.inf, 0.0, False
         self._master.allow_relaxed(pool, allowed=False)
-        for i in range(_MOST_EXACT):
+        for i in range(_MOST_SEARCHED):
             least, wanted, theta = self._master.solve(pool, x, deadline)
             least += self.base_reward
             bound = self.bound(x)
-            if bound - least < _TOLERANCE * bound or time.monotonic() > deadline:
+            if bound - least < _SEARCH_TOLERANCE * bound or time.monotonic() > deadline:
                 break
             prices = self._tidied(best.towards(wanted, step))
             ahead = self.look_ahead(prices, 2 * LEVELS)
             worth = pool.values(prices)[~pool.is_relaxed]
             at_least = max(0.0, float(worth.max(initial=0.0))) + 1e-9
-            n_most = _MOST_STEPS * effort * (1 if i else 10)
+            n_most = _MOST_STEPS * effort * (1 if i else _FIRST_STEPS)
             ended, most, arcs = self.relaxation.search(ahead, at_least, n_most)
             number, is_new = pool.add(arcs) if arcs else (-1, False)
             proof: LineProof = "exact" if ended else "relaxed"
             theta_proved = min(most, ahead.most) if ended else ahead.most
-            reached = self._keep(prices, theta_proved, proof, deadline) - prices.mu * x
+            reached = self._keep_all(prices, theta_proved, proof, deadline) - prices.mu * x
+            if i == 0 and not ended:
+                break
             if i == 0:
-                value, is_exact, step = reached, ended, _SMOOTHING
-                if not ended:
-                    break
+                value, is_exact, step = reached, True, _SMOOTHING
             elif not ended:
                 step /= 3
-                if step < 0.02:
+                if step < _LEAST_SMOOTHING:
                     break
             else:
                 if reached < value:
                     best, value = prices, reached
                 if not self._exceeds(number, is_new, wanted, theta):
-                    if step > 0.99:
+                    if step == 1.0:
                         break
                     step = min(1.0, 2 * step)
         return is_exact
@@ -192,7 +204,7 @@ class Lines:
         """Return whether a trail of the pool is new, and worth more than the programme knew."""
         return is_new and self.pool.value(number, prices) > theta + _NEW
 
-    def _keep(self, prices: Prices, theta: float, proof: LineProof, deadline: float) -> float:
+    def _keep_all(self, prices: Prices, theta: float, proof: LineProof, deadline: float) -> float:
         """Keep the line of prices, also for other numbers of robots while there is time."""
         for lines in self.others:
             if time.monotonic() > deadline:
@@ -203,7 +215,7 @@ class Lines:
     def keep(self, prices: Prices, theta: float, proof: LineProof) -> float:
         """Keep the line of prices at which no trail is worth more than ``theta``.
 
-        Returns where the line begins.
+        Returns the E[R] at which the line begins.
         """
         beside = float(self.team.most(prices.visits).sum())
         line = self._line(beside + self.n_robots * theta, prices.mu, proof)

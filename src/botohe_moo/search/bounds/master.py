@@ -1,144 +1,19 @@
-"""The linear programme that sets prices, and the trails that it knows."""
+"""The linear programme that sets prices."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
-from botohe_moo.kernels.bounds.states import ROUNDING, Net
+from botohe_moo._base.types import FloatArray
+from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import PricedTeam, Prices
 
 _CUT = 1e-7  # by how much a row has to be violated to be added
-_CUTS_AT_ONCE = 8
-_MOST_MU = 20.0  # in total rewards
-
-
-class Visits(NamedTuple):
-    """A trail as a row of a linear programme: it is worth ``weights`` · prices + mu · survival."""
-
-    columns: OffsetArray  # of prices (n_nodes × n_levels), level 0 left out
-    weights: FloatArray
-    survival: float
-
-
-class Pool:
-    """Known trails and relaxed trails, each once; relaxed ones may be dropped."""
-
-    def __init__(self, net: Net, nodes: OffsetArray, n_levels: int) -> None:
-        self._net, self.nodes, self.n_levels = net, nodes, n_levels
-        self._row = np.full(net.graph.n_nodes, -1)
-        self._row[nodes] = np.arange(len(nodes))
-        self._n_columns = len(nodes) * n_levels
-        self._known: dict[bytes, int] = {}
-        self._matrix: Any = None
-        self.visits: list[Visits] = []
-        # The arcs of relaxed trails, and which of these pay; None for trails.
-        self.relaxed: list[tuple[list[int], list[bool]] | None] = []
-        self.dropped: list[bool] = []
-
-    def __len__(self) -> int:
-        return len(self.visits)
-
-    def add(self, arcs: list[int], paid: list[bool] | None = None) -> tuple[int, bool]:
-        """Add a trail, or a relaxed one with the visits that pay.
-
-        Returns its number, and whether it is new. A relaxed trail is a trail if it comes home
-        within the limits, no node pays twice and no arc is taken twice.
-        """
-        net, graph = self._net, self._net.graph
-        alive, seen, at = 1.0, {graph.base}, []
-        for i, arc in enumerate(arcs):
-            alive *= graph.survival[arc]
-            node = int(graph.head[arc])
-            if node not in seen if paid is None else paid[i]:
-                at.append((node, alive))
-            seen.add(node)
-        visited = [node for node, _ in at]
-        is_trail = len({*visited}) == len(visited) and len({*arcs}) == len(arcs)
-        is_trail = is_trail and graph.head[arcs[-1]] == graph.base
-        is_trail = is_trail and alive >= net.min_survival * (1.0 - ROUNDING)
-        is_trail = is_trail and graph.length[arcs].sum() * (1.0 - ROUNDING) <= net.max_length
-        visits = self._visits(at, alive)
-        key = visits.columns.tobytes() + visits.weights.round(10).tobytes()
-        key += np.round(alive, 12).tobytes()
-        number = self._known.get(key, -1)
-        how = None if is_trail or paid is None else (arcs, paid)
-        if number >= 0:
-            is_new = self.dropped[number]
-            self.dropped[number] = False
-            if how is None:
-                self.relaxed[number] = None
-            return number, is_new
-        self._known[key] = len(self)
-        self.visits.append(visits)
-        self.relaxed.append(how)
-        self.dropped.append(False)
-        self._matrix = None
-        return len(self) - 1, True
-
-    def _visits(self, at: list[tuple[int, float]], survival: float) -> Visits:
-        weights: dict[int, float] = {}
-        for node, alive in at:
-            row = self._row[node]
-            if row < 0:
-                continue
-            level = min(alive / self._net.reach[node], 1.0) * self.n_levels
-            low = min(int(level), self.n_levels - 1)
-            for one, weight in ((low, low + 1 - level), (low + 1, level - low)):
-                if one > 0 and weight > 0.0:
-                    column = int(row * self.n_levels + one - 1)
-                    weights[column] = weights.get(column, 0.0) + weight
-        columns = np.array(sorted(weights), np.int64)
-        return Visits(columns, np.array([weights[c] for c in columns.tolist()]), survival)
-
-    def value(self, number: int, prices: Prices) -> float:
-        """Return what one trail is worth."""
-        visits = self.visits[number]
-        worth = visits.weights @ prices.visits[:, 1:].ravel()[visits.columns]
-        return float(worth + prices.mu * visits.survival)
-
-    def values(self, prices: Prices) -> FloatArray:
-        """Return what trails are worth (n), −inf for those that are dropped."""
-        from scipy.sparse import csr_array
-
-        if not self.visits:
-            return np.empty(0)
-        if self._matrix is None:
-            first = np.cumsum([0, *(len(visits.columns) for visits in self.visits)])
-            columns = np.concatenate([visits.columns for visits in self.visits])
-            weights = np.concatenate([visits.weights for visits in self.visits])
-            shape = (len(self), self._n_columns)
-            self._matrix = csr_array((weights, columns, first), shape=shape)
-            self._survival = self.survival
-        paid = prices.visits[:, 1:].ravel()
-        worth: FloatArray = self._matrix @ paid + prices.mu * self._survival
-        worth[np.array(self.dropped)] = -np.inf
-        return worth
-
-    @property
-    def is_relaxed(self) -> BoolArray:
-        """Which of them are relaxed trails only (n)."""
-        return np.array([how is not None for how in self.relaxed], bool)
-
-    @property
-    def survival(self) -> FloatArray:
-        """The probabilities to come home (n)."""
-        return np.array([visits.survival for visits in self.visits])
-
-    def drop_forbidden(self, allows: Callable[[list[int], list[bool]], bool]) -> list[int]:
-        """Drop relaxed trails that are not allowed any more; return their numbers."""
-        found = [
-            number
-            for number, how in enumerate(self.relaxed)
-            if how is not None and not self.dropped[number] and not allows(*how)
-        ]
-        for number in found:
-            self.dropped[number] = True
-        return found
+_CUTS_AT_ONCE = 8  # trails that are added before the programme is solved again, by experiment
+_MOST_MU = 20.0  # the highest price of survival, in total rewards: it keeps the programme bounded
 
 
 class Master:
@@ -177,21 +52,29 @@ class Master:
         self._lp.changeColsCost(len(cost), np.arange(len(cost), dtype=np.int32), cost)
         self._n_rows = 0
         for node in range(n_nodes):
-            first = node * n_levels
-            for level in range(1, n_levels):
-                columns = [first + level, first + level - 1, first + level - 2]
-                used = 3 if level > 1 else 2
-                self._add(0.0, columns[:used], [1.0, -2.0, 1.0][:used])
-            steepest = team.reward[node] * team.alive[node, 1]
-            last = first + n_levels - 1
-            used = 2 if n_levels > 1 else 1
-            self._add(-steepest, [last, last - 1][:used], [-1.0, 1.0][:used])
+            self._shape_prices(node)
         self._last = np.zeros(self._mu + 1)
         self._configurations: set[tuple[int, int]] = set()
         # The row of each trail of the pool, and of those relaxed ones that do not count at present.
         self._rows: dict[int, int] = {}
         self._unused: dict[int, int] = {}
         self._only_trails = False
+
+    def _shape_prices(self, node: int) -> None:
+        """Keep a node's prices convex, and their steepest rise at most the reward it brings.
+
+        Level l has column ``first`` + l − 1; level 0, where the price is 0, has none.
+        """
+        team, n_levels = self.team, self.team.n_levels
+        first = node * n_levels
+        for level in range(1, n_levels):
+            columns = [first + level, first + level - 1, first + level - 2]
+            used = 3 if level > 1 else 2
+            self._add(0.0, columns[:used], [1.0, -2.0, 1.0][:used])
+        steepest = team.reward[node] * team.alive[node, 1]
+        last = first + n_levels - 1
+        used = 2 if n_levels > 1 else 1
+        self._add(-steepest, [last, last - 1][:used], [-1.0, 1.0][:used])
 
     def solve(self, pool: Pool, x: float, deadline: float) -> tuple[float, Prices, float]:
         """Return the least bound over known trails, its prices, and theta.
@@ -206,7 +89,7 @@ class Master:
             found = np.array(self._lp.getSolution().col_value)
             if found.shape == self._last.shape and np.isfinite(found).all():
                 self._last = np.clip(found, 0.0, self._upper)
-            solution = self._last  # the one before, where HiGHS has found none
+            solution = self._last  # the previous one, where HiGHS has found none
             visits = np.zeros((len(self.team.nodes), self.team.n_levels + 1))
             visits[:, 1:] = solution[: self._n_prices].reshape(visits[:, 1:].shape)
             prices, theta = Prices(visits, float(solution[self._mu])), float(solution[self._theta])
@@ -226,6 +109,7 @@ class Master:
         return [int(i) for i in numbers[order[used[order] > _CUT]]]
 
     def _cut_configurations(self, prices: FloatArray, solution: FloatArray) -> int:
+        """Add the worst violated configuration of each node; return how many rows are new."""
         left = self.team.beside(prices)
         worst = left.argmax(axis=1)
         over = left[np.arange(len(left)), worst] - solution[self._n_prices : self._theta]
@@ -243,6 +127,7 @@ class Master:
         return n
 
     def _cut_trails(self, pool: Pool, prices: Prices, theta: float) -> int:
+        """Add the trails that are worth the most above theta; return how many rows are new."""
         worth = pool.values(prices)
         if self._only_trails:
             worth[pool.is_relaxed] = -np.inf
@@ -250,7 +135,7 @@ class Master:
         for i in np.argsort(-worth)[:_CUTS_AT_ONCE].tolist():
             if worth[i] > theta + _CUT and i not in self._rows:
                 n += 1
-                if i in self._unused:  # it has turned out to be a trail
+                if i in self._unused:  # a relaxed trail that has turned out to be a trail
                     self._restore(i)
                     continue
                 self._rows[i], visits = self._n_rows, pool.visits[i]
@@ -259,6 +144,7 @@ class Master:
         return n
 
     def _add(self, least: float, columns: list[int], weights: list[float]) -> None:
+        """Add a row: the weighted sum of some columns is at least ``least``."""
         indices = np.array(columns, np.int32)
         self._lp.addRow(least, self._inf, len(columns), indices, np.array(weights))
         self._n_rows += 1

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,10 +17,18 @@ from botohe_moo.kernels.beam.prospects import find_near
 from botohe_moo.kernels.bounds.states import NEVER, NONE, Memory, Net
 from botohe_moo.search.bounds.net import Piece, pieces_of
 
-# Bridges that a node chooses from, and how many pieces nearer to the base they are looked for.
-_MOST_GATES, _MOST_UP = 256, 64
+# Bridges that a node chooses from, and how many pieces nearer to the base they are looked for: more
+# than a node can remember.
+_MOST_BRIDGES, _MOST_UP = 256, 64
 # By what share survivals of ways are raised: paths are compared by sums of rounded logarithms.
 _ABOVE = 1e-9
+
+
+class RelaxedTrail(NamedTuple):
+    """A trail that may repeat what it has forgotten."""
+
+    arcs: list[int]
+    paid: list[bool]  # whether the visit at the head of each arc pays
 
 
 class Remembered:
@@ -35,8 +44,8 @@ class Remembered:
         self.net = net
         self.bits: list[list[int]] = [[] for _ in range(graph.n_nodes)]
         self.between: FloatArray | None = None
-        self._next: list[list[int]] = [[] for _ in range(graph.n_nodes)]
-        self._backs: dict[int, int] = {}
+        self._rewards: list[list[int]] = [[] for _ in range(graph.n_nodes)]  # the nearest first
+        self._backs: dict[int, int] = {}  # the arc into a piece, by the arc back over its bridge
         if n_bits == 0:
             return
         pieces = pieces_of(graph)
@@ -51,17 +60,17 @@ class Remembered:
         for number, piece in enumerate(pieces[1:], 1):
             hanging[piece.above].append(number)
         for number, piece in enumerate(pieces):
-            gates = _gates_around(pieces, hanging, number)
+            around = [pieces[i] for i in _pieces_around(pieces, hanging, number)]
             for node in piece.nodes:
-                rewards, ways = self._nearest(node, pays, [pieces[gate] for gate in gates])
+                rewards, ways = self._nearest(node, pays, around)
                 bits = rewards[:nearest] + [graph.n_nodes + way.arc for way in ways]
                 self.bits[node] = bits[:n_bits]
-                self._next[node] = rewards
+                self._rewards[node] = rewards
 
     def widen(self, n_bits: int) -> None:
         """Add the next nearest rewards to nodes that remember fewer than ``n_bits``."""
         self.bits = [list(bits) for bits in self.bits]
-        for bits, rewards in zip(self.bits, self._next, strict=True):
+        for bits, rewards in zip(self.bits, self._rewards, strict=True):
             more = [reward for reward in rewards if reward not in bits]
             bits += more[: max(0, n_bits - len(bits))]
 
@@ -116,15 +125,15 @@ class Remembered:
         n_bits = np.array([len(bits) for bits in self.bits])
         return Memory(n_bits, np.array(first_kept), pairs, adds, unpaid, barred)
 
-    def forgets(self, arcs: Sequence[int], paid: Sequence[bool]) -> list[tuple[int, list[int]]]:
+    def forgets(self, trail: RelaxedTrail) -> list[tuple[int, list[int]]]:
         """Return what a relaxed trail does twice: bits, each with the nodes that lack it.
 
         These are nodes between the first time and the second. Bits with the fewest come first.
         """
         graph = self.net.graph
-        nodes = [graph.base, *graph.head[list(arcs)].tolist()]
+        nodes = [graph.base, *graph.head[trail.arcs].tolist()]
         times: dict[int, list[int]] = {}
-        for step, (arc, pays) in enumerate(zip(arcs, paid, strict=True), 1):
+        for step, (arc, pays) in enumerate(zip(*trail, strict=True), 1):
             times.setdefault(graph.n_nodes + arc, []).append(step)
             if pays:
                 times.setdefault(nodes[step], []).append(step)
@@ -146,7 +155,7 @@ def _best_between(net: Net) -> FloatArray:
     return np.minimum(between * (1.0 + _ABOVE) + np.finfo(float).tiny, 1.0)
 
 
-def _gates_around(pieces: list[Piece], hanging: list[list[int]], number: int) -> list[int]:
+def _pieces_around(pieces: list[Piece], hanging: list[list[int]], number: int) -> list[int]:
     """Return the pieces that a trail may enter next, or on its way to the base.
 
     These hang on the piece itself, or on one of the pieces above it.
@@ -154,8 +163,8 @@ def _gates_around(pieces: list[Piece], hanging: list[list[int]], number: int) ->
     found: list[int] = []
     came_from = -1
     for _ in range(_MOST_UP):
-        found += [piece for piece in hanging[number] if piece != came_from][:_MOST_GATES]
+        found += [piece for piece in hanging[number] if piece != came_from][:_MOST_BRIDGES]
         came_from, number = number, pieces[number].above
-        if number < 0 or len(found) > _MOST_GATES:
+        if number < 0 or len(found) > _MOST_BRIDGES:
             break
-    return found[:_MOST_GATES]
+    return found[:_MOST_BRIDGES]

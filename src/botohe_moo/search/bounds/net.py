@@ -52,16 +52,11 @@ def new_net(graph: Graph, limits: Limits) -> Net:
 
 def pieces_of(graph: Graph) -> list[Piece]:
     """Return the pieces between bridges, each after the one above it; the base's comes first."""
-    ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
-    arcs = {pair: arc for arc, pair in enumerate(ends)}
+    arcs = arcs_by_ends(graph)
     undirected: nx.Graph[int] = nx.Graph(arcs.keys())
     undirected.add_node(graph.base)
-    bridges: list[tuple[int, int]] = list(nx.bridges(undirected))  # type: ignore[arg-type]
-    undirected.remove_edges_from(bridges)
-    between: dict[int, list[int]] = {}
-    for one, other in bridges:
-        between.setdefault(one, []).append(other)
-        between.setdefault(other, []).append(one)
+    bridges: nx.Graph[int] = nx.Graph(nx.bridges(undirected))  # type: ignore[arg-type]
+    undirected.remove_edges_from(bridges.edges)
     found: list[Piece] = []
     # The node where each piece is entered, the piece above, and the gate.
     entrances = [(graph.base, -1, -1)]
@@ -69,10 +64,16 @@ def pieces_of(graph: Graph) -> list[Piece]:
         nodes = tuple(nx.node_connected_component(undirected, entrance))
         arc, back = arcs.get((gate, entrance), -1), arcs.get((entrance, gate), -1)
         for node in nodes:
-            onward = [other for other in between.get(node, ()) if other != gate]
+            onward = [other for other in bridges.adj.get(node, ()) if other != gate]
             entrances += [(other, len(found), node) for other in onward]
         found.append(Piece(nodes, above, gate, arc, back))
     return found
+
+
+def arcs_by_ends(graph: Graph) -> dict[tuple[int, int], int]:
+    """Return the index of each arc by its tail and its head."""
+    ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
+    return {pair: arc for arc, pair in enumerate(ends)}
 
 
 def _best_reach(graph: Graph, reach: FloatArray) -> FloatArray:
@@ -100,9 +101,10 @@ def _reversed(graph: Graph) -> Graph:
 def _rebuilt(
     graph: Graph, ends: tuple[OffsetArray, OffsetArray], arcs: OffsetArray, reward: FloatArray
 ) -> Graph:
+    """Return a graph of some of the arcs in their order, with other ends and rewards."""
     tail, head = ends
-    figures = graph.survival[arcs], graph.length[arcs], reward.copy()
-    return new_graph(tail[arcs], head[arcs], *figures, graph.base)
+    survival, length = graph.survival[arcs], graph.length[arcs]
+    return new_graph(tail[arcs], head[arcs], survival, length, reward.copy(), graph.base)
 
 
 def _needed(graph: Graph, outward: Graph, limits: Limits) -> Any:

@@ -16,9 +16,9 @@ from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.lines import LEVELS, Lines
-from botohe_moo.search.bounds.master import Pool
 from botohe_moo.search.bounds.memory import Remembered
-from botohe_moo.search.bounds.net import new_net
+from botohe_moo.search.bounds.net import arcs_by_ends, new_net
+from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import most_levels
 from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import Relaxation
@@ -31,11 +31,13 @@ from botohe_moo.search.local_search import LocalSearch
 # source is given, they were chosen by experiment, for small gaps on the missions of 20 to 200 nodes
 # in `python -m benchmarks bounds`.
 
-# Shares of the time limit: for the true front, and to find trails.
-_EXACT_SHARE, _SEARCH_SHARE = 0.2, 0.05
-# Shares of the time that is left: for lines and steps of one robot (without a limit they took all
-# of it on 200 nodes), for lines before steps, and for steps.
-_FIRST_SHARE, _LINES_SHARE, _STEPS_SHARE = 0.1, 0.4, 0.5
+# Shares of the time limit.
+_EXACT_SHARE = 0.2  # for the true front
+_SEARCH_SHARE = 0.05  # to find trails
+# Shares of the time that is left.
+_FIRST_SHARE = 0.1  # for one robot: without a limit it took all of the time on 200 nodes
+_LINES_SHARE = 0.4  # for lines, before steps
+_STEPS_SHARE = 0.5  # for steps
 # Relaxed trails get a memory where this many times the preparation without one still fits.
 _PREPARING = 4
 _LEAST_GAIN = 1e-3  # a line that is lowered by a larger share is worth another try
@@ -44,15 +46,18 @@ _SECONDS_OF_EFFORT = 0.3  # that a search for a step took, for each unit of effo
 # Where the first lines of one robot are found, in shares of its best survival: three suffice for
 # its steps.
 _FIRST_LINES = (0.5, 0.75, 0.25)
-# Plans that are evaluated in the search for trails: at most, and before the clock is looked at.
-_EVALUATIONS, _FIRST_EVALUATIONS = 100_000, 100
-# Levels of prices, at least and at most; prices of a linear programme; and configurations of a
-# team's levels, all of which are looked at for each node.
-_LEAST_LEVELS, _MOST_LEVELS, _MOST_PRICES, _MOST_CONFIGURATIONS = 4, 12, 400, 6_000
-# Bits that a node remembers: of rewards near by, with bridges at first, at most, and for steps.
-_NEAREST, _FIRST_BITS, _MOST_BITS, _STEP_BITS = 8, 10, 14, 12
-# States of relaxed trails at most, usually and for steps.
-_MOST_STATES, _MOST_STEP_STATES = 40_000, 120_000
+_EVALUATIONS = 100_000  # plans that the search for trails evaluates at most
+_FIRST_EVALUATIONS = 100  # before it looks at the clock
+_LEAST_LEVELS, _MOST_LEVELS = 4, 12  # of prices
+_MOST_PRICES = 400  # of the linear programme
+_MOST_CONFIGURATIONS = 6_000  # of a team's levels, all of which are looked at for each node
+_NEAREST = 8  # rewards near by that a node remembers
+_FIRST_BITS = 10  # that a node remembers at first: rewards and bridges
+_MOST_BITS = 14  # that a node remembers at most
+_STEP_BITS = 12  # that nodes are filled up to for steps, with further rewards
+_MOST_STATES = 40_000  # of relaxed trails
+_MOST_STEP_STATES = 120_000  # of relaxed trails, for steps
+_N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 _MOST_COMPARED = 3_000  # nodes of which all pairs are compared: a second, and 0.1 GiB
 _BYTES_A_LINK = 40.0  # three integers of 8 bytes and a flag, and two figures of a level
 _MIB = 2**20
@@ -94,7 +99,11 @@ class Proof:
         self._prepare(0, 0, 1, 1)
         self._prepared = time.monotonic() - self._began
 
-    def _prepare(self, nearest: int, n_bits: int, n_levels: int, n_searched: int) -> None:
+    def _prepare(self, nearest: int, n_bits: int, n_levels: int, n_seen: int) -> None:
+        """Make relaxed trails, and begin all lines and steps anew.
+
+        Nodes remember ``n_bits``, first of all the ``nearest`` rewards; prices have ``n_levels``.
+        """
         net, mission = self._net, self._mission
         n_bytes = self._memory * _MIB
         # Two tables of what lies ahead, at the most levels that are looked at, and the links.
@@ -108,7 +117,7 @@ class Proof:
             self._random_state,
             most_bits=_MOST_BITS,
             most_states=max(net.graph.n_nodes + 1, min(_MOST_STATES, fits)),
-            n_searched=n_searched,
+            n_seen=n_seen,
         )
         nodes: OffsetArray = np.flatnonzero(net.graph.reward > 0.0)
         self._pool = Pool(net, nodes, n_levels)
@@ -129,7 +138,7 @@ class Proof:
         return most_levels(robots, n_levels, min(_MOST_CONFIGURATIONS, fits))
 
     def find_front(self) -> bool:
-        """Take the true front as the bound, if a share of the time suffices to find it."""
+        """Take the true front as the bound; return whether a share of the time sufficed for it."""
         mission = self._mission
         try:
             front = exact_front(
@@ -151,7 +160,7 @@ class Proof:
                 self._front.append(Step(moving, height, max(start - stay, 0.0), "front"))
         return True
 
-    def find(self) -> None:
+    def find_lines_and_steps(self) -> None:
         """Find lines and steps where the gap is the widest, until it is as small as wanted.
 
         Steps of one robot come first: they take little time, and make its lines unnecessary. Other
@@ -164,7 +173,7 @@ class Proof:
             )
             return
         if time.monotonic() + _PREPARING * self._prepared < self._deadline:
-            self._prepare(_NEAREST, _FIRST_BITS, n_levels, 1 << 18)
+            self._prepare(_NEAREST, _FIRST_BITS, n_levels, _N_SEEN)
         else:
             self._notes.append("Relaxed trails remember nothing: there is too little time.")
         if self._relaxation.remembers_less:
@@ -208,13 +217,13 @@ class Proof:
             target = targets.next(bound)
             if target is None:
                 return
-            moving, survivors, place = target
-            x = survivors - (self._mission.robots - moving)
-            x, own = max(x, moving * self._limits.min_survival), self._lines[moving - 1]
-            before = own.bound(x)
-            has_grown = own.tighten(x, effort, until)
-            if not has_grown or own.bound(x) > before * (1 - _LEAST_GAIN):
-                targets.close(place)
+            moving, lines = target.moving, self._lines[target.moving - 1]
+            x = target.survivors - (self._mission.robots - moving)
+            x = max(x, moving * self._limits.min_survival)
+            before = lines.bound(x)
+            remembers_more = lines.tighten(x, effort, until)
+            if not remembers_more or lines.bound(x) > before * (1 - _LEAST_GAIN):
+                targets.close(target)
 
     def _find_steps(self, targets: StepTargets, most_moving: int, until: float) -> None:
         """Find steps for up to ``most_moving`` robots, until the time is over or all are tried."""
@@ -267,8 +276,7 @@ class Proof:
             wanted, n = n, 2 * n
         batch, objectives, _ = search.plans()
         self.known.add(objectives)
-        ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
-        arcs = {pair: arc for arc, pair in enumerate(ends)}
+        arcs = arcs_by_ends(graph)
         for trail in {tuple(trail) for plan in batch for trail in plan.trails}:
             way = [arcs.get(pair, -1) for pair in pairwise(trail)]
             if way and min(way) >= 0:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveInt, ValidationError
+from pydantic import BaseModel, ConfigDict, FiniteFloat, PositiveInt, ValidationError
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.files import read_bytes
+from botohe_moo._plugins.types import NotNegative, Probability
 from botohe_moo.mission.model import Mission, numbers_digest
 
 FORMAT: Literal["botohe-front-bound-1"] = "botohe-front-bound-1"
 
 LineProof = Literal["everything", "relaxed", "exact"]
-_NotNegative = Annotated[FiniteFloat, Field(ge=0)]
-_Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Line(NamedTuple):
@@ -34,7 +33,7 @@ class Line(NamedTuple):
 
     n_robots: PositiveInt
     most: FiniteFloat
-    mu: _NotNegative
+    mu: NotNegative
     proof: LineProof
 
 
@@ -54,7 +53,7 @@ class Step(NamedTuple):
 
     n_robots: PositiveInt
     most: FiniteFloat
-    least: _NotNegative
+    least: NotNegative
     proof: Literal["front", "exact"]
 
 
@@ -67,10 +66,10 @@ class BoundRecord(BaseModel):
     mission_digest: str
     lines: tuple[Line, ...]
     steps: tuple[Step, ...]
-    most_survival: _Share
-    min_survival: _Share
-    max_length: _NotNegative | None
-    seconds: _NotNegative
+    most_survival: Probability
+    min_survival: Probability
+    max_length: NotNegative | None
+    seconds: NotNegative
     notes: tuple[str, ...]
 
 

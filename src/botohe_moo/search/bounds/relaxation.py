@@ -18,18 +18,18 @@ from botohe_moo.kernels.bounds.trails import (
     find_trails,
     new_depths,
 )
-from botohe_moo.search.bounds.memory import Remembered
+from botohe_moo.search.bounds.memory import RelaxedTrail, Remembered
 
 _SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
 _EPSILON = float(np.finfo(float).eps)
-_TOLERANCE = 1e-9  # of values, in shares of all reward
+_TOLERANCE = 1e-9  # in shares of all reward: values are raised only where they rise by more
 _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 # Steps at which a relaxed trail takes the second best link, to find others; −1 for none.
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
 _GROWTH = 1.25  # largest factor for the number of states, when relaxed trails remember more
-# Trails that a search returns at most, by their number and by all their arcs; and its lines.
-_MOST_FOUND, _MOST_FOUND_ARCS = 50_000, 1 << 22
-MOST_LINES = 8
+_MOST_FOUND = 50_000  # trails that a search returns
+_MOST_FOUND_ARCS = 1 << 22  # room for the arcs of all these trails
+MOST_LINES = 8  # prices under which a search bounds what lies ahead
 
 
 class Ahead(NamedTuple):
@@ -58,13 +58,13 @@ class Relaxation:
         *,
         most_bits: int,
         most_states: int,
-        n_searched: int,
+        n_seen: int,
     ) -> None:
         self.net, self._remembered = net, remembered
         self._most_bits, self._most_states = most_bits, most_states
         self.total = float(net.graph.reward.sum())
         n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
-        self._depths = new_depths(net, random_state, n_searched, n_room, MOST_LINES)
+        self._depths = new_depths(net, random_state, n_seen, n_room, MOST_LINES)
         self._is_capped = False
         self.states: States = find_states(net, remembered.pack(), most_states)
         # Whether there was too little room for all that was to be remembered.
@@ -126,21 +126,20 @@ class Relaxation:
         bounded: FloatArray = cap * (1.0 + 1e-12)
         return bounded
 
-    def best_trails(self, ahead: Ahead) -> list[tuple[list[int], list[bool]]]:
-        """Return the arcs of the best relaxed trail and of similar ones, and which arcs pay.
+    def best_trails(self, ahead: Ahead) -> list[RelaxedTrail]:
+        """Return the best relaxed trail and similar ones, in which visits worth nothing do not pay.
 
         Of long ones only the first steps are returned, and some do not come home.
         """
-        found: list[tuple[list[int], list[bool]]] = []
+        found: list[RelaxedTrail] = []
         links = np.empty(_MOST_TRAIL, np.int64)
         for turn in _TURNS:
-            given = ahead.prices, ahead.mu, ahead.values, turn, links
-            n, _ = follow(self.net, self.states, *given)
+            n, _ = follow(self.net, self.states, ahead.prices, ahead.mu, ahead.values, turn, links)
             if n > max(turn, 0):
                 taken = links[:n]
                 arcs = self.states.arc[taken]
                 paid = self.states.pays[taken] & self._is_worth(ahead, arcs)
-                found.append((arcs.tolist(), paid.tolist()))
+                found.append(RelaxedTrail(arcs.tolist(), paid.tolist()))
         return found
 
     def _is_worth(self, ahead: Ahead, arcs: OffsetArray) -> BoolArray:
@@ -157,9 +156,9 @@ class Relaxation:
 
         Returns whether the search has ended, the value that no trail exceeds then, and its arcs.
         """
-        stairs = Stairs(np.array([least]), np.inf, 0.0)
+        stairs = Stairs(np.array([least]), width=np.inf, least=0.0)  # one step, which is raised
         line = Completions(ahead.values[None], np.zeros(1), np.zeros((1, len(ahead.prices))))
-        rule = TrailRule(False, 0.0, n_most)
+        rule = TrailRule(every=False, slack=0.0, n_most=n_most)
         ended = self._search(Worth(ahead.prices, ahead.mu), line, stairs, rule)
         found = self._found()
         return ended, float(stairs.heights[0]) + ahead.spare, found[-1] if found else []
@@ -168,8 +167,8 @@ class Relaxation:
         self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
     ) -> tuple[bool, list[list[int]]]:
         """Raise stairs above all trails; return whether the search has ended, and trails found."""
-        rule = TrailRule(False, _SLACK * self.total, n_most)
-        ended = self._search(Worth(prices, 0.0), _completions(lines), stairs, rule)
+        rule = TrailRule(every=False, slack=_SLACK * self.total, n_most=n_most)
+        ended = self._search(Worth(prices, mu=0.0), _completions(lines), stairs, rule)
         stairs.heights[:] += max(ahead.spare for ahead, _ in lines)
         return ended, self._found()
 
@@ -182,8 +181,8 @@ class Relaxation:
         """
         spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
         lowered = stairs._replace(heights=stairs.heights - spare)
-        rule = TrailRule(True, 0.0, n_most)
-        if not self._search(Worth(prices, 0.0), _completions(lines), lowered, rule):
+        rule = TrailRule(every=True, slack=0.0, n_most=n_most)
+        if not self._search(Worth(prices, mu=0.0), _completions(lines), lowered, rule):
             return None
         depths, n = self._depths, int(self._depths.found.n_trails)
         return depths.arcs[:n], depths.n_arcs[:n]
@@ -198,14 +197,14 @@ class Relaxation:
         n = min(int(depths.found.n_trails), len(depths.n_arcs))
         return [depths.arcs[i, : depths.n_arcs[i]].tolist() for i in range(n)]
 
-    def remember(self, walks: Sequence[tuple[Sequence[int], Sequence[bool]]]) -> bool:
+    def remember(self, trails: Sequence[RelaxedTrail]) -> bool:
         """Remember what relaxed trails do twice; return whether there was room for more.
 
         What the first trails do comes first.
         """
         before = self._remembered.bits
         n_most = min(self._most_states, int(_GROWTH * len(self.states.node)) + 1)
-        twice = [each for walk in walks for each in self._remembered.forgets(*walk)]
+        twice = [each for trail in trails for each in self._remembered.forgets(trail)]
         while twice:
             if self._remembered.add(twice, self._most_bits):
                 states = find_states(self.net, self._remembered.pack(), n_most)
@@ -226,10 +225,10 @@ class Relaxation:
         else:
             self._remembered.bits = before
 
-    def allows(self, arcs: Sequence[int], paid: Sequence[bool]) -> bool:
-        """Return whether this is still a relaxed trail."""
+    def allows(self, trail: RelaxedTrail) -> bool:
+        """Return whether this is still a relaxed trail, with what is remembered at present."""
         states, state = self.states, 0
-        for arc, pays in zip(arcs, paid, strict=True):
+        for arc, pays in zip(*trail, strict=True):
             first, end = states.first[state : state + 2].tolist()
             link = first + int(np.searchsorted(states.arc[first:end], arc))
             if link == end or states.arc[link] != arc or (pays and not states.pays[link]):
@@ -239,6 +238,7 @@ class Relaxation:
 
 
 def _completions(lines: BoundLines) -> Completions:
+    """Return bounds under several prices as the kernel takes them."""
     return Completions(
         np.stack([ahead.values for ahead, _ in lines]),
         np.array([ahead.mu for ahead, _ in lines]),

@@ -21,6 +21,9 @@ from botohe_moo.search.bounds.prices import Prices
 from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import MOST_LINES, Ahead, BoundLines
 
+# As in ``proof``, these constants were chosen by experiment, and every step is valid whatever they
+# are.
+
 _MOST_LINKS = 1_000_000  # of a depth-first search, for each unit of effort
 _MOST_TEAMS = 20_000_000  # choices that are tried for the best team
 _MOST_ROUNDS = 3  # in which thresholds are raised
@@ -33,7 +36,7 @@ _LINES_SHARE = 0.4  # of the time that is left, to find a line at the place of t
 BYTES_A_STATE = 16.0 * len(_SHARES) * 60
 _EPSILON = float(np.finfo(float).eps)
 _EDGE = 1e-12  # survivals this much below a step count as on it, relative
-_LEAST_SURVIVAL = 1e-280
+_LEAST_SURVIVAL = 1e-280  # as good as 0: where no robot survives with more, there are no stairs
 _HIGHER = 1e-9  # by how much thresholds have to rise for another round, in shares of all reward
 
 
@@ -141,8 +144,9 @@ class Steps:
 
     def _raise(self, prices: Prices, lines: BoundLines, stairs: Stairs, effort: int) -> bool:
         """Raise stairs above all trails; return whether the search ended."""
-        given = self._spread(prices), lines, stairs, _MOST_LINKS * effort
-        ended, trails = self._relaxation.raise_stairs(*given)
+        ended, trails = self._relaxation.raise_stairs(
+            self._spread(prices), lines, stairs, _MOST_LINKS * effort
+        )
         for arcs in trails:
             self._pool.add(arcs)
         return ended
@@ -173,9 +177,7 @@ class Steps:
             others = np.minimum(others, most[totals])
         wide = -(-n_steps // self._n_heights)
         starts = np.arange(0, n_steps, wide)
-        lowest = np.repeat(np.minimum.reduceat(goal - others, starts), wide)[:n_steps]
-        falling: FloatArray = np.maximum.accumulate(lowest[::-1])[::-1]
-        return falling
+        return _falling(np.repeat(np.minimum.reduceat(goal - others, starts), wide)[:n_steps])
 
     def _best_team(
         self, x: float, goal: float, arcs: OffsetArray, n_arcs: OffsetArray
@@ -190,8 +192,8 @@ class Steps:
         reward = self._lines.team.reward
         survival, reached = self._figures(arcs, n_arcs)
         order = np.argsort(-survival, kind="stable")
-        figures = survival[order], reached[order], reward
-        choices = new_choices(*figures, np.zeros(2), self._n_robots)
+        no_slack = np.zeros(2)
+        choices = new_choices(survival[order], reached[order], reward, no_slack, self._n_robots)
         # The search leaves out what the front covers: too little reward, or too few survivors.
         front = new_front(4, self._n_robots)
         insert(front, np.inf, x * (1.0 - ROUNDING) - _LEAST_SURVIVAL)
@@ -236,6 +238,7 @@ def last_steps(stairs: FloatArray) -> OffsetArray:
 
 
 def _falling(stairs: FloatArray) -> FloatArray:
+    """Raise each step to the highest of those after it, so that stairs never rise."""
     falling: FloatArray = np.maximum.accumulate(stairs[::-1])[::-1]
     return falling
 

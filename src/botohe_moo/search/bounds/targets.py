@@ -9,14 +9,18 @@ import numpy as np
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.search.bounds.front_bound import FrontBound
 
+# As in ``proof``, these constants were chosen by experiment, and every bound is valid whatever they
+# are.
+
 _CELLS = 24  # of the range of E[S], for the widest gap
-_SAMPLES = 3_000
-_ROUNDING = 1e-12
-# By what share of its survivors a step begins above a known plan, and what is close to a goal.
-_AFTER, _CLOSE = 1e-9, 5e-4
-# The goal of a step that is too hard is raised by a share of the gap, up to a largest one. Then the
-# step is tried with several times the effort, up to a most.
-_EASIER, _EASIEST, _MORE, _MOST_EFFORT = 0.25, 0.5, 8, 64
+_SAMPLES = 3_000  # of E[S], where known plans and bounds are compared
+_ROUNDING = 1e-12  # ends of steps are raised by this share: they are sums of rounded products
+_AFTER = 1e-9  # share of its survivors by which a step begins above a known plan
+_CLOSE = 5e-4  # share of its goal by which the bound has to exceed it for a step to be tried
+# The goal of a step that is too hard is raised by a share of the gap; from a largest share on, the
+# step is tried with several times the effort instead.
+_EASIER, _EASIEST = 0.25, 0.5
+_MORE, _MOST_EFFORT = 8, 64
 
 
 class Known:
@@ -56,18 +60,23 @@ class Known:
         return 0.0 if above == 0.0 else above / float(self.reached.sum() or 1e-300)
 
 
+class LineTarget(NamedTuple):
+    """Where lines are to be lowered: for ``moving`` robots, at an E[S] in a cell of its range."""
+
+    moving: int
+    survivors: float
+    cell: int
+
+
 class LineTargets:
     """The choice of the next line, in one of several cells of the range of E[S]."""
 
     def __init__(self, known: Known) -> None:
         self._known = known
-        self._done: set[tuple[int, int]] = set()
+        self._closed: set[tuple[int, int]] = set()  # cells, with numbers of moving robots
 
-    def next(self, bound: FrontBound) -> tuple[int, float, tuple[int, int]] | None:
-        """Return the number of robots that move, the E[S], and the cell with that number.
-
-        Returns None where no open cell has a gap.
-        """
+    def next(self, bound: FrontBound) -> LineTarget | None:
+        """Return the next target; None where no open cell has a gap."""
         known, bounds = self._known, bound.by_robots(self._known.survivors)
         above = np.maximum(0.0, bounds.max(axis=0) - known.reached)
         highest = bounds.argmax(axis=0)
@@ -75,14 +84,14 @@ class LineTargets:
         for cell in np.argsort(-masses, kind="stable").tolist():
             inside = np.flatnonzero((known.cells == cell) & (above > 0.0))
             for moving in np.unique(highest[inside]).tolist():
-                if moving > 0 and (cell, moving) not in self._done:
+                if moving > 0 and (cell, moving) not in self._closed:
                     at = inside[highest[inside] == moving]
-                    return moving, float(known.survivors[at[len(at) // 2]]), (cell, moving)
+                    return LineTarget(moving, float(known.survivors[at[len(at) // 2]]), cell)
         return None
 
-    def close(self, place: tuple[int, int]) -> None:
+    def close(self, target: LineTarget) -> None:
         """Close a cell for a number of robots, whose lines cannot be lowered."""
-        self._done.add(place)
+        self._closed.add((target.cell, target.moving))
 
 
 class StepTarget(NamedTuple):
@@ -144,7 +153,7 @@ class StepTargets:
     def close(self, target: StepTarget, *, is_proved: bool) -> None:
         """Raise the goal or the effort of a step that is too hard; close one that is proved."""
         moving, corner = target.moving, target.corner
-        share, effort = self._share[moving], self._effort[moving]
+        share, effort = self._share[moving], self._effort[moving]  # views, which are changed
         if is_proved:
             self._is_open[moving, corner] &= share[corner] > 0.0
             near: BoolArray = np.arange(len(share)) == corner
