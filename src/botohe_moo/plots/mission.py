@@ -1,11 +1,12 @@
 """Pictures of a mission: rewards, dangers and team, the trails of a plan, and pheromone."""
 
+from __future__ import annotations
+
 from collections import Counter
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import networkx as nx
 import numpy as np
-import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -34,6 +35,9 @@ from botohe_moo.plots.draw.style import (
 from botohe_moo.plots.draw.texts import objectives_text, title_above
 from botohe_moo.plots.draw.trails import draw_trails, robot_styles
 from botohe_moo.trails import TrailPlan
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Kind = Literal["reward", "survival"]
 

@@ -1,13 +1,14 @@
 """What pictures of studies share: which algorithms they show, in which colours, on which axes."""
 
+from __future__ import annotations
+
 import textwrap
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.cbook import STEP_LOOKUP_MAP
 from matplotlib.collections import LineCollection
@@ -17,6 +18,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from botohe_moo._base.checks import check_choice, check_frame
 from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.style import MARKERS, MUTED, Palette, new_axes, palette_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MANY = 12  # from as many algorithms on, one plot would be a tangle
 _COLUMNS = 4  # of panels
