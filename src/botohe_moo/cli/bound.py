@@ -17,6 +17,7 @@ from botohe_moo.cli.options import (
     SeedOption,
     mission_source,
     out_option,
+    path_option,
 )
 from botohe_moo.cli.shell import FAILED, INTERRUPTED, brief, fail, failing, stoppable, tell
 
@@ -35,7 +36,7 @@ def bound_mission(
     mission: MissionArgument,
     front: Annotated[
         Path | None,
-        typer.Option(
+        path_option(
             "--front",
             "-f",
             metavar="DIR",

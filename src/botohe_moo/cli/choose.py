@@ -183,11 +183,6 @@ def _overview(solution: Solution) -> str:
     return f"{solution.describe()}\n\n{paragraph(more)}"
 
 
-if TYPE_CHECKING:
-    from botohe_moo.decide import Choice
-    from botohe_moo.solution import Solution
-
-
 def explore_front(
     folder: FolderArgument,
     out: Annotated[
