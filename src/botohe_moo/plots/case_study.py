@@ -26,10 +26,15 @@ from botohe_moo.plots.plan import PlanOnMap
 from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.trails import Plans, TrailPlan
 
-_WIDTH, _RIGHT = 15.0, 1.0  # inches: of the parts of a line, and right of them for the key
-_TITLE, _ABOVE, _BELOW = 0.35, 0.75, 0.65  # inches: over the page, over and below each line
-_MOST = 4  # parts of a line
-_CHART = 2.8  # inches: least height of a line
+# In inches:
+_WIDTH = 15.0  # of the panels of a line together
+_RIGHT = 1.0  # right of them, for the key
+_TITLE = 0.35  # above all lines
+_ABOVE = 0.75  # above each line
+_BELOW = 0.65  # below each line
+_CHART = 2.8  # least height of a line
+
+_MOST = 4  # panels of a line
 _KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
@@ -120,16 +125,16 @@ def plot_case_study(
 
 @dataclass(frozen=True)
 class _Panel:
-    """A part of the page, drawn on axes; beside them are inches for what is outside."""
+    """A part of the page."""
 
     name: str
-    draw: Callable[..., object]  # with a title, on axes
-    right: float = 0.1
+    draw: Callable[..., object]  # takes a title and axes
+    right: float = 0.1  # inches right of the axes
     is_map: bool = True
 
     @property
     def left(self) -> float:
-        """Inches for the names and numbers of an axis, if there is one."""
+        """Inches left of the axes: for the name and the numbers of an axis, if there is one."""
         return 0.1 if self.is_map else 0.85
 
 
@@ -161,8 +166,8 @@ def _draw(lines: Sequence[Sequence[_Panel]], xy: FloatArray) -> list[Axes]:
         wide = _WIDTH / len(line)
         for i, panel in enumerate(line):
             width = wide - panel.left - panel.right
-            own = width * aspect if panel.is_map else high
-            place = (i * wide + panel.left, top - _ABOVE - own, width, own)
+            height = width * aspect if panel.is_map else high
+            place = (i * wide + panel.left, top - _ABOVE - height, width, height)
             ax = fig.add_axes(tuple(np.divide(place, (*full, *full))))
             panel.draw(title=f"({next(letters)}) {panel.name}", ax=ax)
             axes.append(ax)

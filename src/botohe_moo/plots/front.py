@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from botohe_moo.search.bounds import FrontBound
 
 OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
-_STAIRS = "_stairs"  # by which the fronts on axes are counted
-_CROWD = 150  # points, from which on their rims would cover other points
+_STAIRS = "_stairs"  # label by which the fronts on axes are counted
+_CROWD = 150  # points; the rims of more would cover other points
 _RING = 5.5  # points: radius of the rings around highlighted plans
 
 
@@ -193,8 +193,8 @@ def _draw_open(
     highest = staircase(bound.points)
     # Back along the front, so that what it dominates is left out.
     between = np.concatenate([highest, corners[::-1]])
-    look: dict[str, Any] = {"facecolor": MUTED, "alpha": 0.25, "linewidth": 0, "zorder": 1}
-    ax.fill(*between.T, **look, label=f"{label}, open: {more}" if label else f"open: {more}")
+    name = f"{label}, open: {more}" if label else f"open: {more}"
+    ax.fill(*between.T, facecolor=MUTED, alpha=0.25, linewidth=0, zorder=1, label=name)
     ax.plot(*highest[:-1].T, color=MUTED, linewidth=1.0, zorder=1.5, label="_bound")
 
 
@@ -205,10 +205,18 @@ def _mark(ax: Axes, points: FloatArray, chosen: Mapping[int, str]) -> None:
         engine.execute(figure)
     drawn = [np.asarray(line.get_xydata(), dtype=float) for line in ax.lines]
     space = Space(ax, points[list(chosen)], _RING, np.concatenate(drawn))
-    ring: dict[str, Any] = {"marker": "o", "markersize": 2 * _RING, "markerfacecolor": "none"}
-    ring |= {"markeredgecolor": INK, "markeredgewidth": 1.6, "clip_on": False}
     for row, text in chosen.items():
-        ax.plot(*points[[row]].T, **ring, zorder=4, label="_highlight")
+        ax.plot(
+            *points[[row]].T,
+            marker="o",
+            markersize=2 * _RING,
+            markerfacecolor="none",
+            markeredgecolor=INK,
+            markeredgewidth=1.6,
+            clip_on=False,
+            zorder=4,
+            label="_highlight",
+        )
         space.write_beside(points[row], text, 9.5, reach=60.0, bold=True)
 
 
@@ -218,6 +226,6 @@ def _dress(ax: Axes, mission: Mission | None) -> None:
         ax.set(xlim=(0, mission.total_reward or 1.0), ylim=(0, mission.robots))
         ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
         return
-    # The front is one of several, perhaps: all of them must stay in view.
+    # There may be several fronts, which must all stay in view.
     reach = 1.05 * np.clip([ax.dataLim.x1, ax.dataLim.y1], 0.0, None)
     ax.set(xlim=(0, reach[0] or 1.0), ylim=(0, reach[1] or 1.0))

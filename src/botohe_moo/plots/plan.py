@@ -1,7 +1,5 @@
 """Pictures of plans: the trails of one on maps, and a front with maps of some of its plans."""
 
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.transforms import Bbox
@@ -98,8 +96,8 @@ def plot_plan(
         add_reach_bar_right([first, *others])
         notes = [*shown.at_base, *shown.draw_team(first)]
         name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
-        for own, robot in zip(others, robots, strict=True):
-            shown.draw_robot(own, robot)
+        for small, robot in zip(others, robots, strict=True):
+            shown.draw_robot(small, robot)
         if robots:
             notes.insert(0, "numbers: order of visit")
         if len(robots) < len(shown.out):
@@ -172,29 +170,37 @@ def plot_choices(
         for mark in marks:
             _draw_mark(ax, mark)
         ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
-        for row, own in zip(rows, others, strict=False):  # none beside given axes
+        for row, small in zip(rows, others, strict=False):  # no maps beside given axes
             shown = PlanOnMap(mission, batch[row])
-            notes += shown.draw_team(own)
+            notes += shown.draw_team(small)
             signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
             parts = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.at_base]
-            name_map(own, "; ".join(parts))
+            name_map(small, "; ".join(parts))
         title_above(ax, mission.title if title is None else title, "; ".join(dict.fromkeys(notes)))
     return ax
 
 
 def _draw_mark(ax: Axes, mark: Mark) -> None:
-    """Draw the sign of a mark at its plan, and tell it in the legend."""
-    dark = _SIGNS[mark.name][0] == "D"
-    # The white star is seen on the diamond, too.
-    fill: dict[str, Any] = {"markersize": 7.0 if dark else 7.5, "linestyle": "none"}
-    fill |= {"markerfacecolor": INK if dark else "white", "markeredgecolor": INK}
-    fill |= {"markeredgewidth": 0.8, "marker": _SIGNS[mark.name][0], "clip_on": False}
-    label = f"{mark.name}: plan {mark.index}"
-    ax.plot([mark.reward], [mark.survivors], label=label, zorder=5, **fill)
+    """Draw the sign of a mark at its plan, and explain it in the legend."""
+    marker = _SIGNS[mark.name][0]
+    is_diamond = marker == "D"  # the white star can be seen on it, too
+    ax.plot(
+        [mark.reward],
+        [mark.survivors],
+        linestyle="none",
+        marker=marker,
+        markersize=7.0 if is_diamond else 7.5,
+        markerfacecolor=INK if is_diamond else "white",
+        markeredgecolor=INK,
+        markeredgewidth=0.8,
+        clip_on=False,
+        zorder=5,
+        label=f"{mark.name}: plan {mark.index}",
+    )
 
 
 class PlanOnMap:
-    """A plan, and what maps show of it; errors are those of ``plot_plan``."""
+    """A plan with everything that maps show about it; errors are those of ``plot_plan``."""
 
     def __init__(self, mission: Mission, plan: TrailPlan) -> None:
         check_mission(mission)
@@ -218,7 +224,7 @@ class PlanOnMap:
         return [f"{', '.join(home)} stay{'s' if len(home) == 1 else ''} at base"] if home else []
 
     def draw_team(self, ax: Axes) -> list[str]:
-        """Draw all trails, and return what has to be said about the map."""
+        """Draw all trails, and return notes on the map."""
         drawn = PlanMap(ax, self.mission, self.plan, self.styles, team_reach(self.reach))
         # Robots first: a trail without a name is worse than a node without one.
         drawn.name_robots()
@@ -227,17 +233,24 @@ class PlanOnMap:
 
     def draw_robot(self, ax: Axes, robot: int) -> None:
         """Draw the trail of one robot, with the numbers of its visits, and name the map."""
-        own, style = TrailPlan([self.plan.trails[robot]]), self.styles[robot]
-        drawn = PlanMap(ax, self.mission, own, [style], self.reach[robot])
+        alone, style = TrailPlan([self.plan.trails[robot]]), self.styles[robot]
+        drawn = PlanMap(ax, self.mission, alone, [style], self.reach[robot])
         name_map(ax, "; ".join([self._survives(robot), *drawn.number_visits()]), style)
 
     def add_legend(self, ax: Axes) -> None:
-        """Add a legend below a map that tells which line belongs to which robot."""
+        """Add a legend of the robots' lines below a map."""
         handles = [key_of(self._survives(robot), self.styles[robot]) for robot in self.out]
         if handles:
-            look: dict[str, Any] = {"frameon": False, "fontsize": 9.0, "columnspacing": 1.2}
-            look |= {"loc": "upper left", "bbox_to_anchor": (0.0, -0.01), "borderaxespad": 0.0}
-            ax.legend(handles=handles, ncols=min(3, len(handles)), **look)
+            ax.legend(
+                handles=handles,
+                ncols=min(3, len(handles)),
+                loc="upper left",
+                bbox_to_anchor=(0.0, -0.01),
+                borderaxespad=0.0,
+                columnspacing=1.2,
+                fontsize=9.0,
+                frameon=False,
+            )
 
     def _survives(self, robot: int) -> str:
         return f"{self.styles[robot].name} survives with {chance(self.survival[robot], 2)}"

@@ -20,9 +20,9 @@ from botohe_moo.plots.draw.style import INK, Colour, Palette, palette_of, theme
 from botohe_moo.plots.front import OBJECTIVES, staircase
 from botohe_moo.plots.study.fronts import final_fronts
 
-_SHADES = 5  # as many as are told apart
-_MANY = 1_500  # more rectangles are drawn as an image in vector files, too
-_MAX_STEPS = 120  # more would take half a minute
+_SHADES = 5  # more are hard to distinguish
+_MANY = 1_500  # rectangles; more are drawn as an image in vector files, too
+_MAX_STEPS = 120  # of differences; more would take half a minute
 
 
 def plot_attainment(
@@ -76,8 +76,8 @@ def plot_attainment(
             if len(runs_of) > 1:
                 band = np.concatenate([few, most[::-1]])
                 axes[label].fill(*band.T, color=style["color"], alpha=0.2, linewidth=0)
-        for own in dict.fromkeys(axes.values()):
-            own.set(xlim=(0, None), ylim=(0, None))
+        for panel in dict.fromkeys(axes.values()):
+            panel.set(xlim=(0, None), ylim=(0, None))
         return finish(axes, title, *OBJECTIVES)
 
 

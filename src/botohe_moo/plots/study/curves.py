@@ -115,15 +115,15 @@ def plot_curves(
         axes = axes_of(labels, ax)
         marked = len(set(axes.values())) == 1 and len(labels) > _COLOURS_ALONE
         for label in labels:
-            own, style = steps[steps["algorithm"] == label], styles[label]
-            n_points = own[x].nunique()
+            rows, style = steps[steps["algorithm"] == label], styles[label]
+            n_points = rows[x].nunique()
             if marked or n_points == 1:
                 # Markers are at other places on each curve.
                 style["markevery"] = (5 * chosen.index(label) % min(40, n_points), 40)
             else:
                 style["marker"] = None
             sns.lineplot(
-                own,
+                rows,
                 x=x,
                 y=value,
                 estimator=estimator,
