@@ -9,15 +9,13 @@ import numpy as np
 
 from botohe_moo._base.checks import check_choice, check_number
 from botohe_moo._base.words import counted
-from botohe_moo.decide.fronts import check_row, scales, short
+from botohe_moo.decide.fronts import SLACK, check_row, scales, short
 from botohe_moo.decide.grammar import parse_wishes
 from botohe_moo.decide.judging import N_SAMPLES, Candidates, takes_reward_distribution
 from botohe_moo.decide.tradeoffs import ExchangeRate, Neighbours, exchange_rate, neighbours
 from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish, exact
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import Plans, TrailPlan
-
-_SLACK = 1e-9  # below, objectives differ by rounding
 
 
 @dataclass(frozen=True)
@@ -240,7 +238,7 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
     reference = np.array([wish.at_least for wish in wanted])
     beyond = (front.objectives - reference) / scales(mission)
     least = beyond.min(axis=1)
-    equal = least >= least.max() - _SLACK
+    equal = least >= least.max() - SLACK
     i = int(np.where(equal, beyond.sum(axis=1), -np.inf).argmax())
     missed = _missed(front, i, wanted)
     point = f"reward {short(reference[0])} and survivors {short(reference[1])}"

@@ -14,6 +14,9 @@ from botohe_moo.trails import PlanBatch, Plans
 # Plans, or their objectives E[R] and E[S] (n_plans, 2).
 PlansOrObjectives = Plans | FloatArray
 
+# Objectives divided by their `scales` that differ by less are equal: sums are rounded.
+SLACK = 1e-9
+
 
 def objectives_of(mission: Mission, given: PlansOrObjectives) -> FloatArray:
     """Return the objectives (n_plans, 2) of plans; objectives themselves are checked."""
