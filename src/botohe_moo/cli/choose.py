@@ -1,4 +1,4 @@
-"""The commands ``botohe choose`` and ``botohe explore``: what becomes of a front."""
+"""The commands ``botohe choose`` and ``botohe explore``: from a front to a plan."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def choose_plan(
         if out is not None:
             check_plan_file(out, also=_PICTURES)
             check_file(out)
-            _check_own(folder, out)
+            _check_not_of_solution(folder, out)
         solution = read_solution(folder)
         if toward is not None:
             choice = solution.toward(reward=toward[0], survivors=toward[1])
@@ -118,7 +118,7 @@ def choose_plan(
         _write(solution.mission, choice.plan, out)
 
 
-def _check_own(folder: Path, out: Path) -> None:
+def _check_not_of_solution(folder: Path, out: Path) -> None:
     from botohe_moo.solution.model import FILES
 
     if any(out.resolve() == (folder / name).resolve() for name in FILES):

@@ -201,7 +201,7 @@ class Reach(Wish):
 
 
 def exact(value: float) -> str:
-    """Write a number so that the same number is read from it."""
+    """Write a number with all the digits that it takes to read the same number again."""
     text = f"{value:g}"
     return text if float(text) == value else repr(value)
 
@@ -210,6 +210,6 @@ def label_text(label: Hashable) -> str:
     """Write a label as wishes have it: words as they are, other texts in quotes."""
     if isinstance(label, str):
         return label if _PLAIN_LABEL.fullmatch(label) else json.dumps(label, ensure_ascii=False)
-    with suppress(ValueError):  # what JSON cannot hold stays as it is
-        label = read_label(plain_label(label))  # Python's own numbers instead of numpy's
+    with suppress(ValueError):  # labels that JSON cannot hold
+        label = read_label(plain_label(label))  # with Python's numbers instead of numpy's
     return repr(label)
