@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _PICTURES = (".png", ".svg", ".pdf")
 
-FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `solve` wrote.")]
+SolutionArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `solve` wrote.")]
 WishArgument = Annotated[
     list[str] | None,
     typer.Argument(
@@ -68,7 +68,7 @@ PlanFileOption = Annotated[
 
 
 def choose_plan(
-    folder: FolderArgument,
+    folder: SolutionArgument,
     wish: WishArgument = None,
     most: MostOption = None,
     toward: TowardOption = None,
@@ -184,7 +184,7 @@ def _overview(solution: Solution) -> str:
 
 
 def explore_front(
-    folder: FolderArgument,
+    folder: SolutionArgument,
     out: Annotated[
         Path | None,
         out_option("FILE.html", "File to write; by default DIR/explorer.html."),

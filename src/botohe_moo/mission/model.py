@@ -20,7 +20,7 @@ from botohe_moo.mission.validation import (
     MissionError,
     PlanError,
     fault_text,
-    mission_faults,
+    graph_faults,
     team_size_fault,
     trail_indices,
 )
@@ -78,7 +78,7 @@ class Mission:
         robots = attributes.get("robots") if robots is None else robots
         name = attributes.get("name") or attributes.get("title") if name is None else name
         source = f"Mission {quoted(name)}" if name else "The mission"
-        if faults := mission_faults(graph, base, robots):
+        if faults := graph_faults(graph, base, robots):
             raise MissionError(faults, source)
 
         self.graph: nx.DiGraph[Any] = frozen_copy(graph)

@@ -21,7 +21,7 @@ from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.draw.texts import title_above
 from botohe_moo.plots.front import plot_front
-from botohe_moo.plots.mission import Kind, plot_mission, plot_pheromone
+from botohe_moo.plots.mission import PheromoneKind, plot_mission, plot_pheromone
 from botohe_moo.plots.plan import PlanOnMap
 from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.trails import Plans, TrailPlan
@@ -35,7 +35,7 @@ _BELOW = 0.65  # below each line
 _CHART = 2.8  # least height of a line
 
 _MOST = 4  # panels of a line
-_KINDS: tuple[Kind, ...] = get_args(Kind)
+_KINDS: tuple[PheromoneKind, ...] = get_args(PheromoneKind)
 
 
 def plot_case_study(

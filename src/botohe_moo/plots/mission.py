@@ -38,7 +38,7 @@ from botohe_moo.trails import TrailPlan
 if TYPE_CHECKING:
     import pandas as pd
 
-Kind = Literal["reward", "survival"]
+PheromoneKind = Literal["reward", "survival"]
 
 _MAX_ZONES = 8
 _WIDEST = 5.0  # points: the arc of most pheromone
@@ -206,7 +206,7 @@ def plot_pheromone(
     mission: Mission,
     pheromone: pd.DataFrame,
     *,
-    kind: Kind = "reward",
+    kind: PheromoneKind = "reward",
     title: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
@@ -241,7 +241,7 @@ def plot_pheromone(
     >>> colony = minimize(BOTOHE(toy), BOACO(n_ants=20), ("n_gen", 5), seed=1).algorithm
     >>> save_plot(plot_pheromone(toy, colony.pheromone_maps, kind="survival"), "pheromone.png")
     """
-    check_choice("kind", kind, get_args(Kind))
+    check_choice("kind", kind, get_args(PheromoneKind))
     check_mission(mission)
     values = _arc_values(mission, pheromone, kind)
     xy = node_positions(mission)
@@ -268,7 +268,7 @@ def plot_pheromone(
     return ax
 
 
-def _arc_values(mission: Mission, pheromone: pd.DataFrame, kind: Kind) -> FloatArray:
+def _arc_values(mission: Mission, pheromone: pd.DataFrame, kind: PheromoneKind) -> FloatArray:
     """Return the pheromone of the mission's arcs, in the order of its arrays."""
     check_table("pheromone", pheromone, ("tail", "head", kind))
     ends = list(zip(pheromone["tail"].tolist(), pheromone["head"].tolist(), strict=True))

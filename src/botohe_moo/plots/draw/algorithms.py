@@ -146,11 +146,11 @@ def log_axis(ax: Axes, which: Literal["x", "y"] = "x") -> None:
     elif high < 50 * low:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     # The formatter of matplotlib writes mathematics, which the theme switches off.
-    axis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: tick_text(value)))
     axis.set_minor_formatter(NullFormatter())
 
 
-def plain_number(value: float) -> str:
+def tick_text(value: float) -> str:
     """Write a number without an exponent: 0.001, 1, 10,000; millions as 2M."""
     return f"{value / 1e6:,.10g}M" if value >= 1e6 else f"{value:,.10f}".rstrip("0").rstrip(".")
 
