@@ -160,9 +160,9 @@ def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
     survival: dict[tuple[int, ...], float] = {}
     length: dict[tuple[int, ...], float] = {}
     survivals, lengths = mission.robot_survival(plans), mission.trail_lengths(plans)
-    for plan, alive, far in zip(plans, survivals.tolist(), lengths.tolist(), strict=True):
+    for plan, alive, walked in zip(plans, survivals.tolist(), lengths.tolist(), strict=True):
         survival |= zip(plan.trails, alive, strict=True)
-        length |= zip(plan.trails, far, strict=True)
+        length |= zip(plan.trails, walked, strict=True)
     number = {trail: i for i, trail in enumerate(survival)}
     return {
         "trails": list(survival),

@@ -49,7 +49,8 @@ def open_sheet(
 ) -> list[Axes]:
     """Open a figure with large axes, ``span`` times as wide and high as the maps beside them.
 
-    Maps have ``room`` points, or what numbers need, between most nodes, within ``widest`` inches.
+    On the small maps most nodes are ``room`` points apart, or as far as numbers need, unless a map
+    would be wider than ``widest`` inches.
     """
     xy = node_positions(mission)
     _, half = frame_of(xy)
@@ -58,11 +59,14 @@ def open_sheet(
     inner = float(np.clip(max(room, _ROOM) / spacing, 4.2, widest))
     wide, high = inner + _GAP, inner * half[1] / half[0] + _NAME
     cells = n_small + span**2
+
+    def cost(shape: tuple[int, int]) -> float:
+        n_columns, n_rows = shape
+        distance = abs(np.log(wide * n_columns / (high * n_rows) / _SHAPE))
+        return float(distance + _EMPTY * n_columns * n_rows)
+
     shapes = [(n, max(span, -(-cells // n))) for n in range(span, cells + 1)]
-    n_columns, n_rows = min(
-        shapes,
-        key=lambda s: abs(np.log(wide * s[0] / (high * s[1]) / _SHAPE)) + _EMPTY * s[0] * s[1],
-    )
+    n_columns, n_rows = min(shapes, key=cost)
     width, height = n_columns * wide + _RIGHT, _ABOVE + n_rows * high
     fig = plt.figure(figsize=(width, height))
     # Every cell has a name above it, so the highest ones begin below that.
@@ -76,9 +80,9 @@ def open_sheet(
         wspace=_GAP / inner,
         hspace=_NAME / (high - _NAME),
     )
-    cells_of = [grid[row, column] for row, column in np.ndindex(n_rows, n_columns)]
-    small = [c for c in cells_of if max(c.rowspan.start, c.colspan.start) >= span][:n_small]
-    axes = [fig.add_subplot(cell) for cell in (grid[:span, :span], *small)]
+    places = [(i, j) for i, j in np.ndindex(n_rows, n_columns) if max(i, j) >= span][:n_small]
+    cells_of_maps = [grid[:span, :span], *(grid[place] for place in places)]
+    axes = [fig.add_subplot(cell) for cell in cells_of_maps]
     for ax in axes[1:]:
         open_axes(xy, ax)
     return axes
