@@ -162,7 +162,7 @@ def tell_choice(mission: Mission, choice: Choice, folder: Path) -> None:
 
 def _trails_text(mission: Mission, plan: TrailPlan) -> str:
     """Write the trails of a plan, a line for each robot."""
-    from botohe_moo._base.words import chance
+    from botohe_moo._base.words import probability_text
     from botohe_moo.decide.wishes import label_text
 
     lines = []
@@ -170,7 +170,7 @@ def _trails_text(mission: Mission, plan: TrailPlan) -> str:
     for robot, trail in enumerate(mission.labels(plan)):
         nodes = " -> ".join(map(label_text, trail))
         way = f"stays at {nodes}" if len(trail) == 1 else nodes
-        first = f"robot {robot} (survival {chance(survivals[robot], 3)}): "
+        first = f"robot {robot} (survival {probability_text(survivals[robot], 3)}): "
         lines.append(paragraph(way, first=first, indent=" " * 4))
     return "\n".join(lines)
 

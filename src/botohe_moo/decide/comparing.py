@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from botohe_moo.decide.fronts import arc_counts, distances, more
+from botohe_moo.decide.fronts import arc_counts, difference_text, distances
 from botohe_moo.decide.wishes import label_text
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -192,8 +192,9 @@ def _in_order(mission: Mission, nodes: set[Hashable]) -> tuple[Hashable, ...]:
 def _sentences(found: Difference) -> list[str]:
     if all(change.same for change in found.robots):
         return ["The plans are the same."]
-    gain = f"{more(found.reward, 'reward')} and {more(found.survivors, 'survivors')}"
-    sentences = [f"The second plan has {gain}."]
+    reward = difference_text(found.reward, "reward")
+    survivors = difference_text(found.survivors, "survivors")
+    sentences = [f"The second plan has {reward} and {survivors}."]
     for which, nodes in (("second", found.gained), ("first", found.lost)):
         if nodes:
             sentences.append(f"Only the {which} plan visits {_named(nodes)}.")

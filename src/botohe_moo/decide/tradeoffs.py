@@ -12,13 +12,13 @@ from botohe_moo.decide.fronts import (
     SLACK,
     PlansOrObjectives,
     check_row,
+    difference_text,
     front_rows,
     knees,
-    more,
     objectives_of,
     representatives,
     scales,
-    short,
+    short_text,
 )
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
@@ -88,8 +88,8 @@ class Neighbours:
         parts = []
         for step in dict.fromkeys((self.richer, self.safer)):
             if step is not None:
-                reward = more(step.reward, "reward")
-                survivors = more(step.survivors, "survivors")
+                reward = difference_text(step.reward, "reward")
+                survivors = difference_text(step.survivors, "survivors")
                 both = (reward, survivors) if step is self.richer else (survivors, reward)
                 word = "for" if step.reward * step.survivors < 0 else "and"
                 parts.append(f"plan {step.index} has {both[0]} {word} {both[1]}")
@@ -177,11 +177,11 @@ class ExchangeRate:
             if step is not None:
                 distance = abs(step.survivors)
                 which = ", the nearest" if distance > self.window else ""
-                away = f"plan {step.index}{which}, {short(distance)} survivors away"
-                parts.append(f"0.1 survivors {does} {short(step.rate)} reward (to {away})")
+                away = f"plan {step.index}{which}, {short_text(distance)} survivors away"
+                parts.append(f"0.1 survivors {does} {short_text(step.rate)} reward (to {away})")
         if not parts:
             return f"No plan of the front trades reward for survivors with plan {self.index}."
-        within = f"within {short(self.window)} survivors"
+        within = f"within {short_text(self.window)} survivors"
         return f"At plan {self.index}, {within}: {'; '.join(parts)}."
 
 
@@ -263,4 +263,4 @@ def _cost(mission: Mission, plan: FloatArray, safer: FloatArray) -> str:
     """Write the reward that is given up for each further expected survivor, from plan to plan."""
     reward, survivors = (plan - safer).tolist()
     is_more = survivors < -SLACK * mission.robots
-    return short(reward / -survivors) if is_more else "-"
+    return short_text(reward / -survivors) if is_more else "-"

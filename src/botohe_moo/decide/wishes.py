@@ -59,7 +59,7 @@ class Wish:
         raise NotImplementedError
 
     def __str__(self) -> str:
-        return f"{self.subject} >= {exact(self.at_least)}"
+        return f"{self.subject} >= {exact_text(self.at_least)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +116,7 @@ class Chance(Wish):
     @property
     def subject(self) -> str:
         """The event, as ``P(...)``."""
-        return f"P({self.quantity} >= {exact(self.value)})"
+        return f"P({self.quantity} >= {exact_text(self.value)})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +145,7 @@ class TailMean(Wish):
     @property
     def subject(self) -> str:
         """The tail, as ``CVaR(...)``."""
-        return f"CVaR({self.quantity}, {exact(self.alpha)})"
+        return f"CVaR({self.quantity}, {exact_text(self.alpha)})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,7 +200,7 @@ class Reach(Wish):
         return f"reach {label_text(self.node)}"
 
 
-def exact(value: float) -> str:
+def exact_text(value: float) -> str:
     """Write a number with all the digits that it takes to read the same number again."""
     text = f"{value:g}"
     return text if float(text) == value else repr(value)

@@ -22,7 +22,7 @@ from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.draw.texts import title_above
 from botohe_moo.plots.front import plot_front
 from botohe_moo.plots.mission import PheromoneKind, plot_mission, plot_pheromone
-from botohe_moo.plots.plan import PlanOnMap
+from botohe_moo.plots.plan import DrawnPlan
 from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.trails import Plans, TrailPlan
 
@@ -116,7 +116,7 @@ def plot_case_study(
         draws = [partial(plot_pheromone, mission, pheromone, kind=kind) for kind in _KINDS]
         lines.append([_Panel("pheromone", draw, right=1.4) for draw in draws])
     with theme():
-        axes = _draw(lines, node_positions(mission))
+        axes = _draw_page(lines, node_positions(mission))
         fig = axes[0].figure.figure
         head = mission.title if title is None else title
         fig.text(0.1 / fig.get_figwidth(), 1.0, head, fontsize=15, fontweight="bold", va="top")
@@ -139,7 +139,7 @@ class _Panel:
 
 
 def _plan_panel(mission: Mission, plan: TrailPlan, name: str, has_key: bool) -> _Panel:
-    shown = PlanOnMap(mission, plan)
+    shown = DrawnPlan(mission, plan)
 
     def draw(*, title: str, ax: Axes) -> None:
         open_axes(node_positions(mission), ax)
@@ -151,7 +151,7 @@ def _plan_panel(mission: Mission, plan: TrailPlan, name: str, has_key: bool) -> 
     return _Panel(name, draw)
 
 
-def _draw(lines: Sequence[Sequence[_Panel]], xy: FloatArray) -> list[Axes]:
+def _draw_page(lines: Sequence[Sequence[_Panel]], xy: FloatArray) -> list[Axes]:
     """Open a page, and draw every line of panels on it, one below the other."""
     _, half = frame_of(xy)
     aspect = half[1] / half[0]

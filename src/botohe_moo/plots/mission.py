@@ -15,11 +15,11 @@ from matplotlib.patches import Patch
 
 from botohe_moo._base.checks import check_choice
 from botohe_moo._base.types import BoolArray, FloatArray
-from botohe_moo._base.words import chance, counted
+from botohe_moo._base.words import counted, probability_text
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.algorithms import check_table
 from botohe_moo.plots.draw.canvas import Canvas, bowed_arcs, colour_by_value, open_axes
-from botohe_moo.plots.draw.maps import draw_nodes, key_of
+from botohe_moo.plots.draw.maps import draw_named_nodes, key_of
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.plots.draw.style import (
     MUTED,
@@ -103,7 +103,7 @@ def plot_mission(
         if plan is not None:
             arcs = zip(arrays.tail[bowed].tolist(), arrays.head[bowed].tolist(), strict=True)
             lines = draw_trails(canvas, plan, robot_styles(plan.n_robots), bowed=set(arcs))
-        notes += draw_nodes(canvas, mission, fills, lines)
+        notes += draw_named_nodes(canvas, mission, fills, lines)
         title_above(ax, mission.title if title is None else title, "; ".join(notes))
     return ax
 
@@ -197,7 +197,7 @@ def _trail_handles(mission: Mission, plan: TrailPlan) -> list[Artist]:
     survival = mission.robot_survival([plan])[0].tolist()
     for robot, style in enumerate(robot_styles(plan.n_robots)):
         stays = len(plan.trails[robot]) == 1
-        says = "stays at base" if stays else f"survives with {chance(survival[robot], 2)}"
+        says = "stays at base" if stays else f"survives with {probability_text(survival[robot], 2)}"
         handles.append(key_of(f"robot {robot}: {says}", style))
     return handles
 
@@ -263,7 +263,7 @@ def plot_pheromone(
                 zorder=1,
             )
         arcs = canvas.curves(arrays.tail, arrays.head, bowed=True)
-        notes += draw_nodes(canvas, mission, np.ones((len(xy), 4)), arcs)
+        notes += draw_named_nodes(canvas, mission, np.ones((len(xy), 4)), arcs)
         title_above(ax, mission.title if title is None else title, "; ".join(notes))
     return ax
 

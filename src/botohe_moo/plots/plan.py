@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.transforms import Bbox
 
-from botohe_moo._base.words import chance
+from botohe_moo._base.words import probability_text
 from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
@@ -77,7 +77,7 @@ def plot_plan(
     >>> toy = load_mission("toy")
     >>> save_plot(plot_plan(toy, toy.plan([[1, 2, 4, 2, 1], [1, 2, 1]])), "plan.png")
     """
-    shown = PlanOnMap(mission, plan)
+    shown = DrawnPlan(mission, plan)
     if title is None:
         title = f"{mission.title}\n{shown.objectives}"
     with theme():
@@ -87,7 +87,7 @@ def plot_plan(
             shown.add_legend(ax)
             title_above(ax, title, "; ".join([*shown.at_base, *shown.draw_team(ax)]))
             return ax
-        robots = shown.out[:_MAX_MAPS]
+        robots = shown.leaving[:_MAX_MAPS]
         # Between more than three, the map of all robots is larger: trails share its arcs.
         span = 2 if len(robots) == 2 or len(robots) > 3 else 1
         widest, room = 6.4 if len(robots) < 4 else 5.2, name_room(mission) / span
@@ -100,8 +100,8 @@ def plot_plan(
             shown.draw_robot(small, robot)
         if robots:
             notes.insert(0, "numbers: order of visit")
-        if len(robots) < len(shown.out):
-            notes.append(f"maps of {len(robots)} of the {len(shown.out)} robots that leave")
+        if len(robots) < len(shown.leaving):
+            notes.append(f"maps of {len(robots)} of the {len(shown.leaving)} robots that leave")
         title_sheet(first, title, "; ".join(notes))
     return first
 
@@ -171,7 +171,7 @@ def plot_choices(
             _draw_mark(ax, mark)
         ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
         for row, small in zip(rows, others, strict=False):  # no maps beside given axes
-            shown = PlanOnMap(mission, batch[row])
+            shown = DrawnPlan(mission, batch[row])
             notes += shown.draw_team(small)
             signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
             parts = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.at_base]
@@ -199,7 +199,7 @@ def _draw_mark(ax: Axes, mark: Mark) -> None:
     )
 
 
-class PlanOnMap:
+class DrawnPlan:
     """A plan with everything that maps show about it; errors are those of ``plot_plan``."""
 
     def __init__(self, mission: Mission, plan: TrailPlan) -> None:
@@ -211,14 +211,14 @@ class PlanOnMap:
         self.styles = robot_styles(plan.n_robots)
 
     @property
-    def out(self) -> list[int]:
+    def leaving(self) -> list[int]:
         """Return the robots that leave the base."""
         return [robot for robot, trail in enumerate(self.plan.trails) if len(trail) > 1]
 
     @property
     def at_base(self) -> list[str]:
         """Write which robots stay at base, if any."""
-        home = [style.name for i, style in enumerate(self.styles) if i not in self.out]
+        home = [style.name for i, style in enumerate(self.styles) if i not in self.leaving]
         if len(home) == len(self.styles):
             return [f"all {len(home)} robots stay at base" if len(home) > 1 else "R0 stays at base"]
         return [f"{', '.join(home)} stay{'s' if len(home) == 1 else ''} at base"] if home else []
@@ -239,7 +239,7 @@ class PlanOnMap:
 
     def add_legend(self, ax: Axes) -> None:
         """Add a legend of the robots' lines below a map."""
-        handles = [key_of(self._survives(robot), self.styles[robot]) for robot in self.out]
+        handles = [key_of(self._survives(robot), self.styles[robot]) for robot in self.leaving]
         if handles:
             ax.legend(
                 handles=handles,
@@ -253,4 +253,5 @@ class PlanOnMap:
             )
 
     def _survives(self, robot: int) -> str:
-        return f"{self.styles[robot].name} survives with {chance(self.survival[robot], 2)}"
+        chance = probability_text(self.survival[robot], 2)
+        return f"{self.styles[robot].name} survives with {chance}"

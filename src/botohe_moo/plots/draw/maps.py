@@ -255,7 +255,9 @@ def label_nodes(
     return [f"no room for {'some' if missing < len(texts) else 'the'} {what}"] if missing else []
 
 
-def draw_nodes(canvas: Canvas, mission: Mission, fills: FloatArray, arcs: FloatArray) -> list[str]:
+def draw_named_nodes(
+    canvas: Canvas, mission: Mission, fills: FloatArray, arcs: FloatArray
+) -> list[str]:
     """Draw and name all nodes of a mission, and return notes; ``arcs`` (n, 2) are points of arcs.
 
     A node without reward has a grey rim.
