@@ -218,8 +218,6 @@ def save_plot(ax: Axes, path: str | os.PathLike[str], *others: str | os.PathLike
     >>> from botohe_moo.plots import save_plot
     >>> save_plot(plot_mission(load_mission("toy")), "mission.png", "mission.pdf")
     """
-    figure = ax.get_figure(root=True)
-    if figure is None:
-        raise ValueError("Expected axes in a figure, got axes that were removed from theirs.")
+    figure = ax.figure.figure  # the whole one, also of axes in a subfigure
     save_figure(figure, path, *others)
     plt.close(figure)

@@ -227,8 +227,6 @@ def attainment_difference(
 def _sets(fronts: Iterable[FloatArray]) -> FloatArray:
     """Return points of all runs with the number of their run; moocore does not take empty sets."""
     points = [front if len(front) else np.zeros((1, 2)) for front in fronts]
-    if not points:
-        raise ValueError("Expected the front of at least one run, got none.")
     numbers = np.repeat(np.arange(len(points), dtype=float), list(map(len, points)))
     return np.column_stack([np.concatenate(points), numbers])
 
