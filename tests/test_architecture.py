@@ -54,6 +54,7 @@ class TestLazyNames:
         [
             ("botohe_moo", "numpy numba pandas pydantic pymoo networkx matplotlib typer"),
             ("botohe_moo.decide.choosing", "pandas pymoo matplotlib typer"),
+            ("botohe_moo.plots.mission", "pandas seaborn pymoo typer"),
         ],
     )
     def test_importing_waits_for_nothing_else(self, module, others):

@@ -483,6 +483,13 @@ class TestBadOptions:
         message = refused("solve", "toy", "--out", "file")
         assert message == "botohe: file: expected a folder to write to; it is a file.\n"
 
+    @pytest.mark.parametrize(
+        "given", [["solve", "toy", "--out"], ["missions", "show", "toy", "--picture"]]
+    )
+    def test_empty_path(self, refused, given):
+        message = refused(*given, "")  # as the shell makes of an unset variable
+        assert "expected a path, got an empty text" in message
+
     def test_of_others(self, refused):
         message = refused("slove")
         assert all(name in message for name in ("'slove'", "'solve'", "botohe --help"))

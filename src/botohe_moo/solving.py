@@ -80,7 +80,7 @@ def solve(
         Called after each iteration with the evaluations so far, and a function that computes the
         area of the front so far.
     stop
-        Set it to end the search after the current iteration; default: an event that Ctrl-C sets.
+        An event that ends the search after the current iteration; default: one that Ctrl-C sets.
     **parameters
         Parameters of the algorithm, if it is given by its name.
 
@@ -113,9 +113,9 @@ def solve(
     if not isinstance(mission, Mission):
         path, mission = mission, load_mission(mission)
         source = {"name_or_path": os.fspath(path)}
-    name = algorithm if isinstance(algorithm, str) else None
+    name = None
     if isinstance(algorithm, str):
-        algorithm = make_algorithm(algorithm, **parameters)
+        name, algorithm = algorithm, make_algorithm(algorithm, **parameters)
     elif parameters:
         raise ValueError(
             f"Expected parameters only for an algorithm that is given by its name, got "
@@ -145,9 +145,10 @@ def search(
 ) -> Solution:
     """Run an algorithm on a problem; see :func:`solve`.
 
-    ``record`` goes into the solution: the name of the algorithm, its parameters and the mission's
-    source. ``started`` is the time (``time.perf_counter()``) from which seconds are counted;
-    default: now. A RefusalError says why the algorithm cannot search this mission.
+    ``record`` is what the solution says about its origin: the name of the algorithm, its parameters
+    and the mission's source. ``started`` is the time (``time.perf_counter()``) from which seconds
+    are counted, by default that of the call. A RefusalError says why the algorithm cannot search
+    this mission.
     """
     started = time.perf_counter() if started is None else started
     evaluations = check_integer("evaluations", evaluations, at_least=1)
@@ -215,7 +216,7 @@ def hold_interrupt() -> Iterator[threading.Event]:
         return
 
     def note(*_: object) -> None:
-        # Not the usual handler: if that ends the process at once, nothing is put in order.
+        # Not the usual handler, which may end the process at once, without any cleaning up.
         signal.signal(signal.SIGINT, signal.default_int_handler)
         pressed.set()
 

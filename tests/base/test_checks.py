@@ -13,10 +13,10 @@ from botohe_moo._base.checks import (
     check_choice,
     check_integer,
     check_number,
-    check_parameters,
     check_weights,
     nearest_first,
     quoted,
+    unknown_parameter,
 )
 
 
@@ -127,20 +127,9 @@ class TestQuoted:
             assert len(quoted(value)) < 200
 
 
-class TestParameters:
-    def test_known_ones(self):
-        assert check_parameters("Mission 'm'", ["seed", "nodes"], ["nodes", "seed"]) is None
-        assert check_parameters("Mission 'm'", [], []) is None
-        assert check_parameters("Mission 'm'", ["robots"], ["nodes"], also=["robots"]) is None
-
-    def test_the_known_ones_are_listed_nearest_first(self):
-        with pytest.raises(ValueError, match=r"^Mission") as error:
-            check_parameters(
-                "Mission 'm'", ["seed", "nods"], iter(["seed", "radius", "nodes"]), also=["robots"]
-            )
-        assert str(error.value) == (
-            "Mission 'm': there is no parameter 'nods'; known are nodes, radius, robots, seed."
-        )
+def test_known_parameters_are_listed_nearest_first():
+    message = unknown_parameter("nods", iter(["seed", "radius", "nodes", "robots"]))
+    assert message == "there is no parameter 'nods'; known are nodes, radius, robots, seed."
 
 
 class TestNearestFirst:

@@ -26,7 +26,7 @@ from botohe_moo.plots import (
     plot_ranks,
     plot_reached,
 )
-from botohe_moo.plots.draw.algorithms import log_axis, plain_number
+from botohe_moo.plots.draw.algorithms import log_axis, tick_text
 from botohe_moo.plots.study.attainment import attainment_difference, attainment_surface
 from botohe_moo.plots.study.comparisons import overruled
 from botohe_moo.plots.study.curves import first_reached, progress
@@ -240,7 +240,7 @@ class TestLogAxis:
 
     def test_numbers_are_plain(self):
         values = (0.2, 50, 10_000, 2e6, 1e9)
-        assert [plain_number(value) for value in values] == ["0.2", "50", "10,000", "2M", "1,000M"]
+        assert [tick_text(value) for value in values] == ["0.2", "50", "10,000", "2M", "1,000M"]
 
 
 # Areas

@@ -104,19 +104,6 @@ def check_weights(
     return weights
 
 
-def check_parameters(
-    owner: str, given: Iterable[str], accepted: Iterable[str], *, also: Iterable[str] = ()
-) -> None:
-    """Refuse parameters that are not known; the ParameterError lists the known ones.
-
-    ``owner`` says whom the parameters are for. The names in ``also`` are known, too.
-    """
-    known = {*accepted, *also}
-    for name in given:
-        if name not in known:
-            raise ParameterError(f"{owner}: {unknown_parameter(name, known)}", name)
-
-
 def unknown_parameter(name: object, known: Iterable[str]) -> str:
     """Write that there is no parameter of this name, and which there are, nearest first."""
     among = ", ".join(nearest_first(str(name), known))

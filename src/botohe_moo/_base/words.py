@@ -10,11 +10,11 @@ def counted(number: int, thing: str) -> str:
     return f"1 {thing}" if number == 1 else f"{number:,} {thing}s"
 
 
-def chance(probability: float, decimals: int) -> str:
+def probability_text(probability: float, decimals: int) -> str:
     """Write a probability; only 0 and 1 themselves are written as such.
 
-    >>> chance(0.25, 2), chance(0.9996, 3), chance(1e-9, 2), chance(1, 2)
-    ('0.25', '>0.999', '<0.01', '1.00')
+    >>> [probability_text(p, 2) for p in (0.25, 0.9996, 1e-9, 1)]
+    ['0.25', '>0.99', '<0.01', '1.00']
     """
     unit = 10.0**-decimals
     text = f"{probability:.{decimals}f}"

@@ -8,21 +8,22 @@ from pydantic import BaseModel, ValidationError
 
 from botohe_moo._base.checks import ParameterError, nearest_first, unknown_parameter
 from botohe_moo._plugins.entry_points import PluginError
+from botohe_moo._plugins.faults import fault_messages, own_message
 from botohe_moo._plugins.stated import Factory, Parameter, model_of, signature_parameters
-from botohe_moo._plugins.types import fault_messages, is_scalar, own_message
+from botohe_moo._plugins.types import is_scalar
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
-# The parameter that is wrong, None for the whole, and what is wrong with it.
+# The parameter that is wrong, or None for all together, and what is wrong with it.
 Fault: TypeAlias = tuple[str | None, str]
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """Make a function or constructor check its parameters by their types, whenever it is called.
 
-    It checks what is given by keyword and declared as numbers, flags, names or None, and hands on
-    numbers of all kinds as ``int`` and ``float``. The function checks other types itself.
+    Checked are arguments that are given by keyword and declared as numbers, flags, names or None.
+    Numbers of all kinds arrive as ``int`` and ``float``. The function checks other types itself.
 
     Examples
     --------
@@ -52,7 +53,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 @functools.cache
 def _scalars(function: Callable[..., Any]) -> tuple[Parameter, ...]:
-    """List, at a function's first call, what it checks by type: it would slow importing down."""
+    """List the parameters that are checked; at the first call, since it would slow imports down."""
     return tuple(p for p in signature_parameters(function) if is_scalar(p.hint))
 
 

@@ -112,7 +112,7 @@ def imported(load: Callable[[], Any], origin: str) -> Any:
 
 @functools.lru_cache(maxsize=16)
 def _registered(group: str, _path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """Look for what is installed, once for each search path: looking takes 10 ms."""
+    """Return the entry points of a group, looked up once for each search path: it takes 10 ms."""
     return tuple(entry_points(group=group))
 
 

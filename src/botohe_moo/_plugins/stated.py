@@ -14,9 +14,9 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import BaseModel, ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
+from botohe_moo._plugins.faults import fault_messages
 from botohe_moo._plugins.types import (
     changes_nothing,
-    fault_messages,
     plain_number,
     range_text,
     resolved,
@@ -38,7 +38,7 @@ class Parameter:
     hint: Any = Any  # the type; ``Any`` where there is none, or its name leads nowhere
     annotation: str = ""  # the type as text
     description: str = ""
-    own: bool = True  # whether its default holds: a method with ** may give its class another
+    own: bool = True  # else a method with ** hands it on to its class, maybe with another default
     by_model: bool = False  # whether a model checks and converts its values, all at once
 
     @property
@@ -58,7 +58,7 @@ class Parameter:
 
     @functools.cached_property
     def adapter(self) -> TypeAdapter[Any] | None:
-        """What checks values by the type; None where pydantic cannot."""
+        """The check of values by the type; None for types that pydantic does not know."""
         try:
             return TypeAdapter(self.hint, config=ConfigDict(arbitrary_types_allowed=True))
         except Exception:  # whatever another package's type does when it is looked at
@@ -70,7 +70,8 @@ class Parameter:
         if self.adapter is None:
             return False
         try:
-            with warnings.catch_warnings(action="ignore"):  # of a union, one type is enough
+            # It warns of types in a union that JSON does not have; one that it has is enough.
+            with warnings.catch_warnings(action="ignore"):
                 return self.adapter.json_schema().get("type") != "null"  # which is no value
         except PydanticUserError:  # a class that is only known by isinstance
             return False
@@ -94,7 +95,7 @@ class Parameter:
 
 
 def accepted_parameters(factory: Factory, *, hidden: Collection[str] = ()) -> tuple[Parameter, ...]:
-    """Find out what a factory can be given by name: a function, a class or one of its methods.
+    """List the parameters that a factory takes by name: a function, a class or a class method.
 
     A factory that is a class's method and takes any keywords, such as :meth:`BOACO.journal`,
     states what it changes, and its class the rest. The names in ``hidden`` cannot be given, and
@@ -147,9 +148,9 @@ def signature_parameters(function: Factory) -> Iterator[Parameter]:
         text = annotation if isinstance(annotation, str) else ""
         if hint is not Any or annotation is Any:
             text = type_text(hint)
-        marks = getattr(hint, "__metadata__", ())
-        said = [m.description for m in marks if isinstance(m, FieldInfo) and m.description]
-        description = described.get(stated.name) or (said[0] if said else "")
+        fields = [m for m in getattr(hint, "__metadata__", ()) if isinstance(m, FieldInfo)]
+        of_types = [field.description for field in fields if field.description]
+        description = described.get(stated.name) or next(iter(of_types), "")
         yield Parameter(stated.name, stated.default, hint, text, description)
 
 

@@ -17,6 +17,7 @@ from botohe_moo.cli.options import (
     SeedOption,
     mission_source,
     out_option,
+    path_option,
 )
 from botohe_moo.cli.shell import FAILED, INTERRUPTED, brief, fail, failing, stoppable, tell
 
@@ -35,7 +36,7 @@ def bound_mission(
     mission: MissionArgument,
     front: Annotated[
         Path | None,
-        typer.Option(
+        path_option(
             "--front",
             "-f",
             metavar="DIR",
@@ -145,7 +146,7 @@ def _prove(
 
     with showing("starting") as show:
 
-        def look(bound: FrontBound) -> None:
+        def report(bound: FrontBound) -> None:
             if stop.is_set():
                 raise KeyboardInterrupt
             words = f"area at most {bound.area:.4f}"
@@ -155,7 +156,7 @@ def _prove(
 
         front = None if solution is None else solution.objectives
         with failing():
-            return bound_front(mission, front=front, time_limit=time_limit, callback=look, **how)
+            return bound_front(mission, front=front, time_limit=time_limit, callback=report, **how)
 
 
 def _read_front(folder: Path, mission: Mission) -> Solution:
@@ -172,10 +173,11 @@ def _read_front(folder: Path, mission: Mission) -> Solution:
 
 
 def _budget_of(solution: Solution) -> float:
+    """Return the travel budget of a search, infinite if it had none: None means the mission's."""
     return math.inf if solution.max_length is None else solution.max_length
 
 
-def verdict(bound: FrontBound, solution: Solution | None) -> str:
+def _verdict(bound: FrontBound, solution: Solution | None) -> str:
     """Describe in a sentence how good a front is, or without one, what no front exceeds."""
     took = f"proved in {bound.seconds:.0f} s" if bound.seconds >= 1 else "proved at once"
     most = f"no plans whatsoever reach more than {bound.area:.4f}"
@@ -187,7 +189,7 @@ def verdict(bound: FrontBound, solution: Solution | None) -> str:
 
 
 def _tell_verdict(bound: FrontBound, solution: Solution | None) -> None:
-    tell(verdict(bound, solution))
+    tell(_verdict(bound, solution))
     for note in bound.notes:
         tell(note)
 

@@ -1,4 +1,4 @@
-"""The commands ``botohe choose`` and ``botohe explore``: what becomes of a front."""
+"""The commands ``botohe choose`` and ``botohe explore``: from a front to a plan."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _PICTURES = (".png", ".svg", ".pdf")
 
-FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `solve` wrote.")]
+SolutionArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `solve` wrote.")]
 WishArgument = Annotated[
     list[str] | None,
     typer.Argument(
@@ -68,7 +68,7 @@ PlanFileOption = Annotated[
 
 
 def choose_plan(
-    folder: FolderArgument,
+    folder: SolutionArgument,
     wish: WishArgument = None,
     most: MostOption = None,
     toward: TowardOption = None,
@@ -99,7 +99,7 @@ def choose_plan(
         if out is not None:
             check_plan_file(out, also=_PICTURES)
             check_file(out)
-            _check_own(folder, out)
+            _check_not_of_solution(folder, out)
         solution = read_solution(folder)
         if toward is not None:
             choice = solution.toward(reward=toward[0], survivors=toward[1])
@@ -118,7 +118,7 @@ def choose_plan(
         _write(solution.mission, choice.plan, out)
 
 
-def _check_own(folder: Path, out: Path) -> None:
+def _check_not_of_solution(folder: Path, out: Path) -> None:
     from botohe_moo.solution.model import FILES
 
     if any(out.resolve() == (folder / name).resolve() for name in FILES):
@@ -162,7 +162,7 @@ def tell_choice(mission: Mission, choice: Choice, folder: Path) -> None:
 
 def _trails_text(mission: Mission, plan: TrailPlan) -> str:
     """Write the trails of a plan, a line for each robot."""
-    from botohe_moo._base.words import chance
+    from botohe_moo._base.words import probability_text
     from botohe_moo.decide.wishes import label_text
 
     lines = []
@@ -170,7 +170,7 @@ def _trails_text(mission: Mission, plan: TrailPlan) -> str:
     for robot, trail in enumerate(mission.labels(plan)):
         nodes = " -> ".join(map(label_text, trail))
         way = f"stays at {nodes}" if len(trail) == 1 else nodes
-        first = f"robot {robot} (survival {chance(survivals[robot], 3)}): "
+        first = f"robot {robot} (survival {probability_text(survivals[robot], 3)}): "
         lines.append(paragraph(way, first=first, indent=" " * 4))
     return "\n".join(lines)
 
@@ -183,13 +183,8 @@ def _overview(solution: Solution) -> str:
     return f"{solution.describe()}\n\n{paragraph(more)}"
 
 
-if TYPE_CHECKING:
-    from botohe_moo.decide import Choice
-    from botohe_moo.solution import Solution
-
-
 def explore_front(
-    folder: FolderArgument,
+    folder: SolutionArgument,
     out: Annotated[
         Path | None,
         out_option("FILE.html", "File to write; by default DIR/explorer.html."),

@@ -14,6 +14,7 @@ from botohe_moo.cli.options import (
     RobotsOption,
     mission_source,
     out_option,
+    path_option,
 )
 from botohe_moo.cli.shell import (
     BAD_INPUT,
@@ -60,7 +61,7 @@ def show_mission(
     mission_parameter: MissionParameterOption = None,
     picture: Annotated[
         Path | None,
-        typer.Option(
+        path_option(
             "--picture", metavar="FILE", help="Also draw the mission to this file: PNG, PDF or SVG."
         ),
     ] = None,

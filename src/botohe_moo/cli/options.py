@@ -4,17 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
-if TYPE_CHECKING:
-    pass
+
+def path_option(*names: str, metavar: str, help: str) -> Any:  # noqa: A002
+    """Make an option that takes a path, but not an empty one."""
+    return typer.Option(*names, metavar=metavar, help=help, parser=_path)
+
+
+def _path(text: str) -> Path:
+    """Refuse an empty text, which the shell makes of an unset variable: it names this folder."""
+    if not text:
+        raise typer.BadParameter("expected a path, got an empty text.")
+    return Path(text)
 
 
 def out_option(metavar: str, help: str) -> Any:  # noqa: A002
     """Make an option for what is written."""
-    return typer.Option("--out", "-o", metavar=metavar, help=help)
+    return path_option("--out", "-o", metavar=metavar, help=help)
 
 
 MissionArgument = Annotated[

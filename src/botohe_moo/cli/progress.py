@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _COMPILING = "compiling for this machine, once: about 15 s, longer if it is busy"
 _SECONDS_BETWEEN_LINES = 6.0
-
+_SECONDS_BETWEEN_UPDATES = 0.5  # computing the area takes a while on large fronts
 
 Show = Callable[..., None]
 """Takes words, and optionally how much is done and of how much."""
@@ -38,7 +38,7 @@ def showing(words: str, *, every: float = _SECONDS_BETWEEN_LINES) -> Iterator[Sh
     printed every few seconds. It is also shown when kernels are being compiled.
     """
     latest = words
-    # rich would also take FORCE_COLOR, which many set for logs, for a terminal.
+    # rich would call it a terminal if FORCE_COLOR is set, as it often is for logs.
     is_terminal = sys.stderr is not None and sys.stderr.isatty()
     with _bar() if is_terminal else _lines(every) as put:
 
@@ -51,15 +51,16 @@ def showing(words: str, *, every: float = _SECONDS_BETWEEN_LINES) -> Iterator[Sh
             put("compiling" if compiling else latest, 0.0, None)
 
         show(words)
-        with _install_listener("numba:compile", _CompilingListener(note)):
+        listener = _CompilingListener(note)
+        with event.install_listener("numba:compile", listener):
             yield show
 
 
-_install_listener: Any = event.install_listener
-
-
 class _CompilingListener(event.Listener):
-    """Calls a function when numba begins to compile a kernel, with all that it calls, and ends."""
+    """Calls a function when numba begins to compile a kernel, and when the kernel is compiled.
+
+    Functions that the kernel calls are compiled in between, which is not reported.
+    """
 
     def __init__(self, note: Callable[[bool], None]) -> None:
         self._note = note
@@ -130,9 +131,6 @@ def _lines(every: float) -> Iterator[Show]:
         thread.join()
 
 
-_SECONDS_BETWEEN_UPDATES = 0.5  # computing the area takes a while on large fronts
-
-
 @contextmanager
 def showing_search(total: int) -> Iterator[Progress]:
     """Show how many evaluations are done, and the area of the front."""
@@ -199,7 +197,8 @@ class StudyWatcher:
         failed = f", {self._n_failed} failed" if self._n_failed else ""
         bounds = f", {self._n_bounded} of {self._n_bounds} bounds" if self._n_bounds else ""
         words = f"{self._n_ended} of {self._n_runs} runs{failed}{bounds}"
-        if self._n_bounds and self._n_ended == self._n_runs:  # bounds take another time than runs
+        # Bounds get a bar of their own, from which the time they take is estimated.
+        if self._n_bounds and self._n_ended == self._n_runs:
             self._show_words(words, self._n_bounded, self._n_bounds)
         else:
             done = self._n_ended + sum(self._shares.values())

@@ -39,14 +39,15 @@ def run(app: typer.Typer) -> None:
     The exit status is 0, or 1 where there is no result, 2 for bad input or a file that cannot be
     written, 130 after Ctrl-C.
     """
-    gc.set_threshold(100_000)  # what libraries make while they load stays, a million objects
+    # Libraries create a million objects while they load, none of which is garbage.
+    gc.set_threshold(100_000)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # so that no character ends a run
     warnings.simplefilter("once", UserWarning)
     warnings.showwarning = lambda message, *_, **__: say(message)
     os.environ["MPLBACKEND"] = "Agg"  # pictures are only written to files
-    # Warnings about fonts; a missing character is seen in the picture.
+    # No warnings about fonts: a missing character can be seen in the picture.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     warnings.filterwarnings("ignore", "Glyph .* missing from")
     try:
@@ -55,11 +56,11 @@ def run(app: typer.Typer) -> None:
         say(f"there is not enough memory. {error}")
         sys.exit(FAILED)
     finally:
-        gc.freeze()  # or the interpreter, when it ends, would search every object for cycles
+        gc.freeze()  # otherwise the interpreter searches all objects for cycles when it ends
 
 
-# What steers a terminal, but not the ends of our own lines; what ends a line for some readers only;
-# and what changes the direction of the letters behind it, which no right-to-left label needs.
+# Characters that steer a terminal, except tabs and line feeds; line ends of Unicode; and marks that
+# change the direction of writing, which labels in right-to-left scripts do not need.
 _STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
@@ -73,10 +74,10 @@ def harmless(message: object) -> str:
 
 
 def tell(message: object) -> None:
-    """Print a result on standard output, as long as somebody reads it."""
+    """Print a result on standard output, if it is still open."""
     try:
         typer.echo(harmless(message))
-    except OSError as error:  # `| head` and a closed terminal must not lose a search
+    except OSError as error:  # a search must not be lost by `| head` or a closed terminal
         if error.errno not in (errno.EPIPE, errno.EIO):
             raise
         _drop(sys.stdout)
@@ -91,7 +92,7 @@ def say(message: object) -> None:
 
 
 def _drop(stream: TextIO) -> None:
-    """Drop what is written from now on, or the interpreter would end with status 120."""
+    """Drop further output; otherwise the interpreter ends with status 120."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
@@ -126,7 +127,7 @@ def stoppable(answer: str) -> Iterator[threading.Event]:
         while (came := os.read(reader, 1)) and came[0] != signal.SIGINT:
             pass
         if came:
-            # Not by rich or sys.stderr, whose locks the main thread may hold; below the bar.
+            # Not by rich or sys.stderr: the main thread may hold their locks. Below the bar.
             line = f"{os.linesep if os.isatty(2) else ''}botohe: {answer}{os.linesep}"
             with suppress(OSError):
                 os.write(2, line.encode())
@@ -147,7 +148,7 @@ def stoppable(answer: str) -> Iterator[threading.Event]:
 
 
 def brief(mission: Mission, max_length: float | None) -> str:
-    """Return a mission's size and the travel budget in a line."""
+    """Describe the size of a mission and the travel budget in a line."""
     team = counted(mission.robots, "robot")
     limit = "" if max_length is None else f", travel budget {max_length:g}"
     return (
@@ -157,7 +158,7 @@ def brief(mission: Mission, max_length: float | None) -> str:
 
 
 def parameter_text(parameter: Parameter) -> str:
-    """Return a parameter's name, default, type, range and meaning, as the command line has them."""
+    """Describe a parameter: its name, default, type, range and meaning."""
     kind = re.sub(r"Literal\[([^]]*)\]", r"\1", parameter.annotation).replace(" | ", " or ")
     kind = ", ".join(filter(None, (kind, parameter.range)))
     kind = f"  ({kind})" if kind else ""
@@ -195,7 +196,7 @@ def listing(entries: Iterable[tuple[str, str]]) -> str:
 
 
 def paragraph(text: str, *, first: str = "", indent: str = "") -> str:
-    """Free text from docstring markup; wrap it to the terminal, if there is one."""
+    """Remove docstring markup from a text, and wrap it to the terminal, if there is one."""
     text = re.sub(r":\w+:`~?([^`]*)`", r"\1", text).replace("``", "")
     columns = shutil.get_terminal_size((0, 0)).columns
     if not columns:

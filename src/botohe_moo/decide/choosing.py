@@ -9,15 +9,13 @@ import numpy as np
 
 from botohe_moo._base.checks import check_choice, check_number
 from botohe_moo._base.words import counted
-from botohe_moo.decide.fronts import check_row, scales, short
+from botohe_moo.decide.fronts import SLACK, check_row, scales, short_text
 from botohe_moo.decide.grammar import parse_wishes
 from botohe_moo.decide.judging import N_SAMPLES, Candidates, takes_reward_distribution
 from botohe_moo.decide.tradeoffs import ExchangeRate, Neighbours, exchange_rate, neighbours
-from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish, exact
+from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish, exact_text
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import Plans, TrailPlan
-
-_SLACK = 1e-9  # below, objectives differ by rounding
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class Miss:
     by: float
 
     def __str__(self) -> str:
-        return f"{self.wish} by {short(self.by)} (it has {short(self.value)})"
+        return f"{self.wish} by {short_text(self.by)} (it has {short_text(self.value)})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +94,8 @@ class Choice:
     missed: tuple[Miss, ...]
 
     def __str__(self) -> str:
-        title = f"plan {self.index}: reward {short(self.reward)}, survivors {short(self.survivors)}"
-        return f"{title}\n{self.why}\n{self.cost}\n{self.rate}"
+        objectives = f"reward {short_text(self.reward)}, survivors {short_text(self.survivors)}"
+        return f"plan {self.index}: {objectives}\n{self.why}\n{self.cost}\n{self.rate}"
 
 
 def choose(
@@ -176,7 +174,7 @@ def best(front: Candidates, wishes: Iterable[str | Wish], most: Quantity | None 
     quickest_first = sorted(wanted, key=takes_reward_distribution)
     for i in order:
         if not any(front.missing(wish, i) for wish in quickest_first):
-            values = " and ".join(f"{wish} ({short(front.value(wish, i))})" for wish in wanted)
+            values = " and ".join(f"{wish} ({short_text(front.value(wish, i))})" for wish in wanted)
             why = (
                 f"The best among these plans ({len(front)}): plan {i} has the most {most} with "
                 f"{values}.{_simulated(front, wanted)}"
@@ -240,10 +238,10 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
     reference = np.array([wish.at_least for wish in wanted])
     beyond = (front.objectives - reference) / scales(mission)
     least = beyond.min(axis=1)
-    equal = least >= least.max() - _SLACK
+    equal = least >= least.max() - SLACK
     i = int(np.where(equal, beyond.sum(axis=1), -np.inf).argmax())
     missed = _missed(front, i, wanted)
-    point = f"reward {short(reference[0])} and survivors {short(reference[1])}"
+    point = f"reward {short_text(reference[0])} and survivors {short_text(reference[1])}"
     how = f"misses {' and '.join(map(str, missed))}" if missed else "has at least as much of both"
     why = f"The best among these plans ({len(front)}) for {point}: plan {i} {how}."
     return _choice(front, i, why, wanted)
@@ -282,7 +280,7 @@ def _no_plan(front: Candidates, wishes: tuple[Wish, ...]) -> str:
     """Write why no plan at all can meet wishes that ask for more than the mission has."""
     mission = front.mission
     has = {
-        "reward": f"a total reward of {exact(mission.total_reward)}",
+        "reward": f"a total reward of {exact_text(mission.total_reward)}",
         "survivors": counted(mission.robots, "robot"),
     }
     beyond = dict.fromkeys(front.beyond(wish) for wish in wishes)

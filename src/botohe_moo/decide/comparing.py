@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from botohe_moo.decide.fronts import arc_counts, distances, more
+from botohe_moo.decide.fronts import arc_counts, difference_text, distances
 from botohe_moo.decide.wishes import label_text
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -131,40 +131,46 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
     Robot 0 (1 in the second plan) also visits 3 and 4, at the same survival.
     """
     batch = check_mission(mission).batch([first, second])
-    gain = np.subtract(*mission.evaluate(batch)[::-1]).tolist()
+    before, after = mission.evaluate(batch)
     survival = mission.robot_survival(batch)
-    visits = [[set(trail) for trail in plan] for plan in map(mission.labels, (first, second))]
-    trails = first.trails, second.trails
+    visits, other_visits = (
+        [set(trail) for trail in mission.labels(plan)] for plan in (first, second)
+    )
     robots = []
     for robot, other in _matched(batch, first, second):
-        ours, others = visits[0][robot], visits[1][other]
+        nodes, other_nodes = visits[robot], other_visits[other]
+        trail, other_trail = first.trails[robot], second.trails[other]
         change = Change(
             robot=robot,
             other_robot=other,
             survival=float(survival[0, robot]),
             other_survival=float(survival[1, other]),
-            gained=_in_order(mission, others - ours),
-            lost=_in_order(mission, ours - others),
-            same=trails[0][robot] == trails[1][other],
-            stayed=len(trails[0][robot]) == 1,
-            stays=len(trails[1][other]) == 1,
+            gained=_in_order(mission, other_nodes - nodes),
+            lost=_in_order(mission, nodes - other_nodes),
+            same=trail == other_trail,
+            stayed=len(trail) == 1,
+            stays=len(other_trail) == 1,
         )
         robots.append(change)
-    all_visited = [set().union(*plan) for plan in visits]
+    visited, other_visited = set().union(*visits), set().union(*other_visits)
     counts = {
-        node: (sum(node in trail for trail in visits[0]), sum(node in trail for trail in visits[1]))
-        for node in _in_order(mission, all_visited[0] & all_visited[1] - {mission.base})
+        node: (sum(node in nodes for nodes in visits), sum(node in nodes for nodes in other_visits))
+        for node in _in_order(mission, visited & other_visited - {mission.base})
     }
-    at_base = tuple(sum(len(trail) == 1 for trail in plan) for plan in trails)
+    reward, survivors = (after - before).tolist()
     return Difference(
-        reward=gain[0],
-        survivors=gain[1],
-        gained=_in_order(mission, all_visited[1] - all_visited[0]),
-        lost=_in_order(mission, all_visited[0] - all_visited[1]),
+        reward=reward,
+        survivors=survivors,
+        gained=_in_order(mission, other_visited - visited),
+        lost=_in_order(mission, visited - other_visited),
         visitors={node: both for node, both in counts.items() if both[0] != both[1]},
-        at_base=(at_base[0], at_base[1]),
+        at_base=(_n_at_base(first), _n_at_base(second)),
         robots=tuple(robots),
     )
+
+
+def _n_at_base(plan: TrailPlan) -> int:
+    return sum(len(trail) == 1 for trail in plan.trails)
 
 
 def _matched(batch: PlanBatch, first: TrailPlan, second: TrailPlan) -> list[tuple[int, int]]:
@@ -186,8 +192,9 @@ def _in_order(mission: Mission, nodes: set[Hashable]) -> tuple[Hashable, ...]:
 def _sentences(found: Difference) -> list[str]:
     if all(change.same for change in found.robots):
         return ["The plans are the same."]
-    gain = f"{more(found.reward, 'reward')} and {more(found.survivors, 'survivors')}"
-    sentences = [f"The second plan has {gain}."]
+    reward = difference_text(found.reward, "reward")
+    survivors = difference_text(found.survivors, "survivors")
+    sentences = [f"The second plan has {reward} and {survivors}."]
     for which, nodes in (("second", found.gained), ("first", found.lost)):
         if nodes:
             sentences.append(f"Only the {which} plan visits {_named(nodes)}.")

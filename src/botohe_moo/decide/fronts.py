@@ -14,6 +14,9 @@ from botohe_moo.trails import PlanBatch, Plans
 # Plans, or their objectives E[R] and E[S] (n_plans, 2).
 PlansOrObjectives = Plans | FloatArray
 
+# Objectives divided by their `scales` that differ by less are equal: sums are rounded.
+SLACK = 1e-9
+
 
 def objectives_of(mission: Mission, given: PlansOrObjectives) -> FloatArray:
     """Return the objectives (n_plans, 2) of plans; objectives themselves are checked."""
@@ -66,18 +69,18 @@ def check_row(name: str, row: object, n_plans: int) -> int:
     return number
 
 
-def short(value: float) -> str:
+def short_text(value: float) -> str:
     """Write a number with four significant digits."""
     return f"{value:.4g}"
 
 
-def more(value: float, what: str) -> str:
+def difference_text(value: float, what: str) -> str:
     """Write how much more or less reward, or how many more or fewer survivors, a plan has."""
     survivors = what == "survivors"
     if abs(value) < 1e-9:
         return f"as {'many' if survivors else 'much'} {what}"
     less = "fewer" if survivors else "less"
-    return f"{short(abs(value))} {'more' if value > 0 else less} {what}"
+    return f"{short_text(abs(value))} {'more' if value > 0 else less} {what}"
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,7 @@ class Mark:
     survivors: float
 
     def __str__(self) -> str:
-        where = f"reward {short(self.reward)}, survivors {short(self.survivors)}"
+        where = f"reward {short_text(self.reward)}, survivors {short_text(self.survivors)}"
         return f"plan {self.index} ({where}): {self.definition}"
 
 

@@ -3,6 +3,7 @@
 from functools import cached_property
 
 from botohe_moo._base.types import FloatArray
+from botohe_moo.decide.fronts import SLACK
 from botohe_moo.decide.wishes import (
     QUANTITIES,
     Chance,
@@ -23,10 +24,9 @@ from botohe_moo.outcomes import (
 )
 from botohe_moo.trails import Plans
 
-# A plan that needs more joint outcomes is simulated: hundreds of them are to take seconds.
-MAX_OUTCOMES, N_SAMPLES, SEED = 100_000, 10_000, 1
-
-_SLACK = 1e-9  # of a wish's range: sums of rounded numbers reach what they should reach
+MAX_OUTCOMES = 100_000  # joint outcomes; the reward of a plan with more is simulated
+N_SAMPLES = 10_000  # missions of a simulation
+SEED = 1
 
 
 class Candidates:
@@ -63,7 +63,7 @@ class Candidates:
     def missing(self, wish: Wish, i: int) -> float:
         """Compute the shortfall of plan ``i``; 0 if it meets the wish."""
         lacking = wish.at_least - self.value(wish, i)
-        return lacking if lacking > _SLACK * self.span(wish) else 0.0
+        return lacking if lacking > SLACK * self.span(wish) else 0.0
 
     def span(self, wish: Wish) -> float:
         """Return the range of what a plan can have, by which shortfalls are scaled."""
@@ -75,12 +75,12 @@ class Candidates:
         """Return the quantity of which a wish needs more than any plan can have, or None."""
         if isinstance(wish, Expected | TailMean):
             needed = wish.at_least
-        elif isinstance(wish, Chance) and wish.at_least > _SLACK:
+        elif isinstance(wish, Chance) and wish.at_least > SLACK:
             needed = wish.value
         else:
             return None
         most = self._most(wish.quantity)
-        return wish.quantity if needed > most + _SLACK * (most or 1.0) else None
+        return wish.quantity if needed > most + SLACK * (most or 1.0) else None
 
     def _most(self, quantity: Quantity) -> float:
         return self.mission.total_reward if quantity == "reward" else float(self.mission.robots)

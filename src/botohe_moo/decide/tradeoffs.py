@@ -9,22 +9,22 @@ import numpy as np
 from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.decide.fronts import (
+    SLACK,
     PlansOrObjectives,
     check_row,
+    difference_text,
     front_rows,
     knees,
-    more,
     objectives_of,
     representatives,
     scales,
-    short,
+    short_text,
 )
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
 
-_ROWS = 10
+_ROWS = 10  # of a table that does not show all plans
 _HEADING = ("plan_id", "reward", "survivors", "reward per survivor more, to next row")
-_SLACK = 1e-9  # of the total reward and of the robots: below, objectives differ by rounding
 
 
 @dataclass(frozen=True)
@@ -88,8 +88,8 @@ class Neighbours:
         parts = []
         for step in dict.fromkeys((self.richer, self.safer)):
             if step is not None:
-                reward = more(step.reward, "reward")
-                survivors = more(step.survivors, "survivors")
+                reward = difference_text(step.reward, "reward")
+                survivors = difference_text(step.survivors, "survivors")
                 both = (reward, survivors) if step is self.richer else (survivors, reward)
                 word = "for" if step.reward * step.survivors < 0 else "and"
                 parts.append(f"plan {step.index} has {both[0]} {word} {both[1]}")
@@ -126,7 +126,7 @@ def neighbours(mission: Mission, plans: PlansOrObjectives, index: int) -> Neighb
     index = check_row("index", index, len(objectives))
     rows = front_rows(objectives)
     gain = (objectives[rows] - objectives[index]) / scales(mission)
-    richer, safer = rows[gain[:, 0] > _SLACK], rows[gain[:, 1] > _SLACK]  # by descending reward
+    richer, safer = rows[gain[:, 0] > SLACK], rows[gain[:, 1] > SLACK]  # by descending reward
     return Neighbours(
         _step(objectives, index, richer[-1:]),
         _step(objectives, index, safer[:1]),
@@ -177,11 +177,11 @@ class ExchangeRate:
             if step is not None:
                 distance = abs(step.survivors)
                 which = ", the nearest" if distance > self.window else ""
-                away = f"plan {step.index}{which}, {short(distance)} survivors away"
-                parts.append(f"0.1 survivors {does} {short(step.rate)} reward (to {away})")
+                away = f"plan {step.index}{which}, {short_text(distance)} survivors away"
+                parts.append(f"0.1 survivors {does} {short_text(step.rate)} reward (to {away})")
         if not parts:
             return f"No plan of the front trades reward for survivors with plan {self.index}."
-        within = f"within {short(self.window)} survivors"
+        within = f"within {short_text(self.window)} survivors"
         return f"At plan {self.index}, {within}: {'; '.join(parts)}."
 
 
@@ -221,7 +221,7 @@ def exchange_rate(
     window = check_number("window", window, above=0)
     rows = front_rows(objectives)
     reward, survivors = (objectives[rows] - objectives[index]).T  # survivors ascend
-    slack = _SLACK * mission.robots
+    slack = SLACK * mission.robots
     safer = rows[(survivors > slack) & (reward < 0)]
     richer = rows[(survivors < -slack) & (reward > 0)][::-1]
     steps = []
@@ -262,5 +262,5 @@ def front_table(mission: Mission, objectives: FloatArray, rows: tuple[int, ...])
 def _cost(mission: Mission, plan: FloatArray, safer: FloatArray) -> str:
     """Write the reward that is given up for each further expected survivor, from plan to plan."""
     reward, survivors = (plan - safer).tolist()
-    is_more = survivors < -_SLACK * mission.robots
-    return short(reward / -survivors) if is_more else "-"
+    is_more = survivors < -SLACK * mission.robots
+    return short_text(reward / -survivors) if is_more else "-"

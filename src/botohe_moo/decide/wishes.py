@@ -59,7 +59,7 @@ class Wish:
         raise NotImplementedError
 
     def __str__(self) -> str:
-        return f"{self.subject} >= {exact(self.at_least)}"
+        return f"{self.subject} >= {exact_text(self.at_least)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +116,7 @@ class Chance(Wish):
     @property
     def subject(self) -> str:
         """The event, as ``P(...)``."""
-        return f"P({self.quantity} >= {exact(self.value)})"
+        return f"P({self.quantity} >= {exact_text(self.value)})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +145,7 @@ class TailMean(Wish):
     @property
     def subject(self) -> str:
         """The tail, as ``CVaR(...)``."""
-        return f"CVaR({self.quantity}, {exact(self.alpha)})"
+        return f"CVaR({self.quantity}, {exact_text(self.alpha)})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,8 +200,8 @@ class Reach(Wish):
         return f"reach {label_text(self.node)}"
 
 
-def exact(value: float) -> str:
-    """Write a number so that the same number is read from it."""
+def exact_text(value: float) -> str:
+    """Write a number with all the digits that it takes to read the same number again."""
     text = f"{value:g}"
     return text if float(text) == value else repr(value)
 
@@ -210,6 +210,6 @@ def label_text(label: Hashable) -> str:
     """Write a label as wishes have it: words as they are, other texts in quotes."""
     if isinstance(label, str):
         return label if _PLAIN_LABEL.fullmatch(label) else json.dumps(label, ensure_ascii=False)
-    with suppress(ValueError):  # what JSON cannot hold stays as it is
-        label = read_label(plain_label(label))  # Python's own numbers instead of numpy's
+    with suppress(ValueError):  # labels that JSON cannot hold
+        label = read_label(plain_label(label))  # with Python's numbers instead of numpy's
     return repr(label)

@@ -70,7 +70,7 @@ class Front(Protocol):
 def page_data(
     front: Front, wishes: Iterable[str | Wish | Choice] = (), *, max_plans: int = MAX_PLANS
 ) -> dict[str, Any]:
-    """Compute the data of the page; plans are in order from the least reward to the most."""
+    """Compute the data of the page; plans are in order of ascending reward."""
     if not all(hasattr(front, name) for name in ("mission", "plans", "objectives")):
         raise TypeError(f"Expected a Solution, got {quoted(front)}.")
     if isinstance(wishes, str | Wish | Choice):
@@ -82,9 +82,8 @@ def page_data(
     choices = [_chosen(candidates, wish) for wish in wishes]
     marks = _marks(front, choices)
     order = np.lexsort((-front.objectives[:, 1], front.objectives[:, 0]))
-    place = {int(row): i for i, row in enumerate(order)}
     kept = {mark["plan"] for mark in marks}.union(*map(_named, choices))
-    kept_places = [place[row] for row in kept]
+    kept_places = np.flatnonzero(np.isin(order, list(kept))).tolist()
     rows = order[thinned(front.objectives[order], kept_places, max_plans)].tolist()
     place = {row: i for i, row in enumerate(rows)}
     isolate = isolating(mission.nodes)
@@ -97,7 +96,7 @@ def page_data(
     pairs = sorted({*pairwise(range(len(plans))), *combinations(marked, 2)})
     words = {(i, j): compare(mission, plans[i], plans[j]).sentences for i, j in pairs}
     spent = f"seed {front.seed}, {counted(front.evaluations, 'evaluation')}"
-    thin = (
+    note = (
         f"The page shows {len(rows):,} of the {n_plans:,} plans: those that dominate the most area "
         "(hypervolume) alone, both ends of the front, all that are marked, and those with which "
         "a chosen plan is compared."
@@ -105,7 +104,7 @@ def page_data(
     return {
         "name": mission.name,
         "about": f"{counted(n_plans, 'plan')} by {front.algorithm}, {spent}; area {front.area:.4f}",
-        "thinned": thin if len(rows) < n_plans else "",
+        "thinned": note if len(rows) < n_plans else "",
         "robots": mission.robots,
         "total": mission.total_reward,
         **_site(mission),
@@ -161,9 +160,9 @@ def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
     survival: dict[tuple[int, ...], float] = {}
     length: dict[tuple[int, ...], float] = {}
     survivals, lengths = mission.robot_survival(plans), mission.trail_lengths(plans)
-    for plan, alive, far in zip(plans, survivals.tolist(), lengths.tolist(), strict=True):
+    for plan, alive, walked in zip(plans, survivals.tolist(), lengths.tolist(), strict=True):
         survival |= zip(plan.trails, alive, strict=True)
-        length |= zip(plan.trails, far, strict=True)
+        length |= zip(plan.trails, walked, strict=True)
     number = {trail: i for i, trail in enumerate(survival)}
     return {
         "trails": list(survival),

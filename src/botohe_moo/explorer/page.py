@@ -22,7 +22,7 @@ from botohe_moo.explorer.data import Front, page_data
 
 SCRIPTS = ("data", "state", "front", "map", "tables", "files", "main")
 _HEIGHT = 900  # pixels of a frame in a notebook
-_NOTEBOOK_PLANS = 100  # each output keeps its page: small, and quick to make
+_NOTEBOOK_PLANS = 100  # few, since a notebook keeps the page of each output
 
 
 def explore(

@@ -1,4 +1,4 @@
-"""Labels and numbers as the page shows them, rounded so that its script only looks them up."""
+"""Labels and numbers as the page shows them, written here so that its script need not round."""
 
 import math
 import re
@@ -13,7 +13,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.decide.wishes import label_text
 from botohe_moo.outcomes import Distribution
 
-_SIGNIFICANT = 5
+_SIGNIFICANT = 5  # digits of the largest number of a kind
 _MAX_BINS = 12
 LITTLE, NEARLY = 1001, 1002  # codes of probabilities that would round to 0 and to 1
 

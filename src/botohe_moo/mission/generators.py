@@ -30,10 +30,10 @@ ArcProbability: TypeAlias = Annotated[
 
 _DIGITS = 4
 _SURVIVALS = (10**-_DIGITS, 1)  # the least and the greatest that is drawn
-_DRAWS = 1000
+_DRAWS = 1000  # of a graph, until it is connected
 
-# How far apart waypoints may be that have a passage, in units of 1 / √n. It gives as many arcs a
-# waypoint as terrain_200 has.
+# The longest passage between two waypoints, in units of 1 / √n. With it, waypoints have as many
+# arcs on average as those of terrain_200.
 _REACH = 1.51
 
 
@@ -155,12 +155,11 @@ def terrain(*, nodes: Nodes = 200, robots: Robots = 5, seed: Seed = 0) -> Missio
 def _connected_pairs(rng: Rng, probability: FloatArray) -> OffsetArray:
     """Draw pairs of nodes, each with its probability (n, n), until they connect all nodes.
 
-    Gives them in shape (n_pairs, 2), the lower node first; none if no draw was connected.
+    Returns them in shape (n_pairs, 2), the lower node first; none if no draw was connected.
     """
-    every = np.triu_indices(len(probability), 1)
-    tails, heads = every
+    tails, heads = np.triu_indices(len(probability), 1)
     for _ in range(_DRAWS):
-        drawn = rng.random(len(tails)) < probability[every]
+        drawn = rng.random(len(tails)) < probability[tails, heads]
         pairs = np.column_stack([tails[drawn], heads[drawn]])
         if len(np.unique(pairs)) == len(probability) and nx.is_connected(nx.Graph(pairs.tolist())):
             return pairs

@@ -20,7 +20,7 @@ from botohe_moo.mission.validation import (
     MissionError,
     PlanError,
     fault_text,
-    mission_faults,
+    graph_faults,
     team_size_fault,
     trail_indices,
 )
@@ -73,12 +73,12 @@ class Mission:
         robots: int | None = None,
         name: str | None = None,
     ) -> None:
-        own = graph.graph if isinstance(graph, nx.Graph) else {}
-        base = own.get("base") if base is None else base
-        robots = own.get("robots") if robots is None else robots
-        name = own.get("name") or own.get("title") if name is None else name
+        attributes = graph.graph if isinstance(graph, nx.Graph) else {}
+        base = attributes.get("base") if base is None else base
+        robots = attributes.get("robots") if robots is None else robots
+        name = attributes.get("name") or attributes.get("title") if name is None else name
         source = f"Mission {quoted(name)}" if name else "The mission"
-        if faults := mission_faults(graph, base, robots):
+        if faults := graph_faults(graph, base, robots):
             raise MissionError(faults, source)
 
         self.graph: nx.DiGraph[Any] = frozen_copy(graph)

@@ -69,7 +69,7 @@ class MissionError(ValueError):
         return type(self), (list(self.faults), self.source)
 
 
-def mission_faults(graph: Any, base: Hashable, robots: object) -> list[str]:
+def graph_faults(graph: Any, base: Hashable, robots: object) -> list[str]:
     """List the faults of a mission; a base or team size of None was not given."""
     if not isinstance(graph, nx.DiGraph) or graph.is_multigraph():
         return [_not_a_digraph(graph)]

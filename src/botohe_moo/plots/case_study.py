@@ -21,16 +21,21 @@ from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.draw.texts import title_above
 from botohe_moo.plots.front import plot_front
-from botohe_moo.plots.mission import Kind, plot_mission, plot_pheromone
-from botohe_moo.plots.plan import PlanOnMap
+from botohe_moo.plots.mission import PheromoneKind, plot_mission, plot_pheromone
+from botohe_moo.plots.plan import DrawnPlan
 from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.trails import Plans, TrailPlan
 
-_WIDTH, _RIGHT = 15.0, 1.0  # inches: of the parts of a line, and right of them for the key
-_TITLE, _ABOVE, _BELOW = 0.35, 0.75, 0.65  # inches: over the page, over and below each line
-_MOST = 4  # parts of a line
-_CHART = 2.8  # inches: least height of a line
-_KINDS: tuple[Kind, ...] = get_args(Kind)
+# In inches:
+_WIDTH = 15.0  # of the panels of a line together
+_RIGHT = 1.0  # right of them, for the key
+_TITLE = 0.35  # above all lines
+_ABOVE = 0.75  # above each line
+_BELOW = 0.65  # below each line
+_CHART = 2.8  # least height of a line
+
+_MOST = 4  # panels of a line
+_KINDS: tuple[PheromoneKind, ...] = get_args(PheromoneKind)
 
 
 def plot_case_study(
@@ -111,7 +116,7 @@ def plot_case_study(
         draws = [partial(plot_pheromone, mission, pheromone, kind=kind) for kind in _KINDS]
         lines.append([_Panel("pheromone", draw, right=1.4) for draw in draws])
     with theme():
-        axes = _draw(lines, node_positions(mission))
+        axes = _draw_page(lines, node_positions(mission))
         fig = axes[0].figure.figure
         head = mission.title if title is None else title
         fig.text(0.1 / fig.get_figwidth(), 1.0, head, fontsize=15, fontweight="bold", va="top")
@@ -120,21 +125,21 @@ def plot_case_study(
 
 @dataclass(frozen=True)
 class _Panel:
-    """A part of the page, drawn on axes; beside them are inches for what is outside."""
+    """A part of the page."""
 
     name: str
-    draw: Callable[..., object]  # with a title, on axes
-    right: float = 0.1
+    draw: Callable[..., object]  # takes a title and axes
+    right: float = 0.1  # inches right of the axes
     is_map: bool = True
 
     @property
     def left(self) -> float:
-        """Inches for the names and numbers of an axis, if there is one."""
+        """Inches left of the axes: for the name and the numbers of an axis, if there is one."""
         return 0.1 if self.is_map else 0.85
 
 
 def _plan_panel(mission: Mission, plan: TrailPlan, name: str, has_key: bool) -> _Panel:
-    shown = PlanOnMap(mission, plan)
+    shown = DrawnPlan(mission, plan)
 
     def draw(*, title: str, ax: Axes) -> None:
         open_axes(node_positions(mission), ax)
@@ -146,7 +151,7 @@ def _plan_panel(mission: Mission, plan: TrailPlan, name: str, has_key: bool) -> 
     return _Panel(name, draw)
 
 
-def _draw(lines: Sequence[Sequence[_Panel]], xy: FloatArray) -> list[Axes]:
+def _draw_page(lines: Sequence[Sequence[_Panel]], xy: FloatArray) -> list[Axes]:
     """Open a page, and draw every line of panels on it, one below the other."""
     _, half = frame_of(xy)
     aspect = half[1] / half[0]
@@ -161,8 +166,8 @@ def _draw(lines: Sequence[Sequence[_Panel]], xy: FloatArray) -> list[Axes]:
         wide = _WIDTH / len(line)
         for i, panel in enumerate(line):
             width = wide - panel.left - panel.right
-            own = width * aspect if panel.is_map else high
-            place = (i * wide + panel.left, top - _ABOVE - own, width, own)
+            height = width * aspect if panel.is_map else high
+            place = (i * wide + panel.left, top - _ABOVE - height, width, height)
             ax = fig.add_axes(tuple(np.divide(place, (*full, *full))))
             panel.draw(title=f"({next(letters)}) {panel.name}", ax=ax)
             axes.append(ax)

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from botohe_moo.search.bounds import FrontBound
 
 OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
-_STAIRS = "_stairs"  # by which the fronts on axes are counted
-_CROWD = 150  # points, from which on their rims would cover other points
+_STAIRS = "_stairs"  # label by which the fronts on axes are counted
+_CROWD = 150  # points; the rims of more would cover other points
 _RING = 5.5  # points: radius of the rings around highlighted plans
 
 
@@ -94,16 +94,16 @@ def plot_front(
         if ax is None:
             ax = new_axes(7.2, 5.2)
         drawn = sum(line.get_label() == _STAIRS for line in ax.lines)
-        _draw(ax, points, corners, drawn, f"{label}: {summary}" if label else None)
+        _draw_front(ax, points, corners, drawn, f"{label}: {summary}" if label else None)
         if bound is not None:
-            _draw_open(ax, corners, bound, bound.gap(points), label)
+            _shade_gap(ax, corners, bound, bound.gap(points), label)
         if label or bound is not None:
             ax.legend(loc="upper right", framealpha=0.9)
-        _dress(ax, mission)
+        _set_axes(ax, mission)
         if title is None:
             title = ax.get_title(loc="left") if mission is None else mission.title
         title_above(ax, title, "" if label else summary)
-        _mark(ax, points, chosen)
+        _ring_plans(ax, points, chosen)
     return ax
 
 
@@ -163,7 +163,9 @@ def front_summary(points: FloatArray, mission: Mission | None) -> str:
     return f"area {area}, {counted(len(points), 'plan')}"
 
 
-def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: str | None) -> None:
+def _draw_front(
+    ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: str | None
+) -> None:
     colour, marker = colours(drawn + 1)[-1], MARKERS[drawn % len(MARKERS)]
     ax.fill(*corners.T, facecolor=colour, alpha=0.16, linewidth=0, zorder=1, label="_area")
     ax.plot(*corners[:-1].T, color=colour, linewidth=1.0, zorder=2, label=_STAIRS)
@@ -183,7 +185,7 @@ def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: 
     ax.plot(*points[~dominated].T, **style, color=colour, zorder=3, label=label or "_front")
 
 
-def _draw_open(
+def _shade_gap(
     ax: Axes, corners: FloatArray, bound: FrontBound, gap: float, label: str | None
 ) -> None:
     """Shade what lies between a front, whose corners are given, and a bound."""
@@ -193,31 +195,39 @@ def _draw_open(
     highest = staircase(bound.points)
     # Back along the front, so that what it dominates is left out.
     between = np.concatenate([highest, corners[::-1]])
-    look: dict[str, Any] = {"facecolor": MUTED, "alpha": 0.25, "linewidth": 0, "zorder": 1}
-    ax.fill(*between.T, **look, label=f"{label}, open: {more}" if label else f"open: {more}")
+    name = f"{label}, open: {more}" if label else f"open: {more}"
+    ax.fill(*between.T, facecolor=MUTED, alpha=0.25, linewidth=0, zorder=1, label=name)
     ax.plot(*highest[:-1].T, color=MUTED, linewidth=1.0, zorder=1.5, label="_bound")
 
 
-def _mark(ax: Axes, points: FloatArray, chosen: Mapping[int, str]) -> None:
+def _ring_plans(ax: Axes, points: FloatArray, chosen: Mapping[int, str]) -> None:
     """Ring chosen plans and write what they are beside them, where no two texts overlap."""
     figure = ax.figure.figure
     if chosen and (engine := figure.get_layout_engine()) is not None:
         engine.execute(figure)
     drawn = [np.asarray(line.get_xydata(), dtype=float) for line in ax.lines]
     space = Space(ax, points[list(chosen)], _RING, np.concatenate(drawn))
-    ring: dict[str, Any] = {"marker": "o", "markersize": 2 * _RING, "markerfacecolor": "none"}
-    ring |= {"markeredgecolor": INK, "markeredgewidth": 1.6, "clip_on": False}
     for row, text in chosen.items():
-        ax.plot(*points[[row]].T, **ring, zorder=4, label="_highlight")
+        ax.plot(
+            *points[[row]].T,
+            marker="o",
+            markersize=2 * _RING,
+            markerfacecolor="none",
+            markeredgecolor=INK,
+            markeredgewidth=1.6,
+            clip_on=False,
+            zorder=4,
+            label="_highlight",
+        )
         space.write_beside(points[row], text, 9.5, reach=60.0, bold=True)
 
 
-def _dress(ax: Axes, mission: Mission | None) -> None:
+def _set_axes(ax: Axes, mission: Mission | None) -> None:
     ax.set(xlabel=OBJECTIVES[0], ylabel=OBJECTIVES[1])
     if mission is not None:
         ax.set(xlim=(0, mission.total_reward or 1.0), ylim=(0, mission.robots))
         ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
         return
-    # The front is one of several, perhaps: all of them must stay in view.
+    # There may be several fronts, which must all stay in view.
     reach = 1.05 * np.clip([ax.dataLim.x1, ax.dataLim.y1], 0.0, None)
     ax.set(xlim=(0, reach[0] or 1.0), ylim=(0, reach[1] or 1.0))

@@ -12,15 +12,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from botohe_moo._base.checks import check_choice
-from botohe_moo._base.types import FloatArray
-from botohe_moo._base.words import chance, counted
+from botohe_moo._base.types import BoolArray, FloatArray
+from botohe_moo._base.words import counted, probability_text
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.algorithms import check_table
-from botohe_moo.plots.draw.canvas import Canvas, bowed_arcs, coloured, open_axes
-from botohe_moo.plots.draw.maps import draw_nodes, key_of
+from botohe_moo.plots.draw.canvas import Canvas, bowed_arcs, colour_by_value, open_axes
+from botohe_moo.plots.draw.maps import draw_named_nodes, key_of
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.plots.draw.style import (
     MUTED,
@@ -39,7 +38,7 @@ from botohe_moo.trails import TrailPlan
 if TYPE_CHECKING:
     import pandas as pd
 
-Kind = Literal["reward", "survival"]
+PheromoneKind = Literal["reward", "survival"]
 
 _MAX_ZONES = 8
 _WIDEST = 5.0  # points: the arc of most pheromone
@@ -92,37 +91,41 @@ def plot_mission(
     xy = node_positions(mission)
     with theme():
         ax = open_axes(xy, ax)
-        reward = mission.arrays.reward
-        paid, fills = reward > 0, np.ones((len(reward), 4))
-        fills[paid] = coloured(ax, reward[paid], REWARD, "reward", slot=0, low=0.0)
+        arrays, bowed = mission.arrays, bowed_arcs(mission)
+        paid, fills = arrays.reward > 0, np.ones((arrays.n_nodes, 4))
+        fills[paid] = colour_by_value(ax, arrays.reward[paid], REWARD, "reward", slot=0, low=0.0)
         zones = _zones(mission)
         _add_legend(ax, mission, plan, zones)
-        arc_colours = coloured(ax, mission.arrays.survival, SURVIVAL, "survival", slot=1)
+        arc_colours = colour_by_value(ax, arrays.survival, SURVIVAL, "survival", slot=1)
         canvas = Canvas.measure(ax, xy)
         _shade_zones(canvas, mission, zones)
-        lines = _draw_arcs(canvas, mission, arc_colours, faint=plan is not None)
+        lines = _draw_arcs(canvas, mission, arc_colours, bowed, faint=plan is not None)
         if plan is not None:
-            arcs, bowed = mission.arrays, bowed_arcs(mission)
-            pairs = zip(arcs.tail[bowed].tolist(), arcs.head[bowed].tolist(), strict=True)
-            lines = draw_trails(canvas, plan, robot_styles(plan.n_robots), bowed=set(pairs))
-        notes += draw_nodes(canvas, mission, fills, lines)
+            arcs = zip(arrays.tail[bowed].tolist(), arrays.head[bowed].tolist(), strict=True)
+            lines = draw_trails(canvas, plan, robot_styles(plan.n_robots), bowed=set(arcs))
+        notes += draw_named_nodes(canvas, mission, fills, lines)
         title_above(ax, mission.title if title is None else title, "; ".join(notes))
     return ax
 
 
 def _draw_arcs(
-    canvas: Canvas, mission: Mission, arc_colours: NDArray[Any], *, faint: bool
+    canvas: Canvas, mission: Mission, arc_colours: FloatArray, bowed: BoolArray, *, faint: bool
 ) -> FloatArray:
     """Draw all arcs, and return points on them (n_arcs, n_points, 2)."""
     tail, head = mission.arrays.tail, mission.arrays.head
-    bowed = bowed_arcs(mission)
     once = ~bowed & (tail < head)
     # Hundreds of arrows at full width would merge into a carpet.
     width = (1.0 if faint else 1.8) * min(1.0, max(0.4, 12 / max(len(tail), 1) ** 0.5))
     alpha = 0.6 if faint else 1.0
     points = canvas.curves(tail, head, bowed)
-    look: dict[str, Any] = {"linewidths": width, "alpha": alpha, "zorder": 1}
-    canvas.draw_lines(points[once], colors=arc_colours[once], label="_lines", **look)
+    canvas.draw_lines(
+        points[once],
+        colors=arc_colours[once],
+        linewidths=width,
+        alpha=alpha,
+        zorder=1,
+        label="_lines",
+    )
     canvas.draw_arrows(
         tail[bowed],
         head[bowed],
@@ -151,7 +154,7 @@ def _shade_zones(canvas: Canvas, mission: Mission, zones: dict[str, Colour]) -> 
         within = inside[arrays.tail] & inside[arrays.head]
         tail, head = arrays.tail[within], arrays.head[within]
         # Hulls of neighbouring floors overlap; a band along a zone's own arcs rarely does.
-        bands = canvas.curves(tail, head, np.zeros(len(tail), dtype=bool))
+        bands = canvas.curves(tail, head, bowed=False)
         canvas.draw_lines(bands, colors=[colour], linewidths=wide, zorder=0, label="_zone")
         cycles = nx.cycle_basis(nx.Graph(zip(tail.tolist(), head.tolist(), strict=True)))
         rooms = PolyCollection([canvas.xy[cycle] for cycle in cycles], color=colour, zorder=0)
@@ -174,10 +177,15 @@ def _add_legend(
     handles += [Patch(color=colour, label=zone) for zone, colour in zones.items()]
     if plan is not None:
         handles += _trail_handles(mission, plan)
-    look: dict[str, Any] = {"frameon": False, "handlelength": 1.5, "columnspacing": 1.5}
     for columns in (4, 3, 2, 1):
         legend = ax.legend(
-            handles=handles, ncols=columns, loc="upper center", bbox_to_anchor=(0.55, -0.01), **look
+            handles=handles,
+            ncols=columns,
+            loc="upper center",
+            bbox_to_anchor=(0.55, -0.01),
+            frameon=False,
+            handlelength=1.5,
+            columnspacing=1.5,
         )
         # Colour bars stand beside the axes, and the legend may reach below them.
         if legend.get_window_extent().width <= 1.25 * ax.get_window_extent().width:
@@ -189,7 +197,7 @@ def _trail_handles(mission: Mission, plan: TrailPlan) -> list[Artist]:
     survival = mission.robot_survival([plan])[0].tolist()
     for robot, style in enumerate(robot_styles(plan.n_robots)):
         stays = len(plan.trails[robot]) == 1
-        says = "stays at base" if stays else f"survives with {chance(survival[robot], 2)}"
+        says = "stays at base" if stays else f"survives with {probability_text(survival[robot], 2)}"
         handles.append(key_of(f"robot {robot}: {says}", style))
     return handles
 
@@ -198,7 +206,7 @@ def plot_pheromone(
     mission: Mission,
     pheromone: pd.DataFrame,
     *,
-    kind: Kind = "reward",
+    kind: PheromoneKind = "reward",
     title: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
@@ -233,7 +241,7 @@ def plot_pheromone(
     >>> colony = minimize(BOTOHE(toy), BOACO(n_ants=20), ("n_gen", 5), seed=1).algorithm
     >>> save_plot(plot_pheromone(toy, colony.pheromone_maps, kind="survival"), "pheromone.png")
     """
-    check_choice("kind", kind, get_args(Kind))
+    check_choice("kind", kind, get_args(PheromoneKind))
     check_mission(mission)
     values = _arc_values(mission, pheromone, kind)
     xy = node_positions(mission)
@@ -241,7 +249,7 @@ def plot_pheromone(
     with theme():
         ax = open_axes(xy, ax)
         label, arrays = rf"pheromone $\tau_{kind[0].upper()}$", mission.arrays
-        arc_colours = coloured(ax, values, PHEROMONE, label, slot=0, low=0.0)
+        arc_colours = colour_by_value(ax, values, PHEROMONE, label, slot=0, low=0.0)
         canvas = Canvas.measure(ax, xy)
         if len(values):
             # What is darkest is drawn last, on top.
@@ -254,13 +262,13 @@ def plot_pheromone(
                 widths=0.3 + share * min(_WIDEST, 0.5 * canvas.radius),
                 zorder=1,
             )
-        arcs = canvas.curves(arrays.tail, arrays.head, np.ones(arrays.n_arcs, dtype=bool))
-        notes += draw_nodes(canvas, mission, np.ones((len(xy), 4)), arcs)
+        arcs = canvas.curves(arrays.tail, arrays.head, bowed=True)
+        notes += draw_named_nodes(canvas, mission, np.ones((len(xy), 4)), arcs)
         title_above(ax, mission.title if title is None else title, "; ".join(notes))
     return ax
 
 
-def _arc_values(mission: Mission, pheromone: pd.DataFrame, kind: Kind) -> FloatArray:
+def _arc_values(mission: Mission, pheromone: pd.DataFrame, kind: PheromoneKind) -> FloatArray:
     """Return the pheromone of the mission's arcs, in the order of its arrays."""
     check_table("pheromone", pheromone, ("tail", "head", kind))
     ends = list(zip(pheromone["tail"].tolist(), pheromone["head"].tolist(), strict=True))

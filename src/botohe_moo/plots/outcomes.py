@@ -17,7 +17,7 @@ from botohe_moo.plots.draw.style import Palette, palette_of, theme
 from botohe_moo.plots.draw.texts import objectives_text
 from botohe_moo.trails import TrailPlan
 
-_FEW = 12  # bars whose heights are written above them
+_FEW = 12  # most bars whose heights are written above them
 
 
 def plot_outcomes(
@@ -30,9 +30,9 @@ def plot_outcomes(
 ) -> tuple[Axes, Axes]:
     """Draw the distributions of the team reward and of the number of survivors.
 
-    On the left the probability of at least so much reward, with the expected reward as a dot on
-    the curve; on the right the probability of every number of survivors, with the expected number
-    as a triangle under the bars. Plans differ in colour and dash.
+    The left plot shows the probability to get at least a reward, with the expected reward as a dot
+    on the curve. The right one shows the probability of every number of survivors, with the
+    expected number as a triangle under the bars. Plans differ in colour and dash.
 
     Parameters
     ----------
@@ -87,13 +87,13 @@ def plot_outcomes(
     elif isinstance(names, str) or len({*names}) != len(plans):
         raise ValueError(f"Expected {len(plans)} different names, one a plan, got {names!r}.")
     judged = Candidates(mission, plans)
-    colour = palette_of(map(str, names), palette)
+    colours = palette_of(map(str, names), palette)
     bars: list[dict[str, Any]] = []
     with theme():
         if axes is None:
             _, axes = plt.subplots(1, 2, figsize=(10.0, 4.6), layout="constrained")
         left, right = axes
-        for i, (name, own) in enumerate(colour.items()):
+        for i, (name, colour) in enumerate(colours.items()):
             reward, alive = (judged.distribution(what, i) for what in ("reward", "survivors"))
             expected = objectives_text(reward.mean, alive.mean)
             n_samples = reward.n_samples
@@ -102,14 +102,15 @@ def plot_outcomes(
                 x=reward.values,
                 weights=reward.probabilities,
                 complementary=True,
-                color=own,
+                color=colour,
                 linestyle=DASHES[i % len(DASHES)],
                 linewidth=2,
                 label=f"{name}: {expected}{source}",
                 ax=left,
             )
-            left.plot(reward.mean, reward.at_least(reward.mean), "o", color=own, mec="white", ms=8)
-            right.plot(alive.mean, 0, "^", color=own, mec="white", ms=10, zorder=5, clip_on=False)
+            dot: dict[str, Any] = {"color": colour, "markeredgecolor": "white"}
+            left.plot(reward.mean, reward.at_least(reward.mean), "o", markersize=8, **dot)
+            right.plot(alive.mean, 0, "^", markersize=10, zorder=5, clip_on=False, **dot)
             numbers = zip(alive.values, alive.probabilities, strict=True)
             bars += [{"plan": name, "number": int(s), "probability": p} for s, p in numbers]
         sns.barplot(
@@ -118,7 +119,7 @@ def plot_outcomes(
             y="probability",
             hue="plan",
             native_scale=True,
-            palette=colour,
+            palette=colours,
             saturation=1.0,
             legend=False,
             ax=right,

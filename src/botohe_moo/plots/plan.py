@@ -1,12 +1,10 @@
 """Pictures of plans: the trails of one on maps, and a front with maps of some of its plans."""
 
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.transforms import Bbox
 
-from botohe_moo._base.words import chance
+from botohe_moo._base.words import probability_text
 from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
@@ -79,7 +77,7 @@ def plot_plan(
     >>> toy = load_mission("toy")
     >>> save_plot(plot_plan(toy, toy.plan([[1, 2, 4, 2, 1], [1, 2, 1]])), "plan.png")
     """
-    shown = PlanOnMap(mission, plan)
+    shown = DrawnPlan(mission, plan)
     if title is None:
         title = f"{mission.title}\n{shown.objectives}"
     with theme():
@@ -89,7 +87,7 @@ def plot_plan(
             shown.add_legend(ax)
             title_above(ax, title, "; ".join([*shown.at_base, *shown.draw_team(ax)]))
             return ax
-        robots = shown.out[:_MAX_MAPS]
+        robots = shown.leaving[:_MAX_MAPS]
         # Between more than three, the map of all robots is larger: trails share its arcs.
         span = 2 if len(robots) == 2 or len(robots) > 3 else 1
         widest, room = 6.4 if len(robots) < 4 else 5.2, name_room(mission) / span
@@ -98,12 +96,12 @@ def plot_plan(
         add_reach_bar_right([first, *others])
         notes = [*shown.at_base, *shown.draw_team(first)]
         name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
-        for own, robot in zip(others, robots, strict=True):
-            shown.draw_robot(own, robot)
+        for small, robot in zip(others, robots, strict=True):
+            shown.draw_robot(small, robot)
         if robots:
             notes.insert(0, "numbers: order of visit")
-        if len(robots) < len(shown.out):
-            notes.append(f"maps of {len(robots)} of the {len(shown.out)} robots that leave")
+        if len(robots) < len(shown.leaving):
+            notes.append(f"maps of {len(robots)} of the {len(shown.leaving)} robots that leave")
         title_sheet(first, title, "; ".join(notes))
     return first
 
@@ -172,29 +170,37 @@ def plot_choices(
         for mark in marks:
             _draw_mark(ax, mark)
         ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
-        for row, own in zip(rows, others, strict=False):  # none beside given axes
-            shown = PlanOnMap(mission, batch[row])
-            notes += shown.draw_team(own)
+        for row, small in zip(rows, others, strict=False):  # no maps beside given axes
+            shown = DrawnPlan(mission, batch[row])
+            notes += shown.draw_team(small)
             signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
             parts = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.at_base]
-            name_map(own, "; ".join(parts))
+            name_map(small, "; ".join(parts))
         title_above(ax, mission.title if title is None else title, "; ".join(dict.fromkeys(notes)))
     return ax
 
 
 def _draw_mark(ax: Axes, mark: Mark) -> None:
-    """Draw the sign of a mark at its plan, and tell it in the legend."""
-    dark = _SIGNS[mark.name][0] == "D"
-    # The white star is seen on the diamond, too.
-    fill: dict[str, Any] = {"markersize": 7.0 if dark else 7.5, "linestyle": "none"}
-    fill |= {"markerfacecolor": INK if dark else "white", "markeredgecolor": INK}
-    fill |= {"markeredgewidth": 0.8, "marker": _SIGNS[mark.name][0], "clip_on": False}
-    label = f"{mark.name}: plan {mark.index}"
-    ax.plot([mark.reward], [mark.survivors], label=label, zorder=5, **fill)
+    """Draw the sign of a mark at its plan, and explain it in the legend."""
+    marker = _SIGNS[mark.name][0]
+    is_diamond = marker == "D"  # the white star can be seen on it, too
+    ax.plot(
+        [mark.reward],
+        [mark.survivors],
+        linestyle="none",
+        marker=marker,
+        markersize=7.0 if is_diamond else 7.5,
+        markerfacecolor=INK if is_diamond else "white",
+        markeredgecolor=INK,
+        markeredgewidth=0.8,
+        clip_on=False,
+        zorder=5,
+        label=f"{mark.name}: plan {mark.index}",
+    )
 
 
-class PlanOnMap:
-    """A plan, and what maps show of it; errors are those of ``plot_plan``."""
+class DrawnPlan:
+    """A plan with everything that maps show about it; errors are those of ``plot_plan``."""
 
     def __init__(self, mission: Mission, plan: TrailPlan) -> None:
         check_mission(mission)
@@ -205,20 +211,20 @@ class PlanOnMap:
         self.styles = robot_styles(plan.n_robots)
 
     @property
-    def out(self) -> list[int]:
+    def leaving(self) -> list[int]:
         """Return the robots that leave the base."""
         return [robot for robot, trail in enumerate(self.plan.trails) if len(trail) > 1]
 
     @property
     def at_base(self) -> list[str]:
         """Write which robots stay at base, if any."""
-        home = [style.name for i, style in enumerate(self.styles) if i not in self.out]
+        home = [style.name for i, style in enumerate(self.styles) if i not in self.leaving]
         if len(home) == len(self.styles):
             return [f"all {len(home)} robots stay at base" if len(home) > 1 else "R0 stays at base"]
         return [f"{', '.join(home)} stay{'s' if len(home) == 1 else ''} at base"] if home else []
 
     def draw_team(self, ax: Axes) -> list[str]:
-        """Draw all trails, and return what has to be said about the map."""
+        """Draw all trails, and return notes on the map."""
         drawn = PlanMap(ax, self.mission, self.plan, self.styles, team_reach(self.reach))
         # Robots first: a trail without a name is worse than a node without one.
         drawn.name_robots()
@@ -227,17 +233,25 @@ class PlanOnMap:
 
     def draw_robot(self, ax: Axes, robot: int) -> None:
         """Draw the trail of one robot, with the numbers of its visits, and name the map."""
-        own, style = TrailPlan([self.plan.trails[robot]]), self.styles[robot]
-        drawn = PlanMap(ax, self.mission, own, [style], self.reach[robot])
+        alone, style = TrailPlan([self.plan.trails[robot]]), self.styles[robot]
+        drawn = PlanMap(ax, self.mission, alone, [style], self.reach[robot])
         name_map(ax, "; ".join([self._survives(robot), *drawn.number_visits()]), style)
 
     def add_legend(self, ax: Axes) -> None:
-        """Add a legend below a map that tells which line belongs to which robot."""
-        handles = [key_of(self._survives(robot), self.styles[robot]) for robot in self.out]
+        """Add a legend of the robots' lines below a map."""
+        handles = [key_of(self._survives(robot), self.styles[robot]) for robot in self.leaving]
         if handles:
-            look: dict[str, Any] = {"frameon": False, "fontsize": 9.0, "columnspacing": 1.2}
-            look |= {"loc": "upper left", "bbox_to_anchor": (0.0, -0.01), "borderaxespad": 0.0}
-            ax.legend(handles=handles, ncols=min(3, len(handles)), **look)
+            ax.legend(
+                handles=handles,
+                ncols=min(3, len(handles)),
+                loc="upper left",
+                bbox_to_anchor=(0.0, -0.01),
+                borderaxespad=0.0,
+                columnspacing=1.2,
+                fontsize=9.0,
+                frameon=False,
+            )
 
     def _survives(self, robot: int) -> str:
-        return f"{self.styles[robot].name} survives with {chance(self.survival[robot], 2)}"
+        chance = probability_text(self.survival[robot], 2)
+        return f"{self.styles[robot].name} survives with {chance}"

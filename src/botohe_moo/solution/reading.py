@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, NonNegativeInt, ValidationError
 
-from botohe_moo._plugins.types import wrong_value
+from botohe_moo._plugins.faults import wrong_value
 from botohe_moo.mission.formats.files import file_content, read_mission
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.solution.model import Solution, as_json

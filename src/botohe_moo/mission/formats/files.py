@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._base.checks import ParameterError, check_parameters
+from botohe_moo._base.checks import ParameterError, unknown_parameter
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo._plugins.stated import signature_parameters
 from botohe_moo.mission.formats.benchmark import read_benchmark
@@ -67,8 +67,10 @@ def read_mission(
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise MissionError(suffix_fault(path, SUFFIXES), str(path))
-    known = [parameter.name for parameter in signature_parameters(reader)]
-    check_parameters(f"Mission file {path}", options, known, also=("robots",))
+    known = {"robots", *(parameter.name for parameter in signature_parameters(reader))}
+    for name in options:
+        if name not in known:
+            raise ParameterError(f"Mission file {path}: {unknown_parameter(name, known)}", name)
     try:
         graph = reader(file_content(path), **options)
         mission = Mission(graph, robots=robots, name=graph.graph.get("name") or path.stem)

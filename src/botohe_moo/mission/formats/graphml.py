@@ -41,12 +41,12 @@ def read_graphml(data: bytes, /) -> nx.Graph[Any]:
         raise MissionError(f"expected GraphML with one directed graph, found {said}") from None
     if not found.is_directed():
         return nx.Graph(found)
-    own = {key: value for key, value in found.graph.items() if key not in _DEFAULTS}
-    if "base" in own:
-        own["base"] = str(own["base"])
+    graph_attributes = {key: value for key, value in found.graph.items() if key not in _DEFAULTS}
+    if "base" in graph_attributes:
+        graph_attributes["base"] = str(graph_attributes["base"])
     of_nodes, of_arcs = (found.graph.get(key, {}) for key in _DEFAULTS)
     return graph_of(
-        own,
+        graph_attributes,
         [
             ("the GraphML", (label,), _with_pos({**of_nodes, **attributes}))
             for label, attributes in found.nodes(data=True)

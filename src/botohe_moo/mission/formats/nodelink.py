@@ -47,14 +47,14 @@ def read_node_link(data: bytes, /) -> nx.Graph[Any]:
         raise MissionError(faults)
     if not content["directed"] or content["multigraph"]:
         return nx.MultiDiGraph() if content["multigraph"] else nx.Graph()  # which are refused
-    own = content["graph"]
+    graph_attributes = content["graph"]
     nodes = [_entry(f"nodes[{i}]", entry, "id") for i, entry in enumerate(content["nodes"])]
     arcs = [
         _entry(f"edges[{i}]", entry, "source", "target") for i, entry in enumerate(content["edges"])
     ]
-    if "base" in own:
-        own["base"] = read_label(own["base"])
-    return graph_of(own, nodes, arcs)
+    if "base" in graph_attributes:
+        graph_attributes["base"] = read_label(graph_attributes["base"])
+    return graph_of(graph_attributes, nodes, arcs)
 
 
 def _entry(where: str, entry: object, *keys: str) -> Entry:
@@ -71,17 +71,17 @@ def _entry(where: str, entry: object, *keys: str) -> Entry:
 
 
 def graph_of(
-    own: Mapping[str, Any],
+    graph_attributes: Mapping[str, Any],
     nodes: Iterable[Entry],
     arcs: Iterable[Entry],
     faults: Iterable[str] = (),
 ) -> nx.DiGraph[Any]:
-    """Make a graph with attributes of its own, of entries for its nodes and for its arcs.
+    """Make a graph of its attributes, and of entries for its nodes and for its arcs.
 
     If there are ``faults``, if nodes or arcs are listed more than once, or if ends of arcs are not
     among the nodes, a MissionError lists all this, and the attributes that are wrong.
     """
-    graph: nx.DiGraph[Any] = nx.DiGraph(**own)
+    graph: nx.DiGraph[Any] = nx.DiGraph(**graph_attributes)
     faults = list(faults)
     for where, (label,), attributes in nodes:
         if label in graph:
@@ -103,9 +103,9 @@ def graph_of(
 def mission_content(mission: Mission) -> dict[str, Any]:
     """Convert a mission to node-link data; a ValueError names what JSON cannot hold."""
     graph = mission.graph
-    own = {"name": None, **graph.graph, "base": None}
-    own.update(name=mission.name, robots=mission.robots)  # not the graph's, which may differ
-    own = _attributes("the graph", (), own) | {"base": plain_label(mission.base)}
+    given = {"name": None, **graph.graph, "base": None}
+    given.update(name=mission.name, robots=mission.robots)  # the graph's may differ
+    of_mission = _attributes("the graph", (), given) | {"base": plain_label(mission.base)}
     labels = {node: plain_label(node) for node in graph}
     nodes, arcs = [], []
     for node, attributes in graph.nodes(data=True):
@@ -114,7 +114,13 @@ def mission_content(mission: Mission) -> dict[str, Any]:
     for tail, head, attributes in graph.edges(data=True):
         ends = {"source": labels[tail], "target": labels[head]}
         arcs.append(ends | _attributes("arc ", (tail, head), attributes, *ends))
-    return {"directed": True, "multigraph": False, "graph": own, "nodes": nodes, "edges": arcs}
+    return {
+        "directed": True,
+        "multigraph": False,
+        "graph": of_mission,
+        "nodes": nodes,
+        "edges": arcs,
+    }
 
 
 def write_node_link(content: dict[str, Any]) -> bytes:

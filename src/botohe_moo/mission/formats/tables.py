@@ -8,7 +8,7 @@ import io
 import os
 from collections.abc import Hashable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from botohe_moo._base.checks import check_frame, quoted
 from botohe_moo.mission.formats.files import file_content
@@ -84,14 +84,17 @@ def mission_from_tables(
     arc_rows, others = _rows("arcs", arcs, ("tail", "head"), ("survival",))
     if not (node_rows and arc_rows) and (faults := faults + others):
         raise MissionError(faults)
-    own = {"base": base.strip() if isinstance(base, str) else base, "robots": robots}
-    own |= {"title": title} if title else {}
-    own |= {} if max_length is None else {"max_length": max_length}
+    base = base.strip() if isinstance(base, str) else base
+    graph_attributes: dict[str, Any] = {"base": base, "robots": robots}
+    if title:
+        graph_attributes["title"] = title
+    if max_length is not None:
+        graph_attributes["max_length"] = max_length
     if both_ways:
         arc_rows = [
             (where, way, row) for where, ends, row in arc_rows for way in (ends, ends[::-1])
         ]
-    graph = graph_of(own, node_rows, arc_rows, faults + others)
+    graph = graph_of(graph_attributes, node_rows, arc_rows, faults + others)
     try:
         return Mission(graph, name=name)
     except MissionError as error:

@@ -22,11 +22,11 @@ from botohe_moo.plots.draw.style import MARKERS, MUTED, Palette, new_axes, palet
 if TYPE_CHECKING:
     import pandas as pd
 
-MANY = 12  # from as many algorithms on, one plot would be a tangle
-_COLUMNS = 4  # of panels
 DASHES = ("-", "--", ":", "-.")
-_NAME = 30  # letters of a line of an algorithm's name
-_LEAST_ROOM = 0.01  # of areas, beyond the largest one that was found
+_MANY = 12  # algorithms from which on each gets a panel: one plot would be a tangle
+_COLUMNS = 4  # of panels
+_NAME = 30  # most letters in a line of an algorithm's name
+_LEAST_ROOM = 0.01  # of the area, above what is shown, in which a bound is always drawn
 
 
 def check_table(name: str, frame: pd.DataFrame, columns: Sequence[str]) -> None:
@@ -73,7 +73,7 @@ def line_styles(labels: Iterable[str], palette: Palette | None) -> dict[str, dic
 
 def axes_of(labels: Sequence[str], ax: Axes | None) -> dict[str, Axes]:
     """Return the axes of each algorithm: the same for all, or a panel each if there are many."""
-    if ax is not None or len(labels) < MANY:
+    if ax is not None or len(labels) < _MANY:
         return dict.fromkeys(labels, ax or new_axes(7.5, 4.0))
     n_rows = -(-len(labels) // _COLUMNS)
     _, grid = plt.subplots(
@@ -85,36 +85,36 @@ def axes_of(labels: Sequence[str], ax: Axes | None) -> dict[str, Axes]:
         layout="constrained",
     )
     panels = dict(zip(labels, grid.flat, strict=False))
-    for own, name in zip(panels.values(), wrapped(labels), strict=True):
-        own.set_title(name, fontsize="small", fontweight="normal")
-        own.tick_params(labelsize="x-small")
+    for panel, name in zip(panels.values(), wrapped(labels), strict=True):
+        panel.set_title(name, fontsize="small", fontweight="normal")
+        panel.tick_params(labelsize="x-small")
     for empty in grid.flat[len(labels) :]:
         empty.set_visible(False)
-    for own in grid[-2, len(labels) % _COLUMNS or _COLUMNS :]:
-        own.xaxis.set_tick_params(labelbottom=True)
+    for above_empty in grid[-2, len(labels) % _COLUMNS or _COLUMNS :]:
+        above_empty.xaxis.set_tick_params(labelbottom=True)
     return panels
 
 
 def finish(axes: Mapping[str, Axes], title: str | None, x: str, y: str) -> Axes:
-    """Write the title and the names of both axes, add a legend or the other lines in grey.
+    """Write the title and the names of both axes, and return the first axes.
 
-    Returns the first axes.
+    Axes that all algorithms share get a legend, panels the lines of the other algorithms in grey.
     """
     first = next(iter(axes.values()))
     if len(set(axes.values())) == 1:
         first.set(xlabel=x, ylabel=y, title=title or "")
         add_legend_beside(first)
         return first
-    lines = {label: _corners(own.lines[0]) for label, own in axes.items() if own.lines}
+    lines = {label: _corners(panel.lines[0]) for label, panel in axes.items() if panel.lines}
     handles = first.get_legend_handles_labels()[0]
     further = [handle for handle in handles if handle is not first.lines[0]]
-    for label, own in axes.items():
-        own.set(xlabel="", ylabel="")
-        if legend := own.get_legend():
+    for label, panel in axes.items():
+        panel.set(xlabel="", ylabel="")
+        if legend := panel.get_legend():
             legend.remove()
         others = [line for other, line in lines.items() if other != label]
         grey = LineCollection(others, colors="0.85", linewidths=0.7, zorder=0.5)
-        own.add_collection(grey, autolim=False)
+        panel.add_collection(grey, autolim=False)
     fig = first.figure.figure
     fig.suptitle(title or "", x=0.01, ha="left", fontweight="bold")
     fig.supxlabel(x)
@@ -125,7 +125,7 @@ def finish(axes: Mapping[str, Axes], title: str | None, x: str, y: str) -> Axes:
 
 
 def add_legend_beside(ax: Axes) -> None:
-    """Put the legend right of ``ax``, if there is something to say."""
+    """Put the legend right of ``ax``, if something there has a name."""
     handles, names = ax.get_legend_handles_labels()
     if handles:
         ax.legend(handles, wrapped(names), loc="upper left", bbox_to_anchor=(1.0, 1.0))
@@ -146,11 +146,11 @@ def log_axis(ax: Axes, which: Literal["x", "y"] = "x") -> None:
     elif high < 50 * low:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     # The formatter of matplotlib writes mathematics, which the theme switches off.
-    axis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: tick_text(value)))
     axis.set_minor_formatter(NullFormatter())
 
 
-def plain_number(value: float) -> str:
+def tick_text(value: float) -> str:
     """Write a number without an exponent: 0.001, 1, 10,000; millions as 2M."""
     return f"{value / 1e6:,.10g}M" if value >= 1e6 else f"{value:,.10f}".rstrip("0").rstrip(".")
 

@@ -11,10 +11,9 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.path import Path
 from matplotlib.transforms import IdentityTransform
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from botohe_moo._base.types import FloatArray, IntArray
+from botohe_moo._base.types import BoolArray, FloatArray, IntArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.style import new_axes
 
@@ -22,16 +21,14 @@ _BEND = 0.07  # how far an arrow bows to its right, in parts of its length
 _STEPS = np.linspace(0, 1, 17)[None, :, None]
 
 
-def bowed_arcs(mission: Mission) -> NDArray[np.bool_]:
+def bowed_arcs(mission: Mission) -> BoolArray:
     """Return which arcs (n_arcs) differ from their opposites in survival, or have none."""
-    arrays = mission.arrays
-    arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
-    survival = dict(zip(arcs, arrays.survival.tolist(), strict=True))
-    return np.array([survival.get((v, u)) != survival[u, v] for u, v in arcs], dtype=bool)
+    survival, reverse = mission.arrays.survival, mission.arrays.reverse
+    return np.asarray((reverse < 0) | (survival[reverse] != survival))
 
 
 def frame_of(xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return centre and half of both sides of what a map of the nodes at ``xy`` shows."""
+    """Return the centre of a map of the nodes at ``xy`` (n_nodes, 2), and half its sides."""
     low, high = xy.min(axis=0), xy.max(axis=0)
     longest = float((high - low).max())
     # A path drawn as a straight line still needs room above and below it.
@@ -54,7 +51,10 @@ def open_axes(xy: FloatArray, ax: Axes | None) -> Axes:
 
 
 def add_colour_bar(ax: Axes, colours: ScalarMappable, label: str, slot: int | None = None) -> None:
-    """Put a colour bar right of ``ax``, as part of it: in ``slot`` 0, the upper, 1, or in both."""
+    """Put a colour bar right of ``ax``, as part of it: in the upper half (``slot`` 0) or the lower.
+
+    Without a ``slot`` it takes both.
+    """
     low, height = (0.1, 0.8) if slot is None else (0.55 - 0.53 * slot, 0.43)
     bar = ax.inset_axes((1.02, low, 0.022, height))
     drawn = ax.figure.colorbar(colours, cax=bar, label=label)
@@ -63,7 +63,7 @@ def add_colour_bar(ax: Axes, colours: ScalarMappable, label: str, slot: int | No
     bar.tick_params(length=2.5)
 
 
-def coloured(
+def colour_by_value(
     ax: Axes,
     values: FloatArray,
     palette: Colormap,
@@ -71,12 +71,15 @@ def coloured(
     *,
     slot: int,
     low: float | None = None,
-) -> NDArray[Any]:
-    """Return the colours (n, 4) of values, and add their key; they begin at ``low`` if given."""
+) -> FloatArray:
+    """Add a colour bar for values (n), and return their colours (n, 4).
+
+    The palette begins at ``low``, by default at the smallest value.
+    """
     if not len(values):
         return np.empty((0, 4))
     bottom, top = float(values.min() if low is None else low), float(values.max())
-    if top <= bottom:  # one value alone gets a range, too
+    if top <= bottom:  # equal values get a range, too
         half = 0.05 * (abs(bottom) or 1.0)
         bottom, top = bottom - half, bottom + half
     colours = ScalarMappable(Normalize(bottom, top), palette)
@@ -140,12 +143,12 @@ class Canvas:
             label="_base",
         )
 
-    def curves(self, tail: IntArray, head: IntArray, bowed: NDArray[np.bool_]) -> FloatArray:
+    def curves(self, tail: IntArray, head: IntArray, bowed: BoolArray | bool) -> FloatArray:
         """Return points along arcs (n, n_points, 2): straight, or ``bowed`` to the right."""
         start, end = self.xy[tail][:, None], self.xy[head][:, None]
         along = end - start
         right = np.stack([along[..., 1], -along[..., 0]], axis=-1)
-        bend = np.where(bowed, _BEND, 0.0)[:, None, None]
+        bend = np.where(bowed, _BEND, 0.0)[..., None, None]
         return np.asarray(start + _STEPS * along + 4 * bend * _STEPS * (1 - _STEPS) * right)
 
     def draw_lines(self, points: FloatArray, **style: Any) -> None:
@@ -158,12 +161,12 @@ class Canvas:
         tail: IntArray,
         head: IntArray,
         *,
-        colours: NDArray[Any],
+        colours: FloatArray,
         widths: FloatArray,
         **style: Any,
     ) -> None:
         """Draw one arrow per arc, bowed to its right so that both directions are seen."""
-        points = self.curves(tail, head, np.ones(len(tail), dtype=bool))
+        points = self.curves(tail, head, bowed=True)
         self.draw_lines(points, colors=colours, linewidths=widths, label="_arrows", **style)
         sizes = np.minimum(2.4 + 2.4 * widths, 1.1 * self.radius + widths)
         along = self.xy[head] - self.xy[tail]
@@ -175,7 +178,7 @@ class Canvas:
         at: FloatArray,
         towards: FloatArray,
         *,
-        colours: Sequence[Any] | NDArray[Any],
+        colours: Sequence[Any] | FloatArray,
         sizes: FloatArray,
         **style: Any,
     ) -> None:

@@ -1,8 +1,7 @@
 """Maps of plans: sheets of them, grey ground, trails, shaded nodes, and texts."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from textwrap import fill
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -21,18 +20,28 @@ from botohe_moo.plots.draw.trails import RobotStyle, draw_trails
 from botohe_moo.trails import TrailPlan
 
 _GROUND = "#c9c9c9"
-_SMALLEST = 1.6  # points: radius of a node on a trail
-_LEGIBLE = 2.2  # points: radius of a node from which on arcs off the trails are drawn
-_DOTS = 1.5  # points between nodes from which on those off the trails are drawn at all
-_NUMBERS, _NAMES = 6.5, 8.0  # points of letters beside nodes
-_MANY = 40  # nodes, from which on their names stand close to them
-_FAR, _NEAR = 30.0, 1.5  # points that texts may stand away from nodes
-_SPOTS = 60  # where a robot's name may stand, on a part of its trail
-_LINE = 14  # letters of numbers beside a node before a new line
 
-_NAME, _ABOVE, _RIGHT, _GAP = 0.34, 0.8, 0.95, 0.15  # inches: over a map, the title, the key
-_ROOM = 20.0  # points between most nodes, for numbers
-_SHAPE, _EMPTY = 1.4, 0.25  # width of a figure in parts of its height; what an empty place costs
+# In points:
+_SMALLEST = 1.6  # least radius of a node on a trail
+_LEGIBLE = 2.2  # least radius of a node for arcs off the trails to be drawn
+_DOTS = 1.5  # least distance between nodes for those off the trails to be drawn
+_NUMBERS = 6.5  # height of numbers beside nodes
+_NAMES = 8.0  # height of names beside nodes
+_FAR = 30.0  # how far a text may be from its node
+_NEAR = 1.5  # the same for the names of many nodes
+_ROOM = 20.0  # distance between most nodes at which numbers have room
+
+# In inches:
+_NAME = 0.34  # height of the name over each map
+_ABOVE = 0.8  # height of the title over all maps
+_RIGHT = 0.95  # width of the key right of all maps
+_GAP = 0.15  # between maps
+
+_MANY = 40  # nodes; the names of more stand close to them
+_SPOTS = 60  # most places that are tried for a robot's name on a part of its trail
+_LINE = 14  # most letters in a line of numbers beside a node
+_SHAPE = 1.4  # the preferred width of a figure, divided by its height
+_EMPTY = 0.25  # what a place costs when the shape is chosen, so that few stay empty
 
 
 def open_sheet(
@@ -40,7 +49,8 @@ def open_sheet(
 ) -> list[Axes]:
     """Open a figure with large axes, ``span`` times as wide and high as the maps beside them.
 
-    Maps have ``room`` points, or what numbers need, between most nodes, within ``widest`` inches.
+    On the small maps most nodes are ``room`` points apart, or as far as numbers need, unless a map
+    would be wider than ``widest`` inches.
     """
     xy = node_positions(mission)
     _, half = frame_of(xy)
@@ -49,11 +59,14 @@ def open_sheet(
     inner = float(np.clip(max(room, _ROOM) / spacing, 4.2, widest))
     wide, high = inner + _GAP, inner * half[1] / half[0] + _NAME
     cells = n_small + span**2
+
+    def cost(shape: tuple[int, int]) -> float:
+        n_columns, n_rows = shape
+        distance = abs(np.log(wide * n_columns / (high * n_rows) / _SHAPE))
+        return float(distance + _EMPTY * n_columns * n_rows)
+
     shapes = [(n, max(span, -(-cells // n))) for n in range(span, cells + 1)]
-    n_columns, n_rows = min(
-        shapes,
-        key=lambda s: abs(np.log(wide * s[0] / (high * s[1]) / _SHAPE)) + _EMPTY * s[0] * s[1],
-    )
+    n_columns, n_rows = min(shapes, key=cost)
     width, height = n_columns * wide + _RIGHT, _ABOVE + n_rows * high
     fig = plt.figure(figsize=(width, height))
     # Every cell has a name above it, so the highest ones begin below that.
@@ -67,9 +80,9 @@ def open_sheet(
         wspace=_GAP / inner,
         hspace=_NAME / (high - _NAME),
     )
-    cells_of = [grid[row, column] for row, column in np.ndindex(n_rows, n_columns)]
-    small = [c for c in cells_of if max(c.rowspan.start, c.colspan.start) >= span][:n_small]
-    axes = [fig.add_subplot(cell) for cell in (grid[:span, :span], *small)]
+    places = [(i, j) for i, j in np.ndindex(n_rows, n_columns) if max(i, j) >= span][:n_small]
+    cells_of_maps = [grid[:span, :span], *(grid[place] for place in places)]
+    axes = [fig.add_subplot(cell) for cell in cells_of_maps]
     for ax in axes[1:]:
         open_axes(xy, ax)
     return axes
@@ -170,15 +183,21 @@ class PlanMap:
         for i, node in enumerate(trail[1:], start=1):
             visits.setdefault(node, []).append(str(i))
         texts = {node: fill(", ".join(numbers), _LINE) for node, numbers in visits.items()}
-        # The longest first: they find room the least.
-        longest = dict(sorted(texts.items(), key=lambda item: -len(item[1])))
-        look: dict[str, Any] = {"size": _NUMBERS, "reach": _FAR, "what": "numbers"}
-        return label_nodes(self.space, self.canvas.xy, longest, self.fills, **look)
+        longest_first = dict(sorted(texts.items(), key=lambda item: -len(item[1])))
+        return label_nodes(
+            self.space,
+            self.canvas.xy,
+            longest_first,
+            self.fills,
+            size=_NUMBERS,
+            reach=_FAR,
+            what="numbers",
+        )
 
     def name_robots(self) -> None:
         """Write the names of robots on their trails, up to three times on long ones."""
-        own = np.split(self.points, np.cumsum(np.diff(self.plan.offsets) - 1)[:-1])
-        for style, passages in zip(self.styles, own, strict=True):
+        trails = np.split(self.points, np.cumsum(np.diff(self.plan.offsets) - 1)[:-1])
+        for style, passages in zip(self.styles, trails, strict=True):
             for part in np.array_split(passages, min(3, -(-len(passages) // 8)) or 1):
                 if len(part):
                     self._name_robot(style, part)
@@ -193,11 +212,19 @@ class PlanMap:
         costs = np.where(np.arange(len(at)) < len(on), 0.0, 1e6)
         best = self.space.place(self.space.in_points(at), width + 4, height + 2, costs)
         if best is not None:
-            frame = {"boxstyle": "round,pad=0.18", "fc": "white", "ec": style.colour}
-            look: dict[str, Any] = {"fontsize": 7.0, "fontweight": "bold", "bbox": frame}
-            look |= {"ha": "center", "va": "center_baseline", "zorder": 7, "label": "_robot"}
             x, y = at[best]
-            self.canvas.ax.text(x, y, style.name, **look)
+            self.canvas.ax.text(
+                x,
+                y,
+                style.name,
+                fontsize=7.0,
+                fontweight="bold",
+                ha="center",
+                va="center_baseline",
+                bbox={"boxstyle": "round,pad=0.18", "fc": "white", "ec": style.colour},
+                zorder=7,
+                label="_robot",
+            )
 
 
 def name_room(mission: Mission) -> float:
@@ -216,19 +243,21 @@ def label_nodes(
     reach: float = 0.0,
     what: str = "names of nodes",
 ) -> list[str]:
-    """Write texts into or up to ``reach`` points beside nodes, and return a note on those missing.
+    """Write texts into nodes, or up to ``reach`` points beside them, and note if some are missing.
 
-    Without ``reach`` they are only written into nodes.
+    Without ``reach`` texts are only written into nodes.
     """
     missing = 0
     for node, text in texts.items():
-        inside = space.write_inside(xy[node], text, fills[node])
-        beside = inside or (reach and space.write_beside(xy[node], text, size, reach=reach))
-        missing += not beside
+        is_inside = space.write_inside(xy[node], text, fills[node])
+        if not is_inside and not (reach and space.write_beside(xy[node], text, size, reach=reach)):
+            missing += 1
     return [f"no room for {'some' if missing < len(texts) else 'the'} {what}"] if missing else []
 
 
-def draw_nodes(canvas: Canvas, mission: Mission, fills: FloatArray, arcs: FloatArray) -> list[str]:
+def draw_named_nodes(
+    canvas: Canvas, mission: Mission, fills: FloatArray, arcs: FloatArray
+) -> list[str]:
     """Draw and name all nodes of a mission, and return notes; ``arcs`` (n, 2) are points of arcs.
 
     A node without reward has a grey rim.
@@ -243,21 +272,19 @@ def draw_nodes(canvas: Canvas, mission: Mission, fills: FloatArray, arcs: FloatA
 
 def _draw_ground(canvas: Canvas, mission: Mission) -> bool:
     """Draw arcs in grey: lines that can be walked both ways, and arrows, if any, for one way."""
-    arrays = mission.arrays
-    arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
-    known = set(arcs)
-    both = _straight(canvas, [(u, v) for u, v in arcs if u < v and (v, u) in known])
-    once = _straight(canvas, [(u, v) for u, v in arcs if (v, u) not in known])
+    tail, head, reverse = mission.arrays.tail, mission.arrays.head, mission.arrays.reverse
+    points = canvas.curves(tail, head, bowed=False)
+    both, once = points[(reverse >= 0) & (tail < head)], points[reverse < 0]
     for points, name in ((both, "both ways"), (once, "one way")):
         canvas.draw_lines(points, colors=_GROUND, linewidths=0.9, zorder=1, label=f"_{name}")
     if len(once):
         # Before the middle, where the arrowheads of trails are.
-        along, at = once[:, -1] - once[:, 0], once[:, once.shape[1] // 3]
-        look: dict[str, Any] = {"colours": [MUTED], "zorder": 1, "label": "_ways"}
-        canvas.draw_heads(at, along, sizes=np.full(len(once), 6.0), **look)
+        canvas.draw_heads(
+            once[:, once.shape[1] // 3],
+            once[:, -1] - once[:, 0],
+            colours=[MUTED],
+            sizes=np.full(len(once), 6.0),
+            zorder=1,
+            label="_ways",
+        )
     return len(once) > 0
-
-
-def _straight(canvas: Canvas, arcs: Iterable[tuple[int, int]]) -> FloatArray:
-    tail, head = np.array(list(arcs), dtype=np.int32).reshape(-1, 2).T
-    return canvas.curves(tail, head, np.zeros(len(tail), dtype=bool))

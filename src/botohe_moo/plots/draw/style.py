@@ -1,4 +1,4 @@
-"""Palettes, the theme, and saving of pictures."""
+"""The theme and the palettes of pictures, and saving them."""
 
 import io
 import itertools
@@ -21,20 +21,22 @@ Colour = tuple[float, float, float]
 Palette = str | Sequence[Any] | Mapping[str, Any]
 
 DPI = 160
+FORMATS = (".png", ".pdf", ".svg")
+
 INK = "#262626"
 MUTED = "#8c8c8c"
-FORMATS = (".png", ".pdf", ".svg")
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print, too
 
-# Seaborn's colours and its style "ticks", written out: importing seaborn, which loads pandas and
-# scipy.stats, takes longer than drawing a mission and its front. The grid is paler than seaborn's,
-# which is too dark behind many lines.
+# Seaborn's palettes "colorblind", "crest" and "flare" and its style "ticks" are written out:
+# importing seaborn, which loads pandas and scipy.stats, takes longer than drawing a mission and its
+# front. Only pictures of studies and outcomes import it.
 # fmt: off
 _COLOURBLIND = [
     "#0173b2", "#de8f05", "#029e73", "#d55e00", "#cc78bc",
     "#ca9161", "#fbafe4", "#949494", "#ece133", "#56b4e9",
 ]
-# Sequential palettes: the darker, the more reward, danger or pheromone, or the more likely reached.
+# In sequential palettes the darker colour is more reward, danger or pheromone, or the node that is
+# reached with the greater probability.
 REWARD = LinearSegmentedColormap.from_list("crest", [
     "#a5cd90", "#92c491", "#7fbb91", "#6db290", "#5da890", "#509e90", "#44948f", "#398a8e",
     "#2e808d", "#24768b", "#1d6c8a", "#1d6187", "#215584", "#26497e", "#2a3d78", "#2c3172",
@@ -47,7 +49,7 @@ PHEROMONE = LinearSegmentedColormap.from_list("flare", [
 SURVIVAL = PHEROMONE.reversed()
 REACH = LinearSegmentedColormap.from_list("slate", ["#ffffff", "#c3ccd8", "#7f90a8", "#26364e"])
 
-_THEME: Any = {
+_THEME: dict[Any, Any] = {
     "axes.axisbelow": True,
     "axes.edgecolor": INK,
     "axes.facecolor": "white",
@@ -59,7 +61,7 @@ _THEME: Any = {
     "axes.titlelocation": "left",
     "axes.titleweight": "bold",
     "figure.facecolor": "white",
-    "grid.color": "0.92",
+    "grid.color": "0.92",  # seaborn's is too dark behind many lines
     "legend.frameon": False,
     "lines.solid_capstyle": "round",
     "patch.edgecolor": "white",
@@ -114,14 +116,14 @@ def luminance(colour: Any) -> float:
 
 def readable_on(colour: Any) -> str:
     """Return the text colour, light or dark, that is legible on ``colour``."""
-    return "white" if luminance(colour) < 0.2 else INK  # either has the same contrast there
+    return "white" if luminance(colour) < 0.2 else INK  # at 0.2 both have the same contrast
 
 
 @contextmanager
 def theme() -> Iterator[None]:
-    """Draw in the project's style, unless a theme is set, as by ``seaborn.set_theme``.
+    """Draw in the style of this package, unless a theme is set, as by ``seaborn.set_theme``.
 
-    What matplotlib is set to outside stays as it is.
+    Outside of the ``with`` block, matplotlib's settings stay as they are.
 
     Examples
     --------
@@ -132,9 +134,9 @@ def theme() -> Iterator[None]:
     >>> line = ax.plot([0, 1], [2, 0])
     >>> save_plot(ax, "mine.png")
     """
-    # Fonts are left to the user: those that are not installed on a machine only cause warnings.
+    # The font is not part of it: a font that is not installed causes warnings.
     is_set = any(mpl.rcParams[name] != mpl.rcParamsDefault[name] for name in _THEME)
-    # A dollar sign in a label is a dollar sign.
+    # Labels of users may contain dollar signs, which are not to start mathematics.
     with mpl.rc_context({"text.parse_math": False, **({} if is_set else _THEME)}):
         yield
 
@@ -144,7 +146,7 @@ def new_axes(width: float, height: float) -> Axes:
     with theme():
         _, ax = plt.subplots(figsize=(width, height), layout="constrained")
     for axis in (ax.xaxis, ax.yaxis):
-        axis.label.set_parse_math(True)  # ours are plain, and yours may be mathematics
+        axis.label.set_parse_math(True)  # for users who name an axis by a formula
     return ax
 
 
@@ -184,7 +186,7 @@ def save_figure(
                 f"Expected a path that ends in '.png', '.pdf' or '.svg', got {str(target)!r}."
             )
     engine = fig.get_layout_engine()
-    if engine is not None:  # laid out once, not anew for each file
+    if engine is not None:  # laid out once, and not again for each file
         engine.execute(fig)
         fig.set_layout_engine("none")
     try:
@@ -217,8 +219,6 @@ def save_plot(ax: Axes, path: str | os.PathLike[str], *others: str | os.PathLike
     >>> from botohe_moo.plots import save_plot
     >>> save_plot(plot_mission(load_mission("toy")), "mission.png", "mission.pdf")
     """
-    figure = ax.get_figure(root=True)
-    if figure is None:
-        raise ValueError("Expected axes in a figure, got axes that were removed from theirs.")
+    figure = ax.figure.figure  # the whole one, also of axes in a subfigure
     save_figure(figure, path, *others)
     plt.close(figure)

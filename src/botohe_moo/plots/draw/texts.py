@@ -15,11 +15,13 @@ from botohe_moo.plots.draw.style import INK, MUTED, readable_on
 
 _WORDS, _SUBTITLE = "_words", "_subtitle"
 _SIDES = np.array([(1, 0), (1, 1), (1, -1), (0, 1), (0, -1), (-1, 1), (-1, -1), (-1, 0)])
-_AWAY = (1.5, 6.0, 12.0, 20.0, 30.0, 45.0, 60.0)  # points between a mark and its text
-_LEADER = 4.0  # points from which on a line ties them
-_FARTHER = 4.0  # points by which other marks are farther from a text that is not tied
-_LEAST = 5.8  # points: letters in a mark
-_PAD = 1.5  # points that texts keep from each other, on either side
+
+# In points:
+_AWAY = (1.5, 6.0, 12.0, 20.0, 30.0, 45.0, 60.0)  # distances of a text from its mark
+_LEADER = 4.0  # distance from which on a line ties them
+_FARTHER = 4.0  # how much farther other marks are from a text that no line ties to its own
+_LEAST = 5.8  # least height of letters in a mark
+_PAD = 1.5  # left and right of texts
 
 
 def title_above(
@@ -94,11 +96,11 @@ class Space:
         return np.asarray(self.ax.transData.transform(xy)) * 72 / self.ax.figure.figure.dpi
 
     def place(
-        self, centres: FloatArray, width: float, height: float, costs: FloatArray | float = 0.0
+        self, centres: FloatArray, width: float, height: float, costs: FloatArray
     ) -> int | None:
         """Take room for a box at one of ``centres`` (n, 2), and return which; None without room.
 
-        It is where the fewest points of lines are covered, plus ``costs``; of those the first.
+        The box covers the fewest points of lines, plus ``costs`` (n); of equal places the first.
         """
         half = np.array([width / 2 + _PAD, height / 2])
         low, high = centres - half, centres + half
@@ -139,10 +141,10 @@ class Space:
         sides = np.where(_SIDES.all(axis=1), 0.7, 1.0)[:, None] * _SIDES
         away = [sides * (self.radius + gap) + _SIDES * half for gap in _AWAY if gap <= reach]
         offsets = np.concatenate(away)
-        own = _gaps(offsets, half, np.zeros((1, 2)))[:, 0]
-        tied = own > self.radius + _LEADER
+        distance = _gaps(offsets, half, np.zeros((1, 2)))[:, 0]
+        tied = distance > self.radius + _LEADER
         others = _gaps(mark + offsets, half, self.marks[(self.marks != mark).any(axis=1)])
-        clear = tied | (others.min(axis=1, initial=np.inf) > own + _FARTHER)
+        clear = tied | (others.min(axis=1, initial=np.inf) > distance + _FARTHER)
         best = self.place(mark + offsets, width, height, np.where(clear, 0.0, 1e6))
         if best is None:
             return False

@@ -7,9 +7,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from botohe_moo._base.types import FloatArray, IntArray
+from botohe_moo._base.types import BoolArray, FloatArray, IntArray
 from botohe_moo.plots.draw.canvas import Canvas
 from botohe_moo.plots.draw.style import Colour, colours, luminance
 from botohe_moo.trails import TrailPlan
@@ -36,7 +35,7 @@ class RobotStyle:
 
 
 def robot_styles(n_robots: int) -> list[RobotStyle]:
-    """Return a name, a colour and a dash for each robot; of the latter two, fifty pairs differ."""
+    """Return a name, a colour and a dash for each robot; fifty pairs of colour and dash differ."""
     return [
         RobotStyle(f"R{i}", _as_ink(colour), _DASHES[(i + i // _CYCLE) % len(_DASHES)])
         for i, colour in enumerate(colours(n_robots))
@@ -111,10 +110,10 @@ def _running_dashes(
 ) -> list[tuple[float, tuple[float, ...] | None]]:
     """Return the dashes of each passage, which go on where its robot's last passage ended."""
     walked, lines = Counter[int](), []
-    for i, more in zip(robot.tolist(), length.tolist(), strict=True):
-        dash = styles[i].dash
-        lines.append((walked[i] % sum(dash), dash) if dash else (0.0, None))
-        walked[i] += more
+    for walker, way in zip(robot.tolist(), length.tolist(), strict=True):
+        dash = styles[walker].dash
+        lines.append((walked[walker] % sum(dash), dash) if dash else (0.0, None))
+        walked[walker] += way
     return lines
 
 
@@ -148,14 +147,12 @@ def _draw_directions(
     )
 
 
-def _every_so_often(
-    robot: IntArray, length: FloatArray, shown: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def _every_so_often(robot: IntArray, length: FloatArray, shown: BoolArray) -> BoolArray:
     """Pick passages that lie some way behind the last arrowhead of their robot."""
-    picked, since, before = np.zeros(len(length), dtype=bool), 0.0, -1
-    for i, (own, more) in enumerate(zip(robot.tolist(), length.tolist(), strict=True)):
-        since = more if own != before else since + more
-        before = own
+    picked, since, last_robot = np.zeros(len(length), dtype=bool), 0.0, -1
+    for i, (walker, way) in enumerate(zip(robot.tolist(), length.tolist(), strict=True)):
+        since = way if walker != last_robot else since + way
+        last_robot = walker
         picked[i] = since >= _APART
         if picked[i] or shown[i]:
             since = 0.0

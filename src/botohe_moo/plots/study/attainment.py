@@ -20,9 +20,9 @@ from botohe_moo.plots.draw.style import INK, Colour, Palette, palette_of, theme
 from botohe_moo.plots.front import OBJECTIVES, staircase
 from botohe_moo.plots.study.fronts import final_fronts
 
-_SHADES = 5  # as many as are told apart
-_MANY = 1_500  # more rectangles are drawn as an image in vector files, too
-_MAX_STEPS = 120  # more would take half a minute
+_SHADES = 5  # more are hard to distinguish
+_MANY = 1_500  # rectangles; more are drawn as an image in vector files, too
+_MAX_STEPS = 120  # of differences; more would take half a minute
 
 
 def plot_attainment(
@@ -76,8 +76,8 @@ def plot_attainment(
             if len(runs_of) > 1:
                 band = np.concatenate([few, most[::-1]])
                 axes[label].fill(*band.T, color=style["color"], alpha=0.2, linewidth=0)
-        for own in dict.fromkeys(axes.values()):
-            own.set(xlim=(0, None), ylim=(0, None))
+        for panel in dict.fromkeys(axes.values()):
+            panel.set(xlim=(0, None), ylim=(0, None))
         return finish(axes, title, *OBJECTIVES)
 
 
@@ -130,7 +130,7 @@ def plot_attainment_difference(
     >>> save_plot(left, "difference.png")
     """
     fronts = final_fronts(plans, runs, [algorithm, other])
-    colour = palette_of(fronts, palette)
+    colours = palette_of(fronts, palette)
     mine, theirs = (list(fronts[label].values()) for label in (algorithm, other))
     rectangles, difference = attainment_difference(mine, theirs)
     reach = staircase(attainment_surface([*mine, *theirs], 0))[:-1]
@@ -142,37 +142,42 @@ def plot_attainment_difference(
         left, right = axes
         sides = ((left, algorithm, mine, difference), (right, other, theirs, -difference))
         for ax, label, found, ahead in sides:
-            shades = sns.light_palette(colour[label], _SHADES + 1)[1:]
-            for level, shade in enumerate(shades):
-                # A difference of 1/5 is still in the first.
-                shown = np.ceil(ahead * _SHADES - 1e-9) == level + 1
+            shades = sns.light_palette(colours[label], _SHADES + 1)[1:]
+            for level, shade in enumerate(shades, start=1):
+                # Each step includes its upper end: a difference of 1/5 is in the first.
+                shown = np.ceil(ahead * _SHADES - 1e-9) == level
                 _shade(ax, rectangles[shown], shade)
             half = staircase(attainment_surface(found, 50))[:-1]
             ax.plot(*reach.T, color=INK, linewidth=1.0)
             ax.plot(*half.T, color=INK, linewidth=1.0, linestyle="--")
             ax.set(xlim=(0, None), ylim=(0, None), xlabel=OBJECTIVES[0])
             ax.set_title(f"{wrapped([label])[0]} reaches more often", fontweight="normal")
-            steps = [f"{100 * i // _SHADES}–{100 * (i + 1) // _SHADES} %" for i in range(_SHADES)]
-            keys: list[Artist] = [
-                Patch(color=c, label=step) for c, step in zip(shades, steps, strict=True)
-            ]
-            keys += [
-                Line2D([], [], color=INK, linewidth=1.0, label="any run of both"),
-                Line2D([], [], color=INK, linewidth=1.0, linestyle="--", label="half of its runs"),
-            ]
-            ax.legend(
-                handles=keys,
-                loc="upper center",
-                bbox_to_anchor=(0.5, -0.13),
-                ncols=3,
-                columnspacing=1.2,
-                fontsize="small",
-                title="share of its runs, ahead by",
-            )
+            _add_legend(ax, shades)
         left.set_ylabel(OBJECTIVES[1])
         if title:
             left.figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     return left, right
+
+
+def _add_legend(ax: Axes, shades: Sequence[Colour]) -> None:
+    """Explain the shades, the lightest first, and both lines below a plot."""
+    steps = [f"{100 * i // _SHADES}–{100 * (i + 1) // _SHADES} %" for i in range(_SHADES)]
+    keys: list[Artist] = [
+        Patch(color=shade, label=step) for shade, step in zip(shades, steps, strict=True)
+    ]
+    keys += [
+        Line2D([], [], color=INK, linewidth=1.0, label="any run of both"),
+        Line2D([], [], color=INK, linewidth=1.0, linestyle="--", label="half of its runs"),
+    ]
+    ax.legend(
+        handles=keys,
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.13),
+        ncols=3,
+        columnspacing=1.2,
+        fontsize="small",
+        title="share of its runs, ahead by",
+    )
 
 
 def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArray:
@@ -201,7 +206,7 @@ def attainment_difference(
     fronts, others = list(fronts), list(others)
     pooled = [*fronts, *others]
     if np.array_equal(attainment_surface(pooled, 0), attainment_surface(pooled, 100)):
-        return np.empty((0, 4)), np.empty(0)  # all alike, which moocore cannot say
+        return np.empty((0, 4)), np.empty(0)  # all runs reach the same, which moocore cannot say
     # Moocore gives whole steps, at most half as many as there are runs: with equally many runs
     # of both, all differences are whole.
     steps = math.lcm(len(fronts), len(others))
@@ -222,8 +227,6 @@ def attainment_difference(
 def _sets(fronts: Iterable[FloatArray]) -> FloatArray:
     """Return points of all runs with the number of their run; moocore does not take empty sets."""
     points = [front if len(front) else np.zeros((1, 2)) for front in fronts]
-    if not points:
-        raise ValueError("Expected the front of at least one run, got none.")
     numbers = np.repeat(np.arange(len(points), dtype=float), list(map(len, points)))
     return np.column_stack([np.concatenate(points), numbers])
 

@@ -22,7 +22,7 @@ from botohe_moo.plots.draw.algorithms import (
 )
 from botohe_moo.plots.draw.style import Palette, theme
 
-Progress = Literal["evaluations", "seconds"]
+Spent = Literal["evaluations", "seconds"]
 Band = Literal["quartiles", "sd", "range"]
 
 NAMES = {"evaluations": "evaluations", "seconds": "seconds of the algorithm's own time"}
@@ -39,7 +39,7 @@ _COLOURS_ALONE = 6  # with more curves than this, colours alone are hard to foll
 def plot_curves(
     trace: pd.DataFrame,
     *,
-    x: Progress = "evaluations",
+    x: Spent = "evaluations",
     value: str = "area",
     algorithms: Sequence[str] | None = None,
     palette: Palette | None = None,
@@ -115,15 +115,15 @@ def plot_curves(
         axes = axes_of(labels, ax)
         marked = len(set(axes.values())) == 1 and len(labels) > _COLOURS_ALONE
         for label in labels:
-            own, style = steps[steps["algorithm"] == label], styles[label]
-            n_points = own[x].nunique()
+            rows, style = steps[steps["algorithm"] == label], styles[label]
+            n_points = rows[x].nunique()
             if marked or n_points == 1:
                 # Markers are at other places on each curve.
                 style["markevery"] = (5 * chosen.index(label) % min(40, n_points), 40)
             else:
                 style["marker"] = None
             sns.lineplot(
-                own,
+                rows,
                 x=x,
                 y=value,
                 estimator=estimator,
@@ -154,7 +154,7 @@ def _begin_at_upper_half(ax: Axes, middle: pd.DataFrame) -> None:
 def progress(
     trace: pd.DataFrame,
     *,
-    x: Progress = "evaluations",
+    x: Spent = "evaluations",
     value: str = "area",
     algorithms: Sequence[str] | None = None,
 ) -> pd.DataFrame:
@@ -189,7 +189,7 @@ def plot_reached(
     runs: pd.DataFrame,
     targets: Sequence[float] | FloatArray,
     *,
-    x: Progress = "evaluations",
+    x: Spent = "evaluations",
     algorithms: Sequence[str] | None = None,
     palette: Palette | None = None,
     title: str | None = None,
@@ -262,7 +262,7 @@ def first_reached(
     runs: pd.DataFrame,
     targets: Sequence[float] | FloatArray,
     *,
-    x: Progress = "evaluations",
+    x: Spent = "evaluations",
     algorithms: Sequence[str] | None = None,
 ) -> dict[str, FloatArray]:
     """Return for each algorithm what each pair of a run and a target took; infinite for never.

@@ -1,7 +1,6 @@
 """The picture of what algorithms have found on a mission: fronts of their median runs."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -78,18 +77,25 @@ def plot_fronts(
             style |= {"markevery": (1, 2), "markersize": 4, "linewidth": 1.2}
             style |= {"markeredgecolor": "white", "markeredgewidth": 0.3}
             axes[label].plot(*staircase(front)[:-1].T, **style)
-        thin: tuple[tuple[pd.DataFrame | None, str, dict[str, Any]], ...] = (
-            (reference, "all runs together", {"color": INK, "linewidth": 0.6}),
-            (bound, "no plan lies beyond", {"color": MUTED, "linewidth": 1.0, "linestyle": "--"}),
-        )
-        for points, name, look in thin:
-            if points is not None:
-                corners = staircase(points[["reward", "survivors"]].to_numpy(float))[:-1]
-                for own in dict.fromkeys(axes.values()):
-                    own.plot(*corners.T, label=name, **look)
-        for own in dict.fromkeys(axes.values()):
-            own.set(xlim=(0, None), ylim=(0, None))
+        for panel in dict.fromkeys(axes.values()):
+            if reference is not None:
+                panel.plot(
+                    *_corners(reference).T, color=INK, linewidth=0.6, label="all runs together"
+                )
+            if bound is not None:
+                panel.plot(
+                    *_corners(bound).T,
+                    color=MUTED,
+                    linewidth=1.0,
+                    linestyle="--",
+                    label="no plan lies beyond",
+                )
+            panel.set(xlim=(0, None), ylim=(0, None))
         return finish(axes, title, *OBJECTIVES)
+
+
+def _corners(points: pd.DataFrame) -> FloatArray:
+    return staircase(points[["reward", "survivors"]].to_numpy(float))[:-1]
 
 
 def final_fronts(

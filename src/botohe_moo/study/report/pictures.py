@@ -20,7 +20,7 @@ from botohe_moo.plots.study.comparisons import (
     plot_ranks,
     two_parameter_grids,
 )
-from botohe_moo.plots.study.curves import NAMES, Progress, plot_curves, plot_reached
+from botohe_moo.plots.study.curves import NAMES, Spent, plot_curves, plot_reached
 from botohe_moo.plots.study.fronts import plot_fronts
 from botohe_moo.study.report.words import level, main_indicator, slug
 from botohe_moo.study.store.tables import StudyTables
@@ -145,7 +145,7 @@ class MissionPictures:
         if absent := self._without_front(trace):
             reading += f" Runs without any recorded front are not in it: {absent}."
         further = "Lines and bands as above; without the time that recording takes."
-        kinds: dict[Progress, tuple[str, str]] = {
+        kinds: dict[Spent, tuple[str, str]] = {
             "evaluations": ("curves", reading),
             "seconds": ("seconds", further),
         }
@@ -159,7 +159,7 @@ class MissionPictures:
         if targets.empty:  # the reference front has no area
             return
         whole = float(targets["target"].iloc[0] / targets["share"].iloc[0])
-        kinds: dict[Progress, str] = {"evaluations": "reached", "seconds": "reached-seconds"}
+        kinds: dict[Spent, str] = {"evaluations": "reached", "seconds": "reached-seconds"}
         for x, kind in kinds.items():
             caption = (
                 f"The share of all pairs of a run and a target that are reached, over {NAMES[x]}. "
