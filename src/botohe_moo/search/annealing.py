@@ -143,7 +143,7 @@ class Annealing:
         self._turn += 1
         self._rule = self._rule._replace(weight=self.weight)
         if archive is not None:
-            self._start_from(archive)
+            self.start_from(archive)
         state.to_best[0] = 1
         if schedule.journal:
             state.best_score[0] = -np.inf
@@ -191,7 +191,7 @@ class Annealing:
         """Return the scores of plans for the weight, from their E[R] and E[S] (n, 2)."""
         return score(self._rule, self.mission.robots, objectives[:, 0], objectives[:, 1])
 
-    def _start_from(self, archive: PlanArchive) -> None:
+    def start_from(self, archive: PlanArchive) -> None:
         """Make the archive's best plan for the weight the best one, if it is better."""
         state, objectives = self.state, archive.objectives
         if len(archive) == 0:

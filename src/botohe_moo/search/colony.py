@@ -92,7 +92,7 @@ class Colony:
         self._archived: Depositors  # the plans of that version
         # Arguments of ``learn`` that the last iteration has left for the next one.
         self._to_learn: tuple[Depositors, Depositors, bool] | None = None
-        self._weigh()
+        self.weigh()
 
     @property
     def pheromone(self) -> FloatArray:
@@ -177,7 +177,7 @@ class Colony:
             learn(roads_of(self._graph), *self._to_learn, self.n_robots, rule, *changed)
             self._to_learn = None
 
-    def _weigh(self) -> None:
+    def weigh(self) -> None:
         """Weigh arcs by the pheromone at the start, with the bits of ``learn``.
 
         In Python, so that a first front need not compile that.
