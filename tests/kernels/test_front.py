@@ -119,6 +119,14 @@ class Pair:
             )
             assert area == pytest.approx(4 * width * height / len(self.rewards) ** 2)
 
+    def check_slopes(self):
+        """What each plan's neighbours, or it itself at an end, lose of E[R] for a survivor."""
+        rewards, survivors = (np.pad(column, 1, "edge") for column in self.lists[1::-1])
+        more = survivors[2:] - survivors[:-2]
+        expected = (rewards[:-2] - rewards[2:]) / np.where(more > 0, more, 1.0)
+        found = [kernels.slope_at(self.front, *self.place(i)) for i in range(len(self.rewards))]
+        assert found == expected.tolist()
+
 
 @examples(100)
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=30), st.data())
@@ -128,6 +136,7 @@ def test_few_plans_with_many_ties(plans, data):
         pair.enter(float(reward), float(survivors))
         pair.check_finding(float(survivors))
         pair.check_finding(survivors + 0.5)
+        pair.check_slopes()
     pair.check()
     while pair.trails:
         pair.remove(data.draw(st.integers(0, len(pair.trails) - 1)))
@@ -153,6 +162,7 @@ def test_thousands_of_plans_come_and_go(noise):
         for index in range(0, len(pair.trails), 17):
             pair.check_contribution(index)
         if pair.trails:
+            pair.check_slopes()
             most = max(most, int(pair.front.n.blocks))
     assert most > (10 if noise < 0.01 else 1)
 

@@ -32,8 +32,10 @@ BUDGETS = st.sampled_from([inf, inf, 9.0, 4.0, 0.0])
 
 @pytest.fixture(autouse=True)
 def plain():
-    """The search in plain Python."""
+    """The search in plain Python, always stuck: a refill may be a walk."""
     with plain_local_search() as patch:
+        patch.setattr(kernels, "PATIENCE", -1)
+        patch.setattr(kernels, "P_WALK", 0.0)
         yield patch
 
 
@@ -435,19 +437,23 @@ def refill(search, n_most):
     missions_with_plans(max_nodes=8, max_robots=4),
     FLOORS,
     BUDGETS,
+    st.booleans(),
     st.integers(0, 9),
 )
-def test_refills_keep_the_books(case, floor, budget, seed):
+def test_refills_keep_the_books(case, floor, budget, is_walk, seed):
     mission, plan = case
     start = [TrailPlan(limited(mission, plan, floor, budget)), TrailPlan([[0]] * mission.robots)]
     limits = {"min_survival": floor, "max_length": budget}
-    search = refilling(mission, start, seed=seed, **limits)
-    for n_most in (50, 2, 50):
-        n_waiting = int(search._memory[0].n_waiting)
-        n = refill(search, n_most)
-        assert n == n_most or search._memory[0].n_waiting == 0
-        assert n > 0 or n_waiting == 0
-        assert_books(search)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "P_WALK", float(is_walk))
+        patch.setattr(kernels, "N_WALK", 2)
+        search = refilling(mission, start, seed=seed, **limits)
+        for n_most in (50, 2, 50):
+            n_waiting = int(search._memory[0].n_waiting)
+            n = refill(search, n_most)
+            assert n == n_most or search._memory[0].n_waiting == 0
+            assert n > 0 or n_waiting == 0
+            assert_books(search)
     batch, objectives, _ = search.plans()
     assert np.array_equal(mission.evaluate(batch), objectives)
     for found in batch:
@@ -467,7 +473,10 @@ def assert_books(search):
     assert_clean(search)
 
 
-def test_children_that_do_not_enter_use_no_room_up():
+@pytest.mark.parametrize("p_walk", [0.0, 1.0])
+def test_children_that_do_not_enter_use_no_room_up(plain, p_walk):
+    for name, value in (("P_WALK", p_walk), ("N_WALK", 1), ("THRESHOLD", -1.0)):
+        plain.setattr(kernels, name, value)
     mission = complete(5, 2, robots=3)
     start = [TrailPlan(random_tours(mission, seed)) for seed in range(9)]
     search = refilling(mission, [TrailPlan([[0]] * 3), *start])
@@ -480,6 +489,77 @@ def test_children_that_do_not_enter_use_no_room_up():
             assert search._store.n.item() == before
             unchanged += 1
     assert unchanged >= 5
+
+
+def test_room_that_is_used_up_ends_a_walk(plain):
+    plain.setattr(kernels, "P_WALK", 1.0)
+    plain.setattr(kernels, "N_WALK", 50)
+    mission = complete(8, 3, robots=3)
+    search = refilling(mission, [TrailPlan([[0]] * 3), TrailPlan(random_tours(mission, 4))])
+    front = search._front
+    front.n.spare, spare = 4, front.n.spare
+    assert refill(search, 1_000) < 400
+    assert front.n.spare == 1
+    front.n.spare += spare - 4
+    assert_books(search)
+
+
+@pytest.mark.parametrize(("patience", "p_walk"), [(10**6, 1.0), (-1, 0.0), (-1, 1.0)])
+def test_walks_begin_once_the_search_is_stuck(plain, patience, p_walk):
+    plain.setattr(kernels, "PATIENCE", patience)
+    plain.setattr(kernels, "P_WALK", p_walk)
+    mission = complete(8, 3, robots=2)
+    search = refilling(mission, [TrailPlan([[0]] * 2)], n_waiting=1)
+    draw_others, steps = kernels._draw_other_robots, []
+    plain.setattr(kernels, "_draw_other_robots", lambda search: steps.append(draw_others(search)))
+    n = refill(search, kernels.N_WALK * 8)
+    assert len(steps) == (n - 1 if (patience, p_walk) == (-1, 1.0) else 0)
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.05, 0.5])
+@pytest.mark.parametrize("robots", [1, 3])
+def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, threshold):
+    for name, value in (("P_WALK", 1.0), ("N_WALK", 10), ("THRESHOLD", threshold)):
+        plain.setattr(kernels, name, value)
+    mission = complete(8, 5, robots=robots)
+    start = [TrailPlan(random_tours(mission, seed)) for seed in range(9)]
+    search = refilling(mission, [TrailPlan([[0]] * robots), *start], seed=4)
+    work = search._work
+    make_child, release_parent, steps = kernels._make_child, kernels.release_parent, []
+    n_worse = 0
+
+    def plan_of(numbers):
+        return [nodes_of(search, trail) for trail in numbers]
+
+    def noted(*arguments):
+        before = plan_of(work.parent)
+        is_new = make_child(*arguments)
+        steps.append((before, plan_of(work.refilled), is_new))
+        return is_new
+
+    def check(*arguments):
+        nonlocal n_worse
+        slope, n = float(work.draft.slope), len(steps)
+        steps.append((plan_of(work.parent), None, None))
+        for i, ((parent, child, is_new), (following, _, _)) in enumerate(pairwise(steps)):
+            value, new = (
+                np.dot(twins.evaluate(mission, plan), [1.0, slope]) for plan in (parent, child)
+            )
+            least = value * (1 - threshold * (1 - i / n))
+            assert following in (parent, child)
+            if new < least - 1e-9:
+                assert following == parent
+            elif new > least + 1e-9 and is_new:
+                assert following == child
+            n_worse += following == child and new < value - 1e-9
+        assert n == 80
+        steps.clear()
+        release_parent(*arguments)
+
+    plain.setattr(kernels, "_make_child", noted)
+    plain.setattr(kernels, "release_parent", check)
+    assert refill(search, 400) in (240, 320, 400)
+    assert (n_worse > 0) == (threshold > 0)
 
 
 def test_plans_that_enter_are_refilled_next():

@@ -215,6 +215,14 @@ def contribution(front: OrderedFront, at: int, place: int) -> float:
     return float((left.reward - right.reward) * (right.survivors - left.survivors))
 
 
+@helper
+def slope_at(front: OrderedFront, at: int, place: int) -> float:
+    """Return how much E[R] the front loses for each survivor more, between a plan's neighbours."""
+    left, right = _beside(front, at, place)
+    more = right.survivors - left.survivors
+    return float((left.reward - right.reward) / more) if more > 0.0 else 0.0
+
+
 @inlined
 def _move(place: Record, to: Record) -> None:
     """Copy a place by its fields: copying records whole goes byte by byte."""

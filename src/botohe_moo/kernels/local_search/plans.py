@@ -59,12 +59,9 @@ def acquire_parent(search: Search, block: int, place: int) -> None:
 @helper
 def release_parent(search: Search) -> None:
     """Release the parent's trails, and leave nodes as they were before ``evaluate_others``."""
-    graph, work = search.graph, search.work
-    for i in range(work.draft.n_touched):
-        node = work.touched[i]
-        work.nodes[node].left, work.nodes[node].unreached = graph.reward[node], -1.0
-    for k in range(work.parent.shape[0]):
-        release(search.store, work.parent[k])
+    clear_others(search.graph, search.work)
+    for k in range(search.work.parent.shape[0]):
+        release(search.store, search.work.parent[k])
 
 
 @helper
@@ -93,6 +90,14 @@ def evaluate_others(graph: Graph, store: TrailStore, work: Workspace) -> None:
     for i in range(draft.n_touched):
         node = nodes[touched[i]]
         node.left = graph.reward[touched[i]] * node.unreached
+
+
+@helper
+def clear_others(graph: Graph, work: Workspace) -> None:
+    """Leave nodes as they were before ``evaluate_others``."""
+    for i in range(work.draft.n_touched):
+        node = work.touched[i]
+        work.nodes[node].left, work.nodes[node].unreached = graph.reward[node], -1.0
 
 
 @helper

@@ -26,6 +26,7 @@ from botohe_moo.kernels.local_search.workspace import (
     N_CHILDREN_BUSY,
     N_DRAWN,
     N_DRAWN_BUSY,
+    PATIENCE,
     REFILLED_AT_ONCE,
     Search,
     Workspace,
@@ -43,10 +44,9 @@ NOT_STORED = -1
 # The probability that the parent is the plan of most reward: ``P_END``, and more where its robots
 # are safe, up to ``_P_SAFE_END`` where all survive for sure.
 P_END, _P_SAFE_END = 0.1, 0.4
-# Once ``PATIENCE`` evaluations have brought no plan into the front, the probability that another
-# robot of a parent takes a trail of another plan, so that two trails change. Without this, a
-# mission of six nodes was not solved.
-PATIENCE, P_OTHER = 2_000, 0.5
+# Once the search is stuck, the probability that another robot of a parent takes a trail of another
+# plan, so that two trails change. Without this, a mission of six nodes was not solved.
+P_OTHER = 0.5
 
 
 @helper

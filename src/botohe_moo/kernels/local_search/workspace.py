@@ -22,6 +22,8 @@ NEVER = np.int64(1) << 40
 N_CHILDREN, N_DRAWN = 24, 2
 # The same while the search is busy: a plan has entered the front within ``BUSY`` evaluations.
 N_CHILDREN_BUSY, N_DRAWN_BUSY, BUSY = 8, 8, 100
+# The search is stuck when no plan has entered the front within as many evaluations.
+PATIENCE = 2_000
 
 # How many plans wait until they are refilled, one after another: a short run compiles no refilling.
 REFILLED_AT_ONCE = 32
@@ -33,7 +35,7 @@ _PARENT = ("block", "robot", "n_chosen", "n_touched")
 _CHILD = ("length", "prefix", "n_middle", "suffix", "n_goals", "n_piece", "n_legs", "mark")
 _DRAFT = np.dtype(
     [(name, np.int64) for name in (*_PARENT, *_CHILD)]
-    + [(name, np.float64) for name in ("others", "survivors")]
+    + [(name, np.float64) for name in ("others", "survivors", "value", "slope")]
 )
 _STEP = np.dtype(
     [(name, np.int64) for name in ("arc", "node")]
@@ -67,7 +69,8 @@ class Workspace(NamedTuple):
     # are kept from the trail's start (``prefix``), how many are new (``n_middle``), from which
     # position the trail is kept to its end (``suffix``), how many goals there are (``n_goals``),
     # and arcs in the piece (``n_piece``). Of a refill: how many robots are refilled
-    # (``n_chosen``), and how many legs their tours have (``n_legs``). And the last ``mark``.
+    # (``n_chosen``), how many legs their tours have (``n_legs``), and what the parent (``value``)
+    # and a survivor (``slope``) are worth to a walk. And the last ``mark``.
     draft: Record
     # At each position of the trail (n_arcs + 1) the ``node``, and the ``arc`` that leaves it; the
     # probability to get there (``alive``); what was collected up to there (``gained``); what a
