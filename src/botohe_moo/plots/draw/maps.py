@@ -106,7 +106,8 @@ def add_reach_bar(ax: Axes) -> None:
 
 def key_of(text: str, style: RobotStyle) -> Line2D:
     """Return the line of a robot, for a legend."""
-    return Line2D([], [], color=style.colour, linestyle=style.line, linewidth=2.4, label=text)
+    dash = (0.0, style.dash) if style.dash else "-"
+    return Line2D([], [], color=style.colour, linestyle=dash, linewidth=2.4, label=text)
 
 
 def name_map(ax: Axes, text: str, style: RobotStyle | None = None) -> None:
