@@ -26,9 +26,6 @@ from botohe_moo.testing.watching import (
 
 _EVALUATIONS = 300
 _BUDGETS = (1, 7, 45, 171)
-_USE_EVALUATOR = (
-    "Evaluate plans by `self.evaluator.eval(self.problem, population)` alone, which counts them."
-)
 
 
 @rule(
@@ -112,7 +109,7 @@ def exact_budget(subject: Subject) -> None:
             )
 
 
-@rule(_USE_EVALUATOR)
+@rule("Evaluate plans by `self.evaluator.eval(self.problem, population)` alone: it counts them.")
 def true_budget(subject: Subject) -> None:
     """Every plan that is evaluated is counted."""
     plain = streets()

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from textwrap import fill
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -106,7 +107,7 @@ def add_reach_bar(ax: Axes) -> None:
 
 def key_of(text: str, style: RobotStyle) -> Line2D:
     """Return the line of a robot, for a legend."""
-    dash = (0.0, style.dash) if style.dash else "-"
+    dash: Any = 0.0, style.dash or None
     return Line2D([], [], color=style.colour, linestyle=dash, linewidth=2.4, label=text)
 
 
