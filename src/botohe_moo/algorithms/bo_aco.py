@@ -235,7 +235,10 @@ class BOACO(ArchiveAlgorithm):
         )
 
     def _advance(self, **_: Any) -> None:
-        batch = self.colony.construct(min(self.n_ants, self._n_left()))
+        n_ants = min(self.n_ants, self._n_left())
+        if n_ants == 0:  # the plans to start from took the whole budget
+            return
+        batch = self.colony.construct(n_ants)
         batch, objectives, members = self._improve(batch, *self._take_in(batch))
         self.colony.learn(batch, objectives, members, self.archive)
 
