@@ -1,6 +1,6 @@
 """Run the benchmarks, by default all: ``python -m benchmarks [NAME ...] [--before PATH]``.
 
-The names are curves, speed, growth, colonies (results/bo-aco/), operators, annealing
+The names are curves, speed, growth, allocations (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, budgets, orienteering (results/local-
 search/), fronts, large (results/growth/), bounds (results/bounds/), pictures (results/choosing/),
 gallery (results/gallery/), explorer (results/explorer/), start and pace (results/start/).
@@ -17,10 +17,10 @@ from pathlib import Path
 import pandas as pd
 
 from benchmarks import (
+    allocations,
     annealing,
     bounds,
     budgets,
-    colonies,
     curves,
     explorer,
     fronts,
@@ -42,7 +42,7 @@ BENCHMARKS = {
     "speed": (speed.run, "bo-aco"),
     "growth": (growth.run, "bo-aco"),
     "curves": (curves.run, "bo-aco"),
-    "colonies": (colonies.run, "bo-aco"),
+    "allocations": (allocations.run, "bo-aco"),
     "annealing": (annealing.run, "operators"),
     "operators": (operators.run, "operators"),
     "studies": (studies.run, "studies"),

@@ -12,8 +12,6 @@ from pymoo.core.callback import Callback
 from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, Mission, RandomTrails, TrailPlan, area_indicator, load_mission
-from botohe_moo.search.archive import PlanArchive
-from botohe_moo.search.colony import exchange_archives
 from tests.examples import examples
 from tests.strategies import missions
 
@@ -56,11 +54,8 @@ VARIANTS = {
     "paper": BOACO,
     "journal": BOACO.journal,
     "per robot": lambda **options: BOACO.journal(pheromone_per_robot=True, **options),
-    "colonies": lambda **options: BOACO.journal(n_colonies=3, exchange_every=2, **options),
     "all of it": lambda **options: BOACO(
         allocation="concurrent",
-        n_colonies=5,
-        exchange_every=None,
         pheromone_per_robot=True,
         exploration=0.5,
         **options,
@@ -276,10 +271,6 @@ class Pairs(BOTOHE):
         return 2.0 - self.mission.evaluate(batch)[:, 1:]
 
 
-def archived(archive):
-    return dict(zip(archive.plans, map(tuple, archive.objectives.tolist()), strict=True))
-
-
 def run(problem, algorithm, n_gen, seed=1):
     """Run an algorithm for some iterations; give it as it is then."""
     algorithm.setup(problem, termination=("n_gen", n_gen), seed=seed)
@@ -288,74 +279,12 @@ def run(problem, algorithm, n_gen, seed=1):
     return algorithm
 
 
-class TestColonies:
-    def test_without_exchange_each_is_on_its_own(self, museum):
-        """The first of two colonies is what it would be alone, with its share of the ants."""
-        problem, options = BOTOHE(museum), {"pheromone_per_robot": True}
-        alone = run(problem, BOACO.journal(n_ants=10, **options), 30)
-        two = run(
-            problem, BOACO.journal(n_ants=20, n_colonies=2, exchange_every=None, **options), 30
-        )
-        first, second = two.colonies
-        assert two.colony is first
-        assert first.pheromone.tobytes() == alone.colony.pheromone.tobytes()
-        assert first.pheromone.tobytes() != second.pheromone.tobytes()
-        assert archived(two._origins[0]) == archived(alone.archive)
-
-    def test_exchange_comes_when_it_is_due(self, museum):
-        def pheromone(n_gen, exchange_every):
-            algorithm = BOACO(n_ants=20, n_colonies=2, exchange_every=exchange_every)
-            return run(BOTOHE(museum), algorithm, n_gen).pheromone_maps
-
-        assert pheromone(5, 5).equals(pheromone(5, None))
-        assert not pheromone(6, 5).equals(pheromone(6, None))
-        assert not pheromone(6, 5).equals(pheromone(6, 1))
-
-    def test_plans_go_round(self):
-        """Three trails of which none dominates another, and one that the third dominates."""
-        graph = nx.DiGraph([(0, 1), (1, 0), (0, 2), (2, 0)])
-        nx.set_node_attributes(graph, {0: 0.0, 1: 1.0, 2: 5.0}, "reward")
-        survivals = {(0, 1): 1.0, (1, 0): 0.5, (0, 2): 0.4, (2, 0): 1.0}
-        nx.set_edge_attributes(graph, survivals, "survival")
-        mission = Mission(graph, base=0, robots=1)
-        home, near, far, both = ([0], [0, 1, 0], [0, 2, 0], [0, 1, 0, 2, 0])
-        assert mission.evaluate([mission.plan([t]) for t in (home, near, far, both)]).tolist() == [
-            [0.0, 1.0],
-            [1.0, 0.5],
-            [2.0, 0.4],
-            [pytest.approx(2.0), 0.2],
-        ]
-        archives = [PlanArchive(1) for _ in range(4)]
-        for archive, trail in zip(archives, (home, near, far, both), strict=True):
-            batch = mission.batch([mission.plan([trail])])
-            archive.insert(batch, mission.evaluate(batch))
-
-        def held():
-            return [{plan.trails[0] for plan in archive.plans} for archive in archives]
-
-        home, near, far, both = map(tuple, (home, near, far, both))
-        exchange_archives(archives)
-        assert held() == [{home, both}, {home, near}, {near, far}, {far}]
-        exchange_archives(archives)
-        assert held() == [{home, far}, {home, near, both}, {home, near, far}, {near, far}]
-        exchange_archives(archives)
-        exchange_archives(archives)
-        assert held() == [{home, near, far}] * 4
-
-    @pytest.mark.parametrize(
-        "problem", [BOTOHE(load_mission("art_museum"), min_survival=0.7), None]
-    )
-    def test_only_what_is_feasible_deposits(self, problem, museum):
-        problem = problem or Pairs(museum)
-        algorithm = run(problem, BOACO(n_ants=30, n_colonies=3, allocation="concurrent"), 15)
-        for archive in (algorithm.archive, *algorithm._origins):
-            assert len(archive)
-            assert (problem.constrain_batch(archive.plans) <= 0).all()
-
-
-def test_colonies_have_an_ant_each():
-    with pytest.raises(ValueError, match=r"Expected n_colonies <= n_ants = 2, got 3\."):
-        BOACO(n_colonies=3, n_ants=2)
+@pytest.mark.parametrize("problem", [BOTOHE(load_mission("art_museum"), min_survival=0.7), None])
+def test_only_what_is_feasible_deposits(problem, museum):
+    problem = problem or Pairs(museum)
+    archive = run(problem, BOACO(n_ants=30, allocation="concurrent"), 15).archive
+    assert len(archive)
+    assert (problem.constrain_batch(archive.plans) <= 0).all()
 
 
 def test_unknown_parameters():
@@ -420,8 +349,8 @@ class TestLocalSearch:
         assert areas[0.3] > areas[0.0] + 0.01
 
     def test_budgets_are_exact(self, museum):
-        for n_colonies, budget in itertools.product([1, 5], [1, 101, 731]):
-            colony = BOACO.journal(n_ants=20, n_colonies=n_colonies, local_search=0.5)
+        for budget in (1, 101, 731):
+            colony = BOACO.journal(n_ants=20, local_search=0.5)
             result = minimize(BOTOHE(museum), colony, ("n_eval", budget), seed=1)
             assert result.algorithm.evaluator.n_eval == budget
             assert np.array_equal(-result.F, museum.evaluate(result.X))

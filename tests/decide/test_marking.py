@@ -70,7 +70,7 @@ class TestKnees:
         [
             ([], "Expected at least one plan, got none"),
             ([[1, 2, 3]], r"objectives of shape \(n, 2\), got \(1, 3\)"),
-            ([[1, np.nan]], r"Expected finite objectives, got \[1\.0, nan\] in row 0"),
+            ([[1, np.nan]], r"objectives without NaN and infinity, got \[1\.0, nan\] in row 0"),
         ],
     )
     def test_bad_objectives(self, given, fault):

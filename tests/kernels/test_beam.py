@@ -361,8 +361,7 @@ def test_a_search_gets_the_room_that_it_needs():
     near = find_near(graph, 64)
     rule = BeamRule(worth, dangers(graph, near, 0.1), 0.1, 0.0, None, 30, beam.MAX_LABELS)
     usual, small = new_beam(graph), new_beam(graph)
-    level = small.level._replace(children=small.level.children[:1])
-    small = small._replace(labels=small.labels[:2], level=level)
+    small = small._replace(labels=small.labels[:2], children=small.children[:1])
     arcs, value, cut = beam.best_trail(graph, near, rule, usual)
     assert len(arcs) > 20
     for again in (small, usual):  # the latter is used a second time
@@ -371,8 +370,8 @@ def test_a_search_gets_the_room_that_it_needs():
         assert others[1:] == (value, cut)
     larger = larger_beam(usual, 5_000, 100_000)
     assert len(larger.labels) >= 5_000
-    assert len(larger.level.children) == len(larger.level.order) == 100_000
-    assert len(larger.level.table) >= 200_000
+    assert len(larger.children) == len(larger.order) == 100_000
+    assert len(larger.table) >= 200_000
     kept = larger.labels[: len(usual.labels)]
     assert kept.tobytes() == usual.labels.tobytes()  # also what has never been written
 

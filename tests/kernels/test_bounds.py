@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission
 from botohe_moo.kernels.bounds.relaxed import follow, relax, shortfall
-from botohe_moo.kernels.bounds.states import find_states
+from botohe_moo.kernels.bounds.states import Worth, find_states
 from botohe_moo.kernels.bounds.trails import (
     Completions,
     Stairs,
     TrailRule,
-    Worth,
     find_trails,
     new_depths,
 )
@@ -124,18 +123,20 @@ def test_what_lies_ahead_is_that_of_value_iteration(mission, memory, seed):
     assert states.pays.sum() == sum(pays for links in twin.values() for _, pays in links.values())
     values = np.zeros((len(states.node), N_LEVELS + 1))
     cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
-    assert relax(net, states, prices, mu, cap, 1e-13, values)
+    assert relax(net, states, Worth(prices, mu), cap, 1e-13, values)
     expected = values_by_dictionary(net, twin, prices, mu)
     start = expected[net.graph.base, frozenset()]
     assert values[0] == pytest.approx(start, rel=1e-9, abs=1e-9)
     assert np.sort(values.sum(axis=1)) == pytest.approx(
         np.sort([value.sum() for value in expected.values()]), rel=1e-9, abs=1e-9
     )
-    assert 0 <= shortfall(net, states, prices, mu, cap, values) < 1e-9
+    assert 0 <= shortfall(net, states, Worth(prices, mu), cap, values) < 1e-9
     lowered = values.copy()
     lowered[0, -1] -= 0.25  # the base, of which best steps know only if they lead back to it
     if values[0, -1] > 0.25:
-        assert shortfall(net, states, prices, mu, cap, lowered) == pytest.approx(0.25, abs=0.05)
+        assert shortfall(net, states, Worth(prices, mu), cap, lowered) == pytest.approx(
+            0.25, abs=0.05
+        )
 
 
 @examples(80)
@@ -151,8 +152,8 @@ def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
     prices, mu = drawn_prices(net, seed)
     values = np.zeros((len(states.node), N_LEVELS + 1))
     cap = np.full((net.graph.n_nodes, N_LEVELS + 1), 2 * prices[:, -1].sum() + mu)
-    is_settled = relax(net, states, prices, mu, cap, 1e-13, values)
-    spare = net.graph.n_arcs * (shortfall(net, states, prices, mu, cap, values) + 1e-12)
+    is_settled = relax(net, states, Worth(prices, mu), cap, 1e-13, values)
+    spare = net.graph.n_arcs * (shortfall(net, states, Worth(prices, mu), cap, values) + 1e-12)
     arcs = set(zip(net.graph.tail.tolist(), net.graph.head.tolist(), strict=True))
     every = twins.all_trails(mission)
     assume(every is not None)
@@ -164,7 +165,7 @@ def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
         and twins.survival_of(mission, trail) >= floor
     ]
     worths = [value_of(net, trail, prices, mu) for trail in within]
-    _, most = follow(net, states, prices, mu, values, -1, np.empty(1, np.int64))
+    _, most = follow(net, states, Worth(prices, mu), values, -1, np.empty(1, np.int64))
     assert most + spare >= max(worths, default=0.0)
     line = Completions(values[None], np.zeros(1), np.zeros((1, net.graph.n_nodes)))
     depths = new_depths(net, np.random.default_rng(seed), 1 << 8, 2, 1)
@@ -196,7 +197,7 @@ def lines_ahead(net, states, prices, mus, seed):
         for own in (prices, lower):
             value = np.zeros((len(states.node), N_LEVELS + 1))
             cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
-            assert relax(net, states, own, mu, cap, 1e-13, value)
+            assert relax(net, states, Worth(own, mu), cap, 1e-13, value)
             values.append(value)
             beside.append((prices - own).max(axis=1))
     return Completions(np.array(values), np.repeat(mus, 2), np.array(beside))
@@ -253,9 +254,9 @@ def test_the_best_relaxed_trail_is_followed(mission, memory, seed, turn):
     prices, mu = drawn_prices(net, seed)
     values = np.zeros((len(states.node), N_LEVELS + 1))
     cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
-    relax(net, states, prices, mu, cap, 1e-13, values)
+    relax(net, states, Worth(prices, mu), cap, 1e-13, values)
     links = np.empty(300, np.int64)
-    n, most = follow(net, states, prices, mu, values, turn, links)
+    n, most = follow(net, states, Worth(prices, mu), values, turn, links)
     taken = links[:n]
     source = np.repeat(np.arange(len(states.node)), np.diff(states.first))
     assert (source[taken[1:]] == states.to[taken[:-1]]).all()

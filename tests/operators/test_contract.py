@@ -196,8 +196,9 @@ def test_rate_of_splices():
 def test_rates_of_mixtures():
     parts = {SendHome(): 1.0, RuinRecreate(): 3.0, ShareTrails(): 0.5}
     shares = MixedMutation(parts).mixture.draw(generator(1), N)
-    assert sorted(np.concatenate(shares).tolist()) == list(range(N))
-    for share, weight in zip(shares, parts.values(), strict=True):
+    assert sorted(np.concatenate([share for _, share in shares]).tolist()) == list(range(N))
+    for (part, share), weight in zip(shares, parts.values(), strict=True):
+        assert parts[part] == weight
         assert within(len(share), weight / 4.5, N)
 
 

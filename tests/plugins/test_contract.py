@@ -22,8 +22,8 @@ ALGORITHMS = sorted(OURS.select(group="botohe_moo.algorithms").names)
 GENERATORS = ["complete", "random", "terrain", "two_communities"]
 BOTH = [*((name, "algorithm") for name in ALGORITHMS), *((name, "mission") for name in GENERATORS)]
 
-# At their bounds these take memory for arrays, or more than other parameters allow.
-COSTLY = {"nodes", "n_colonies"}
+# At their bounds these take memory for arrays.
+COSTLY = {"nodes"}
 
 
 def stated(name, kind):

@@ -215,7 +215,7 @@ def test_what_a_trail_has_to_be_worth_by_hand():
     """
     proof = Proof(load_mission("toy", robots=2), limits_of(0.0, None), **_AT_EASE)
     steps = Steps(proof._lines[1], 0.8, n_steps=4, n_heights=4)
-    line = SimpleNamespace(most=10.0, mu=5.0)
+    line = SimpleNamespace(most=10.0, worth=SimpleNamespace(mu=5.0))
     assert steps._needed(1.0, 8.0, [line], None) == pytest.approx([2.0, 1.0, 0.0, -1.0], abs=1e-6)
     # Stairs say that nobody is worth more than 6 and survives with 0.4 or more.
     stairs = np.array([9.0, 9.0, 6.0, 6.0])

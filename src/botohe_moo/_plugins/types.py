@@ -134,12 +134,7 @@ def plain_number(value: Any) -> Any:
         return value.item()
     if isinstance(value, Integral):
         return value if isinstance(value, bool) else int(value)
-    if isinstance(value, Real):
-        try:
-            return float(value)
-        except OverflowError:
-            return value
-    return value
+    return float(value) if isinstance(value, Real) else value
 
 
 def plain_value(value: Any) -> Any:

@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from botohe_moo._base.checks import ParameterError
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, NotNegative, Positive, Probability, SameResult
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, settings_of
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.archive import PlanArchive
 from botohe_moo.search.colony import (
     Allocation,
     Colony,
     ColonyRule,
-    exchange_archives,
     tabulate_pheromone,
 )
 from botohe_moo.search.local_search import IterationSearch
@@ -48,7 +45,7 @@ class BOACO(ArchiveAlgorithm):
     Parameters
     ----------
     n_ants
-        Ants: evaluations per iteration. Several colonies share them. A single ant has λ = 1/2.
+        Ants: evaluations per iteration. A single ant has λ = 1/2.
     evaporation
         Share ρ of the pheromone that evaporates in an iteration.
     heuristic
@@ -63,13 +60,6 @@ class BOACO(ArchiveAlgorithm):
         others at random. The plans found deposit pheromone with the iteration's.
     local_search_evaluations
         Evaluations of the local search for each of those plans.
-    n_colonies
-        Colonies, at most ``n_ants``, each with its own pheromone and random numbers, and λ over all
-        of [0, 1]. A colony deposits by the Pareto set of its own iteration, and by an archive of
-        plans that it found or was given.
-    exchange_every
-        Iterations between exchanges, in which each colony gets the plans of the one before it;
-        None for never.
     pheromone_per_robot
         Whether each robot has its own pheromone maps.
     initial_pheromone
@@ -106,8 +96,8 @@ class BOACO(ArchiveAlgorithm):
     ----------
     archive : PlanArchive
         All non-dominated plans found so far (``plans``, ``objectives``).
-    colonies : list of Colony
-        The colonies, once there is a problem; ``colony`` is the first one.
+    colony : Colony
+        The ants and their pheromone, once there is a problem.
 
     Notes
     -----
@@ -117,10 +107,7 @@ class BOACO(ArchiveAlgorithm):
 
     The allocations are the sequential and the deterministic-concurrent one of Ke, Archetti and
     Feng, "Ants can solve the team orienteering problem", Computers & Industrial Engineering 54(3),
-    2008. Several colonies are those of Iredi, Merkle and Middendorf with the same λ in each and
-    pheromone updated by origin, but a plan that another colony's dominates deposits, too. Plans go
-    round as in Middendorf, Reischle and Schmeck, "Multi colony ant algorithms", Journal of
-    Heuristics 8(3), 2002. The local search is that of :class:`ParetoLocalSearch`.
+    2008. The local search is that of :class:`ParetoLocalSearch`.
 
     The last iteration has as many ants as evaluations are left. An ant draws again when no unused
     arcs lead home within the limits from the node that it chose. With a travel budget it looks for
@@ -148,8 +135,6 @@ class BOACO(ArchiveAlgorithm):
         allocation: Allocation = "sequential",
         local_search: Probability = 0.0,
         local_search_evaluations: Annotated[int, Field(ge=1, le=10_000)] = 30,
-        n_colonies: Annotated[int, Field(ge=1)] = 1,
-        exchange_every: Annotated[int, Field(ge=1)] | None = 10,
         pheromone_per_robot: bool = False,
         initial_pheromone: InitialPheromone = 1.0,
         reward_epsilon: Positive = 0.05,
@@ -163,9 +148,6 @@ class BOACO(ArchiveAlgorithm):
         **options: Any,
     ) -> None:
         super().__init__(max_ties=max_ties, sampling=sampling, **options)
-        if n_colonies > n_ants:
-            message = f"Expected n_colonies <= n_ants = {n_ants}, got {n_colonies}."
-            raise ParameterError(message, "n_colonies")
         self.n_ants = n_ants
         self.evaporation = evaporation
         self.heuristic = heuristic
@@ -174,8 +156,6 @@ class BOACO(ArchiveAlgorithm):
         self.local_search = local_search
         self.evaluates_in_kernels = local_search > 0
         self.local_search_evaluations = local_search_evaluations
-        self.n_colonies = n_colonies
-        self.exchange_every = exchange_every
         self.pheromone_per_robot = pheromone_per_robot
         self.initial_pheromone = initial_pheromone
         self.reward_epsilon = reward_epsilon
@@ -218,18 +198,12 @@ class BOACO(ArchiveAlgorithm):
     def pheromone_maps(self) -> pd.DataFrame:
         """The current pheromone on each arc; a RuntimeError is raised before there is a problem.
 
-        Its columns are ``colony`` if there are several, ``robot`` if each has maps of its own,
-        ``tail`` and ``head`` (node labels; the base's self-loop has twice the base), ``reward`` and
-        ``survival``.
+        Its columns are ``robot`` if each has maps of its own, ``tail`` and ``head`` (node labels;
+        the base's self-loop has twice the base), ``reward`` and ``survival``.
         """
         if self.problem is None:
             raise RuntimeError("There is no pheromone before the algorithm has a problem.")
-        return tabulate_pheromone(self.problem.mission, self.colonies)
-
-    @property
-    def colony(self) -> Colony:
-        """The first colony."""
-        return self.colonies[0]
+        return tabulate_pheromone(self.problem.mission, self.colony)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
@@ -251,40 +225,22 @@ class BOACO(ArchiveAlgorithm):
                 limits=problem.planning_limits,
                 random_state=self.random_state,
             )
-        self.colonies = [
-            Colony(
-                mission,
-                rule,
-                n_ants=share,
-                n_threads=self.n_threads,
-                limits=problem.planning_limits,
-                random_state=self.random_state,
-            )
-            for share in _shares(self.n_ants, self.n_colonies)
-        ]
-        self._origins: list[PlanArchive] = [self.archive]  # by which the colonies deposit
-        if self.n_colonies > 1:
-            self._origins = [
-                PlanArchive(mission.robots, max_ties=self.max_ties) for _ in self.colonies
-            ]
+        self.colony = Colony(
+            mission,
+            rule,
+            n_ants=self.n_ants,
+            n_threads=self.n_threads,
+            limits=problem.planning_limits,
+            random_state=self.random_state,
+        )
 
     def _advance(self, **_: Any) -> None:
-        if self.n_colonies > 1 and self.n_iter == 1 and len(self.archive):
-            for origin in self._origins:  # every colony is given the plans to start from
-                origin.insert(self.archive.plans, self.archive.objectives.copy())
-        shares = _shares(min(self.n_ants, self._n_left()), self.n_colonies)
-        for colony, origin, share in zip(self.colonies, self._origins, shares, strict=True):
-            if self._improver is not None:  # it may have spent what was left
-                share = min(share, self._n_left())
-            if share == 0:
-                continue
-            batch = colony.construct(share)
-            batch, objectives, members = self._improve(batch, *self._take_in(batch))
-            if origin is not self.archive:
-                origin.insert(batch.take(members), objectives[members])
-            colony.learn(batch, objectives, members, origin)
-        if self.n_colonies > 1 and self.exchange_every and self.n_iter % self.exchange_every == 0:
-            exchange_archives(self._origins)
+        n_ants = min(self.n_ants, self._n_left())
+        if n_ants == 0:  # the plans to start from took the whole budget
+            return
+        batch = self.colony.construct(n_ants)
+        batch, objectives, members = self._improve(batch, *self._take_in(batch))
+        self.colony.learn(batch, objectives, members, self.archive)
 
     def _improve(
         self, batch: PlanBatch, objectives: FloatArray, members: OffsetArray
@@ -301,8 +257,3 @@ class BOACO(ArchiveAlgorithm):
         whole = PlanBatch.concatenate([batch, improved])
         objectives = np.vstack([objectives, gained])
         return whole, objectives, self.archive.insert(whole, objectives)
-
-
-def _shares(n: int, parts: int) -> list[int]:
-    """Split ``n`` into shares that differ by at most 1, the larger ones first."""
-    return [n // parts + (part < n % parts) for part in range(parts)]

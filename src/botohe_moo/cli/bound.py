@@ -77,27 +77,20 @@ def bound_mission(
         check_number("--time-limit", time_limit, above=0)
         check_integer("--seed", seed, at_least=0)
         loaded = load_mission(**source)
-        floor, budget = min_survival, max_length
+        limits: dict[str, Any] = {"min_survival": min_survival, "max_length": max_length}
         solution = None
         if front is not None:
             if min_survival or max_length is not None:
                 raise ValueError("Expected no limits with --front, whose own count.")
             solution = _read_front(front, loaded)
-            floor, budget = solution.min_survival, _budget_of(solution)
+            limits = _limits_of(solution)
         if out is not None:
             check_file(out)
-    shown = loaded.max_length if budget is None else budget
+    longest = limits["max_length"]
+    shown = loaded.max_length if longest is None else longest
     tell(f"{loaded.title}: {brief(loaded, None if shown == math.inf else shown)}\n")
     with stoppable(_STOPPING) as stop:
-        bound = _prove(
-            loaded,
-            solution,
-            stop,
-            time_limit=time_limit,
-            min_survival=floor,
-            max_length=budget,
-            seed=seed,
-        )
+        bound = _prove(loaded, solution, stop, time_limit=time_limit, seed=seed, **limits)
     _tell_bound(bound, solution)
     if out is not None:
         with failing():
@@ -113,15 +106,8 @@ def certify(solution: Solution, folder: Path, time_limit: float) -> None:
     from botohe_moo.solution.model import BOUND, FRONT_PICTURE, PictureError, draw_picture
 
     with stoppable(_STOPPING) as stop:
-        bound = _prove(
-            solution.mission,
-            solution,
-            stop,
-            time_limit=time_limit,
-            min_survival=solution.min_survival,
-            max_length=_budget_of(solution),
-            seed=solution.seed,
-        )
+        how = {"time_limit": time_limit, "seed": solution.seed, **_limits_of(solution)}
+        bound = _prove(solution.mission, solution, stop, **how)
         tell("")
         _tell_verdict(bound, solution)
         shown = solution.objectives, solution.mission
@@ -172,24 +158,22 @@ def _read_front(folder: Path, mission: Mission) -> Solution:
     return solution
 
 
-def _budget_of(solution: Solution) -> float:
-    """Return the travel budget of a search, infinite if it had none: None means the mission's."""
-    return math.inf if solution.max_length is None else solution.max_length
-
-
-def _verdict(bound: FrontBound, solution: Solution | None) -> str:
-    """Describe in a sentence how good a front is, or without one, what no front exceeds."""
-    took = f"proved in {bound.seconds:.0f} s" if bound.seconds >= 1 else "proved at once"
-    most = f"no plans whatsoever reach more than {bound.area:.4f}"
-    if solution is None:
-        return f"{most} of the area, {took}"
-    gap = bound.gap(solution.objectives)
-    within = f": within {100 * gap:.2f} % of the optimum" if math.isfinite(gap) else ""
-    return f"area {solution.area:.4f}; {most}{within}, {took}"
+def _limits_of(solution: Solution) -> dict[str, float]:
+    """Return the limits of a search; a travel budget of None would mean the mission's."""
+    budget = math.inf if solution.max_length is None else solution.max_length
+    return {"min_survival": solution.min_survival, "max_length": budget}
 
 
 def _tell_verdict(bound: FrontBound, solution: Solution | None) -> None:
-    tell(_verdict(bound, solution))
+    """Print in a sentence how good a front is, or without one, what no front exceeds."""
+    took = f"proved in {bound.seconds:.0f} s" if bound.seconds >= 1 else "proved at once"
+    most = f"no plans whatsoever reach more than {bound.area:.4f}"
+    if solution is None:
+        tell(f"{most} of the area, {took}")
+    else:
+        gap = bound.gap(solution.objectives)
+        within = f": within {100 * gap:.2f} % of the optimum" if math.isfinite(gap) else ""
+        tell(f"area {solution.area:.4f}; {most}{within}, {took}")
     for note in bound.notes:
         tell(note)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from collections import Counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -70,9 +71,5 @@ def _tell_results(results: list[CheckResult]) -> None:
             tell("")
             tell(paragraph(f"{result.rule}: {result.message}."))
             tell(paragraph(f"To keep it: {result.remedy}"))
-    counts = [
-        f"{n} {status}"
-        for status in ("passed", "failed", "not run")
-        if (n := sum(result.status == status for result in results))
-    ]
-    tell(f"\n{', '.join(counts)}")
+    counts = Counter(result.status for result in results)
+    tell("\n" + ", ".join(f"{n} {status}" for status, n in counts.items()))

@@ -109,7 +109,11 @@ def choose_plan(
             row = check_row("--plan", plan, len(solution.plans))
             choice = taken(solution.mission, solution.plans, row)
         else:
-            tell(_overview(solution))
+            more = (
+                "The knee is a mark, not a verdict. Say what you wish, as in "
+                '`botohe choose DIR "survivors >= 2"`, or look at one with `--plan ID`.'
+            )
+            tell(f"{solution.describe()}\n\n{paragraph(more)}")
             return
         tell_choice(solution.mission, choice, folder)
     if wish and not choice.met:
@@ -173,14 +177,6 @@ def _trails_text(mission: Mission, plan: TrailPlan) -> str:
         first = f"robot {robot} (survival {probability_text(survivals[robot], 3)}): "
         lines.append(paragraph(way, first=first, indent=" " * 4))
     return "\n".join(lines)
-
-
-def _overview(solution: Solution) -> str:
-    more = (
-        "The knee is a mark, not a verdict. Say what you wish, as in "
-        '`botohe choose DIR "survivors >= 2"`, or look at one with `--plan ID`.'
-    )
-    return f"{solution.describe()}\n\n{paragraph(more)}"
 
 
 def explore_front(

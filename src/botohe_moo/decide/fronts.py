@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from botohe_moo import indicators
 from botohe_moo._base.checks import check_integer, quoted
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.mission.model import Mission, check_mission
@@ -33,18 +34,14 @@ def objectives_of(mission: Mission, given: PlansOrObjectives) -> FloatArray:
 
 def check_objectives(points: NDArray[Any], expected: str = "objectives") -> FloatArray:
     """Check that objectives are of shape (n_plans, 2), finite and at least 0."""
-    if points.ndim != 2 or points.shape[1] != 2:
-        raise ValueError(f"Expected {expected} of shape (n, 2), got {points.shape}.")
-    if not np.isfinite(points).all():
-        row = int(np.argmin(np.isfinite(points).all(axis=1)))
-        raise ValueError(f"Expected finite objectives, got {points[row].tolist()} in row {row}.")
-    if (points < 0).any():
-        row = int(np.argmax((points < 0).any(axis=1)))
+    values = indicators.check_objectives(expected, points)
+    if (values < 0).any():
+        row = int(np.argmax((values < 0).any(axis=1)))
         raise ValueError(
-            f"Expected objectives of at least 0, got {points[row].tolist()} in row {row}; pymoo's "
-            "result.F holds E[R] and E[S] with the sign turned: give -result.F."
+            f"Expected objectives of at least 0, got {values[row].tolist()} in row {row}; pymoo's "
+            "F holds their negatives: give -result.F."
         )
-    return np.asarray(points, float)
+    return values
 
 
 def scales(mission: Mission) -> FloatArray:

@@ -53,14 +53,6 @@ class Wish:
                 number = check_number(name, vars(self)[name], **limits[name])
                 object.__setattr__(self, name, number)
 
-    @property
-    def subject(self) -> str:
-        """The quantity, as in the text of the wish."""
-        raise NotImplementedError
-
-    def __str__(self) -> str:
-        return f"{self.subject} >= {exact_text(self.at_least)}"
-
 
 @dataclass(frozen=True, kw_only=True)
 class Expected(Wish):
@@ -82,10 +74,8 @@ class Expected(Wish):
 
     quantity: Quantity
 
-    @property
-    def subject(self) -> str:
-        """The quantity."""
-        return self.quantity
+    def __str__(self) -> str:
+        return f"{self.quantity} >= {exact_text(self.at_least)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,10 +103,8 @@ class Chance(Wish):
 
     is_probability = True
 
-    @property
-    def subject(self) -> str:
-        """The event, as ``P(...)``."""
-        return f"P({self.quantity} >= {exact_text(self.value)})"
+    def __str__(self) -> str:
+        return f"P({self.quantity} >= {exact_text(self.value)}) >= {exact_text(self.at_least)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,10 +130,8 @@ class TailMean(Wish):
     quantity: Quantity
     alpha: float
 
-    @property
-    def subject(self) -> str:
-        """The tail, as ``CVaR(...)``."""
-        return f"CVaR({self.quantity}, {exact_text(self.alpha)})"
+    def __str__(self) -> str:
+        return f"CVaR({self.quantity}, {exact_text(self.alpha)}) >= {exact_text(self.at_least)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,10 +152,8 @@ class EveryRobot(Wish):
 
     is_probability = True
 
-    @property
-    def subject(self) -> str:
-        """``every robot``."""
-        return "every robot"
+    def __str__(self) -> str:
+        return f"every robot >= {exact_text(self.at_least)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,10 +178,8 @@ class Reach(Wish):
 
     is_probability = True
 
-    @property
-    def subject(self) -> str:
-        """``reach`` and the label."""
-        return f"reach {label_text(self.node)}"
+    def __str__(self) -> str:
+        return f"reach {label_text(self.node)} >= {exact_text(self.at_least)}"
 
 
 def exact_text(value: float) -> str:

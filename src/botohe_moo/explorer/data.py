@@ -157,12 +157,9 @@ def _site(mission: Mission) -> dict[str, Any]:
 
 def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
     """Return each trail once, with its survival and length, and which ones each plan has."""
-    survival: dict[tuple[int, ...], float] = {}
-    length: dict[tuple[int, ...], float] = {}
-    survivals, lengths = mission.robot_survival(plans), mission.trail_lengths(plans)
-    for plan, alive, walked in zip(plans, survivals.tolist(), lengths.tolist(), strict=True):
-        survival |= zip(plan.trails, alive, strict=True)
-        length |= zip(plan.trails, walked, strict=True)
+    trails = [trail for plan in plans for trail in plan.trails]
+    survival = dict(zip(trails, mission.robot_survival(plans).ravel().tolist(), strict=True))
+    length = dict(zip(trails, mission.trail_lengths(plans).ravel().tolist(), strict=True))
     number = {trail: i for i, trail in enumerate(survival)}
     return {
         "trails": list(survival),

@@ -8,7 +8,7 @@ from typing import Any
 
 import networkx as nx
 
-from botohe_moo._base.checks import ParameterError, quoted
+from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
@@ -65,6 +65,7 @@ def _packaged(name: str, robots: int | None) -> Mission:
     return mission if robots is None else mission.with_robots(robots)
 
 
+@checked
 def load_mission(
     name_or_path: str | os.PathLike[str],
     *,
@@ -110,11 +111,6 @@ def load_mission(
     >>> len(load_mission("terrain", nodes=50, seed=1).nodes)
     50
     """
-    if not isinstance(lengths_from_pos, bool):
-        expected = "lengths_from_pos to be true or false"
-        raise ParameterError(
-            f"Expected {expected}, got {quoted(lengths_from_pos)}.", "lengths_from_pos"
-        )
     function = find_factory(name_or_path)
     if function is None:
         mission = read_mission(name_or_path, robots=robots, **parameters)

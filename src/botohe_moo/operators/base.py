@@ -1,6 +1,6 @@
 """What operators share: their parts, and drawing one of several."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -28,11 +28,6 @@ class Mixture(Generic[Part]):
     def __init__(
         self, what: str, kind: type[Any], parts: Sequence[Part] | Mapping[Part, float]
     ) -> None:
-        if isinstance(parts, str) or not isinstance(parts, Iterable):
-            raise TypeError(
-                f"Expected a sequence of {kind.__name__}s or a mapping from them to weights, got "
-                f"{parts!r}."
-            )
         self.parts: tuple[Part, ...] = tuple(parts)
         if not self.parts:
             raise ValueError(f"Expected at least one {what}, got none.")
@@ -43,7 +38,7 @@ class Mixture(Generic[Part]):
         name = f"weight of a {what}"
         self.weights = np.array([check_number(name, weight, above=0) for weight in weights])
 
-    def draw(self, rng: Rng, n: int) -> list[OffsetArray]:
-        """Draw an operator for each of ``n`` plans; return the indices that each operator gets."""
+    def draw(self, rng: Rng, n: int) -> list[tuple[Part, OffsetArray]]:
+        """Draw an operator for each of ``n`` plans; return those drawn, with the plans' indices."""
         drawn = rng.choice(len(self.parts), n, p=self.weights / self.weights.sum())
-        return [np.flatnonzero(drawn == i) for i in range(len(self.parts))]
+        return [(self.parts[i], np.flatnonzero(drawn == i)) for i in np.unique(drawn)]

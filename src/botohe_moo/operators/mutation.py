@@ -292,10 +292,6 @@ class MixedMutation(PlanMutation):
 
     def _mutate(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         shares = self.mixture.draw(rng, len(plans))
-        changed = [
-            mutation.mutate_batch(mission, plans.take(chosen), rng)
-            for mutation, chosen in zip(self.mixture.parts, shares, strict=True)
-            if len(chosen)
-        ]
-        order = np.argsort(np.concatenate(shares), kind="stable")
+        changed = [part.mutate_batch(mission, plans.take(chosen), rng) for part, chosen in shares]
+        order = np.argsort(np.concatenate([chosen for _, chosen in shares]))
         return PlanBatch.concatenate(changed).take(order)

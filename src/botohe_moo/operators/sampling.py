@@ -216,9 +216,6 @@ class MixedSampling(PlanSampling):
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         shares = self.mixture.draw(rng, n_samples)
-        sampled = [
-            sampling.sample_batch(problem, len(chosen), rng)
-            for sampling, chosen in zip(self.mixture.parts, shares, strict=True)
-            if len(chosen)
-        ]
-        return PlanBatch.concatenate(sampled)
+        return PlanBatch.concatenate(
+            [part.sample_batch(problem, len(chosen), rng) for part, chosen in shares]
+        )

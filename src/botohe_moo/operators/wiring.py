@@ -22,23 +22,15 @@ from botohe_moo._plugins.entry_points import (
     says_it_makes,
 )
 from botohe_moo.operators.base import Mixture
-from botohe_moo.operators.crossover import MixedCrossover, TrailExchange, TrailSplice
-from botohe_moo.operators.mutation import (
-    MixedMutation,
-    PlanMutation,
-    RuinRecreate,
-    SendHome,
-    ShareTrails,
-    TrailMoves,
-)
-from botohe_moo.operators.repair import PenaltyOnly, PlanRepair, SafestPathRepair, TruncateRepair
+from botohe_moo.operators.crossover import MixedCrossover
+from botohe_moo.operators.mutation import MixedMutation, PlanMutation
+from botohe_moo.operators.repair import PlanRepair
 from botohe_moo.operators.sampling import (
     CornerSampling,
     GivenSampling,
     GuidedTrailSampling,
     MixedSampling,
     PlanSampling,
-    RandomTrailSampling,
 )
 from botohe_moo.problem import BOTOHE
 
@@ -50,28 +42,12 @@ Named: TypeAlias = str | Mapping[str, float]
 DEFAULT_CROSSOVER: Mapping[str, float] = {"exchange": 1.0, "splice": 3.0}
 DEFAULT_MUTATION: Mapping[str, float] = {"ruin": 1.0, "moves": 0.5, "share": 0.2}
 
-# The kinds of operators, by the parameters of algorithms that take them: pymoo's class, and this
-# package's operators.
+# The kinds of operators, by the parameters of algorithms that take them.
 KINDS: Mapping[str, type] = {
     "sampling": Sampling,
     "crossover": Crossover,
     "mutation": Mutation,
     "repair": Repair,
-}
-BUILT_IN: Mapping[str, Mapping[str, Factory]] = {
-    "sampling": {"guided": GuidedTrailSampling, "random": RandomTrailSampling},
-    "crossover": {"exchange": TrailExchange, "splice": TrailSplice},
-    "mutation": {
-        "home": SendHome,
-        "moves": TrailMoves,
-        "ruin": RuinRecreate,
-        "share": ShareTrails,
-    },
-    "repair": {
-        "penalty": PenaltyOnly,
-        "safest-path": SafestPathRepair,
-        "truncate": TruncateRepair,
-    },
 }
 _PLUGINS = PluginGroup("botohe_moo.operators", "operator")
 
@@ -79,13 +55,11 @@ _PLUGINS = PluginGroup("botohe_moo.operators", "operator")
 def find_operator(kind: str, name: Any) -> Factory:
     """Import what makes an operator of a kind: ``sampling``, ``crossover``, ...
 
-    ``name`` is one of this package's, one that another package registers, or ``module:Class``. A
-    ParameterError says what keeps it from being used.
+    ``name`` is a registered one or ``module:Class``. A ParameterError says what keeps it from being
+    used.
     """
-    if isinstance(name, str) and name in BUILT_IN[kind]:
-        return BUILT_IN[kind][name]
     if not isinstance(name, str) or not (is_path(name) or name in _PLUGINS.claims()):
-        known = nearest_first(str(name), {*BUILT_IN[kind], *_registered(kind)})
+        known = nearest_first(str(name), _registered(kind))
         raise ParameterError(f"Expected {kind} among {', '.join(known)}, got {quoted(name)}.", kind)
     try:
         if not is_path(name):
@@ -102,7 +76,7 @@ def find_operator(kind: str, name: Any) -> Factory:
 
 
 def named_operators(parameters: Mapping[str, Any]) -> list[tuple[str, Factory]]:
-    """List the path and the factory of each operator of other packages that parameters name.
+    """List the path and the factory of each operator that parameters name.
 
     What is not the name of an operator is left out.
     """
@@ -110,7 +84,7 @@ def named_operators(parameters: Mapping[str, Any]) -> list[tuple[str, Factory]]:
     for kind in KINDS.keys() & parameters.keys():
         given = parameters[kind]
         names = [given] if isinstance(given, str) else given if isinstance(given, Mapping) else ()
-        for name in [name for name in names if name not in BUILT_IN[kind]]:
+        for name in names:
             with contextlib.suppress(ParameterError):
                 factory = find_operator(kind, name)
                 path = name if is_path(name) else _PLUGINS.entry(name).value
@@ -140,7 +114,7 @@ def _source(kind: str, name: str) -> str:
 
 
 def _registered(kind: str) -> Iterator[str]:
-    """List the names of other packages' operators that state that they are of a kind."""
+    """List the names of registered operators that state that they are of a kind."""
     for name in _PLUGINS.claims():
         with contextlib.suppress(PluginError), warnings.catch_warnings(action="ignore"):
             if says_it_makes(_PLUGINS.load(name), KINDS[kind]):
@@ -216,7 +190,7 @@ def make_crossover(
     if isinstance(given, Crossover):
         return given
     weights = _weights("crossover", given)
-    if not weights.keys() <= BUILT_IN["crossover"].keys():
+    if not weights.keys() <= {"exchange", "splice"}:
         offered = {"prob": prob, "repair": repair, "n_offsprings": n_offsprings}
         parts = _make_parts("crossover", weights, Crossover, **offered)
         return next(iter(parts)) if len(parts) == 1 else _CrossoverMixture(parts, prob=prob)
@@ -258,11 +232,8 @@ class _CrossoverMixture(Crossover):
         self, problem: BOTOHE, X: ObjectArray, *args: Any, random_state: Rng, **options: Any
     ) -> ObjectArray:
         children = np.empty((self.n_offsprings, *X.shape[1:]), dtype=object)
-        shares = self.mixture.draw(random_state, X.shape[1])
-        for part, chosen in zip(self.mixture.parts, shares, strict=True):
-            if len(chosen):
-                pairs = X[:, chosen]
-                children[:, chosen] = part._do(
-                    problem, pairs, *args, random_state=random_state, **options
-                )
+        for part, chosen in self.mixture.draw(random_state, X.shape[1]):
+            children[:, chosen] = part._do(
+                problem, X[:, chosen], *args, random_state=random_state, **options
+            )
         return children

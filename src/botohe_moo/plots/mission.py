@@ -18,7 +18,7 @@ from botohe_moo._base.types import BoolArray, FloatArray
 from botohe_moo._base.words import counted, probability_text
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.algorithms import check_table
-from botohe_moo.plots.draw.canvas import Canvas, bowed_arcs, colour_by_value, open_axes
+from botohe_moo.plots.draw.canvas import Canvas, colour_by_value, open_axes
 from botohe_moo.plots.draw.maps import draw_named_nodes, key_of
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.plots.draw.style import (
@@ -91,7 +91,9 @@ def plot_mission(
     xy = node_positions(mission)
     with theme():
         ax = open_axes(xy, ax)
-        arrays, bowed = mission.arrays, bowed_arcs(mission)
+        arrays = mission.arrays
+        # Arcs that differ from their opposites in survival, or have none.
+        bowed = (arrays.reverse < 0) | (arrays.survival[arrays.reverse] != arrays.survival)
         paid, fills = arrays.reward > 0, np.ones((arrays.n_nodes, 4))
         fills[paid] = colour_by_value(ax, arrays.reward[paid], REWARD, "reward", slot=0, low=0.0)
         zones = _zones(mission)

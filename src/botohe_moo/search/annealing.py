@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -55,18 +55,6 @@ class AnnealingSchedule:
         return self.schedule == "journal"
 
 
-class _Sweep(NamedTuple):
-    """Turns of all weights, in each pass once."""
-
-    n_steps: int
-    n_weights: int
-    n_passes: int
-
-    @property
-    def n_turns(self) -> int:
-        return self.n_weights * self.n_passes
-
-
 class Annealing:
     """A search that anneals one plan, for one weight after another.
 
@@ -89,8 +77,8 @@ class Annealing:
         self.state: AnnealState = new_state(graph, mission.robots, random, detours=detours)
         longest = mission.robots * (graph.n_arcs + 1)
         self._records = new_records(mission.robots, _RECORDS, _RECORDS * _NODES_EACH + longest)
-        self._sweep = _Sweep(n_steps=0, n_weights=1, n_passes=0)
-        self._turn = 0  # how many turns of the sweep have begun
+        # A sweep is the turns of all weights, in each pass once; ``_turn`` of them have begun.
+        self._n_steps, self._n_weights, self._n_turns, self._turn = 0, 1, 0, 0
         self.steps_left = 0
         self.weight = 0.0
         rewards = graph.reward / (mission.total_reward or 1.0)
@@ -137,7 +125,7 @@ class Annealing:
         generations there will be in all.
         """
         schedule, state = self.schedule, self.state
-        if self._turn == self._sweep.n_turns:
+        if self._turn == self._n_turns:
             self._plan_sweep(n_left, n_generations)
         self.weight, self.steps_left = self._plan_turn()
         self._turn += 1
@@ -170,8 +158,9 @@ class Annealing:
             n_steps = schedule.sweep_evaluations if n_left is None else n_left
             root = math.isqrt(n_steps) if schedule.journal else round(n_steps ** (1 / 3))
             usual_weights = max(1, root)
-        n_weights = min(schedule.n_weights or usual_weights, n_steps)
-        self._sweep = _Sweep(n_steps, n_weights, min(n_passes, n_steps // n_weights))
+        self._n_steps = n_steps
+        self._n_weights = min(schedule.n_weights or usual_weights, n_steps)
+        self._n_turns = self._n_weights * min(n_passes, n_steps // self._n_weights)
         self._turn = 0
 
     def _plan_turn(self) -> tuple[float, int]:
@@ -179,8 +168,7 @@ class Annealing:
 
         Weights ascend in one pass and descend in the next. Turns differ by one step at most.
         """
-        n_steps, n_weights, _ = self._sweep
-        n_turns = self._sweep.n_turns
+        n_steps, n_weights, n_turns = self._n_steps, self._n_weights, self._n_turns
         which_pass, place = divmod(self._turn, n_weights)
         if which_pass % 2:
             place = n_weights - 1 - place
@@ -231,6 +219,4 @@ class Annealing:
             objectives.append(records.objectives[:n_plans].copy())
         if self.schedule.journal and self.steps_left == 0:
             return self.best()
-        if len(batches) == 1:
-            return batches[0], objectives[0]
         return PlanBatch.concatenate(batches), np.concatenate(objectives)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -224,8 +223,8 @@ def _new_weights(mission: Mission, rule: ColonyRule, pheromone: Pheromone) -> We
     return Weights(np.empty(shape), np.empty(shape), gain, np.log1p(gain))
 
 
-def tabulate_pheromone(mission: Mission, colonies: Sequence[Colony]) -> pd.DataFrame:
-    """Return the pheromone of colonies, a row for each arc, as :attr:`BOACO.pheromone_maps`."""
+def tabulate_pheromone(mission: Mission, colony: Colony) -> pd.DataFrame:
+    """Return the pheromone of a colony, a row for each arc, as :attr:`BOACO.pheromone_maps`."""
     import pandas as pd  # here, since importing it takes as long as importing all else
 
     graph, nodes = mission.arrays, mission.nodes
@@ -233,27 +232,10 @@ def tabulate_pheromone(mission: Mission, colonies: Sequence[Colony]) -> pd.DataF
         pd.Series([nodes[i] for i in [*ends, graph.base]], dtype=object)
         for ends in (graph.tail, graph.head)
     )
-    columns = ["colony", "robot", "tail", "head", "reward", "survival"]
+    columns = ["robot", "tail", "head", "reward", "survival"]
     maps = [
-        pd.DataFrame(dict(zip(columns, [number, robot, tails, heads, *levels.T], strict=True)))
-        for number, colony in enumerate(colonies)
+        pd.DataFrame(dict(zip(columns, [robot, tails, heads, *levels.T], strict=True)))
         for robot, levels in enumerate(colony.pheromone)
     ]
-    several = {"colony": len(colonies) > 1, "robot": colonies[0].rule.pheromone_per_robot}
-    single = [name for name, is_there in several.items() if not is_there]
-    return pd.concat(maps, ignore_index=True).drop(columns=single)
-
-
-def exchange_archives(archives: Sequence[PlanArchive]) -> None:
-    """Insert the plans of each archive into the next one, and those of the last into the first.
-
-    All archives exchange at once, so that a plan goes no further than to the next archive.
-
-    Notes
-    -----
-    Circular exchange of the locally best plans, as in Middendorf, Reischle and Schmeck, "Multi
-    colony ant algorithms", Journal of Heuristics 8(3), 2002, with a front for their best one.
-    """
-    plans = [(archive.plans, archive.objectives.copy()) for archive in archives]
-    for giver, archive in enumerate(archives, start=-1):
-        archive.insert(*plans[giver])
+    table = pd.concat(maps, ignore_index=True)
+    return table if colony.rule.pheromone_per_robot else table.drop(columns="robot")

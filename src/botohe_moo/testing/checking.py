@@ -67,8 +67,7 @@ def check_algorithm(
     >>> {result.status for result in results}
     {'passed'}
     """
-    rules, subject = rules_and_subject(factory, parameters, "algorithm")
-    return run_rules(rules, subject)
+    return run_rules(*rules_and_subject(factory, parameters, "algorithm"))
 
 
 def check_mission(
@@ -93,8 +92,7 @@ def check_mission(
     >>> [result.rule for result in check_mission("terrain", {"nodes": 20})][:3]
     ['can_be_made', 'parameters_stated', 'same_twice']
     """
-    rules, subject = rules_and_subject(factory, parameters, "mission")
-    return run_rules(rules, subject)
+    return run_rules(*rules_and_subject(factory, parameters, "mission"))
 
 
 def kind_of(factory: str | Callable[..., Any]) -> Kind:

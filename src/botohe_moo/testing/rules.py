@@ -106,19 +106,16 @@ def run_rules(rules: Iterable[Rule], subject: Subject) -> list[CheckResult]:
             reason = f"{broken.rule} failed"
             results.append(CheckResult(each.name, "not run", 0.0, reason, broken.remedy))
             continue
-        results.append(_result(each, subject))
-        if each.comes_first and results[-1].status == "failed":
+        started = time.perf_counter()
+        message = fault_of(each, subject)
+        seconds = time.perf_counter() - started
+        if message is None:
+            results.append(CheckResult(each.name, "passed", seconds))
+            continue
+        results.append(CheckResult(each.name, "failed", seconds, message, each.remedy))
+        if each.comes_first:
             broken = results[-1]
     return results
-
-
-def _result(each: Rule, subject: Subject) -> CheckResult:
-    started = time.perf_counter()
-    message = fault_of(each, subject)
-    seconds = time.perf_counter() - started
-    if message is None:
-        return CheckResult(each.name, "passed", seconds)
-    return CheckResult(each.name, "failed", seconds, message, each.remedy)
 
 
 def fault_of(each: Rule, subject: Subject) -> str | None:

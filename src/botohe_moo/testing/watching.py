@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,7 @@ import networkx as nx
 import numpy as np
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._base.types import BoolArray, FloatArray
+from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.generators import random
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
@@ -33,11 +32,6 @@ def one_way() -> Mission:
     nx.add_cycle(graph, [0, 4, 5], survival=0.8)
     graph.add_edge(2, 4, survival=0.95)
     return Mission(graph, base=0, robots=2, name="one-way")
-
-
-def alone() -> Mission:
-    """Make the mission of streets for one robot."""
-    return streets().with_robots(1)
 
 
 def measured() -> Mission:
@@ -113,24 +107,25 @@ def run(
     evaluations: int,
     *,
     seed: int = 1,
-    after: Callable[[int, Algorithm], Algorithm | None] | None = None,
+    pickled_after: int | None = None,
 ) -> Run:
     """Run an algorithm until its budget is spent, as pymoo's ``minimize`` does.
 
-    ``after`` is called with the number of each generation and the algorithm. It may return another
-    algorithm, with which the run goes on.
+    After the generation ``pickled_after``, or before its setup where that is 0, the algorithm is
+    pickled, and the run goes on with what was unpickled.
     """
+    if pickled_after == 0:
+        algorithm = revived(algorithm)
     algorithm.setup(problem, termination=("n_eval", evaluations), seed=seed)
-    n, idle, spent, fronts = 0, 0, 0, []
+    idle, spent, fronts = 0, 0, []
     while algorithm.has_next():
         algorithm.next()
-        n += 1
         fronts.append(_objectives(algorithm))
         idle = idle + 1 if algorithm.evaluator.n_eval == spent else 0
         spent = algorithm.evaluator.n_eval
         expect(idle < _MOST_IDLE, f"it spent no evaluation in {idle:,} generations in a row")
-        if after is not None:
-            algorithm = after(n, algorithm) or algorithm
+        if len(fronts) == pickled_after:
+            algorithm = revived(algorithm)
     result = algorithm.result()
     plans = [] if result.X is None else list(np.asarray(result.X, object).ravel())
     for plan in plans:
@@ -167,10 +162,6 @@ def revived(thing: Any) -> Any:
 
 def missing(points: FloatArray, front: FloatArray) -> FloatArray:
     """Return the points (n, 2) that no point of a front is as good as, to rounding."""
-    if not len(front):
-        return points
-    near: FloatArray = 1e-12 * (1.0 + np.abs(points[:, None]))
-    as_good: BoolArray = front[None] >= points[:, None] - near
-    is_reached = np.logical_or.reduce(np.logical_and.reduce(as_good, axis=2), axis=1)
-    lost: FloatArray = points[~is_reached]
-    return lost
+    least = points - 1e-12 * (1.0 + np.abs(points))
+    as_good = np.asarray(front >= least[:, None]).all(axis=2)
+    return np.asarray(points[~np.any(as_good, axis=1)])

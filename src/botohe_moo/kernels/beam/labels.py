@@ -4,7 +4,7 @@ Walking up its parents gives the arcs that a label has used and the nodes it has
 have smaller numbers than their children.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,31 +48,22 @@ STATE = np.dtype(
 _N_LABELS = 4096  # for which there is room at first
 
 
-class Standing(NamedTuple):
-    """What the current label has used and visited."""
-
-    used: OffsetArray  # 1 for the arcs it has used, 0 for the others (n_arcs)
-    visits: OffsetArray  # how often it has visited each node (n_nodes)
-    ahead: FloatArray  # worth of each node that it has not visited, 0 for the others (n_nodes)
-
-
-class Level(NamedTuple):
-    """The children of one level, some of which go on as labels."""
-
-    children: RecordArray  # as ``LABEL``
-    table: OffsetArray  # a hash table of children, −1 where a slot is empty
-    # Children in order, and scratch to sort them.
-    order: OffsetArray
-    spare: OffsetArray
-
-
 class Beam(NamedTuple):
     """State and scratch of a search for a trail."""
 
     state: RecordArray  # a ``STATE`` (1)
     labels: RecordArray  # all labels that went on, as ``LABEL``, level by level
-    level: Level
-    standing: Standing
+    children: RecordArray  # of the last level, as ``LABEL``; some go on as labels
+    table: OffsetArray  # a hash table of children, −1 where a slot is empty
+    # Children in order, and scratch to sort them.
+    order: OffsetArray
+    spare: OffsetArray
+    # Of the current label: 1 for the arcs it has used, 0 for the others (n_arcs); how often it has
+    # visited each node, and the worth of each node that it has not visited, 0 for the others
+    # (n_nodes).
+    used: OffsetArray
+    visits: OffsetArray
+    ahead: FloatArray
     paths: Paths
     # Of each node, what a robot that is there for sure collects on the safest way home, or more
     # (n_nodes).
@@ -91,10 +82,10 @@ def new_beam(graph: Graph) -> Beam:
     return Beam(
         state=np.zeros(1, STATE).view(np.recarray),
         labels=_new_labels(_N_LABELS),
-        level=_new_level(_N_LABELS),
-        standing=Standing(
-            np.empty(n_arcs, np.int64), np.empty(n_nodes, np.int64), np.empty(n_nodes)
-        ),
+        **_room_for_children(_N_LABELS),
+        used=np.empty(n_arcs, np.int64),
+        visits=np.empty(n_nodes, np.int64),
+        ahead=np.empty(n_nodes),
         paths=new_paths(graph),
         gathered=np.empty(n_nodes),
         arc_keys=keys[:n_arcs].copy(),
@@ -108,15 +99,15 @@ def _new_labels(n: int) -> RecordArray:
     return np.empty(n, LABEL).view(np.recarray)
 
 
-def _new_level(n: int) -> Level:
-    table = np.empty(table_size(n), np.int64)
-    return Level(_new_labels(n), table, np.empty(n, np.int64), np.empty(n, np.int64))
+def _room_for_children(n: int) -> dict[str, Any]:
+    table, order = np.empty(table_size(n), np.int64), np.empty(n, np.int64)
+    return {"children": _new_labels(n), "table": table, "order": order, "spare": order.copy()}
 
 
 def larger_beam(beam: Beam, n_labels: int, n_children: int) -> Beam:
     """Return a beam with room for these numbers of labels, which are kept, and of children."""
-    if n_children > len(beam.level.children):
-        beam = beam._replace(level=_new_level(n_children))
+    if n_children > len(beam.children):
+        beam = beam._replace(**_room_for_children(n_children))
     if n_labels > len(beam.labels):
         labels = _new_labels(max(n_labels, 2 * len(beam.labels)))
         labels[: len(beam.labels)] = beam.labels
@@ -125,15 +116,14 @@ def larger_beam(beam: Beam, n_labels: int, n_children: int) -> Beam:
 
 
 @helper
-def stand_at(
-    labels: RecordArray, standing: Standing, worth: FloatArray, before: int, label: int
-) -> None:
-    """Move from the label ``before`` to another one.
+def stand_at(beam: Beam, worth: FloatArray, label: int) -> None:
+    """Make another label the current one.
 
     Only the arcs that they do not share are taken back and added: mostly few, however long the
     trails are.
     """
-    used, visits, ahead = standing.used, standing.visits, standing.ahead
+    labels, used, visits, ahead = beam.labels, beam.used, beam.visits, beam.ahead
+    before, beam.state[0].at = beam.state[0].at, label
     while before != label:
         leave = before > label
         at = labels[before if leave else label]
@@ -160,9 +150,9 @@ def table_size(n: int) -> int:
 
 
 @inlined
-def find(level: Level, size: int, key: np.uint64) -> int:
+def find(beam: Beam, size: int, key: np.uint64) -> int:
     """Find the slot of the child with a key, or the empty one where it belongs."""
-    table, children, last = level.table, level.children, size - 1
+    table, children, last = beam.table, beam.children, size - 1
     slot = np.int64(key & np.uint64(last))
     while table[slot] >= 0 and children[table[slot]].key != key:
         slot = (slot + 1) & last

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.beam.labels import Standing
+from botohe_moo.kernels.beam.labels import Beam
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import (
@@ -154,23 +154,16 @@ def _is_too_far(budget: Budget | None, node: int, length: float) -> bool:
 
 
 @helper
-def close(
-    graph: Graph,
-    rule: BeamRule,
-    standing: Standing,
-    paths: Paths,
-    child: Any,
-    stay: float,
-    best_value: float,
-) -> tuple[float, float]:
+def close(graph: Graph, rule: BeamRule, beam: Beam, child: Any, stay: float) -> tuple[float, float]:
     """Send a child of the current label home; return value and survival of the closed trail.
 
     The value is −1 where the trail cannot be better than the best one known. The survival is −1
     where no way leads home, or none is known that keeps the travel budget.
     """
-    used, ahead, free = standing.used, standing.ahead, has_no_limits(rule)
-    value, survives, node = child.value, child.alive, child.node
-    if free and value + stay <= best_value and usual_way_home(graph, paths, used, 1, node) < 0:
+    used, paths, node = beam.used, beam.paths, child.node
+    value, survives = child.value, child.alive
+    may_be_best = value + stay > beam.state[0].value or not has_no_limits(rule)
+    if not may_be_best and usual_way_home(graph, paths, used, 1, node) < 0:
         back = graph.balanced or leads_home(graph, paths, used, 1, node)
         return -1.0, survives if back else -1.0
     n_hops = way_within(graph, rule.budget, paths, used, 1, node, survives, child.length)
@@ -179,5 +172,5 @@ def close(
     for i in range(n_hops):
         arc = paths.path[i]
         survives *= graph.survival[arc]
-        value += survives * ahead[graph.head[arc]]
+        value += survives * beam.ahead[graph.head[arc]]
     return value + rule.survival_weight * survives, survives

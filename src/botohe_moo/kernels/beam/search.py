@@ -5,8 +5,8 @@ Labels are partial trails that leave the base; a level holds those of one number
 
 import numpy as np
 
-from botohe_moo._base.types import OffsetArray, SeedArray
-from botohe_moo.kernels.beam.labels import Beam, Level, find, larger_beam, stand_at, table_size
+from botohe_moo._base.types import OffsetArray
+from botohe_moo.kernels.beam.labels import Beam, find, larger_beam, stand_at, table_size
 from botohe_moo.kernels.beam.prospects import (
     TOLERANCE,
     BeamRule,
@@ -77,7 +77,7 @@ def _search(graph: Graph, near: Near, rule: BeamRule, beam: Beam) -> int:
     Returns ``_ENDED`` at the end of the search.
     """
     graph, near, rule, beam = shared(graph), shared(near), shared(rule), shared(beam)
-    state, labels, level = beam.state[0], beam.labels, beam.level
+    state, labels, children = beam.state[0], beam.labels, beam.children
     if state.high == 0:
         _start_at_base(graph, rule, beam)
     while state.low < state.high:
@@ -86,16 +86,16 @@ def _search(graph: Graph, near: Near, rule: BeamRule, beam: Beam) -> int:
             node = labels[label].node
             n_most += graph.first[node + 1] - graph.first[node]
         n_go_on = min(rule.width, rule.max_labels - state.high)
-        if n_most > len(level.children) or state.high + min(n_most, n_go_on) > len(labels):
+        if n_most > len(children) or state.high + min(n_most, n_go_on) > len(labels):
             return n_most
         n = _expand(graph, near, rule, beam, n_most)
-        n = _rank(level, n, state.value + TOLERANCE * state.value)
+        n = _rank(beam, n, state.value + TOLERANCE * state.value)
         if n > n_go_on:
             state.cut = 1
-            _choose(level, beam.place_keys, n, n_go_on)
+            _choose(beam, n, n_go_on)
         state.low = state.high
         for i in range(min(n, n_go_on)):
-            labels[state.high] = level.children[level.order[i]]
+            labels[state.high] = children[beam.order[i]]
             state.high += 1
     _write_trail(graph, rule, beam)
     return _ENDED
@@ -104,14 +104,14 @@ def _search(graph: Graph, near: Near, rule: BeamRule, beam: Beam) -> int:
 @helper
 def _start_at_base(graph: Graph, rule: BeamRule, beam: Beam) -> None:
     """Put the label of a robot that has not left the base into row 0, and stand there."""
-    state, label, standing, base = beam.state[0], beam.labels[0], beam.standing, graph.base
+    state, label, base = beam.state[0], beam.labels[0], graph.base
     worth, n_nodes, left = rule.worth, rule.worth.shape[0], 0.0
-    for arc in range(standing.used.shape[0]):
-        standing.used[arc] = 0
+    for arc in range(beam.used.shape[0]):
+        beam.used[arc] = 0
     for node in range(n_nodes):
         left += worth[node]
-        standing.visits[node], standing.ahead[node] = 0, worth[node]
-    standing.visits[base], standing.ahead[base] = 1, 0.0
+        beam.visits[node], beam.ahead[node] = 0, worth[node]
+    beam.visits[base], beam.ahead[base] = 1, 0.0
     label.parent = label.arc = -1
     label.node, label.alive, label.length = base, 1.0, 0.0
     label.value, label.left = worth[base], left - worth[base]
@@ -128,8 +128,8 @@ def _expand(graph: Graph, near: Near, rule: BeamRule, beam: Beam, n_most: int) -
     Children are left out that cannot get home within the limits or beat the best trail known, or
     where another child has the same node and arcs used, and as much value.
     """
-    state, labels, level, standing = beam.state[0], beam.labels, beam.level, beam.standing
-    children, table, used, ahead = level.children, level.table, standing.used, standing.ahead
+    state, labels, children, table = beam.state[0], beam.labels, beam.children, beam.table
+    used, ahead = beam.used, beam.ahead
     size = table_size(n_most)
     for slot in range(size):
         table[slot] = -1
@@ -137,8 +137,7 @@ def _expand(graph: Graph, near: Near, rule: BeamRule, beam: Beam, n_most: int) -
     closes_few = graph.balanced and has_no_limits(rule)
     n = 0
     for parent in range(state.low, state.high):
-        stand_at(labels, standing, rule.worth, state.at, parent)
-        state.at = parent
+        stand_at(beam, rule.worth, parent)
         label = labels[parent]
         for arc in range(graph.first[label.node], graph.first[label.node + 1]):
             if used[arc] == 1:
@@ -156,7 +155,7 @@ def _expand(graph: Graph, near: Near, rule: BeamRule, beam: Beam, n_most: int) -
             child.used = label.used ^ beam.arc_keys[arc]
             child.seen = label.seen ^ beam.node_keys[node] if fresh > 0.0 else label.seen
             child.key = child.used ^ beam.place_keys[node]
-            slot = find(level, size, child.key)
+            slot = find(beam, size, child.key)
             known = table[slot]
             if known >= 0 and children[known].value >= child.value:
                 continue
@@ -168,9 +167,7 @@ def _expand(graph: Graph, near: Near, rule: BeamRule, beam: Beam, n_most: int) -
                 if closes_few and gathered < _NEARLY * state.value:
                     survives = child.alive
                 else:
-                    value, survives = close(
-                        graph, rule, standing, beam.paths, child, stay, state.value
-                    )
+                    value, survives = close(graph, rule, beam, child, stay)
             used[arc], ahead[node] = 0, fresh
             if survives < rule.least:
                 continue
@@ -185,29 +182,29 @@ def _expand(graph: Graph, near: Near, rule: BeamRule, beam: Beam, n_most: int) -
 
 
 @helper
-def _rank(level: Level, n_children: int, enough: float) -> int:
+def _rank(beam: Beam, n_children: int, enough: float) -> int:
     """List the children that may become worth more than ``enough``, the highest rank first.
 
     Returns how many there are. Equal ranks stay in order.
     """
-    children, order = level.children, level.order
+    children, order = beam.children, beam.order
     n = 0
     for child in range(n_children):
         if children[child].bound > enough:
             order[n] = child
             n += 1
-    sort_descending(children["rank"], order, level.spare, n)
+    sort_descending(children["rank"], order, beam.spare, n)
     return n
 
 
 @helper
-def _choose(level: Level, place_keys: SeedArray, n: int, n_go_on: int) -> None:
+def _choose(beam: Beam, n: int, n_go_on: int) -> None:
     """Put the children that go on first in the order: the best of each kind, then others.
 
     Children of a kind are at the same node and have visited the same nodes of any worth: mostly
     they become the same trails.
     """
-    children, table, order, others = level.children, level.table, level.order, level.spare
+    children, table, order, others = beam.children, beam.table, beam.order, beam.spare
     size = table_size(n)
     for slot in range(size):
         table[slot] = -1
@@ -215,8 +212,8 @@ def _choose(level: Level, place_keys: SeedArray, n: int, n_go_on: int) -> None:
     for i in range(n):
         row = order[i]
         child = children[row]
-        child.key = child.seen ^ place_keys[child.node]
-        slot = find(level, size, child.key)
+        child.key = child.seen ^ beam.place_keys[child.node]
+        slot = find(beam, size, child.key)
         if table[slot] >= 0:
             others[n_others] = row
             n_others += 1
@@ -230,11 +227,11 @@ def _choose(level: Level, place_keys: SeedArray, n: int, n_go_on: int) -> None:
 @helper
 def _write_trail(graph: Graph, rule: BeamRule, beam: Beam) -> None:
     """Write the arcs of the best trail."""
-    state, labels, trail, used = beam.state[0], beam.labels, beam.trail, beam.standing.used
+    state, labels, trail, used = beam.state[0], beam.labels, beam.trail, beam.used
     state.n_hops = 0
     if state.arc < 0:
         return
-    stand_at(labels, beam.standing, rule.worth, state.at, state.label)
+    stand_at(beam, rule.worth, state.label)
     used[state.arc] = 1
     n, label = 0, state.label
     while label > 0:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.bounds.states import Net, States
+from botohe_moo.kernels.bounds.states import Net, States, Worth
 from botohe_moo.kernels.compile import inlined, kernel
 
 _MOST_CHOICES = 2_000  # how often the choices of a level are improved
@@ -22,17 +22,16 @@ _LEAST_LOSS = 1e-9  # on a cycle of links; with less, its worth is lost in round
 
 
 class _Level(NamedTuple):
-    """What links are worth at one level: ``gain`` + ``part`` × what lies ahead of its end."""
+    """One level: what links are worth, a choice of a link for each state, and its value."""
 
-    gain: FloatArray  # (n_links)
-    part: FloatArray  # (n_links)
+    # A link is worth ``gain`` + ``part`` × what lies ahead of its end (n_links).
+    gain: FloatArray
+    part: FloatArray
     stop: FloatArray  # what stopping in each state is worth (n_states)
-
-
-class _Policy(NamedTuple):
-    """A choice of a link for each state, and scratch to follow these choices."""
-
+    cap: FloatArray  # what nothing gets above at each node (n_nodes)
+    value: FloatArray  # what lies ahead of each state with these choices, or more (n_states)
     chosen: OffsetArray  # −1 to stop (n_states)
+    # Scratch to follow the choices.
     path: OffsetArray  # states in the order in which they are followed (n_states)
     seen: OffsetArray  # 1 on the path, 2 where a state is valued (n_states)
 
@@ -87,11 +86,10 @@ def _count_linear(prices: FloatArray) -> int:
 
 
 @inlined
-def _follow_choices(
-    states: States, level: _Level, cap: FloatArray, value: FloatArray, policy: _Policy
-) -> bool:
+def _follow_choices(states: States, level: _Level) -> bool:
     """Compute what all states are worth with the links chosen; False where one is infinite."""
-    chosen, path, seen = policy.chosen, policy.path, policy.seen
+    cap, value = level.cap, level.value
+    chosen, path, seen = level.chosen, level.path, level.seen
     seen[:] = 0
     for first in range(value.shape[0]):
         n, state = 0, first
@@ -127,21 +125,14 @@ def _follow_choices(
 
 
 @inlined
-def _choose(
-    states: States,
-    level: _Level,
-    cap: FloatArray,
-    tolerance: float,
-    value: FloatArray,
-    policy: _Policy,
-    is_forward: bool,
-) -> bool:
+def _choose(states: States, level: _Level, tolerance: float, is_forward: bool) -> bool:
     """Choose better links, and raise values; return whether there were any.
 
     A raised value at once counts for states that come later in the pass, so passes alternate in
     direction.
     """
-    is_better, chosen, n_states = False, policy.chosen, value.shape[0]
+    cap, value, chosen = level.cap, level.value, level.chosen
+    is_better, n_states = False, value.shape[0]
     for i in range(n_states):
         state = i if is_forward else n_states - 1 - i
         best, most = value[state], cap[states.node[state]]
@@ -157,13 +148,7 @@ def _choose(
 
 @kernel
 def relax(
-    net: Net,
-    states: States,
-    prices: FloatArray,
-    mu: float,
-    cap: FloatArray,
-    tolerance: float,
-    values: FloatArray,
+    net: Net, states: States, worth: Worth, cap: FloatArray, tolerance: float, values: FloatArray
 ) -> bool:
     """Write what lies ahead of each state at each level, to a tolerance (n_states, n_levels + 1).
 
@@ -175,14 +160,21 @@ def relax(
 
     Returns False where choices were improved too often.
     """
+    prices, mu = worth.prices, worth.mu
     n_states, n_levels, n_arcs = values.shape[0], values.shape[1] - 1, net.graph.head.shape[0]
     low, part, paid = np.empty(n_arcs, np.int64), np.empty(n_arcs), np.empty(n_arcs)
     n_links = states.arc.shape[0]
-    made = _Level(np.empty(n_links), np.empty(n_links), np.empty(n_states))
-    policy = _Policy(
-        np.full(n_states, -1, np.int64), np.empty(n_states, np.int64), np.empty(n_states, np.int64)
-    )
     value, most = np.zeros(n_states), np.empty(cap.shape[0])
+    made = _Level(
+        gain=np.empty(n_links),
+        part=np.empty(n_links),
+        stop=np.empty(n_states),
+        cap=most,
+        value=value,
+        chosen=np.full(n_states, -1, np.int64),
+        path=np.empty(n_states, np.int64),
+        seen=np.empty(n_states, np.int64),
+    )
     values[:, 0] = 0.0
     n_linear = _count_linear(prices) if np.isinf(cap).all() else 1
     for level in range(n_linear, n_levels + 1):
@@ -206,10 +198,10 @@ def relax(
             made.stop[state] = min(mu * level / n_levels, most[net.graph.base]) if is_base else 0.0
         n = 0
         while True:
-            if n == _MOST_CHOICES or not _follow_choices(states, made, most, value, policy):
+            if n == _MOST_CHOICES or not _follow_choices(states, made):
                 return False
             n += 1
-            if not _choose(states, made, most, tolerance, value, policy, n % 2 == 0):
+            if not _choose(states, made, tolerance, n % 2 == 0):
                 break
         for below in range(1 if level == n_linear else level, level + 1):
             values[:, below] = value * (below / level)
@@ -217,30 +209,22 @@ def relax(
 
 
 @kernel
-def shortfall(
-    net: Net, states: States, prices: FloatArray, mu: float, cap: FloatArray, values: FloatArray
-) -> float:
+def shortfall(net: Net, states: States, worth: Worth, cap: FloatArray, values: FloatArray) -> float:
     """Return the most by which a value falls short of the best that one step leads to."""
     n_levels, most = values.shape[1] - 1, 0.0
     for state in range(values.shape[0]):
         node = states.node[state]
         for level in range(1, n_levels + 1):
-            best = mu * level / n_levels if node == net.graph.base else 0.0
+            best = worth.mu * level / n_levels if node == net.graph.base else 0.0
             for link in range(states.first[state], states.first[state + 1]):
-                best = max(best, _value_of(net, states, prices, values, link, float(level)))
+                best = max(best, _value_of(net, states, worth.prices, values, link, float(level)))
             most = max(most, min(best, cap[node, level]) - values[state, level])
     return most
 
 
 @kernel
 def follow(
-    net: Net,
-    states: States,
-    prices: FloatArray,
-    mu: float,
-    values: FloatArray,
-    turn: int,
-    links: OffsetArray,
+    net: Net, states: States, worth: Worth, values: FloatArray, turn: int, links: OffsetArray
 ) -> tuple[int, float]:
     """Write the links of the best relaxed trail that leaves the base.
 
@@ -251,10 +235,10 @@ def follow(
     state, level, n, most = 0, float(n_levels), 0, 0.0
     while n < links.shape[0]:
         is_home = states.node[state] == net.graph.base and n > 0
-        best, second = mu * level / n_levels if is_home else -1.0, -1.0
+        best, second = worth.mu * level / n_levels if is_home else -1.0, -1.0
         best_link = second_link = -1
         for link in range(states.first[state], states.first[state + 1]):
-            value = _value_of(net, states, prices, values, link, level)
+            value = _value_of(net, states, worth.prices, values, link, level)
             if n == 0:
                 most = max(most, value)
             if value > best + _SAME:

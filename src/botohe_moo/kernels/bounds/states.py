@@ -69,6 +69,13 @@ class States(NamedTuple):
     pays: BoolArray
 
 
+class Worth(NamedTuple):
+    """What a trail is worth: the prices of its visits, and ``mu`` for survival."""
+
+    prices: FloatArray  # (n_nodes, n_levels + 1)
+    mu: float
+
+
 @inlined
 def _next_mask(memory: Memory, arc: int, mask: int) -> int:
     """Return the mask behind an arc; −1 where that is barred."""

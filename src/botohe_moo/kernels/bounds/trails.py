@@ -11,7 +11,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.kernels.bounds.relaxed import chord
-from botohe_moo.kernels.bounds.states import ROUNDING, Net, States
+from botohe_moo.kernels.bounds.states import ROUNDING, Net, States, Worth
 from botohe_moo.kernels.compile import inlined, kernel
 
 # Survivals that are this much below a step of stairs, relative, count as on it.
@@ -51,13 +51,6 @@ class Stairs(NamedTuple):
     heights: FloatArray  # which never rise (n_steps)
     width: float
     least: float  # survival of the trails that are looked for, at least
-
-
-class Worth(NamedTuple):
-    """What a trail is worth: the prices of its visits, and ``mu`` for survival."""
-
-    prices: FloatArray  # (n_nodes, n_levels + 1)
-    mu: float
 
 
 class TrailRule(NamedTuple):

@@ -89,8 +89,7 @@ def _begin(search: LabelSearch) -> None:
 def _copy_label(search: LabelSearch, label: int) -> None:
     """Make a label of the table the current one."""
     labels, current = search.labels, search.current
-    row, copied = current.row[0], labels.rows[label]
-    row.node, row.alive, row.length = copied.node, copied.alive, copied.length
+    current.row[0] = labels.rows[label]
     for arc in range(current.used.shape[0]):
         current.used[arc] = has(labels.used[label], arc)
     for goal in range(current.reached.shape[0]):

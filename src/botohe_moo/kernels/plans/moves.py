@@ -172,16 +172,10 @@ def _swap(
     one, other = nodes[low], nodes[high]
     if one == other:
         return CANNOT
-    for i in range(4):
-        # The hops to and from the first position, then those to and from the second.
-        if i == 0:
-            tail, head = nodes[low - 1], other
-        elif i == 1:
-            tail, head = other, one if high == low + 1 else nodes[low + 1]
-        elif i == 2:
-            tail, head = other if high == low + 1 else nodes[high - 1], one
-        else:
-            tail, head = one, nodes[high + 1]
+    after, before = (one, other) if high == low + 1 else (nodes[low + 1], nodes[high - 1])
+    # The hops to and from the first position, then those to and from the second.
+    hops = (nodes[low - 1], other), (other, after), (before, one), (one, nodes[high + 1])
+    for tail, head in hops:
         arc = find_arc(graph, tail, head)
         if arc < 0:
             return CANNOT

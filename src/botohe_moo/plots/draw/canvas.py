@@ -10,21 +10,14 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.path import Path
-from matplotlib.transforms import IdentityTransform
+from matplotlib.transforms import Affine2D, IdentityTransform
 from scipy.spatial import KDTree
 
 from botohe_moo._base.types import BoolArray, FloatArray, IntArray
-from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.style import new_axes
 
 _BEND = 0.07  # how far an arrow bows to its right, in parts of its length
 _STEPS = np.linspace(0, 1, 17)[None, :, None]
-
-
-def bowed_arcs(mission: Mission) -> BoolArray:
-    """Return which arcs (n_arcs) differ from their opposites in survival, or have none."""
-    survival, reverse = mission.arrays.survival, mission.arrays.reverse
-    return np.asarray((reverse < 0) | (survival[reverse] != survival))
 
 
 def frame_of(xy: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -184,13 +177,9 @@ class Canvas:
     ) -> None:
         """Draw arrowheads of ``sizes`` points, centred ``at`` data points."""
         angles = np.arctan2(towards[:, 1], towards[:, 0])
-        shape = np.array([[0.6, 0.0], [-0.4, 0.45], [-0.4, -0.45], [0.6, 0.0]])
-        paths = [
-            Path(shape @ np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]), closed=True)
-            for a in angles
-        ]
+        head = Path([(0.6, 0.0), (-0.4, 0.45), (-0.4, -0.45), (0.6, 0.0)], closed=True)
         heads = PathCollection(
-            paths,
+            [head.transformed(Affine2D().rotate(angle)) for angle in angles],
             sizes=sizes**2,
             offsets=at,
             offset_transform=self.ax.transData,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from textwrap import fill
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -106,7 +107,8 @@ def add_reach_bar(ax: Axes) -> None:
 
 def key_of(text: str, style: RobotStyle) -> Line2D:
     """Return the line of a robot, for a legend."""
-    return Line2D([], [], color=style.colour, linestyle=style.line, linewidth=2.4, label=text)
+    dash: Any = 0.0, style.dash or None
+    return Line2D([], [], color=style.colour, linestyle=dash, linewidth=2.4, label=text)
 
 
 def name_map(ax: Axes, text: str, style: RobotStyle | None = None) -> None:

@@ -18,9 +18,8 @@ def node_positions(mission: Mission) -> FloatArray:
     There is also a layout where all nodes are at one place.
     """
     given = given_places(mission.graph)
-    places = [given[node] for node in mission.nodes]
-    if None not in places and (len(places) == 1 or len({*places}) > 1):
-        return np.array(places)
+    if None not in given.values() and not layout_notes(mission):
+        return np.array([given[node] for node in mission.nodes])
     graph = mission.graph
     ties: nx.Graph[Any] = nx.Graph(graph.edges)
     ties.add_nodes_from(graph)

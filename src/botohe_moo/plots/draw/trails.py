@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -27,11 +26,6 @@ class RobotStyle:
     name: str
     colour: Colour
     dash: tuple[float, ...]  # empty for a solid line
-
-    @property
-    def line(self) -> Any:
-        """Return the line style as matplotlib takes it."""
-        return 0.0, self.dash or None
 
 
 def robot_styles(n_robots: int) -> list[RobotStyle]:

@@ -1,6 +1,7 @@
 """The picture of what algorithms have found on a mission: fronts of their median runs."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -68,6 +69,10 @@ def plot_fronts(
     """
     fronts = final_fronts(plans, runs, algorithms)
     seeds = {label: median_run(runs[runs["algorithm"] == label]) for label in fronts}
+    further: list[tuple[pd.DataFrame | None, dict[str, Any]]] = [
+        (reference, {"color": INK, "linewidth": 0.6, "label": "all runs together"}),
+        (bound, {"color": MUTED, "linestyle": "--", "label": "no plan lies beyond"}),
+    ]
     with theme():
         axes = axes_of(list(fronts), ax)
         for label, style in line_styles(fronts, palette).items():
@@ -78,24 +83,12 @@ def plot_fronts(
             style |= {"markeredgecolor": "white", "markeredgewidth": 0.3}
             axes[label].plot(*staircase(front)[:-1].T, **style)
         for panel in dict.fromkeys(axes.values()):
-            if reference is not None:
-                panel.plot(
-                    *_corners(reference).T, color=INK, linewidth=0.6, label="all runs together"
-                )
-            if bound is not None:
-                panel.plot(
-                    *_corners(bound).T,
-                    color=MUTED,
-                    linewidth=1.0,
-                    linestyle="--",
-                    label="no plan lies beyond",
-                )
+            for points, style in further:
+                if points is not None:
+                    corners = staircase(points[["reward", "survivors"]].to_numpy(float))[:-1]
+                    panel.plot(*corners.T, **{"linewidth": 1.0, **style})
             panel.set(xlim=(0, None), ylim=(0, None))
         return finish(axes, title, *OBJECTIVES)
-
-
-def _corners(points: pd.DataFrame) -> FloatArray:
-    return staircase(points[["reward", "survivors"]].to_numpy(float))[:-1]
 
 
 def final_fronts(

@@ -36,14 +36,16 @@ def new_net(graph: Graph, limits: Limits) -> Net:
     reward[graph.base] = 0.0
     kept = np.ones(graph.n_arcs, bool)
     while True:
-        graph = _with_arcs(graph, reward, kept)
-        outward = _reversed(graph)
+        graph = _rebuilt(graph, np.flatnonzero(kept), reward)
+        # With all arcs reversed, ways home are the ways out.
+        order = np.lexsort((graph.tail, graph.head))
+        outward = _rebuilt(graph, order, reward, is_reversed=True)
         kept = _needed(graph, outward, limits)
         if kept.all():
             break
     # Nodes that no arc leads to pay nothing.
     reward[np.bincount(graph.head, minlength=graph.n_nodes) == 0] = 0.0
-    graph = _with_arcs(graph, reward, kept)
+    graph = _rebuilt(graph, np.flatnonzero(kept), reward)
     reach = _best_reach(graph, outward.home)
     ratio = np.minimum(reach[graph.tail] * graph.survival / reach[graph.head], 1.0)
     home_length = measured_by_length(graph).home
@@ -87,22 +89,11 @@ def _best_reach(graph: Graph, reach: FloatArray) -> FloatArray:
         reach = better
 
 
-def _with_arcs(graph: Graph, reward: FloatArray, kept: BoolArray) -> Graph:
-    """Return a graph of some of the arcs, with other rewards."""
-    return _rebuilt(graph, (graph.tail, graph.head), np.flatnonzero(kept), reward)
-
-
-def _reversed(graph: Graph) -> Graph:
-    """Return the graph with all arcs reversed: its ways home are the ways out."""
-    order = np.lexsort((graph.tail, graph.head))
-    return _rebuilt(graph, (graph.head, graph.tail), order, graph.reward)
-
-
 def _rebuilt(
-    graph: Graph, ends: tuple[OffsetArray, OffsetArray], arcs: OffsetArray, reward: FloatArray
+    graph: Graph, arcs: OffsetArray, reward: FloatArray, *, is_reversed: bool = False
 ) -> Graph:
-    """Return a graph of some of the arcs in their order, with other ends and rewards."""
-    tail, head = ends
+    """Return a graph of some of the arcs in their order, with other rewards."""
+    tail, head = (graph.head, graph.tail) if is_reversed else (graph.tail, graph.head)
     survival, length = graph.survival[arcs], graph.length[arcs]
     return new_graph(tail[arcs], head[arcs], survival, length, reward.copy(), graph.base)
 

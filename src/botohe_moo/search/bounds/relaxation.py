@@ -9,12 +9,11 @@ import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.relaxed import follow, relax, shortfall
-from botohe_moo.kernels.bounds.states import Net, States, find_states
+from botohe_moo.kernels.bounds.states import Net, States, Worth, find_states
 from botohe_moo.kernels.bounds.trails import (
     Completions,
     Stairs,
     TrailRule,
-    Worth,
     find_trails,
     new_depths,
 )
@@ -35,8 +34,7 @@ MOST_LINES = 8  # prices under which a search bounds what lies ahead
 class Ahead(NamedTuple):
     """Bounds under prices: on what lies ahead of each state, and on what any trail is worth."""
 
-    prices: FloatArray  # (n_nodes, n_levels + 1)
-    mu: float
+    worth: Worth  # the prices
     values: FloatArray  # (n_states, n_levels + 1)
     spare: float  # what has to be added to values, for rounding and tolerance
     most: float  # no trail is worth more
@@ -89,6 +87,7 @@ class Relaxation:
 
     def look_ahead(self, prices: FloatArray, mu: float) -> Ahead:
         """Bound all trails that leave the base."""
+        worth = Worth(prices, mu)
         net, states, graph = self.net, self.states, self.net.graph
         shape = (graph.n_nodes, prices.shape[1])
         values = np.zeros((len(states.node), prices.shape[1]))
@@ -96,18 +95,18 @@ class Relaxation:
         cap = np.full(shape, np.inf)
         # Where arcs are sure, relaxed trails may collect without end.
         if not self._is_capped:
-            self._is_capped = not relax(net, states, prices, mu, cap, tolerance, values)
+            self._is_capped = not relax(net, states, worth, cap, tolerance, values)
         if self._is_capped:
             cap = self._everything(prices, mu)
-            if not relax(net, states, prices, mu, cap, tolerance, values):
+            if not relax(net, states, worth, cap, tolerance, values):
                 values = cap[states.node]
-        short = shortfall(net, states, prices, mu, cap, values)
+        short = shortfall(net, states, worth, cap, values)
         # A step adds some ten roundings. One of a level counts for each level, since a price may
         # rise in the last one alone. A trail has at most as many steps as there are arcs.
         scale = self.total + mu + float(values.max(initial=0.0))
         spare = graph.n_arcs * (short + (32 + 4 * prices.shape[1]) * _EPSILON * scale)
-        _, best = follow(net, states, prices, mu, values, -1, np.empty(1, np.int64))
-        return Ahead(prices, mu, values, spare, best + spare)
+        _, best = follow(net, states, worth, values, -1, np.empty(1, np.int64))
+        return Ahead(worth, values, spare, best + spare)
 
     def _everything(self, prices: FloatArray, mu: float) -> FloatArray:
         """Bound what lies ahead of each node, as if a robot could go to all others at once.
@@ -134,7 +133,7 @@ class Relaxation:
         found: list[RelaxedTrail] = []
         links = np.empty(_MOST_TRAIL, np.int64)
         for turn in _TURNS:
-            n, _ = follow(self.net, self.states, ahead.prices, ahead.mu, ahead.values, turn, links)
+            n, _ = follow(self.net, self.states, ahead.worth, ahead.values, turn, links)
             if n > max(turn, 0):
                 taken = links[:n]
                 arcs = self.states.arc[taken]
@@ -144,11 +143,11 @@ class Relaxation:
 
     def _is_worth(self, ahead: Ahead, arcs: OffsetArray) -> BoolArray:
         """Return which visits of a relaxed trail are worth anything."""
-        net, n_levels = self.net, ahead.prices.shape[1] - 1
+        net, n_levels = self.net, ahead.worth.prices.shape[1] - 1
         levels = np.cumprod(net.ratio[arcs]) * n_levels
         heads = net.graph.head[arcs]
         high = np.minimum(levels.astype(int) + 1, n_levels)
-        worth: BoolArray = ahead.prices[heads, high] > 1e-12
+        worth: BoolArray = ahead.worth.prices[heads, high] > 1e-12
         return worth
 
     def search(self, ahead: Ahead, least: float, n_most: int) -> tuple[bool, float, list[int]]:
@@ -157,9 +156,9 @@ class Relaxation:
         Returns whether the search has ended, the value that no trail exceeds then, and its arcs.
         """
         stairs = Stairs(np.array([least]), width=np.inf, least=0.0)  # one step, which is raised
-        line = Completions(ahead.values[None], np.zeros(1), np.zeros((1, len(ahead.prices))))
+        line = Completions(ahead.values[None], np.zeros(1), np.zeros((1, self.net.graph.n_nodes)))
         rule = TrailRule(every=False, slack=0.0, n_most=n_most)
-        ended = self._search(Worth(ahead.prices, ahead.mu), line, stairs, rule)
+        ended = self._search(ahead.worth, line, stairs, rule)
         found = self._found()
         return ended, float(stairs.heights[0]) + ahead.spare, found[-1] if found else []
 
@@ -241,6 +240,6 @@ def _completions(lines: BoundLines) -> Completions:
     """Return bounds under several prices as the kernel takes them."""
     return Completions(
         np.stack([ahead.values for ahead, _ in lines]),
-        np.array([ahead.mu for ahead, _ in lines]),
+        np.array([ahead.worth.mu for ahead, _ in lines]),
         np.stack([beside for _, beside in lines]),
     )

@@ -170,7 +170,7 @@ class Steps:
         each = np.minimum(left / n_others, self._most_survival)
         others = np.full(n_steps, np.inf)
         for line in ahead:
-            others = np.minimum(others, n_others * (line.most - line.mu * each))
+            others = np.minimum(others, n_others * (line.most - line.worth.mu * each))
         if stairs is not None:
             most = add_stairs(np.maximum(stairs, 0.0), n_others)
             totals = np.minimum(least_total(left, self._width, n_others), len(most) - 1)

@@ -1,4 +1,4 @@
-"""What concurrent allocation and several colonies are worth: areas of every combination."""
+"""What concurrent allocation is worth: areas with both allocations."""
 
 import time
 from pathlib import Path
@@ -11,7 +11,6 @@ from pymoo.optimize import minimize
 from benchmarks.measure import standard_error
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
 
-EXCHANGE_EVERY = 10
 # Evaluations of each run, and runs: more where areas differ much from seed to seed, fewer where a
 # plan has a hundred times the hops.
 MISSIONS = {
@@ -20,12 +19,6 @@ MISSIONS = {
     "two_communities": (100_000, 5),
     "terrain_200": (20_000, 5),
 }
-COLONIES = ((1, None), (2, None), (2, EXCHANGE_EVERY), (5, None), (5, EXCHANGE_EVERY))
-VARIANTS = [
-    {"allocation": allocation, "n_colonies": n, "exchange_every": every}
-    for allocation in ("sequential", "concurrent")
-    for n, every in COLONIES
-]
 
 
 def run(out: Path) -> bool:
@@ -34,15 +27,14 @@ def run(out: Path) -> bool:
     for name, (evaluations, n_runs) in MISSIONS.items():
         problem = BOTOHE(load_mission(name))
         plain = None
-        for variant in VARIANTS:
-            areas, seconds = _measure(problem, variant, evaluations, n_runs)
+        for allocation in ("sequential", "concurrent"):
+            areas, seconds = _measure(problem, {"allocation": allocation}, evaluations, n_runs)
             plain = areas if plain is None else plain
             rows.append(
                 {
                     "mission": name,
                     "evaluations": evaluations,
-                    **variant,
-                    "exchange_every": variant["exchange_every"] or "never",
+                    "allocation": allocation,
                     "runs": n_runs,
                     "area": np.mean(areas),
                     "sd": np.std(areas, ddof=1),
