@@ -1,7 +1,6 @@
 """A study's folder: a file for each finished run, which is there whole or not at all."""
 
 import contextlib
-import errno
 import io
 import json
 import os
@@ -30,7 +29,6 @@ OUTCOME_FIELDS = [field.name for field in fields(Outcome) if field.name != "reco
 _STUDY = TypeAdapter(Study)
 _LOCK = ".lock"
 _UNFINISHED = f".{'?' * 16}.tmp"  # as replace_file names them
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _LONGEST_REASON = 200  # characters
 
 
@@ -263,8 +261,7 @@ def writing(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = "the disk is full" if error.errno in _FULL else error.strerror
         raise StudyError(
-            f"{error.filename or folder}: cannot be written, {reason}. All runs that are finished "
-            "are kept; run the study again to go on."
+            f"{error.filename or folder}: cannot be written ({error.strerror}). All runs that are "
+            "finished are kept; run the study again to go on."
         ) from error
