@@ -14,7 +14,7 @@ import filelock
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from botohe_moo._base.checks import nearest_first
+from botohe_moo._base.checks import most_alike
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.mission.formats.files import read_mission, save_mission
 from botohe_moo.search.bounds import FrontBound
@@ -176,8 +176,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     if not path.exists():
         others = (path.parent.name for path in folder.parent.glob(f"*/{MANIFEST}"))
-        names = ", ".join(nearest_first(folder.name, others))
-        beside = f"; studies beside it are {names}" if names else ""
+        beside = most_alike(folder.name, others)
         raise StudyError(f"{folder}: there is no study in this folder{beside}.")
     with _reading(path):
         content: dict[str, Any] = json.loads(read_bytes(path))
