@@ -440,7 +440,7 @@ indicators: [area, igd]
             ),
             (
                 {"comparison": {"control": "ant"}},
-                "no algorithm 'ant' in this study; its labels are",
+                "no algorithm 'ant'; most alike are ants.",
             ),
             (
                 {"seeds": 100_000, "algorithms": {"a": many}},
@@ -480,7 +480,7 @@ indicators: [area, igd]
         (tmp_path / "trials.yaml").write_text("")
         (tmp_path / ".pre-commit.yaml").write_text("")
         [line] = lines(tmp_path / "trial.yaml")
-        assert line.endswith("there is no such file; beside it are trials.yaml.")
+        assert line.endswith("there is no such file; most alike are trials.yaml.")
         [line] = lines(tmp_path)
         assert "cannot be read" in line
         (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9\n")

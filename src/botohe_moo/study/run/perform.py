@@ -1,6 +1,5 @@
 """Performing one run: from a run to records and an outcome."""
 
-import bisect
 import math
 import sys
 import time
@@ -59,12 +58,7 @@ class Recorder:
         budget, recording = run.mission.budget, run.recording
         # A run with a budget of seconds may be killed before it can send its final plans.
         self._always_with_plans = budget.seconds is not None
-        self._counts = record_counts(
-            evaluations=budget.evaluations,
-            per_decade=recording.per_decade,
-            start=recording.start,
-            at=recording.at,
-        )
+        self._counts = record_counts(evaluations=budget.evaluations, **recording.model_dump())
         self._next = self._counts[0]
         self.recording_seconds = 0.0
         self._started = time.perf_counter()
@@ -77,8 +71,8 @@ class Recorder:
         """Record the front if a record is due at this number of evaluations."""
         if evaluations >= self._next:
             self.record(evaluations, self.elapsed(), with_plans=self._always_with_plans)
-            passed = bisect.bisect_right(self._counts, evaluations)
-            self._next = self._counts[passed] if passed < len(self._counts) else sys.maxsize
+            further = (count for count in self._counts if count > evaluations)
+            self._next = next(further, sys.maxsize)
 
     def record(self, evaluations: int, seconds: float, *, with_plans: bool) -> None:
         """Send a record of the front, if it has any points, with or without its plans."""
@@ -86,11 +80,10 @@ class Recorder:
         archive = self._archive()
         if len(archive):
             objectives = archive.objectives
-            is_first = np.ones(len(objectives), bool)  # of equal points, which are neighbours
-            is_first[1:] = (objectives[1:] != objectives[:-1]).any(axis=1)
-            ties = int(len(objectives) - is_first.sum())
+            distinct = np.unique(objectives, axis=0)[::-1]  # by descending reward
+            ties = len(objectives) - len(distinct)
             plans = (archive.plans, objectives.copy()) if with_plans else None
-            self._send(Record(evaluations, seconds, objectives[is_first], ties, plans))
+            self._send(Record(evaluations, seconds, distinct, ties, plans))
         self.recording_seconds += time.perf_counter() - began
 
 
