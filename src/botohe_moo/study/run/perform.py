@@ -1,5 +1,6 @@
 """Performing one run: from a run to records and an outcome."""
 
+import bisect
 import math
 import sys
 import time
@@ -71,8 +72,8 @@ class Recorder:
         """Record the front if a record is due at this number of evaluations."""
         if evaluations >= self._next:
             self.record(evaluations, self.elapsed(), with_plans=self._always_with_plans)
-            further = (count for count in self._counts if count > evaluations)
-            self._next = next(further, sys.maxsize)
+            passed = bisect.bisect_right(self._counts, evaluations)
+            self._next = self._counts[passed] if passed < len(self._counts) else sys.maxsize
 
     def record(self, evaluations: int, seconds: float, *, with_plans: bool) -> None:
         """Send a record of the front, if it has any points, with or without its plans."""
