@@ -56,6 +56,7 @@ class Choices(NamedTuple):
     # (n_robots, n_goals).
     left: FloatArray
     objectives: FloatArray  # for each robot E[R] and E[S] of those before it (n_robots, 2)
+    turn: RecordArray  # the state of the search, a ``TURN`` (1)
 
 
 def new_choices(
@@ -78,14 +79,8 @@ def new_choices(
         n_hull=np.zeros(n_robots, np.int64),
         left=left,
         objectives=np.zeros((n_robots, 2)),
+        turn=np.array([(-1, 0)], TURN).view(np.recarray),
     )
-
-
-def new_turn() -> RecordArray:
-    """Return the state of a search that has not begun."""
-    turn = np.zeros(1, TURN).view(np.recarray)
-    turn["robot"] = -1
-    return turn
 
 
 @helper
@@ -182,16 +177,14 @@ def _list_choices(choices: Choices, front: OrderedFront, robot: int) -> None:
 
 
 @kernel
-def choose_teams(
-    choices: Choices, front: OrderedFront, turn: RecordArray, n_looks: int, most_reward: bool
-) -> int:
+def choose_teams(choices: Choices, front: OrderedFront, n_looks: int, most_reward: bool) -> int:
     """Continue the search for teams, and pause after a number of looks at choices.
 
     With ``most_reward`` only the most rewarding team is looked for: teams are put into the front as
     if all robots survived for sure. Returns ``FINISHED``, ``FULL`` where the front has no room, or
     ``PAUSED``.
     """
-    state, n_robots = turn[0], choices.at.shape[0]
+    state, n_robots = choices.turn[0], choices.at.shape[0]
     limit = state.n_looks + n_looks
     if state.robot < 0:
         state.robot = 0

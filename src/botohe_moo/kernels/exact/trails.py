@@ -21,7 +21,6 @@ from botohe_moo.kernels.exact.labels import (
     ROUNDING,
     add_label,
     has,
-    has_budget,
     is_dominated,
     look_ahead,
     look_around,
@@ -130,7 +129,7 @@ def _extend(search: LabelSearch, parent: int, arc: int) -> None:
     survives = look_ahead(search)
     if is_dominated(search, -1):
         return
-    if is_fresh or (node == graph.base and has_budget(rule)):
+    if is_fresh or (node == graph.base and rule.short is not None):
         if home >= rule.limits.min_survival and _is_short_enough(search):
             _write_column_of_the_way_home(search)
             _add_trail(trails, search.progress, parent, arc, current.column, home)

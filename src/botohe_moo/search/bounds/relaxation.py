@@ -64,11 +64,18 @@ class Relaxation:
         n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
         self._depths = new_depths(net, random_state, n_seen, n_room, MOST_LINES)
         self._is_capped = False
-        self.states: States = find_states(net, remembered.pack(), most_states)
+        self.states: States
         # Whether there was too little room for all that was to be remembered.
-        self.remembers_less = len(self.states.node) == 0
+        self.remembers_less = not self._find_states(most_states)
         if self.remembers_less:
             self._forget(most_states)
+
+    def _find_states(self, n_most: int) -> bool:
+        """Find the states of what is remembered; return whether they are at most ``n_most``."""
+        states = find_states(self.net, self._remembered.pack(), n_most)
+        if len(states.node):
+            self.states = states
+        return len(states.node) > 0
 
     def _forget(self, most_states: int) -> None:
         """Reduce the memory of each node to its first bits, as many as there is room for."""
@@ -77,13 +84,12 @@ class Relaxation:
         while True:
             n_bits = (fewest + too_many) // 2
             self._remembered.bits = [bits[:n_bits] for bits in wanted]
-            states = find_states(self.net, self._remembered.pack(), most_states)
-            if len(states.node) == 0:
+            if not self._find_states(most_states):
                 too_many = n_bits
-                continue
-            fewest, self.states = n_bits, states
-            if too_many - fewest <= 1:
+            elif too_many - n_bits <= 1:
                 return
+            else:
+                fewest = n_bits
 
     def look_ahead(self, prices: FloatArray, mu: float) -> Ahead:
         """Bound all trails that leave the base."""
@@ -205,11 +211,8 @@ class Relaxation:
         n_most = min(self._most_states, int(_GROWTH * len(self.states.node)) + 1)
         twice = [each for trail in trails for each in self._remembered.forgets(trail)]
         while twice:
-            if self._remembered.add(twice, self._most_bits):
-                states = find_states(self.net, self._remembered.pack(), n_most)
-                if len(states.node):
-                    self.states = states
-                    return True
+            if self._remembered.add(twice, self._most_bits) and self._find_states(n_most):
+                return True
             self._remembered.bits = before
             twice = twice[: len(twice) // 2]
         return False
@@ -218,10 +221,7 @@ class Relaxation:
         """Remember more rewards near by, unless there are too many states then."""
         before = self._remembered.bits
         self._remembered.widen(n_bits)
-        states = find_states(self.net, self._remembered.pack(), most_states)
-        if len(states.node):
-            self.states = states
-        else:
+        if not self._find_states(most_states):
             self._remembered.bits = before
 
     def allows(self, trail: RelaxedTrail) -> bool:

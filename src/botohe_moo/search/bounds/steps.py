@@ -14,7 +14,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import ROUNDING
 from botohe_moo.kernels.bounds.trails import Stairs
-from botohe_moo.kernels.exact.teams import FINISHED, choose_teams, new_choices, new_turn
+from botohe_moo.kernels.exact.teams import FINISHED, choose_teams, new_choices
 from botohe_moo.kernels.fronts.ordered import best_reward, insert, new_front
 from botohe_moo.search.bounds.lines import LEVELS, Lines
 from botohe_moo.search.bounds.prices import Prices
@@ -198,7 +198,7 @@ class Steps:
         front = new_front(4, self._n_robots)
         insert(front, np.inf, x * (1.0 - ROUNDING) - _LEAST_SURVIVAL)
         insert(front, goal, np.inf)
-        ended = choose_teams(choices, front, new_turn(), _MOST_TEAMS, most_reward=True)
+        ended = choose_teams(choices, front, _MOST_TEAMS, most_reward=True)
         return best_reward(front, np.inf) if ended == FINISHED else None
 
     def _figures(self, arcs: OffsetArray, n_arcs: OffsetArray) -> tuple[FloatArray, FloatArray]:
@@ -221,14 +221,9 @@ class Steps:
 def stairs_of(values: FloatArray, survival: FloatArray, width: float, n_steps: int) -> FloatArray:
     """Return the stairs of trails (n_steps), −inf where none survives as well."""
     stairs = np.full(n_steps, -np.inf)
-    np.maximum.at(stairs, step_of(survival, width, n_steps), values)
+    steps = np.minimum((survival / width * (1 + _EDGE)).astype(np.int64), n_steps - 1)
+    np.maximum.at(stairs, steps, values)
     return _falling(stairs)
-
-
-def step_of(survival: FloatArray, width: float, n_steps: int) -> OffsetArray:
-    """Return the step that each survival lies on."""
-    steps: OffsetArray = np.minimum((survival / width * (1 + _EDGE)).astype(np.int64), n_steps - 1)
-    return steps
 
 
 def last_steps(stairs: FloatArray) -> OffsetArray:
