@@ -51,7 +51,7 @@ class LabelRule(NamedTuple):
     goal_keys: SeedArray
     single: bool  # whether the team is one robot
     limits: Limits  # survival floor and travel budget
-    short: Graph | None  # the graph as ``measured_by_length`` returns it; None without a budget
+    short: Graph | None  # the graph with lengths as costs; None without a budget
 
 
 class LabelTable(NamedTuple):

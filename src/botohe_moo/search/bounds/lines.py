@@ -172,7 +172,7 @@ class Lines:
                 break
             prices = self._tidied(best.towards(wanted, step))
             ahead = self.look_ahead(prices, 2 * LEVELS)
-            worth = pool.values(prices)[~pool.is_relaxed]
+            worth = pool.values(prices, relaxed=False)
             at_least = max(0.0, float(worth.max(initial=0.0))) + 1e-9
             n_most = _MOST_STEPS * effort * (1 if i else _FIRST_STEPS)
             ended, most, arcs = self.relaxation.search(ahead, at_least, n_most)

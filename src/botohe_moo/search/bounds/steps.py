@@ -132,29 +132,25 @@ class Steps:
             if (needed <= before + _HIGHER * self._relaxation.total).all():
                 break
         above, n_most = Stairs(needed, self._width, least), _MOST_LINKS * effort
-        found = self._relaxation.find_all(self._spread(prices), lines, above, n_most)
+        spread = team.spread(prices.visits, 2 * LEVELS)
+        found = self._relaxation.find_all(spread, lines, above, n_most)
         height = None if found is None else self._best_team(x, goal, *found)
         if height is None:
             return False
         self._keep(x, height)
         return True
 
-    def _spread(self, prices: Prices) -> FloatArray:
-        return self._lines.team.spread(prices.visits, 2 * LEVELS)
-
     def _raise(self, prices: Prices, lines: BoundLines, stairs: Stairs, effort: int) -> bool:
         """Raise stairs above all trails; return whether the search ended."""
-        ended, trails = self._relaxation.raise_stairs(
-            self._spread(prices), lines, stairs, _MOST_LINKS * effort
-        )
+        spread = self._lines.team.spread(prices.visits, 2 * LEVELS)
+        ended, trails = self._relaxation.raise_stairs(spread, lines, stairs, _MOST_LINKS * effort)
         for arcs in trails:
             self._pool.add(arcs)
         return ended
 
     def _known(self, prices: Prices) -> FloatArray:
         """Return the stairs of known trails, without anything for their survival."""
-        worth = self._pool.values(prices._replace(mu=0.0))
-        worth[self._pool.is_relaxed] = -np.inf
+        worth = self._pool.values(prices._replace(mu=0.0), relaxed=False)
         return stairs_of(worth, self._pool.survival, self._width, self._n_steps)
 
     def _needed(
