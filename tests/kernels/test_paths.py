@@ -182,10 +182,8 @@ def test_leads_home_is_reachability_over_unused_arcs(mission, data):
 @given(missions(max_nodes=9, lengths=lengths))
 def test_the_graph_by_length(mission):
     graph = mission.arrays
-    short, free = (
-        with_costs(graph, graph.length),
-        free_graph(mission, np.zeros(graph.n_arcs, np.int64)),
-    )
+    short = with_costs(graph, graph.length)
+    free = free_graph(mission, np.zeros(graph.n_arcs, np.int64))
     assert np.array_equal(short.cost, graph.length)
     for node in free:
         expected = nx.dijkstra_path_length(free, node, graph.base, weight="length")
