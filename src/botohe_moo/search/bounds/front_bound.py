@@ -152,10 +152,9 @@ class FrontBound:
             proved = self._proved[moving]
             order = lower_envelope(proved.most, proved.mu)
             bends = np.diff(proved.most[order]) / np.diff(proved.mu[order])
-            ends = np.array(
+            ends = moving * np.array(
                 [self.min_survival * (1 - _ROUNDING), self.most_survival * (1 + _ROUNDING)]
             )
-            ends *= moving
             x = np.concatenate([[0.0], bends, ends, proved.least])
             found += ((n_robots - moving + x) / (1.0 - _ROUNDING)).tolist()
         corners = np.unique(found)
