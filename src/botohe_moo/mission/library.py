@@ -149,8 +149,6 @@ def mission_faults(
         load_mission(name_or_path, **given)
     except MissionError as error:
         return [(None, fault) for fault in error.faults]
-    except OSError as error:
-        return [(None, f"{error.filename}: {error.strerror}.")]
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         return [raised_fault(error, given, source=_PLUGINS.source(name_or_path))]
     return []
