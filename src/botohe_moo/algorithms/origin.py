@@ -11,7 +11,7 @@ from pkgutil import resolve_name
 from typing import Any
 
 from botohe_moo._plugins.checks import call_factory
-from botohe_moo._plugins.entry_points import is_path
+from botohe_moo._plugins.entry_points import is_path, package_of
 from botohe_moo._plugins.types import plain_value
 from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm
 
@@ -124,21 +124,13 @@ def algorithm_origin(
         from botohe_moo.operators.wiring import named_operators  # loads all operators
 
         parts += named_operators(parameters or {})
-    origin = _name_and_version(owner)
+    origin = package_of(owner)
     if problem is not None:
         parts.append((problem, resolve_name(problem)))
         owner = _distribution_of(problem.partition(":")[0])
-        origin |= {"problem": problem, **_name_and_version(owner, "problem_")}
+        origin["problem"] = problem
+        origin |= {f"problem_{key}": value for key, value in package_of(owner).items()}
     return {**origin, "source": _source_digest(parts)}
-
-
-def _name_and_version(
-    owner: metadata.Distribution | None, prefix: str = ""
-) -> dict[str, str | None]:
-    return {
-        f"{prefix}package": owner.name if owner else None,
-        f"{prefix}version": owner.version if owner else None,
-    }
 
 
 @functools.cache
