@@ -15,13 +15,7 @@ from pydantic import BaseModel, ConfigDict, PydanticUserError, TypeAdapter, Vali
 from pydantic.fields import FieldInfo
 
 from botohe_moo._plugins.faults import fault_messages
-from botohe_moo._plugins.types import (
-    changes_nothing,
-    plain_number,
-    range_text,
-    resolved,
-    type_text,
-)
+from botohe_moo._plugins.types import plain_number, range_text, resolved, type_text
 
 Factory: TypeAlias = Callable[..., Any]
 
@@ -45,11 +39,6 @@ class Parameter:
     def range(self) -> str:
         """The range that its type states, such as ``in (0, 1)``; may be empty."""
         return range_text(self.hint)
-
-    @property
-    def same_result(self) -> bool:
-        """Whether its type says that no result depends on it: :class:`SameResult`."""
-        return changes_nothing(self.hint)
 
     @property
     def required(self) -> bool:

@@ -40,10 +40,7 @@ class SameResult:
 
 def resolved(annotation: Any, scope: Mapping[str, Any]) -> Any:
     """Evaluate an annotation that may be a text; ``Any`` where its names lead nowhere."""
-
-    def holder() -> None: ...
-
-    holder.__annotations__ = {"it": annotation}
+    holder: Any = types.SimpleNamespace(__annotations__={"it": annotation})
     try:
         return typing.get_type_hints(holder, globalns=dict(scope), include_extras=True)["it"]
     except Exception:  # names that are for type checkers only, and whatever else a name may do

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import combinations, pairwise
 from typing import Any, Protocol
@@ -80,17 +80,14 @@ def page_data(
         raise ValueError("Expected at least one plan to explore, got none.")
     candidates = Candidates(mission, front.plans)
     choices = [_chosen(candidates, wish) for wish in wishes]
-    marks = _marks(front, choices)
+    marks = list(_marks(front, choices))
     order = np.lexsort((-front.objectives[:, 1], front.objectives[:, 0]))
-    kept = {mark["plan"] for mark in marks}.union(*map(_named, choices))
+    kept = {row for _, row, *_ in marks}.union(*map(_named, choices))
     kept_places = np.flatnonzero(np.isin(order, list(kept))).tolist()
     rows = order[thinned(front.objectives[order], kept_places, max_plans)].tolist()
     place = {row: i for i, row in enumerate(rows)}
     isolate = isolating(mission.nodes)
-    for mark in marks:
-        mark["plan"] = place[mark["plan"]]
-        mark["name"], *mark["text"] = map(isolate, [mark["name"], *mark["text"]])
-    marked = sorted({mark["plan"] for mark in marks})
+    marked = sorted({place[row] for _, row, *_ in marks})
     plans = [front.plans[row] for row in rows]
     # Differences in words between neighbours and between marked plans: all pairs are too many.
     pairs = sorted({*pairwise(range(len(plans))), *combinations(marked, 2)})
@@ -111,7 +108,10 @@ def page_data(
         **_trails(mission, plans),
         **_plans(candidates, rows),
         "ids": rows,
-        "marks": marks,
+        "marks": [
+            {"kind": kind, "plan": place[row], "name": isolate(name), "text": [*map(isolate, text)]}
+            for kind, row, name, *text in marks
+        ],
         "words": {f"{i}-{j}": tuple(map(isolate, texts)) for (i, j), texts in words.items()},
     }
 
@@ -227,29 +227,16 @@ def _named(choice: Choice) -> set[int]:
     return {step.index for step in steps if step is not None}
 
 
-def _marks(front: Front, choices: Iterable[Choice]) -> list[dict[str, Any]]:
-    """Return the plans that are marked, by their rows, what they are and why."""
+def _marks(front: Front, choices: Iterable[Choice]) -> Iterator[tuple[Any, ...]]:
+    """Yield the plans that are marked: the kind of mark, row, name, and sentences on why."""
     mission, objectives = front.mission, front.objectives
-    marks: list[dict[str, Any]] = []
     for found in choices:
         kind, said = ("choice", "meets") if found.met else ("miss", "comes nearest to")
         name = f"{said} {' and '.join(map(str, found.wishes))}" if found.wishes else "chosen"
-        marks.append(_mark(kind, found.index, name, found.why, str(found.cost), str(found.rate)))
-    by_reward, by_survivors = np.lexsort(objectives.T[::-1])[-1], np.lexsort(objectives.T)[-1]
-    return [
-        *marks,
-        *(
-            _mark("knee", knee.index, f"knee: {knee.name}", f"Knee: {knee.definition}.")
-            for knee in knees(mission, objectives)
-        ),
-        *(
-            _mark("representative", row, "representative")
-            for row in representatives(mission, front.plans, _N_REPRESENTATIVES)
-        ),
-        _mark("end", int(by_reward), "most reward"),
-        _mark("end", int(by_survivors), "most survivors"),
-    ]
-
-
-def _mark(kind: str, row: int, name: str, *text: str) -> dict[str, Any]:
-    return {"kind": kind, "plan": row, "name": name, "text": list(text)}
+        yield kind, found.index, name, found.why, str(found.cost), str(found.rate)
+    for knee in knees(mission, objectives):
+        yield "knee", knee.index, f"knee: {knee.name}", f"Knee: {knee.definition}."
+    for row in representatives(mission, front.plans, _N_REPRESENTATIVES):
+        yield "representative", row, "representative"
+    yield "end", int(np.lexsort(objectives.T[::-1])[-1]), "most reward"
+    yield "end", int(np.lexsort(objectives.T)[-1]), "most survivors"

@@ -253,17 +253,16 @@ def plot_pheromone(
         label, arrays = rf"pheromone $\tau_{kind[0].upper()}$", mission.arrays
         arc_colours = colour_by_value(ax, values, PHEROMONE, label, slot=0, low=0.0)
         canvas = Canvas.measure(ax, xy)
-        if len(values):
-            # What is darkest is drawn last, on top.
-            order = np.argsort(values, kind="stable")
-            share = values[order] / (values.max() or 1.0)
-            canvas.draw_arrows(
-                arrays.tail[order],
-                arrays.head[order],
-                colours=arc_colours[order],
-                widths=0.3 + share * min(_WIDEST, 0.5 * canvas.radius),
-                zorder=1,
-            )
+        # What is darkest is drawn last, on top.
+        order = np.argsort(values, kind="stable")
+        share = values[order] / (values.max(initial=0.0) or 1.0)
+        canvas.draw_arrows(
+            arrays.tail[order],
+            arrays.head[order],
+            colours=arc_colours[order],
+            widths=0.3 + share * min(_WIDEST, 0.5 * canvas.radius),
+            zorder=1,
+        )
         arcs = canvas.curves(arrays.tail, arrays.head, bowed=True)
         notes += draw_named_nodes(canvas, mission, np.ones((len(xy), 4)), arcs)
         title_above(ax, mission.title if title is None else title, "; ".join(notes))

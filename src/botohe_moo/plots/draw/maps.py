@@ -89,19 +89,15 @@ def open_sheet(
     return axes
 
 
-def add_reach_bar_right(maps: Sequence[Axes]) -> None:
-    """Put the key of the nodes' shades right of the highest of the rightmost maps."""
-    add_reach_bar(max(maps, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1)))
-
-
 def title_sheet(first: Axes, title: str, words: str) -> None:
     """Write title and words above all maps."""
     width = first.figure.figure.get_figwidth() - _RIGHT
     title_above(first, title, words, width=width, lift=72 * _NAME)
 
 
-def add_reach_bar(ax: Axes) -> None:
-    """Put the key of the nodes' shades right of a map."""
+def add_reach_bar(*maps: Axes) -> None:
+    """Put the key of the nodes' shades right of the highest of the rightmost maps."""
+    ax = max(maps, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1))
     add_colour_bar(ax, ScalarMappable(Normalize(0, 1), REACH), "probability of being reached")
 
 
