@@ -137,10 +137,8 @@ def signature_parameters(function: Factory) -> Iterator[Parameter]:
         text = annotation if isinstance(annotation, str) else ""
         if hint is not Any or annotation is Any:
             text = type_text(hint)
-        fields = [m for m in getattr(hint, "__metadata__", ()) if isinstance(m, FieldInfo)]
-        of_types = [field.description for field in fields if field.description]
-        description = described.get(stated.name) or next(iter(of_types), "")
-        yield Parameter(stated.name, stated.default, hint, text, description)
+        description = described.get(stated.name) or FieldInfo.from_annotation(hint).description
+        yield Parameter(stated.name, stated.default, hint, text, description or "")
 
 
 def _signature(function: Factory) -> inspect.Signature:

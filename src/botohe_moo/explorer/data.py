@@ -27,7 +27,7 @@ from botohe_moo.explorer.texts import (
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.graphs import given_places
 from botohe_moo.mission.model import Mission
-from botohe_moo.outcomes import Distribution, reach_probabilities, team_reach
+from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.trails import TrailPlan
 
@@ -177,7 +177,9 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
     survivors = [candidates.distribution("survivors", row) for row in rows]
     edges = bin_edges(max(float(found.values[-1]) for found in rewards))
     team = np.arange(mission.robots + 1.0)
-    reach = [_reached(mission, candidates.plans[row]) for row in rows]
+    plans = [candidates.plans[row] for row in rows]
+    # Of nodes on trails, in the order of their indices.
+    reach = [team_reach(reach_probabilities(mission, p))[np.unique(p.nodes)] for p in plans]
     total = mission.total_reward
     return {
         "objectives": objectives.tolist(),
@@ -190,7 +192,9 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
         "rewards_in": [bin_codes(found, edges) for found in rewards],
         "bins": [f"{low:g} to {high:g}" for low, high in pairwise(edges.tolist())],
         "facts": {
-            "Reward reached in 9 of 10 missions": number_texts(map(_safe, rewards), total),
+            "Reward reached in 9 of 10 missions": number_texts(
+                (r.quantile(0.1 + 1e-9) for r in rewards), total
+            ),
             "Median reward": number_texts((r.quantile(0.5) for r in rewards), total),
             "Mean of the lowest tenth of rewards": number_texts(
                 (r.cvar(0.1) for r in rewards), total
@@ -199,18 +203,6 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
         "simulated": [not found.exact for found in rewards],
         "n_samples": f"{N_SAMPLES:,}",
     }
-
-
-def _safe(rewards: Distribution) -> float:
-    """Return the largest reward that is reached in at least nine of ten missions."""
-    reached = rewards.at_least(rewards.values) >= 0.9 - 1e-9
-    return float(rewards.values[reached][-1])
-
-
-def _reached(mission: Mission, plan: TrailPlan) -> FloatArray:
-    """Return the probability that some robot reaches a node, for all nodes on trails by index."""
-    reached: FloatArray = team_reach(reach_probabilities(mission, plan))[np.unique(plan.nodes)]
-    return reached
 
 
 def _chosen(candidates: Candidates, wish: str | Wish | Choice) -> Choice:

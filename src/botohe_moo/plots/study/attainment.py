@@ -74,9 +74,7 @@ def plot_attainment(
             if len(runs_of) > 1:
                 band = np.concatenate([few, most[::-1]])
                 axes[label].fill(*band.T, color=style["color"], alpha=0.2, linewidth=0)
-        for panel in dict.fromkeys(axes.values()):
-            panel.set(xlim=(0, None), ylim=(0, None))
-        return finish(axes, title, *OBJECTIVES)
+        return finish(axes, title, *OBJECTIVES, xlim=(0, None), ylim=(0, None))
 
 
 def plot_attainment_difference(
