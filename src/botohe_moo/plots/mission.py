@@ -118,31 +118,19 @@ def _draw_arcs(
     once = ~bowed & (tail < head)
     # Hundreds of arrows at full width would merge into a carpet.
     width = (1.0 if faint else 1.8) * min(1.0, max(0.4, 12 / max(len(tail), 1) ** 0.5))
-    alpha = 0.6 if faint else 1.0
+    style: dict[str, Any] = {"alpha": 0.6 if faint else 1.0, "zorder": 1}
     points = canvas.curves(tail, head, bowed)
-    canvas.draw_lines(
-        points[once],
-        colors=arc_colours[once],
-        linewidths=width,
-        alpha=alpha,
-        zorder=1,
-        label="_lines",
-    )
-    canvas.draw_arrows(
-        tail[bowed],
-        head[bowed],
-        colours=arc_colours[bowed],
-        widths=np.full(int(bowed.sum()), width),
-        alpha=alpha,
-        zorder=1,
-    )
+    lines, arrows = arc_colours[once], arc_colours[bowed]
+    canvas.draw_lines(points[once], colors=lines, linewidths=width, label="_lines", **style)
+    widths = np.full(len(arrows), width)
+    canvas.draw_arrows(tail[bowed], head[bowed], colours=arrows, widths=widths, **style)
     return points
 
 
 def _zones(mission: Mission) -> dict[str, Colour]:
     """Return the colours of zones; none for one zone alone, or too many to tell apart."""
-    named = [zone for _, zone in mission.graph.nodes(data="zone") if zone is not None]
-    zones = list(dict.fromkeys(str(zone) for zone in named))
+    named = mission.graph.nodes(data="zone")
+    zones = list(dict.fromkeys(str(zone) for _, zone in named if zone is not None))
     if not 2 <= len(zones) <= _MAX_ZONES:
         return {}
     return {zone: tint(c, 0.17) for zone, c in zip(zones, colours(len(zones)), strict=True)}
@@ -185,7 +173,6 @@ def _add_legend(
             ncols=columns,
             loc="upper center",
             bbox_to_anchor=(0.55, -0.01),
-            frameon=False,
             handlelength=1.5,
             columnspacing=1.5,
         )

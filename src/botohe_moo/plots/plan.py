@@ -248,7 +248,6 @@ class DrawnPlan:
                 borderaxespad=0.0,
                 columnspacing=1.2,
                 fontsize=9.0,
-                frameon=False,
             )
 
     def _survives(self, robot: int) -> str:
