@@ -73,7 +73,6 @@ def bound_mission(
         from botohe_moo._base.checks import check_integer, check_number
         from botohe_moo._base.files import check_file
         from botohe_moo.mission import load_mission
-        from botohe_moo.solution import read_solution
 
         check_number("--time-limit", time_limit, above=0)
         check_integer("--seed", seed, at_least=0)
@@ -83,7 +82,7 @@ def bound_mission(
         if front is not None:
             if min_survival or max_length is not None:
                 raise ValueError("Expected no limits with --front, whose own count.")
-            solution = read_solution(front, mission=loaded)
+            solution = _read_front(front, loaded)
             limits = _limits_of(solution)
         if out is not None:
             check_file(out)
@@ -136,6 +135,19 @@ def _prove(
         front = None if solution is None else solution.objectives
         with failing():
             return bound_front(mission, front=front, time_limit=time_limit, callback=report, **how)
+
+
+def _read_front(folder: Path, mission: Mission) -> Solution:
+    from botohe_moo.mission.model import numbers_digest
+    from botohe_moo.solution import read_solution
+
+    solution = read_solution(folder)
+    if numbers_digest(solution.mission) != numbers_digest(mission):
+        raise ValueError(
+            f"{folder} is a front of another mission than {mission.name!r}, or of another number "
+            f"of robots: it has {solution.mission.robots}, the mission {mission.robots}."
+        )
+    return solution
 
 
 def _limits_of(solution: Solution) -> dict[str, float]:

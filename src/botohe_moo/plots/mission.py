@@ -156,11 +156,10 @@ def _shade_zones(canvas: Canvas, mission: Mission, zones: dict[str, Colour]) -> 
 def _add_legend(
     ax: Axes, mission: Mission, plan: TrailPlan | None, zones: dict[str, Colour]
 ) -> None:
-    team = counted(mission.robots, "robot")
     hollow: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "white", "markersize": 9}
     square = {"marker": "s", "markeredgecolor": "black", "markeredgewidth": 2, **hollow}
     circle = {"marker": "o", "markeredgecolor": MUTED, "markeredgewidth": 1.1, **hollow}
-    base = f"{team} at base {mission.base}"
+    base = f"{counted(mission.robots, 'robot')} at base {mission.base}"
     handles: list[Artist] = [Line2D([], [], label=base, **square)]
     if (np.delete(mission.arrays.reward, mission.arrays.base) == 0).any():
         handles.append(Line2D([], [], label="no reward", **circle))

@@ -165,9 +165,8 @@ class PlanMap:
 
         Names of many nodes stand close to them, so that it is clear which node each belongs to.
         """
-        away = np.ones(len(self.fills), dtype=bool)
-        away[self.plan.nodes] = False
-        order = np.argsort(away, kind="stable").tolist()
+        visited = np.unique(self.plan.nodes).tolist()
+        order = list(dict.fromkeys([*visited, *range(len(self.fills))]))
         far = _FAR if len(order) <= _MANY else _NEAR if self.is_legible else 0.0
         names = {node: str(self.mission.nodes[node]) for node in order}
         self.notes += label_nodes(self.space, self.canvas.xy, names, self.fills, reach=far)
