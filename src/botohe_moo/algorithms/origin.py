@@ -12,7 +12,7 @@ from typing import Any
 
 from botohe_moo._plugins.checks import call_factory
 from botohe_moo._plugins.entry_points import is_path, package_of
-from botohe_moo._plugins.types import plain_value
+from botohe_moo._plugins.types import changes_nothing, plain_value
 from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm
 
 # Parameters that name operators.
@@ -55,7 +55,7 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
             for key, value in parameters.items()
             if key not in defaults or not _are_equal(plain_value(value), defaults[key])
         },
-        neutral=frozenset(p.name for p in accepted if p.same_result),
+        neutral=frozenset(p.name for p in accepted if changes_nothing(p.hint)),
         effective={k: value for k, value in effective.items() if value is not NotImplemented},
     )
 

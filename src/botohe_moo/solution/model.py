@@ -36,7 +36,7 @@ COLUMNS = ("plan_id", "reward", "survivors")
 _LONG_START = 0.5  # seconds; with everything loaded and compiled, a search starts in milliseconds
 
 
-class PictureError(RuntimeError):
+class PictureError(ValueError):
     """A picture cannot be drawn; names it and the reason.
 
     Examples
