@@ -209,7 +209,10 @@ class FrontBound:
             :func:`area_indicator`, and if a plan lies above the bound.
         """
         self.check("front", front)
-        area = area_indicator(front, self.mission)
+        return self.gap_of_area(area_indicator(front, self.mission))
+
+    def gap_of_area(self, area: float) -> float:
+        """Return the largest share by which an area can grow; inf if it is 0 and can."""
         if area == 0.0:
             return 0.0 if self.area == 0.0 else float("inf")
         return max(0.0, self.area / area - 1.0)

@@ -134,16 +134,9 @@ def summarise(
                 row[f"{name}_median"] = medians.get((mission, label, name))
             row |= _described(runs_of[mission, label], significance)
             if mission in bounds:
-                row["area_gap"] = _gap(bounds[mission].area, row["area_mean"])
+                row["area_gap"] = bounds[mission].gap_of_area(row["area_mean"])
             rows.append(row)
     return as_table("summary", rows)
-
-
-def _gap(bound: float, area: float) -> float:
-    """Return by which share an area may be exceeded at most, as ``FrontBound.gap`` does."""
-    if area == 0.0:
-        return np.inf if bound > 0.0 else 0.0
-    return max(0.0, bound / area - 1.0)
 
 
 def _described(runs: pd.DataFrame, significance: float) -> dict[str, Any]:
