@@ -544,7 +544,11 @@ class TestSchema:
         for changes in (
             {"seeds": [3, 4], "missions": ["toy"], "algorithms": {"a": {"algorithm": "nsga2"}}},
             {"seeds": {"count": 3, "seed": 1}},
-            {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"exchange_every": [1, None]}}}},
+            {
+                "algorithms": {
+                    "a": {"algorithm": "pareto-local-search", "grid": {"max_size": [100, None]}}
+                }
+            },
             {"algorithms": {"a": {"algorithm": "my:Own", "parameters": {"evaporation": 2}}}},
             {"missions": {"a": {"mission": "terrain", "grid": {"nodes": [2, 3], "robots": [1]}}}},
         ):

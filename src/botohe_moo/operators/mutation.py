@@ -253,8 +253,8 @@ class MixedMutation(PlanMutation):
     Examples
     --------
     >>> from botohe_moo import solve
-    >>> from botohe_moo.operators import MixedMutation, RuinRecreate, SendHome
-    >>> mutation = MixedMutation({RuinRecreate(): 2, SendHome(): 1})
+    >>> from botohe_moo.operators import MixedMutation, RuinRecreate, ShareTrails
+    >>> mutation = MixedMutation({RuinRecreate(): 2, ShareTrails(): 1})
     >>> solve("toy", "nsga2", mutation=mutation, pop_size=20, evaluations=200).evaluations
     200
     """
