@@ -26,7 +26,6 @@ from botohe_moo.operators import (
     RandomTrailSampling,
     RuinRecreate,
     SafestPathRepair,
-    SendHome,
     ShareTrails,
     TrailExchange,
     TrailMoves,
@@ -65,7 +64,6 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "mutation: no ruin": {"mutation": without(DEFAULT_MUTATION, "ruin")},
     "mutation: no moves": {"mutation": without(DEFAULT_MUTATION, "moves")},
     "mutation: no share": {"mutation": without(DEFAULT_MUTATION, "share")},
-    "mutation: home, too": {"mutation": {**DEFAULT_MUTATION, "home": 0.05}},
     "repair: truncate": {"repair": "truncate"},
     "repair: penalty": {"repair": "penalty"},
 }
@@ -147,7 +145,7 @@ def _mission_costs(name: str) -> dict[str, float]:
     for crossover in (TrailExchange(), TrailSplice()):
         call = functools.partial(crossover._do, problem, pairs, random_state=rng)
         costs[f"{type(crossover).__name__}, repaired"] = _micros(call) / 100
-    for mutation in (RuinRecreate(), TrailMoves(), ShareTrails(), SendHome()):
+    for mutation in (RuinRecreate(), TrailMoves(), ShareTrails()):
         call = functools.partial(mutation._do, problem, X, random_state=rng)
         costs[f"{type(mutation).__name__}, repaired"] = _micros(call) / 100
     for repair in (SafestPathRepair(), TruncateRepair()):

@@ -168,10 +168,10 @@ def test_constraints_of_your_own_are_kept_and_have_to_be_counted(name):
         assert result.X is None
 
 
-def test_only_batches_are_taken_in():
+def test_only_plans_are_taken_in():
     class Listed(ArchiveAlgorithm):
         def _advance(self, **_):
             self._take_in([1, 2])
 
-    with pytest.raises(TypeError, match=r"Expected a PlanBatch, got \[1, 2\]; mission\.batch"):
+    with pytest.raises(TypeError, match=r"Plan 0: expected a TrailPlan, got 1; mission\.plan"):
         minimize(BOTOHE(load_mission("toy")), Listed(), ("n_eval", 40), seed=1)

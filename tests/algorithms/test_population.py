@@ -97,7 +97,7 @@ def test_weights_of_operators(museum):
     algorithm = make_algorithm(
         "nsga2",
         crossover={"splice": 3, "exchange": 1},
-        mutation={"ruin": 2, "home": 0, "share": 1},
+        mutation={"ruin": 2, "moves": 0, "share": 1},
         sampling={"random": 1, "guided": 1},
         corners=False,
     )

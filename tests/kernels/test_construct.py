@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.mission import Mission, load_mission
-from botohe_moo.search.colony import Colony, ColonyRule
+from botohe_moo.search.colony import Colony, ColonyRule, _new_weights
 from tests import twins
 from tests.examples import examples
 from tests.strategies import lengths, missions
@@ -47,7 +47,7 @@ def colony(mission, *, n_ants, seed=0, n_threads=1, limits=NO_LIMITS, **changes)
 
 def lay_pheromone(ants, levels):
     ants.pheromone[...] = levels
-    ants.weigh()
+    ants._weights = _new_weights(ants._graph, ants.rule, ants._pheromone)
 
 
 rules = st.fixed_dictionaries(

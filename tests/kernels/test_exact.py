@@ -52,7 +52,8 @@ def found_trails(search):
     """The table of trails once no label is left, as rows of probabilities with survival last."""
     while not search.advance(1_000, lambda n_bytes: None):
         pass
-    return np.column_stack([search.reached, search.survives])
+    survives, reached = search.found()
+    return np.column_stack([reached, survives])
 
 
 @kernel
@@ -72,7 +73,7 @@ class TestLookingAround:
         trail = data.draw(trails(mission))
         partial = trail[: data.draw(st.integers(1, len(trail)))]
         search = search_for(mission, longest=longest)
-        arrays, current = mission.arrays, search._current
+        arrays, current = mission.arrays, search._search.current
         arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
         used = set(pairwise(partial))
         current.used[:] = [ends in used for ends in arcs]
@@ -214,7 +215,7 @@ class TestTrails:
         assert found[:3] == pytest.approx(np.array(expected[:3]))
         assert sorted(found[3:].tolist()) == pytest.approx(np.array(sorted(expected[3:])))
         # At base, at either end, and back at base with one end left to see.
-        assert search.n_labels == 5
+        assert search.progress.n_labels == 5
 
     def test_the_other_way_round_is_no_better(self):
         """On a ring only direction and how far to go matter; going round twice is not possible."""
@@ -253,15 +254,16 @@ class TestEstimate:
         assert self.dive(search, 1) == [3]  # at the last goal nothing is left
         assert 2 <= search.estimate(10**6) <= 3  # later descents know the trails of those before
         found_trails(search)
-        assert search.n_labels == 3
+        assert search.progress.n_labels == 3
 
     @pytest.mark.compiled_only
     def test_it_is_above_the_number_of_labels(self):
         search = search_for(generated(7))
         estimate = np.mean(self.dive(search, 1_000, 1_024))
-        assert search.n_labels == 0
+        assert search.progress.n_labels == 0
         found_trails(search)
-        assert search.n_labels < estimate < 10_000 * search.n_labels
+        n_labels = search.progress.n_labels
+        assert n_labels < estimate < 10_000 * n_labels
 
 
 class TestKnownTrails:
@@ -272,11 +274,11 @@ class TestKnownTrails:
         mission = mission.with_robots(2)
         found = found_trails(search_for(mission))
         knowing = TrailSearch(mission, NO_LIMITS, every)
-        assert knowing.n_trails >= len(found)
+        assert knowing.progress.n_trails >= len(found)
         again = found_trails(knowing)
         assert covers(again, found)
         assert covers(found, again)
-        for row in range(knowing.n_trails):
+        for row in range(knowing.progress.n_trails):
             assert tuple(knowing.trail(row)) in every
 
     @examples(50)
@@ -339,9 +341,9 @@ class TestTeams:
         reached, survives, reward, n_robots = pool
         slack = 1e-13 * np.array([reward.sum(), n_robots])
         choices = teams.new_choices(survives, reached, reward, slack, n_robots)
-        front, turn, state = new_front(1, n_robots), teams.new_turn(), teams.PAUSED
+        front, state = new_front(1, n_robots), teams.PAUSED
         while state != teams.FINISHED:
-            state = teams.choose_teams(choices, front, turn, n_looks, most_reward=False)
+            state = teams.choose_teams(choices, front, n_looks, most_reward=False)
             if state == teams.FULL:
                 front = copy_front(front, read_front(front)[0], 2 * len(front.plan))
         slots, found = read_front(front)
@@ -365,8 +367,7 @@ class TestTeams:
         front = new_front(3, n_robots)
         insert(front, inf, least * (1 - ROUNDING) - 1e-300)
         insert(front, height, inf)
-        given = choices, front, teams.new_turn(), 10**6
-        assert teams.choose_teams(*given, most_reward=True) == teams.FINISHED
+        assert teams.choose_teams(choices, front, 10**6, most_reward=True) == teams.FINISHED
         every = np.array(list(every_team(*pool)))
         best = every[every[:, 1] >= least * (1 - 1e-11), 0].max(initial=height)
         strict = every[every[:, 1] >= least, 0].max(initial=height)

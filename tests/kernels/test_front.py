@@ -35,7 +35,7 @@ class Pair:
         self.store.n.spare -= 1
         trail = int(self.store.spare[self.store.n.spare])
         self.store.trails[trail].n_users = 1
-        entered = plans.insert(self.store, self.front, np.array([trail]), reward, survivors)
+        entered = plans.insert(self.store, self.front, np.array([trail]), reward, survivors, 0.0)
         release(self.store, trail)
         assert entered == self._enter_list(reward, survivors, trail)
 

@@ -13,7 +13,7 @@ from numba import njit
 from botohe_moo import load_mission
 from botohe_moo.kernels.graph import graph as graphs
 from botohe_moo.kernels.graph import paths
-from botohe_moo.kernels.graph.graph import Limits, measured_by_length
+from botohe_moo.kernels.graph.graph import Limits, with_costs
 from tests.examples import examples
 from tests.strategies import lengths, missions
 
@@ -182,7 +182,8 @@ def test_leads_home_is_reachability_over_unused_arcs(mission, data):
 @given(missions(max_nodes=9, lengths=lengths))
 def test_the_graph_by_length(mission):
     graph = mission.arrays
-    short, free = measured_by_length(graph), free_graph(mission, np.zeros(graph.n_arcs, np.int64))
+    short = with_costs(graph, graph.length)
+    free = free_graph(mission, np.zeros(graph.n_arcs, np.int64))
     assert np.array_equal(short.cost, graph.length)
     for node in free:
         expected = nx.dijkstra_path_length(free, node, graph.base, weight="length")

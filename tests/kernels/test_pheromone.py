@@ -12,7 +12,6 @@ from botohe_moo import load_mission
 from botohe_moo.kernels.colony.pheromone import (
     LEAST,
     Depositors,
-    LearningRule,
     Pheromone,
     learn,
 )
@@ -94,8 +93,7 @@ def test_learn(batch, chosen, archived, n_maps, evaporation, pooled, seed):
     iteration, archive = depositors(batch, members), depositors(archived)
     pheromone, weights = new_pheromone(levels, 0.5, -0.5)
     pheromone.deposits[:], pheromone.archive_deposits[:] = 7.0, 7.0  # of iterations before
-    rule = LearningRule(evaporation, pooled)
-    learn(LINKS, iteration, archive, True, N_ROBOTS, rule, pheromone, weights)
+    learn(LINKS, iteration, archive, True, evaporation, pooled, pheromone, weights)
     for (m, arc), levels_expected in expected.items():
         assert pheromone.levels[m, arc] == pytest.approx(levels_expected, rel=1e-12)
     assert weights.log_reward == pytest.approx(np.log(pheromone.levels[..., 0]) + 0.5)
@@ -103,15 +101,12 @@ def test_learn(batch, chosen, archived, n_maps, evaporation, pooled, seed):
 
 
 def test_what_the_archive_deposits_is_kept_as_long_as_it_is_the_same():
-    levels, rule = (
-        np.random.default_rng(1).uniform(0.1, 5, (1, N_ARCS, 2)),
-        LearningRule(0.0, False),
-    )
+    levels = np.random.default_rng(1).uniform(0.1, 5, (1, N_ARCS, 2))
     nobody = depositors([((0.0, 0.0), [[0], [0]])], np.empty(0, np.int64))
     archive = depositors([((2.0, 1.0), [[0], [0]])])
     pheromone, weights = new_pheromone(levels.copy())
     for is_new in (True, False, False):
-        learn(LINKS, nobody, archive, is_new, N_ROBOTS, rule, pheromone, weights)
+        learn(LINKS, nobody, archive, is_new, 0.0, False, pheromone, weights)
         archive = archive._replace(objectives=np.full((1, 2), 9.0))
     assert np.array_equal(pheromone.levels[0, :-1], levels[0, :-1])
     assert pheromone.levels[0, -1] == pytest.approx(levels[0, -1] + 3 * 2 * np.array([2.0, 1.0]))
@@ -122,7 +117,7 @@ def test_pheromone_never_vanishes():
     plans = depositors([((1.0, 1.0), [[0], [0]])])
     pheromone, weights = new_pheromone(np.full((1, N_ARCS, 2), 1e-249), -3.0, 0.5)
     for _ in range(10_000):
-        learn(LINKS, plans, plans, True, N_ROBOTS, LearningRule(0.5, False), pheromone, weights)
+        learn(LINKS, plans, plans, True, 0.5, False, pheromone, weights)
     assert (pheromone.levels[0, :-1] == LEAST).all()
     assert (pheromone.levels[0, -1] > 1).all()
     assert weights.log_reward[0, 0] == pytest.approx(math.log(LEAST) - 3)

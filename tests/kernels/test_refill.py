@@ -365,7 +365,7 @@ def test_children_are_plans_within_their_slack(case, floor, budget, data):
         assert danger_left >= min(0.0, danger) - 1e-9
         assert length_left >= min(0.0, length) - 1e-9
         # A longer way may be less dangerous, but no way by a further stop costs less.
-        if routes.has_lengths:
+        if routes.per_length > 0.0:
             danger, danger_left = (
                 danger + routes.per_length * length,
                 danger_left + routes.per_length * length_left,

@@ -91,7 +91,10 @@ class TestAnyFile:
         with pytest.raises(MissionError, match=re.escape(f"{path}: there is no such file")):
             read_mission(path)
         path.mkdir()
-        with pytest.raises(MissionError, match=re.escape(f"{path}: expected a file, found a dir")):
+        with pytest.raises(
+            MissionError,
+            match=re.escape(f"{path}: the file cannot be read: expected a file, found a folder"),
+        ):
             read_mission(path)
         with pytest.raises(IsADirectoryError):
             save_mission(mission_of(), path)

@@ -21,7 +21,6 @@ from botohe_moo.operators import (
     RandomTrailSampling,
     RuinRecreate,
     SafestPathRepair,
-    SendHome,
     ShareTrails,
     TrailExchange,
     TrailMoves,
@@ -53,7 +52,6 @@ MUTATIONS = {
     "moves of all": lambda **options: TrailMoves(every_robot=True, **options),
     "ruin": RuinRecreate,
     "ruin without via": lambda **options: RuinRecreate(max_via=0, **options),
-    "home": SendHome,
     "share": ShareTrails,
     "truncated": lambda **options: RuinRecreate(repair=TruncateRepair(), **options),
     "mixed": lambda **options: MixedMutation(
@@ -194,7 +192,7 @@ def test_rate_of_splices():
 
 
 def test_rates_of_mixtures():
-    parts = {SendHome(): 1.0, RuinRecreate(): 3.0, ShareTrails(): 0.5}
+    parts = {TrailMoves(): 1.0, RuinRecreate(): 3.0, ShareTrails(): 0.5}
     shares = MixedMutation(parts).mixture.draw(generator(1), N)
     assert sorted(np.concatenate([share for _, share in shares]).tolist()) == list(range(N))
     for (part, share), weight in zip(shares, parts.values(), strict=True):
@@ -263,7 +261,7 @@ def test_repairs_are_checked():
     with pytest.raises(ValueError, match="Expected at least one mutation, got none"):
         MixedMutation([])
     with pytest.raises(ValueError, match="Expected weight of a mutation > 0, got 0"):
-        MixedMutation({SendHome(): 0})
+        MixedMutation({RuinRecreate(): 0})
 
 
 def test_children_share_one_repair():

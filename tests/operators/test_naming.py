@@ -10,7 +10,7 @@ from pymoo.optimize import minimize
 from botohe_moo import BOTOHE, load_mission, make_algorithm
 from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_faults
-from botohe_moo.operators import SendHome, TrailSplice
+from botohe_moo.operators import ShareTrails, TrailSplice
 from botohe_moo.study import read_study
 from botohe_moo.study.file.code import code_mismatch
 from tests.plugins.packages import entries, write_package
@@ -25,7 +25,7 @@ REEF = """
 
     from botohe_moo import TrailPlan
     from botohe_moo.operators import (
-        PlanMutation, PlanSampling, RuinRecreate, SafestPathRepair, SendHome, TrailSplice,
+        PlanMutation, PlanSampling, RuinRecreate, SafestPathRepair, ShareTrails, TrailSplice,
     )
     from botohe_moo.trails import PlanBatch
 
@@ -67,7 +67,7 @@ REEF = """
     deep = functools.partial(RuinRecreate, max_via=3)
 
     def named(**options) -> Mutation:
-        return SendHome(**options)
+        return ShareTrails(**options)
 
     def odd():
         return Swap()
@@ -125,7 +125,7 @@ def test_they_are_mixed_with_this_packages(install):
     algorithm = made(
         sampling={"guided": 1, "Shore": 3},
         crossover={"swap": 3, "splice": 1, "exchange": 0},
-        mutation={"Tide": 1, "ruin": 3, "home": 0},
+        mutation={"Tide": 1, "ruin": 3, "moves": 0},
     )
     crossover, mutation = algorithm.mating.crossover, algorithm.mating.mutation
     assert [kind_of(part) for part in crossover.mixture.parts] == ["Swap", "TrailSplice"]
@@ -159,7 +159,7 @@ def test_other_forms_that_make_operators(install):
     install(deep="deep", named="named", wave="Wave")
     (deep,) = made(mutation="deep", repair="truncate").mating.mutation.mixture.parts
     assert (deep.max_via, kind_of(deep.plan_repair)) == (3, "TruncateRepair")
-    assert isinstance(made(mutation="reef:named").mating.mutation.mixture.parts[0], SendHome)
+    assert isinstance(made(mutation="reef:named").mating.mutation.mixture.parts[0], ShareTrails)
     wave = made(mutation="wave", prob_mutation=0.25).mating.mutation
     assert (kind_of(wave), wave.prob.value) == ("Wave", 0.25)
     own = make_algorithm("moead", crossover="botohe_moo.operators:TrailSplice").mating.crossover

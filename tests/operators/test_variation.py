@@ -16,7 +16,6 @@ from botohe_moo.operators import (
     PlanSampling,
     RandomTrailSampling,
     RuinRecreate,
-    SendHome,
     ShareTrails,
     TrailExchange,
     TrailSplice,
@@ -133,17 +132,6 @@ class TestRuin:
     def test_a_robot_at_base_may_go_out(self, toy):
         found = mutated(RuinRecreate(), toy, [HOME, HOME], 500)
         assert any(len(trail) == 4 for draft in found for trail in draft)
-
-
-class TestSendHome:
-    def test_robots_that_are_out_are_equally_likely(self, toy):
-        toy3 = toy.with_robots(3)
-        found = mutated(SendHome(), toy3, [A, HOME, B])
-        expected = {tuple(sorted((HOME, HOME, B))): 0.5, tuple(sorted((A, HOME, HOME))): 0.5}
-        assert_frequencies(found, expected)
-
-    def test_who_is_home_stays_there(self, toy):
-        assert mutated(SendHome(), toy, [HOME, HOME], 10) == {(HOME, HOME): 10}
 
 
 class TestShare:

@@ -16,7 +16,13 @@ from pydantic import BaseModel, BeforeValidator, Field, field_validator, model_v
 from botohe_moo._base.checks import ParameterError
 from botohe_moo._plugins.checks import call_factory, check_values, checked, raised_fault
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, takes_any_name
-from botohe_moo._plugins.types import SameResult, plain_value, range_text, type_text
+from botohe_moo._plugins.types import (
+    SameResult,
+    changes_nothing,
+    plain_value,
+    range_text,
+    type_text,
+)
 
 
 def value_faults(name, value, hint):
@@ -371,7 +377,7 @@ class TestResults:
             e: "Annotated[int, NowhereToBeFound()]" = 1,  # noqa: F821
         ): ...
 
-        found = {p.name: p.same_result for p in accepted_parameters(search)}
+        found = {p.name: changes_nothing(p.hint) for p in accepted_parameters(search)}
         assert found == {"n": False, "a": True, "b": True, "c": True, "d": True, "e": False}
         assert accepted_parameters(search)[2].range == ">= 1"
         assert check_values(accepted_parameters(search), {"a": 3, "b": 2, "c": None}) == []

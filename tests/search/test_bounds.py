@@ -195,6 +195,7 @@ def test_nothing_to_collect_and_nowhere_to_go():
     assert nothing.gap(np.array([[0.0, robots]])) == 0.0
 
 
+@pytest.mark.compiled_only
 def test_little_memory_gives_a_weaker_bound(no_front):
     mission = load_mission("terrain", nodes=11, robots=2, seed=3)
     weakest = bound_front(mission, time_limit=0.5, memory_limit=0.001)

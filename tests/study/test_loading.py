@@ -440,7 +440,7 @@ indicators: [area, igd]
             ),
             (
                 {"comparison": {"control": "ant"}},
-                "no algorithm 'ant' in this study; its labels are",
+                "no algorithm 'ant'; most alike are ants.",
             ),
             (
                 {"seeds": 100_000, "algorithms": {"a": many}},
@@ -480,7 +480,7 @@ indicators: [area, igd]
         (tmp_path / "trials.yaml").write_text("")
         (tmp_path / ".pre-commit.yaml").write_text("")
         [line] = lines(tmp_path / "trial.yaml")
-        assert line.endswith("there is no such file; beside it are trials.yaml.")
+        assert line.endswith("there is no such file; most alike are trials.yaml.")
         [line] = lines(tmp_path)
         assert "cannot be read" in line
         (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9\n")
@@ -544,7 +544,11 @@ class TestSchema:
         for changes in (
             {"seeds": [3, 4], "missions": ["toy"], "algorithms": {"a": {"algorithm": "nsga2"}}},
             {"seeds": {"count": 3, "seed": 1}},
-            {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"exchange_every": [1, None]}}}},
+            {
+                "algorithms": {
+                    "a": {"algorithm": "pareto-local-search", "grid": {"max_size": [100, None]}}
+                }
+            },
             {"algorithms": {"a": {"algorithm": "my:Own", "parameters": {"evaporation": 2}}}},
             {"missions": {"a": {"mission": "terrain", "grid": {"nodes": [2, 3], "robots": [1]}}}},
         ):

@@ -498,7 +498,7 @@ class TestFolder:
             usual(path, data)
 
         monkeypatch.setattr(run_folder, "replace_file", replace_file)
-        with pytest.raises(StudyError, match=r"the disk is full.*are kept; run the study again"):
+        with pytest.raises(StudyError, match=r"No space left on device.*are kept; run the"):
             run_study(study_of(), tmp_path)
         monkeypatch.undo()
         _, watcher = watched(study_of(), tmp_path)

@@ -12,7 +12,7 @@ import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, entry_points
 from types import MethodType
 from typing import Annotated, Any, Self, get_args, get_origin
 
@@ -24,6 +24,14 @@ _OURS = "botohe-moo"
 
 class PluginError(ValueError):
     """A name is not registered, or cannot be used; says why."""
+
+
+def package_of(owner: Distribution | None) -> dict[str, str | None]:
+    """Return the ``package`` and the ``version`` of a distribution; None for code without one."""
+    return {
+        "package": owner.name if owner else None,
+        "version": owner.version if owner else None,
+    }
 
 
 @dataclass(frozen=True)

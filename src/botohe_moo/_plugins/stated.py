@@ -15,13 +15,7 @@ from pydantic import BaseModel, ConfigDict, PydanticUserError, TypeAdapter, Vali
 from pydantic.fields import FieldInfo
 
 from botohe_moo._plugins.faults import fault_messages
-from botohe_moo._plugins.types import (
-    changes_nothing,
-    plain_number,
-    range_text,
-    resolved,
-    type_text,
-)
+from botohe_moo._plugins.types import plain_number, range_text, resolved, type_text
 
 Factory: TypeAlias = Callable[..., Any]
 
@@ -45,11 +39,6 @@ class Parameter:
     def range(self) -> str:
         """The range that its type states, such as ``in (0, 1)``; may be empty."""
         return range_text(self.hint)
-
-    @property
-    def same_result(self) -> bool:
-        """Whether its type says that no result depends on it: :class:`SameResult`."""
-        return changes_nothing(self.hint)
 
     @property
     def required(self) -> bool:
@@ -148,10 +137,8 @@ def signature_parameters(function: Factory) -> Iterator[Parameter]:
         text = annotation if isinstance(annotation, str) else ""
         if hint is not Any or annotation is Any:
             text = type_text(hint)
-        fields = [m for m in getattr(hint, "__metadata__", ()) if isinstance(m, FieldInfo)]
-        of_types = [field.description for field in fields if field.description]
-        description = described.get(stated.name) or next(iter(of_types), "")
-        yield Parameter(stated.name, stated.default, hint, text, description)
+        description = described.get(stated.name) or FieldInfo.from_annotation(hint).description
+        yield Parameter(stated.name, stated.default, hint, text, description or "")
 
 
 def _signature(function: Factory) -> inspect.Signature:

@@ -4,7 +4,7 @@ import enum
 import os
 import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from numbers import Integral, Number, Real
 from typing import Annotated, Any, Literal, TypeAlias, Union, get_args, get_origin
 
@@ -40,10 +40,7 @@ class SameResult:
 
 def resolved(annotation: Any, scope: Mapping[str, Any]) -> Any:
     """Evaluate an annotation that may be a text; ``Any`` where its names lead nowhere."""
-
-    def holder() -> None: ...
-
-    holder.__annotations__ = {"it": annotation}
+    holder: Any = types.SimpleNamespace(__annotations__={"it": annotation})
     try:
         return typing.get_type_hints(holder, globalns=dict(scope), include_extras=True)["it"]
     except Exception:  # names that are for type checkers only, and whatever else a name may do
@@ -67,8 +64,7 @@ def range_text(hint: Any) -> str:
         return " or ".join(filter(None, map(range_text, get_args(hint))))
     if get_origin(hint) is not Annotated:
         return ""
-    inner, *metadata = get_args(hint)
-    bounds = _bounds(metadata)
+    bounds = _bounds(hint)
     low = next((name for name in ("ge", "gt") if name in bounds), "")
     high = next((name for name in ("le", "lt") if name in bounds), "")
     if low and high:
@@ -76,19 +72,14 @@ def range_text(hint: Any) -> str:
         return f"in {opening}{bounds[low]}, {bounds[high]}{closing}"
     if name := low or high:
         return f"{_COMPARED[name]} {bounds[name]}"
-    return range_text(inner)
+    return range_text(get_args(hint)[0])
 
 
-def _bounds(metadata: Iterable[Any]) -> dict[str, str]:
+def _bounds(hint: Any) -> dict[str, str]:
     """Collect the bounds that constraints state, such as ``Ge(1)`` or a pydantic ``Field``."""
-    parts = [
-        part
-        for constraint in metadata
-        for part in (constraint.metadata if isinstance(constraint, FieldInfo) else [constraint])
-    ]
     return {
         name: bound_text(bound)
-        for part in parts
+        for part in FieldInfo.from_annotation(hint).metadata
         for name in _COMPARED
         if (bound := getattr(part, name, None)) is not None
     }

@@ -16,7 +16,6 @@ from pymoo.core.termination import TerminateIfAll, Termination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
-from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import check_keywords, checked
 from botohe_moo.algorithms.individuals import PopulationArchive
@@ -123,25 +122,21 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         ----------
         problem
             A :class:`BOTOHE`. A TypeError is raised for another problem, and for one that overrides
-            what kernels compute; a ValueError for equality constraints.
+            what kernels compute.
         **kwargs
             pymoo's own: ``termination``, ``seed``, ... A ValueError is raised for a budget of less
             than one evaluation.
         """
         check_problem(problem)
+        unused = {"_evaluate": "override evaluate_batch, which all algorithms use that can."}
         if self.evaluates_in_kernels:
-            refuse_overrides(self, problem)
-        if overrides(problem, "_evaluate"):
-            raise TypeError(
-                f"{type(problem).__name__} overrides _evaluate, which {type(self).__name__} does "
-                "not call: override evaluate_batch, which all algorithms use that can."
-            )
+            why = "it evaluates plans inside a kernel. Algorithms such as BOACO use it."
+            unused = {"evaluate_batch": why, "constrain_batch": why, **unused}
+        for method, why in unused.items():
+            if overrides(problem, method):
+                found = f"{type(problem).__name__} overrides {method}"
+                raise TypeError(f"{found}, which {type(self).__name__} does not call: {why}")
         check_n_objectives(self, problem, 2)
-        if problem.n_eq_constr > 0:
-            raise ValueError(
-                f"Expected a problem without equality constraints, which {type(self).__name__} "
-                f"would ignore, got {problem.n_eq_constr} in {problem.name()}."
-            )
         return super().setup(problem, **kwargs)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
@@ -188,12 +183,9 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
 
         Returns their E[R] and E[S] (n, 2), and the indices of the Pareto set of the feasible ones.
         """
-        if not isinstance(batch, PlanBatch):
-            raise TypeError(
-                f"Expected a PlanBatch, got {quoted(batch)}; mission.batch(plans) makes one."
-            )
-        self.evaluator.n_eval += len(batch)
         problem = self.problem
+        batch = problem.mission.batch(batch)  # a TypeError names what is not a plan
+        self.evaluator.n_eval += len(batch)
         objectives = -problem.checked("F", problem.evaluate_batch(batch), len(batch))
         if problem.n_ieq_constr == 0 and not overrides(problem, "constrain_batch"):
             return objectives, self.archive.insert(batch, objectives)
@@ -240,17 +232,6 @@ def check_problem(problem: Any) -> None:
     """Raise a TypeError if a problem is not a BOTOHE."""
     if not isinstance(problem, BOTOHE):
         raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
-
-
-def refuse_overrides(algorithm: Algorithm, problem: BOTOHE) -> None:
-    """Raise a TypeError if a problem overrides what kernels compute."""
-    for method in ("evaluate_batch", "constrain_batch"):
-        if overrides(problem, method):
-            raise TypeError(
-                f"{type(problem).__name__} overrides {method}, which {type(algorithm).__name__} "
-                "does not call: it evaluates plans inside a kernel. Algorithms such as BOACO use "
-                "it."
-            )
 
 
 def check_n_objectives(algorithm: Algorithm, problem: BOTOHE, n: int | None) -> None:

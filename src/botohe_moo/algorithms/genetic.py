@@ -141,17 +141,13 @@ _REFUSED = {
     "pymoo.algorithms.moo.pinsga2": "it asks for answers at the keyboard",
 }
 
-_DOCSTRING = """{0} of pymoo's, with operators for trail plans.
+_DIRECTIONS = """
 
 Parameters
 ----------
-pop_size
-    Plans in the population; where there are ``ref_dirs``, their number.
-n_offsprings
-    Plans that a generation adds; default: as pymoo has it.
-"""
-_DIRECTIONS = """ref_dirs
-    Directions, shape (n, 2); default: ``pop_size`` of them, spread evenly.
+ref_dirs
+    Directions, shape (n, 2), as many as plans in the population; default: ``pop_size`` of them,
+    spread evenly.
 """
 
 
@@ -182,11 +178,12 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PlanGeneticAlgorit
         if name not in _TAKEN_CARE_OF and parameter.kind is parameter.POSITIONAL_OR_KEYWORD
     }
     directed = "ref_dirs" in own
+    directions = _DIRECTIONS if directed else ""
     if directed:
         own["ref_dirs"] = own["ref_dirs"].replace(default=None, annotation=np.ndarray | None)
 
     class Wired(PlanGeneticAlgorithm, wrapped):
-        __doc__ = _DOCSTRING.format(wrapped.__name__) + _DIRECTIONS * directed
+        __doc__ = f"{wrapped.__name__} of pymoo's, with operators for trail plans.{directions}"
 
         @checked
         def __init__(

@@ -11,8 +11,8 @@ from pkgutil import resolve_name
 from typing import Any
 
 from botohe_moo._plugins.checks import call_factory
-from botohe_moo._plugins.entry_points import is_path
-from botohe_moo._plugins.types import plain_value
+from botohe_moo._plugins.entry_points import is_path, package_of
+from botohe_moo._plugins.types import changes_nothing, plain_value
 from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm
 
 # Parameters that name operators.
@@ -55,7 +55,7 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
             for key, value in parameters.items()
             if key not in defaults or not _are_equal(plain_value(value), defaults[key])
         },
-        neutral=frozenset(p.name for p in accepted if p.same_result),
+        neutral=frozenset(p.name for p in accepted if changes_nothing(p.hint)),
         effective={k: value for k, value in effective.items() if value is not NotImplemented},
     )
 
@@ -124,21 +124,13 @@ def algorithm_origin(
         from botohe_moo.operators.wiring import named_operators  # loads all operators
 
         parts += named_operators(parameters or {})
-    origin = _name_and_version(owner)
+    origin = package_of(owner)
     if problem is not None:
         parts.append((problem, resolve_name(problem)))
         owner = _distribution_of(problem.partition(":")[0])
-        origin |= {"problem": problem, **_name_and_version(owner, "problem_")}
+        origin["problem"] = problem
+        origin |= {f"problem_{key}": value for key, value in package_of(owner).items()}
     return {**origin, "source": _source_digest(parts)}
-
-
-def _name_and_version(
-    owner: metadata.Distribution | None, prefix: str = ""
-) -> dict[str, str | None]:
-    return {
-        f"{prefix}package": owner.name if owner else None,
-        f"{prefix}version": owner.version if owner else None,
-    }
 
 
 @functools.cache

@@ -188,18 +188,14 @@ class _SearchArchive(PopulationArchive):
     ) -> None:
         super().__init__(n_robots, max_ties=1, constrain=constrain)
         self._search = search
-        self._objectives_version = -1  # of the search, when they were read
-        self._plans_version = -1
+        self._plans_version = -1  # of the search, when they were read
 
     def __len__(self) -> int:
         return len(self._search)
 
     @property
     def objectives(self) -> FloatArray:
-        if self._objectives_version != self._search.version:
-            self._arrays = self._arrays._replace(objectives=self._search.objectives())
-            self._objectives_version = self._search.version
-        return super().objectives
+        return self._search.objectives()
 
     @property
     def arrays(self) -> Archive:
@@ -226,4 +222,4 @@ class _SearchArchive(PopulationArchive):
         batch, objectives, numbers = self._search.plans()
         self._arrays = Archive(objectives, self._arrays.hashes, numbers, *batch.arrays)
         self._population = None
-        self._objectives_version = self._plans_version = self._search.version
+        self._plans_version = self._search.version

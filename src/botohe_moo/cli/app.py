@@ -225,9 +225,7 @@ def _search_and_write(
                 )
             except PictureError as error:
                 fail(f"{error} The tables are in {folder}.", FAILED)
-    tell("\n" + "\n".join(f"wrote {path}" for path in paths))
-    if stop.is_set():
-        raise typer.Exit(INTERRUPTED)
+        tell("\n" + "\n".join(f"wrote {path}" for path in paths))
     return solution, folder
 
 

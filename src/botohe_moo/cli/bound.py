@@ -19,7 +19,7 @@ from botohe_moo.cli.options import (
     out_option,
     path_option,
 )
-from botohe_moo.cli.shell import FAILED, INTERRUPTED, brief, fail, failing, stoppable, tell
+from botohe_moo.cli.shell import FAILED, brief, failing, stoppable, tell
 
 if TYPE_CHECKING:
     from threading import Event
@@ -87,23 +87,20 @@ def bound_mission(
         if out is not None:
             check_file(out)
     longest = limits["max_length"]
-    shown = loaded.max_length if longest is None else longest
-    tell(f"{loaded.title}: {brief(loaded, None if shown == math.inf else shown)}\n")
+    tell(f"{loaded.title}: {brief(loaded, loaded.max_length if longest is None else longest)}\n")
     with stoppable(_STOPPING) as stop:
         bound = _prove(loaded, solution, stop, time_limit=time_limit, seed=seed, **limits)
-    _tell_bound(bound, solution)
-    if out is not None:
-        with failing():
-            bound.save(out)
-        tell(f"wrote {out}")
-    if stop.is_set():
-        raise typer.Exit(INTERRUPTED)
+        _tell_bound(bound, solution)
+        if out is not None:
+            with failing():
+                bound.save(out)
+            tell(f"wrote {out}")
 
 
 def certify(solution: Solution, folder: Path, time_limit: float) -> None:
     """Bound the front of a solution, say how good it is, and write the bound to its folder."""
     from botohe_moo.plots import plot_front
-    from botohe_moo.solution.model import BOUND, FRONT_PICTURE, PictureError, draw_picture
+    from botohe_moo.solution.model import BOUND, FRONT_PICTURE, draw_picture
 
     with stoppable(_STOPPING) as stop:
         how = {"time_limit": time_limit, "seed": solution.seed, **_limits_of(solution)}
@@ -114,13 +111,8 @@ def certify(solution: Solution, folder: Path, time_limit: float) -> None:
         with failing(FAILED):
             bound.save(folder / BOUND)
             tell(f"wrote {folder / BOUND}")
-            try:
-                draw_picture(folder / FRONT_PICTURE, plot_front, *shown, bound=bound)
-            except PictureError as error:
-                fail(error, FAILED)
+            draw_picture(folder / FRONT_PICTURE, plot_front, *shown, bound=bound)
             tell(f"wrote {folder / FRONT_PICTURE}")
-    if stop.is_set():
-        raise typer.Exit(INTERRUPTED)
 
 
 def _prove(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from botohe_moo.cli.options import read_parameters
+from botohe_moo.cli.options import pairs_option, read_parameters
 from botohe_moo.cli.shell import FAILED, failing, paragraph, tell
 
 if TYPE_CHECKING:
@@ -26,13 +26,7 @@ def check_conformance(
         typer.Option("--mission", help="Check a mission, where an algorithm has the name, too."),
     ] = False,
     parameter: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--parameter",
-            "-p",
-            metavar="NAME=VALUE",
-            help="A parameter to check it with.",
-        ),
+        list[str] | None, pairs_option("--parameter", "-p", "A parameter to check it with.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
 ) -> None:

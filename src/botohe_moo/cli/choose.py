@@ -131,16 +131,13 @@ def _check_not_of_solution(folder: Path, out: Path) -> None:
 
 def _write(mission: Mission, plan: TrailPlan, path: Path) -> None:
     from botohe_moo.decide import write_plan
-    from botohe_moo.solution.model import PictureError, draw_picture
+    from botohe_moo.solution.model import draw_picture
 
     with failing():
         if path.suffix.lower() in _PICTURES:
             from botohe_moo.plots import plot_plan
 
-            try:
-                draw_picture(path, plot_plan, mission, plan)
-            except PictureError as error:
-                fail(error)
+            draw_picture(path, plot_plan, mission, plan)
         else:
             write_plan(mission, plan, path)
     tell(f"wrote {path}")

@@ -75,15 +75,12 @@ def show_mission(
     tell(_describe(loaded))
     for parameter in mission_parameters(mission):
         tell(f"\n{parameter_text(parameter)}")
-    if picture is None:
-        return
-    from botohe_moo._base.files import check_file
-    from botohe_moo.plots import plot_mission, save_plot
+    if picture is not None:
+        from botohe_moo.plots import plot_mission, save_plot
 
-    with failing():
-        check_file(picture)
-        save_plot(plot_mission(loaded), picture)
-    tell(f"wrote {picture}")
+        with failing():
+            save_plot(plot_mission(loaded), picture)
+        tell(f"wrote {picture}")
 
 
 def _describe(mission: Mission) -> str:

@@ -27,6 +27,11 @@ def out_option(metavar: str, help: str) -> Any:  # noqa: A002
     return path_option("--out", "-o", metavar=metavar, help=help)
 
 
+def pairs_option(name: str, letter: str, help: str) -> Any:  # noqa: A002
+    """Make an option for NAME=VALUE pairs, which `read_parameters` reads."""
+    return typer.Option(name, letter, metavar="NAME=VALUE", help=f"{help} Repeatable.")
+
+
 MissionArgument = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission's name, or a mission file.")
 ]
@@ -53,21 +58,13 @@ MaxLengthOption = Annotated[
 ]
 MissionParameterOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--mission-parameter",
-        "-m",
-        metavar="NAME=VALUE",
-        help="A parameter of the mission, such as nodes=500 or seed=3. Repeatable.",
+    pairs_option(
+        "--mission-parameter", "-m", "A parameter of the mission, such as nodes=500 or seed=3."
     ),
 ]
 ParameterOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--parameter",
-        "-p",
-        metavar="NAME=VALUE",
-        help="A parameter of the algorithm, such as n_ants=50. Repeatable.",
-    ),
+    pairs_option("--parameter", "-p", "A parameter of the algorithm, such as n_ants=50."),
 ]
 SeedOption = Annotated[
     int, typer.Option("--seed", "-s", metavar="S", help="Seed of the random numbers.")

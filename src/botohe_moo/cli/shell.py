@@ -6,6 +6,7 @@ import errno
 import gc
 import json
 import logging
+import math
 import os
 import re
 import shutil
@@ -117,6 +118,9 @@ def failing(status: int = BAD_INPUT) -> Iterator[None]:
 def stoppable(answer: str) -> Iterator[threading.Event]:
     """Let Ctrl-C set an event, and print an answer at once, however long the current step takes.
 
+    What has been found is to be printed and written inside of the block, after which the command
+    ends with status 130 if it was stopped.
+
     Python calls handlers between two steps of the main thread, which may be inside of a kernel for
     minutes. Kernels hold no lock, though, and a signal is written to the wakeup descriptor at once:
     another thread reads it.
@@ -145,12 +149,14 @@ def stoppable(answer: str) -> Iterator[threading.Event]:
             os.close(writer)  # which ends the thread
             thread.join()
             os.close(reader)
+    if pressed.is_set():
+        raise typer.Exit(INTERRUPTED)
 
 
 def brief(mission: Mission, max_length: float | None) -> str:
-    """Describe the size of a mission and the travel budget in a line."""
+    """Describe the size of a mission and the travel budget, if there is one, in a line."""
     team = counted(mission.robots, "robot")
-    limit = "" if max_length is None else f", travel budget {max_length:g}"
+    limit = "" if max_length in (None, math.inf) else f", travel budget {max_length:g}"
     return (
         f"{len(mission.nodes)} nodes, {mission.arrays.n_arcs} arcs, {team}, "
         f"total reward {mission.total_reward:g}{limit}"

@@ -1,8 +1,5 @@
 """Plans to choose from, judged by wishes."""
 
-from functools import cached_property
-
-from botohe_moo._base.types import FloatArray
 from botohe_moo.decide.fronts import SLACK
 from botohe_moo.decide.wishes import (
     QUANTITIES,
@@ -39,6 +36,7 @@ class Candidates:
         if not self.plans:
             raise ValueError("Expected at least one plan to choose from, got none.")
         self.objectives = mission.evaluate(self.batch)
+        self._weakest_robot = mission.robot_survival(self.batch).min(axis=1)
         self._rewards: dict[int, Distribution] = {}
 
     def __len__(self) -> int:
@@ -100,11 +98,6 @@ class Candidates:
                 self.mission, self.plans[i], **limits, random_state=SEED
             )
         return self._rewards[i]
-
-    @cached_property
-    def _weakest_robot(self) -> FloatArray:
-        lowest: FloatArray = self.mission.robot_survival(self.batch).min(axis=1)
-        return lowest
 
 
 def takes_reward_distribution(wish: Wish) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import combinations, pairwise
 from typing import Any, Protocol
@@ -27,7 +27,7 @@ from botohe_moo.explorer.texts import (
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.graphs import given_places
 from botohe_moo.mission.model import Mission
-from botohe_moo.outcomes import Distribution, reach_probabilities, team_reach
+from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.trails import TrailPlan
 
@@ -80,17 +80,14 @@ def page_data(
         raise ValueError("Expected at least one plan to explore, got none.")
     candidates = Candidates(mission, front.plans)
     choices = [_chosen(candidates, wish) for wish in wishes]
-    marks = _marks(front, choices)
+    marks = list(_marks(front, choices))
     order = np.lexsort((-front.objectives[:, 1], front.objectives[:, 0]))
-    kept = {mark["plan"] for mark in marks}.union(*map(_named, choices))
+    kept = {row for _, row, *_ in marks}.union(*map(_named, choices))
     kept_places = np.flatnonzero(np.isin(order, list(kept))).tolist()
     rows = order[thinned(front.objectives[order], kept_places, max_plans)].tolist()
     place = {row: i for i, row in enumerate(rows)}
     isolate = isolating(mission.nodes)
-    for mark in marks:
-        mark["plan"] = place[mark["plan"]]
-        mark["name"], *mark["text"] = map(isolate, [mark["name"], *mark["text"]])
-    marked = sorted({mark["plan"] for mark in marks})
+    marked = sorted({place[row] for _, row, *_ in marks})
     plans = [front.plans[row] for row in rows]
     # Differences in words between neighbours and between marked plans: all pairs are too many.
     pairs = sorted({*pairwise(range(len(plans))), *combinations(marked, 2)})
@@ -111,7 +108,10 @@ def page_data(
         **_trails(mission, plans),
         **_plans(candidates, rows),
         "ids": rows,
-        "marks": marks,
+        "marks": [
+            {"kind": kind, "plan": place[row], "name": isolate(name), "text": [*map(isolate, text)]}
+            for kind, row, name, *text in marks
+        ],
         "words": {f"{i}-{j}": tuple(map(isolate, texts)) for (i, j), texts in words.items()},
     }
 
@@ -177,7 +177,9 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
     survivors = [candidates.distribution("survivors", row) for row in rows]
     edges = bin_edges(max(float(found.values[-1]) for found in rewards))
     team = np.arange(mission.robots + 1.0)
-    reach = [_reached(mission, candidates.plans[row]) for row in rows]
+    plans = [candidates.plans[row] for row in rows]
+    # Of nodes on trails, in the order of their indices.
+    reach = [team_reach(reach_probabilities(mission, p))[np.unique(p.nodes)] for p in plans]
     total = mission.total_reward
     return {
         "objectives": objectives.tolist(),
@@ -190,7 +192,11 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
         "rewards_in": [bin_codes(found, edges) for found in rewards],
         "bins": [f"{low:g} to {high:g}" for low, high in pairwise(edges.tolist())],
         "facts": {
-            "Reward reached in 9 of 10 missions": number_texts(map(_safe, rewards), total),
+            "Reward reached in 9 of 10 missions": number_texts(
+                # Not 0.1 itself: the largest reward that is reached so often.
+                (r.quantile(0.1 + 1e-9) for r in rewards),
+                total,
+            ),
             "Median reward": number_texts((r.quantile(0.5) for r in rewards), total),
             "Mean of the lowest tenth of rewards": number_texts(
                 (r.cvar(0.1) for r in rewards), total
@@ -199,18 +205,6 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
         "simulated": [not found.exact for found in rewards],
         "n_samples": f"{N_SAMPLES:,}",
     }
-
-
-def _safe(rewards: Distribution) -> float:
-    """Return the largest reward that is reached in at least nine of ten missions."""
-    reached = rewards.at_least(rewards.values) >= 0.9 - 1e-9
-    return float(rewards.values[reached][-1])
-
-
-def _reached(mission: Mission, plan: TrailPlan) -> FloatArray:
-    """Return the probability that some robot reaches a node, for all nodes on trails by index."""
-    reached: FloatArray = team_reach(reach_probabilities(mission, plan))[np.unique(plan.nodes)]
-    return reached
 
 
 def _chosen(candidates: Candidates, wish: str | Wish | Choice) -> Choice:
@@ -227,29 +221,16 @@ def _named(choice: Choice) -> set[int]:
     return {step.index for step in steps if step is not None}
 
 
-def _marks(front: Front, choices: Iterable[Choice]) -> list[dict[str, Any]]:
-    """Return the plans that are marked, by their rows, what they are and why."""
+def _marks(front: Front, choices: Iterable[Choice]) -> Iterator[tuple[Any, ...]]:
+    """Yield the plans that are marked: the kind of mark, row, name, and sentences on why."""
     mission, objectives = front.mission, front.objectives
-    marks: list[dict[str, Any]] = []
     for found in choices:
         kind, said = ("choice", "meets") if found.met else ("miss", "comes nearest to")
         name = f"{said} {' and '.join(map(str, found.wishes))}" if found.wishes else "chosen"
-        marks.append(_mark(kind, found.index, name, found.why, str(found.cost), str(found.rate)))
-    by_reward, by_survivors = np.lexsort(objectives.T[::-1])[-1], np.lexsort(objectives.T)[-1]
-    return [
-        *marks,
-        *(
-            _mark("knee", knee.index, f"knee: {knee.name}", f"Knee: {knee.definition}.")
-            for knee in knees(mission, objectives)
-        ),
-        *(
-            _mark("representative", row, "representative")
-            for row in representatives(mission, front.plans, _N_REPRESENTATIVES)
-        ),
-        _mark("end", int(by_reward), "most reward"),
-        _mark("end", int(by_survivors), "most survivors"),
-    ]
-
-
-def _mark(kind: str, row: int, name: str, *text: str) -> dict[str, Any]:
-    return {"kind": kind, "plan": row, "name": name, "text": list(text)}
+        yield kind, found.index, name, found.why, str(found.cost), str(found.rate)
+    for knee in knees(mission, objectives):
+        yield "knee", knee.index, f"knee: {knee.name}", f"Knee: {knee.definition}."
+    for row in representatives(mission, front.plans, _N_REPRESENTATIVES):
+        yield "representative", row, "representative"
+    yield "end", int(np.lexsort(objectives.T[::-1])[-1]), "most reward"
+    yield "end", int(np.lexsort(objectives.T)[-1]), "most survivors"

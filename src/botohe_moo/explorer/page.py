@@ -110,8 +110,6 @@ def render(title: str, data: Mapping[str, Any]) -> str:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("botohe_moo.explorer", "assets"),
         autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
     script = own_script()

@@ -11,7 +11,7 @@ import gc
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import numba
 from numba import njit
@@ -40,7 +40,13 @@ def kernel(function: Function) -> Function:
 
     Kernels hold no lock (``nogil``), so that threads can share the work.
     """
-    return cast("Function", _compile(function, nogil=True))
+    compiler: Any = njit
+    compiled: Function
+    try:
+        compiled = compiler(cache=_KEEPS, nogil=True, **_EVERYWHERE)(function)
+    except RuntimeError:  # no folder is writable, as in some containers: compile in every process
+        compiled = compiler(nogil=True, **_EVERYWHERE)(function)
+    return compiled
 
 
 def helper(function: Function) -> Function:
@@ -90,14 +96,6 @@ def _has_place_to_keep() -> bool:
 
 
 _KEEPS = _has_place_to_keep()
-
-
-def _compile(function: Callable[..., Any], **options: Any) -> Any:
-    compiler: Any = njit
-    try:
-        return compiler(cache=_KEEPS, **_EVERYWHERE, **options)(function)
-    except RuntimeError:  # no folder is writable, as in some containers: compile in every process
-        return compiler(**_EVERYWHERE, **options)(function)
 
 
 class _Compiling(event.Listener):

@@ -10,7 +10,12 @@ import networkx as nx
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
-from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory
+from botohe_moo._plugins.entry_points import (
+    PluginError,
+    PluginGroup,
+    declared_factory,
+    package_of,
+)
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 from botohe_moo._plugins.types import Robots
 from botohe_moo.mission.formats.files import SUFFIXES, read_mission
@@ -61,8 +66,7 @@ def toy(*, robots: Robots | None = None) -> Mission:
 
 def _packaged(name: str, robots: int | None) -> Mission:
     with as_file(files("botohe_moo.mission").joinpath("data", f"{name}.json")) as path:
-        mission = read_mission(path)
-    return mission if robots is None else mission.with_robots(robots)
+        return read_mission(path, robots=robots)
 
 
 @checked
@@ -145,8 +149,6 @@ def mission_faults(
         load_mission(name_or_path, **given)
     except MissionError as error:
         return [(None, fault) for fault in error.faults]
-    except OSError as error:
-        return [(None, f"{error.filename}: {error.strerror}.")]
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         return [raised_fault(error, given, source=_PLUGINS.source(name_or_path))]
     return []
@@ -176,10 +178,7 @@ def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None
             owner = _PLUGINS.entry(name_or_path).dist
         except PluginError as error:
             raise MissionError(str(error), _PLUGINS.source(name_or_path)) from error
-    return {
-        "package": owner.name if owner else None,
-        "version": owner.version if owner else None,
-    }
+    return package_of(owner)
 
 
 def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from botohe_moo.operators.mutation import MixedMutation as MixedMutation
     from botohe_moo.operators.mutation import PlanMutation as PlanMutation
     from botohe_moo.operators.mutation import RuinRecreate as RuinRecreate
-    from botohe_moo.operators.mutation import SendHome as SendHome
     from botohe_moo.operators.mutation import ShareTrails as ShareTrails
     from botohe_moo.operators.mutation import TrailMoves as TrailMoves
     from botohe_moo.operators.repair import PenaltyOnly as PenaltyOnly

@@ -14,7 +14,7 @@ from botohe_moo._plugins.types import Count, Probability
 from botohe_moo.kernels.graph.graph import NO_LIMITS
 from botohe_moo.kernels.plans.change import MoveRule, change_plans
 from botohe_moo.kernels.plans.trails import read_trails
-from botohe_moo.kernels.plans.vary import join_pieces, ruin, send_home, share, whole_trails
+from botohe_moo.kernels.plans.vary import join_pieces, ruin, share, whole_trails
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import PlanError
@@ -202,28 +202,6 @@ class RuinRecreate(PlanMutation):
         return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
 
 
-class SendHome(PlanMutation):
-    """Let one robot that leaves the base stay there.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.operators import SendHome
-    >>> toy = load_mission("toy")
-    >>> plans = toy.batch([toy.plan([[1, 2, 4, 2, 1], [1]])])
-    >>> toy.labels(SendHome().mutate_batch(toy, plans, np.random.default_rng(1))[0])
-    ((1,), (1,))
-    """
-
-    def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
-        pieces = whole_trails(plans.arrays[1])
-        trails, states = read_trails(*plans.arrays), draw_state(rng)
-        send_home(trails, plans.n_robots, states, pieces)
-        nodes = np.append(plans.nodes, np.int32(mission.arrays.base))
-        return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
-
-
 class ShareTrails(PlanMutation):
     """Let one robot copy another's trail, or two robots swap the ends of their trails.
 
@@ -275,8 +253,8 @@ class MixedMutation(PlanMutation):
     Examples
     --------
     >>> from botohe_moo import solve
-    >>> from botohe_moo.operators import MixedMutation, RuinRecreate, SendHome
-    >>> mutation = MixedMutation({RuinRecreate(): 2, SendHome(): 1})
+    >>> from botohe_moo.operators import MixedMutation, RuinRecreate, ShareTrails
+    >>> mutation = MixedMutation({RuinRecreate(): 2, ShareTrails(): 1})
     >>> solve("toy", "nsga2", mutation=mutation, pop_size=20, evaluations=200).evaluations
     200
     """

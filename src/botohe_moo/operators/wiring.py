@@ -204,7 +204,7 @@ def make_crossover(
 
 
 def make_mutation(given: Named | Mutation, *, prob: float, repair: PlanRepair) -> Mutation:
-    """Make a mutation of ``home``, ``moves``, ``ruin`` and others; return a pymoo one as it is."""
+    """Make a mutation of ``moves``, ``ruin`` and others; return a pymoo one as it is."""
     if isinstance(given, Mutation):
         return given
     weights = _weights("mutation", given, needed="mutation")

@@ -118,31 +118,19 @@ def _draw_arcs(
     once = ~bowed & (tail < head)
     # Hundreds of arrows at full width would merge into a carpet.
     width = (1.0 if faint else 1.8) * min(1.0, max(0.4, 12 / max(len(tail), 1) ** 0.5))
-    alpha = 0.6 if faint else 1.0
+    style: dict[str, Any] = {"alpha": 0.6 if faint else 1.0, "zorder": 1}
     points = canvas.curves(tail, head, bowed)
-    canvas.draw_lines(
-        points[once],
-        colors=arc_colours[once],
-        linewidths=width,
-        alpha=alpha,
-        zorder=1,
-        label="_lines",
-    )
-    canvas.draw_arrows(
-        tail[bowed],
-        head[bowed],
-        colours=arc_colours[bowed],
-        widths=np.full(int(bowed.sum()), width),
-        alpha=alpha,
-        zorder=1,
-    )
+    lines, arrows = arc_colours[once], arc_colours[bowed]
+    canvas.draw_lines(points[once], colors=lines, linewidths=width, label="_lines", **style)
+    widths = np.full(len(arrows), width)
+    canvas.draw_arrows(tail[bowed], head[bowed], colours=arrows, widths=widths, **style)
     return points
 
 
 def _zones(mission: Mission) -> dict[str, Colour]:
     """Return the colours of zones; none for one zone alone, or too many to tell apart."""
-    named = [zone for _, zone in mission.graph.nodes(data="zone") if zone is not None]
-    zones = list(dict.fromkeys(str(zone) for zone in named))
+    named = mission.graph.nodes(data="zone")
+    zones = list(dict.fromkeys(str(zone) for _, zone in named if zone is not None))
     if not 2 <= len(zones) <= _MAX_ZONES:
         return {}
     return {zone: tint(c, 0.17) for zone, c in zip(zones, colours(len(zones)), strict=True)}
@@ -168,11 +156,10 @@ def _shade_zones(canvas: Canvas, mission: Mission, zones: dict[str, Colour]) -> 
 def _add_legend(
     ax: Axes, mission: Mission, plan: TrailPlan | None, zones: dict[str, Colour]
 ) -> None:
-    team = counted(mission.robots, "robot")
     hollow: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "white", "markersize": 9}
     square = {"marker": "s", "markeredgecolor": "black", "markeredgewidth": 2, **hollow}
     circle = {"marker": "o", "markeredgecolor": MUTED, "markeredgewidth": 1.1, **hollow}
-    base = f"{team} at base {mission.base}"
+    base = f"{counted(mission.robots, 'robot')} at base {mission.base}"
     handles: list[Artist] = [Line2D([], [], label=base, **square)]
     if (np.delete(mission.arrays.reward, mission.arrays.base) == 0).any():
         handles.append(Line2D([], [], label="no reward", **circle))
@@ -185,7 +172,6 @@ def _add_legend(
             ncols=columns,
             loc="upper center",
             bbox_to_anchor=(0.55, -0.01),
-            frameon=False,
             handlelength=1.5,
             columnspacing=1.5,
         )
@@ -253,17 +239,16 @@ def plot_pheromone(
         label, arrays = rf"pheromone $\tau_{kind[0].upper()}$", mission.arrays
         arc_colours = colour_by_value(ax, values, PHEROMONE, label, slot=0, low=0.0)
         canvas = Canvas.measure(ax, xy)
-        if len(values):
-            # What is darkest is drawn last, on top.
-            order = np.argsort(values, kind="stable")
-            share = values[order] / (values.max() or 1.0)
-            canvas.draw_arrows(
-                arrays.tail[order],
-                arrays.head[order],
-                colours=arc_colours[order],
-                widths=0.3 + share * min(_WIDEST, 0.5 * canvas.radius),
-                zorder=1,
-            )
+        # What is darkest is drawn last, on top.
+        order = np.argsort(values, kind="stable")
+        share = values[order] / (values.max(initial=0.0) or 1.0)
+        canvas.draw_arrows(
+            arrays.tail[order],
+            arrays.head[order],
+            colours=arc_colours[order],
+            widths=0.3 + share * min(_WIDEST, 0.5 * canvas.radius),
+            zorder=1,
+        )
         arcs = canvas.curves(arrays.tail, arrays.head, bowed=True)
         notes += draw_named_nodes(canvas, mission, np.ones((len(xy), 4)), arcs)
         title_above(ax, mission.title if title is None else title, "; ".join(notes))

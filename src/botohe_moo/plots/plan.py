@@ -12,7 +12,6 @@ from botohe_moo.plots.draw.canvas import open_axes
 from botohe_moo.plots.draw.maps import (
     PlanMap,
     add_reach_bar,
-    add_reach_bar_right,
     key_of,
     name_map,
     name_room,
@@ -93,7 +92,7 @@ def plot_plan(
         widest, room = 6.4 if len(robots) < 4 else 5.2, name_room(mission) / span
         first, *others = open_sheet(mission, len(robots), span, widest=widest, room=room)
         open_axes(node_positions(mission), first)
-        add_reach_bar_right([first, *others])
+        add_reach_bar(first, *others)
         notes = [*shown.at_base, *shown.draw_team(first)]
         name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
         for small, robot in zip(others, robots, strict=True):
@@ -161,7 +160,7 @@ def plot_choices(
         others: list[Axes] = []
         if ax is None:
             ax, *others = open_sheet(mission, len(rows), 2)
-            add_reach_bar_right(others)
+            add_reach_bar(*others)
             # Inches for the names and numbers of its axes.
             inner = np.array([0.75, 0.6]) * ax.figure.figure.dpi / ax.figure.bbox.size
             place = ax.get_position()
@@ -249,7 +248,6 @@ class DrawnPlan:
                 borderaxespad=0.0,
                 columnspacing=1.2,
                 fontsize=9.0,
-                frameon=False,
             )
 
     def _survives(self, robot: int) -> str:

@@ -16,12 +16,11 @@ from botohe_moo.kernels.colony.pheromone import (
     LOG_HIGH,
     LOG_LOW,
     Depositors,
-    LearningRule,
     Pheromone,
     learn,
 )
 from botohe_moo.kernels.colony.weighing import AntScratch, BuildRule, Weights, new_scratch
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits, roads_of
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Graph, Limits, roads_of
 from botohe_moo.kernels.graph.paths import Paths, new_budget, new_paths
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
@@ -85,13 +84,12 @@ class Colony:
         self._roads: Any = mission.arrays if self._is_careful else roads_of(mission.arrays)
         self._states = seed_states(random_state, n_ants)
         self._pheromone = _new_pheromone(mission, rule)
-        self._weights = _new_weights(mission, rule, self._pheromone)
+        self._weights = _new_weights(mission.arrays, rule, self._pheromone)
         self._rooms: dict[int, tuple[Plans, Paths | None, AntScratch]] = {}  # of each thread
         self._deposited_version = -1  # of the archive, when its deposit was last summed up
         self._archived: Depositors  # the plans of that version
         # Arguments of ``learn`` that the last iteration has left for the next one.
         self._to_learn: tuple[Depositors, Depositors, bool] | None = None
-        self.weigh()
 
     @property
     def pheromone(self) -> FloatArray:
@@ -171,22 +169,10 @@ class Colony:
         ``learn`` is called only when ants build again, so that a first front need not compile it.
         """
         if self._to_learn is not None:
-            rule = LearningRule(self.rule.evaporation, self.rule.pooled_deposit)
+            rule = self.rule.evaporation, self.rule.pooled_deposit
             changed = self._pheromone, self._weights
-            learn(roads_of(self._graph), *self._to_learn, self.n_robots, rule, *changed)
+            learn(roads_of(self._graph), *self._to_learn, *rule, *changed)
             self._to_learn = None
-
-    def weigh(self) -> None:
-        """Weigh arcs by the pheromone at the start, with the bits of ``learn``.
-
-        In Python, so that a first front need not compile that.
-        """
-        pheromone, weights = self._pheromone, self._weights
-        logs = np.asarray(_log(np.maximum(pheromone.levels, LEAST)), np.float64)
-        weights.log_reward[:] = logs[..., 0] + pheromone.log_eta_reward
-        weights.log_survival[:] = logs[..., 1] + pheromone.log_eta_survival
-        for log in (weights.log_reward, weights.log_survival):
-            np.clip(log, LOG_LOW, LOG_HIGH, out=log)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_rooms": {}}
@@ -211,16 +197,22 @@ def _new_pheromone(mission: Mission, rule: ColonyRule) -> Pheromone:
     )
 
 
-def _new_weights(mission: Mission, rule: ColonyRule, pheromone: Pheromone) -> Weights:
-    graph, shape = mission.arrays, pheromone.levels.shape[:2]
-    gain = np.zeros(shape[1])
+def _new_weights(graph: Graph, rule: ColonyRule, pheromone: Pheromone) -> Weights:
+    """Weigh arcs by the pheromone at the start, with the bits of ``learn``.
+
+    In Python, so that a first front need not compile that.
+    """
+    gain = np.zeros(pheromone.levels.shape[1])
     if rule.heuristic:
         reward = graph.reward[np.append(graph.head, graph.base)]
         survival = np.append(graph.survival, 1.0)
         with np.errstate(over="ignore"):
             gain = (rule.unvisited_bonus + survival * reward) / rule.reward_epsilon
     gain = np.minimum(gain, np.exp(LOG_HIGH))
-    return Weights(np.empty(shape), np.empty(shape), gain, np.log1p(gain))
+    logs = np.asarray(_log(np.maximum(pheromone.levels, LEAST)), np.float64)
+    log_reward = np.clip(logs[..., 0] + pheromone.log_eta_reward, LOG_LOW, LOG_HIGH)
+    log_survival = np.clip(logs[..., 1] + pheromone.log_eta_survival, LOG_LOW, LOG_HIGH)
+    return Weights(log_reward, log_survival, gain, np.log1p(gain))
 
 
 def tabulate_pheromone(mission: Mission, colony: Colony) -> pd.DataFrame:

@@ -199,7 +199,7 @@ class FrontSearch:
 
     def _advance_trails(self, trails: TrailSearch) -> None:
         self._require(0)
-        if not self._estimated and trails.n_labels > _ESTIMATED_FROM:
+        if not self._estimated and trails.progress.n_labels > _ESTIMATED_FROM:
             self._estimated = True
             self._refuse_by_estimate(trails)
         n_looks = _LOOKS_A_PORTION // (trails.graph.n_nodes + trails.graph.n_arcs)
@@ -219,15 +219,13 @@ class FrontSearch:
 
     def _begin_teams(self, trails: TrailSearch) -> None:
         n_robots, goal_reward = self.mission.robots, trails.rule.reward
-        self._require(trails.n_trails * n_robots * 32)
+        self._require(trails.progress.n_trails * n_robots * 32)
         self._choices = teams.new_choices(
-            trails.survives,
-            trails.reached,
+            *trails.found(),
             np.array([goal_reward.sum()]) if trails.rule.single else goal_reward,
             _SLACK * np.array([goal_reward.sum(), n_robots]),
             n_robots,
         )
-        self._turn = teams.new_turn()
         self._front = new_front(max(_FRONT_ROWS, len(self._guides)), n_robots)
         for i, (reward, survivors) in enumerate(self._figures(trails)):
             if best_reward(self._front, survivors) < reward:
@@ -241,9 +239,7 @@ class FrontSearch:
         return [(r, sum(s for s, _ in t)) for r, t in zip(rewards, followed, strict=True)]
 
     def _advance_teams(self, trails: TrailSearch, choices: teams.Choices) -> None:
-        state = teams.choose_teams(
-            choices, self._front, self._turn, _CHOICES_A_PORTION, most_reward=False
-        )
+        state = teams.choose_teams(choices, self._front, _CHOICES_A_PORTION, most_reward=False)
         if state == teams.FULL:
             self._require(2 * tables.n_bytes(self._front))
             slots, _ = read_front(self._front)
@@ -287,7 +283,7 @@ class FrontSearch:
             n_done, n = int(self._choices.at[0]), int(self._choices.n_listed[0])
             what = "trails for the first robot of a team"
         elif self._trails is not None:
-            n_done, n = self._trails.n_done, self._trails.n_labels
+            n_done, n = self._trails.progress.next, self._trails.progress.n_labels
         return TooLargeError(
             f"{self._mission_text()}: the exact front was not found within {limit}. The search had "
             f"tried {n_done} of {n} {what}. {_REMEDY}"

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo._base.types import FloatArray, Record
 from botohe_moo.kernels.exact import tables
 from botohe_moo.kernels.exact.labels import has, look_around
 from botohe_moo.kernels.exact.trails import add_trails, as_column, grow
@@ -32,94 +32,78 @@ class TrailSearch:
         self, mission: Mission, limits: Limits, known: Iterable[tuple[int, ...]] = ()
     ) -> None:
         self.graph = graph = mission.arrays
-        self.rule = rule = _rule_of(graph, mission.robots == 1, limits)
-        n_goals, n_columns = len(rule.reward), 1 if rule.single else len(rule.reward)
-        self._current = tables.new_current(graph, n_goals, n_columns)
-        self._labels = tables.new_labels(_ROWS, n_goals, tables.n_words(graph))
-        self._trails = tables.new_trails(_ROWS, n_columns)
-        self._progress = np.zeros(1, tables.PROGRESS).view(np.recarray)
+        self.rule = _rule_of(graph, mission.robots == 1, limits)
+        self._search = tables.new_search(graph, self.rule, _ROWS)
         self._known = [(graph.base,), *(trail for trail in known if trail != (graph.base,))]
         self._add_known()
-        self._n_tidy = self.n_trails
+        self._n_tidy = self.progress.n_trails
 
     def _add_known(self) -> None:
         """Put known trails into the table; their labels are −1, −2, ... in the order given."""
-        others, n = tables.new_trails(_ROWS, self._trails.reached.shape[1]), 0
+        search, n = self._search, 0
+        others = tables.new_trails(_ROWS, search.trails.reached.shape[1])
         for n, trail in enumerate(self._known[:_ROWS], 1):
             survives, reached = self.follow(trail)
             others.rows[n - 1] = -n, -1, survives
             as_column(self.rule, reached, others.reached[n - 1])
-        add_trails(self._trails, self._progress, others, np.arange(n))
+        add_trails(search.trails, search.progress, others, np.arange(n))
 
     @property
-    def n_labels(self) -> int:
-        """The number of partial trails that have been kept."""
-        return int(self._progress["n_labels"][0])
+    def progress(self) -> Record:
+        """How many partial trails (``n_labels``) and trails that teams may need it has found.
 
-    @property
-    def n_done(self) -> int:
-        """The number of those from which the search has gone on."""
-        return int(self._progress["next"][0])
-
-    @property
-    def n_trails(self) -> int:
-        """The number of known trails that teams may need."""
-        return int(self._progress["n_trails"][0])
+        It goes on from label ``next``.
+        """
+        return self._search.progress[0]
 
     @property
     def n_bytes(self) -> int:
         """The size of the tables in bytes."""
-        return tables.n_bytes(self._labels) + tables.n_bytes(self._trails)
+        return tables.n_bytes(self._search.labels) + tables.n_bytes(self._search.trails)
 
     @property
     def n_label_bytes(self) -> int:
         """The size of a partial trail in bytes."""
-        return tables.n_bytes(self._labels) // len(self._labels.rows)
+        return tables.n_bytes(self._search.labels) // len(self._search.labels.rows)
 
-    @property
-    def survives(self) -> FloatArray:
-        """The survivals of known trails, descending once the search has ended."""
-        survives: FloatArray = self._trails.rows["survives"][: self.n_trails].copy()
-        return survives
+    def found(self) -> tuple[FloatArray, FloatArray]:
+        """Return the survivals of known trails, and the probabilities that they reach each goal.
 
-    @property
-    def reached(self) -> FloatArray:
-        """The probabilities that known trails reach each goal; for one robot, shares of reward."""
-        return self._trails.reached[: self.n_trails].copy()
+        Survivals descend once the search has ended. For one robot, shares of reward take the place
+        of the probabilities.
+        """
+        trails, n = self._search.trails, self.progress.n_trails
+        return trails.rows["survives"][:n].copy(), trails.reached[:n].copy()
 
     def advance(self, n_looks: int, require: Callable[[int], None]) -> bool:
         """Go on from ``n_looks`` labels at most; return whether all trails are known.
 
         Before memory is taken, ``require`` is called with the number of bytes.
         """
-        full = grow(self._search, n_looks, True)
-        if self.n_trails > 1.5 * self._n_tidy + 64:
+        search, progress = self._search, self.progress
+        full = grow(search, n_looks, True)
+        if progress.n_trails > 1.5 * self._n_tidy + 64:
             self._tidy()
         if full:
-            require(tables.n_bytes(self._labels))
-            self._labels = tables.chained_again(tables.doubled(self._labels), self.n_labels)
-            require(tables.n_bytes(self._trails))
-            self._trails = tables.doubled(self._trails)
-        ended = self.n_done == self.n_labels
+            require(tables.n_bytes(search.labels))
+            labels = tables.chained_again(tables.doubled(search.labels), progress.n_labels)
+            require(tables.n_bytes(search.trails))
+            self._search = search._replace(labels=labels, trails=tables.doubled(search.trails))
+        ended = bool(progress.next == progress.n_labels)
         if ended:
             self._tidy()
         return ended
 
-    @property
-    def _search(self) -> tables.LabelSearch:
-        return tables.LabelSearch(
-            self.graph, self.rule, self._labels, self._trails, self._progress, self._current
-        )
-
     def _tidy(self) -> None:
         """Sort the trails by descending survival, without those that another is as good as."""
-        n, others = self.n_trails, tables.TrailTable(*[column.copy() for column in self._trails])
+        trails, progress = self._search.trails, self.progress
+        n, others = progress.n_trails, tables.TrailTable(*[column.copy() for column in trails])
         total = sum(others.reached[:n].T, np.zeros(n))
-        self._progress["n_trails"] = 0
+        progress.n_trails = 0
         # Of trails that survive alike, one that another is as good as comes after it.
         order = np.lexsort((-total, -others.rows["survives"][:n]))
-        add_trails(self._trails, self._progress, others, order)
-        self._n_tidy = self.n_trails
+        add_trails(trails, self._search.progress, others, order)
+        self._n_tidy = progress.n_trails
 
     def estimate(self, n_bytes: int) -> float:
         """Return an estimate from above of the number of labels, which takes ``n_bytes`` at most.
@@ -137,16 +121,18 @@ class TrailSearch:
             if estimate is None:
                 break
             found.append(estimate)
-            n_met += probe.n_labels
+            n_met += probe.progress.n_labels
         return float(np.mean(found)) if found else 0.0
 
     def _probe(self, n_rows: int) -> TrailSearch:
         """Return a search with the same trails and no labels."""
-        probe = copy.copy(self)
-        probe._labels = tables.new_labels(
-            n_rows, self._labels.reached.shape[1], self._labels.used.shape[1]
+        probe, search = copy.copy(self), self._search
+        n_goals, n_words = search.labels.reached.shape[1], search.labels.used.shape[1]
+        probe._search = search._replace(
+            labels=tables.new_labels(n_rows, n_goals, n_words),
+            trails=tables.doubled(search.trails),
+            progress=search.progress.copy(),
         )
-        probe._trails, probe._progress = tables.doubled(self._trails), self._progress.copy()
         return probe
 
     def _dive(self, rng: np.random.Generator) -> float | None:
@@ -160,33 +146,34 @@ class TrailSearch:
         A descent ends where there is no more room for labels. None is returned where there is no
         room for trails.
         """
-        self._progress["n_labels"] = label = 0
+        search, progress = self._search, self.progress
+        progress.n_labels = label = 0
         weight = total = 1.0
         low = 1
         while True:
-            self._progress["next"] = label
-            if grow(self._search, 1, False):
+            progress.next = label
+            if grow(search, 1, False):
                 self._tidy()
-                if grow(self._search, 1, False):
-                    node = self._labels.rows["node"][label]
+                if grow(search, 1, False):
+                    node = search.labels.rows["node"][label]
                     degree = self.graph.first[node + 1] - self.graph.first[node]
-                    return None if len(self._trails.rows) - self.n_trails < degree else total
-            n = self.n_labels - low
+                    return None if len(search.trails.rows) - progress.n_trails < degree else total
+            n = progress.n_labels - low
             if n <= 0:
                 return total
             weight *= n
             total += weight
-            label, low = low + int(rng.random() * n), self.n_labels
+            label, low = low + int(rng.random() * n), progress.n_labels
 
     def trail(self, row: int) -> list[int]:
         """Return a trail of the table as nodes."""
-        graph, current = self.graph, self._current
-        label, arc, _ = self._trails.rows[row].tolist()
+        graph, labels, current = self.graph, self._search.labels, self._search.current
+        label, arc, _ = self._search.trails.rows[row].tolist()
         if label < 0:
             return list(self._known[-1 - label])
-        current.used[:] = [has(self._labels.used[label], i) for i in range(graph.n_arcs)]
+        current.used[:] = [has(labels.used[label], i) for i in range(graph.n_arcs)]
         current.used[arc] = 1
-        current.row["length"] = self._labels.rows["length"][label] + graph.length[arc]
+        current.row["length"] = labels.rows["length"][label] + graph.length[arc]
         current.row["node"] = graph.head[arc]
         look_around(self._search)
         home = [graph.base]
@@ -194,7 +181,7 @@ class TrailSearch:
             home.append(int(graph.tail[last]))
         out: list[int] = []
         while label >= 0:
-            label, _, node, *_ = self._labels.rows[label].tolist()
+            label, _, node, *_ = labels.rows[label].tolist()
             out.append(node)
         return out[::-1] + home[::-1]
 

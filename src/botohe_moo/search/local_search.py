@@ -21,10 +21,10 @@ from botohe_moo.kernels.local_search.trail_store import (
     ragged,
 )
 from botohe_moo.kernels.local_search.workspace import (
+    MEMORY,
     N_CHILDREN,
     REFILLED_AT_ONCE,
     Search,
-    new_memory,
     new_workspace,
 )
 from botohe_moo.kernels.plans.trails import read_trails
@@ -83,7 +83,8 @@ class LocalSearch:
         self._p_refill = p_refill if len(mission.nodes) <= FULL_UP_TO else 0.0
         self._weights: FloatArray = np.cumsum([float(moves.get(name, 0.0)) for name in MOVES])
         self._states: SeedArray = draw_state(random_state)
-        self._memory = new_memory()
+        # An array, since numpy writes to a copy of a record alone, once it is unpickled.
+        self._memory = np.array([(-1.0, 0, 0)], MEMORY).view(np.recarray)
         self._waiting = np.zeros(REFILLED_AT_ONCE)
         self._front = new_front(_FIRST_PLANS, mission.robots)
         self._store = self._new_store(0, 0, 0)

@@ -11,7 +11,6 @@ import numpy as np
 from pydantic import Field
 
 from botohe_moo._base.checks import check_number
-from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability, TravelBudget
 from botohe_moo.kernels.beam.labels import new_beam
@@ -30,9 +29,6 @@ BeamWidth: TypeAlias = Annotated[int, Field(ge=1, le=MAX_BEAM_WIDTH)]
 
 # Nodes that the search looks ahead to from each node; on 200 nodes as good as all of them.
 _N_NEAR = 64
-
-# What is not pickled, since it follows from the rest.
-_DERIVED = {"_near", "_budget"}
 
 
 @checked
@@ -186,14 +182,10 @@ class SequentialPlanner:
             if len(arcs) == 0:  # nor will later robots leave
                 break
             trails.append([graph.base, *graph.head[arcs].tolist()])
-            self._visit(arcs, unreached)
+            nodes, firsts = np.unique(graph.head[arcs], return_index=True)
+            unreached[nodes] *= 1.0 - np.cumprod(graph.survival[arcs])[firsts]
         return trails
 
-    def _visit(self, arcs: OffsetArray, unreached: FloatArray) -> None:
-        """Multiply in the probabilities that a robot on this trail does not reach each node."""
-        graph = self.mission.arrays
-        nodes, positions = np.unique(graph.head[arcs], return_index=True)
-        unreached[nodes] *= 1.0 - np.cumprod(graph.survival[arcs])[positions]
-
     def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key not in _DERIVED}
+        derived = ("_near", "_budget")
+        return {key: value for key, value in vars(self).items() if key not in derived}

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
-import io
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping
@@ -38,7 +36,7 @@ COLUMNS = ("plan_id", "reward", "survivors")
 _LONG_START = 0.5  # seconds; with everything loaded and compiled, a search starts in milliseconds
 
 
-class PictureError(RuntimeError):
+class PictureError(ValueError):
     """A picture cannot be drawn; names it and the reason.
 
     Examples
@@ -122,8 +120,7 @@ class Solution:
         import pandas as pd
 
         table = pd.DataFrame(self.objectives, columns=COLUMNS[1:])
-        table.insert(0, COLUMNS[0], np.arange(len(table)))
-        return table
+        return table.rename_axis(COLUMNS[0]).reset_index()
 
     def choose(self, *wishes: str | Wish, most: Quantity | None = None) -> choosing.Choice:
         """Choose the plan of most expected reward that meets all wishes.
@@ -260,9 +257,8 @@ class Solution:
 
     def _write_tables(self, folder: Path) -> None:
         """Write the tables, and remove the other files of an earlier search."""
-        front = io.StringIO()
-        csv.writer(front, lineterminator="\n").writerows([COLUMNS, *self.rows()])
-        tables = {"front.csv": front.getvalue().encode(), "plans.json": self.to_json().encode()}
+        front = self.table.to_csv(index=False, lineterminator="\n")
+        tables = {"front.csv": front.encode(), "plans.json": self.to_json().encode()}
         with contextlib.suppress(ValueError):
             tables["mission.json"] = write_node_link(mission_content(self.mission))
         for name in FILES:

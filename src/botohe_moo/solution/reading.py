@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, NonNegativeInt, ValidationError
+from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, ValidationError
 
 from botohe_moo._plugins.faults import wrong_value
 from botohe_moo.mission.formats.files import file_content, read_mission
@@ -15,17 +15,13 @@ from botohe_moo.solution.model import Solution, as_json
 _REMEDY = "Solve the mission again, or put back what was written."
 
 
-class _Plan(BaseModel):
-    model_config = ConfigDict(strict=True)
-
+class _Plan(BaseModel, strict=True):
     reward: FiniteFloat
     survivors: FiniteFloat
     trails: list[list[Any]]
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(strict=True)
-
+class _Record(BaseModel, strict=True):
     algorithm: str
     parameters: dict[str, Any]
     seed: NonNegativeInt

@@ -20,6 +20,7 @@ from botohe_moo.testing.rules import (
 )
 
 if TYPE_CHECKING:
+    import pytest
     from pymoo.core.algorithm import Algorithm
 
     from botohe_moo.mission.model import Mission
@@ -143,10 +144,6 @@ def rules_and_subject(
         raise TypeError(f"Expected {expected}, or its name, got {quoted(factory)}.")
     make: Any = functools.partial(by_name, factory) if isinstance(factory, str) else factory
     return rules, Subject(name_of(factory), found, functools.partial(make, **(parameters or {})))
-
-
-if TYPE_CHECKING:
-    import pytest
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import os
 import time
 import traceback
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -108,13 +108,11 @@ def run_rules(rules: Iterable[Rule], subject: Subject) -> list[CheckResult]:
             continue
         started = time.perf_counter()
         message = fault_of(each, subject)
-        seconds = time.perf_counter() - started
-        if message is None:
-            results.append(CheckResult(each.name, "passed", seconds))
-            continue
-        results.append(CheckResult(each.name, "failed", seconds, message, each.remedy))
-        if each.comes_first:
-            broken = results[-1]
+        result = CheckResult(each.name, "passed", time.perf_counter() - started)
+        if message is not None:
+            result = replace(result, status="failed", message=message, remedy=each.remedy)
+            broken = result if each.comes_first else None
+        results.append(result)
     return results
 
 

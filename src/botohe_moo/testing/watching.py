@@ -26,8 +26,7 @@ def streets() -> Mission:
 def one_way() -> Mission:
     """Make a mission of six nodes on two rings that share the base; no arc has a reverse."""
     graph: nx.DiGraph[Any] = nx.DiGraph()
-    for node in range(6):
-        graph.add_node(node, reward=float(node))
+    graph.add_nodes_from((node, {"reward": float(node)}) for node in range(6))
     nx.add_cycle(graph, [0, 1, 2, 3], survival=0.9)
     nx.add_cycle(graph, [0, 4, 5], survival=0.8)
     graph.add_edge(2, 4, survival=0.95)
@@ -39,8 +38,8 @@ def measured() -> Mission:
     plain = streets()
     graph: nx.DiGraph[Any] = nx.DiGraph(plain.graph)
     rng = np.random.default_rng(3)
-    for arc in sorted(graph.edges):
-        graph.edges[arc]["length"] = float(rng.uniform(0.5, 1.5))
+    lengths = {arc: float(rng.uniform(0.5, 1.5)) for arc in sorted(graph.edges)}
+    nx.set_edge_attributes(graph, lengths, "length")
     return Mission(graph, base=plain.base, robots=2, name="measured")
 
 

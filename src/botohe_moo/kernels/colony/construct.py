@@ -191,14 +191,12 @@ def _begin_plan(graph: Graph, rule: BuildRule, scratch: AntScratch, plans: Plans
 
 
 @inlined
-def _end_plan(
-    plans: Plans, rule: BuildRule, scratch: AntScratch, ant: int, start: int, stop: int
-) -> None:
+def _end_plan(plans: Plans, rule: BuildRule, scratch: AntScratch, ant: int, start: int) -> None:
     """Make offsets of the counts of hops, and sort the hops by robot where they took turns.
 
-    ``start`` to ``stop`` are the plan's hops. Behind them there is room for as many.
+    The plan's hops begin at ``start``. Behind them there is room for as many.
     """
-    first = ant * rule.n_robots
+    first, stop = ant * rule.n_robots, plans.size[0]
     for trail in range(first, first + rule.n_robots):
         plans.offsets[trail + 1] += plans.offsets[trail]
     if not rule.concurrent:
@@ -251,5 +249,5 @@ def construct(
                 trail = ant * n_robots + robot
                 n_out -= _walk(graph, weights, rule, scratch, paths, plans, trail)
             robot = robot + 1 if robot + 1 < n_robots else 0
-        _end_plan(plans, rule, scratch, ant, start, plans.size[0])
+        _end_plan(plans, rule, scratch, ant, start)
     return end

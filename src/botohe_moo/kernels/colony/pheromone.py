@@ -18,15 +18,6 @@ LEAST = 1e-250
 LOG_LOW, LOG_HIGH = -650.0, 250.0
 
 
-class LearningRule(NamedTuple):
-    """How pheromone changes."""
-
-    evaporation: float  # share that evaporates, in [0, 1)
-    # Whether the deposits of the iteration's and of the global Pareto set are divided by the number
-    # of plans in both; otherwise each by the number in its own set.
-    pooled: bool
-
-
 class Depositors(NamedTuple):
     """Plans that leave pheromone."""
 
@@ -51,9 +42,10 @@ class Pheromone(NamedTuple):
 
 
 @helper
-def _deposit(roads: Roads, plans: Depositors, n_robots: int, amounts: FloatArray) -> None:
+def _deposit(roads: Roads, plans: Depositors, amounts: FloatArray) -> None:
     """Set ``amounts`` to the sum of what the plans leave on each arc (n_maps, n_arcs + 1, 2)."""
     n_maps, loop = amounts.shape[0], roads.head.shape[0]
+    n_robots = (plans.offsets.shape[0] - 1) // plans.objectives.shape[0]
     for m in range(n_maps):
         for arc in range(loop + 1):
             amounts[m, arc, 0] = amounts[m, arc, 1] = 0.0
@@ -78,24 +70,26 @@ def learn(
     iteration: Depositors,
     archive: Depositors,
     is_new: bool,
-    n_robots: int,
-    rule: LearningRule,
+    evaporation: float,
+    pooled: bool,
     pheromone: Pheromone,
     weights: Weights,
 ) -> None:
     """Evaporate pheromone, and deposit that of the iteration's and of the global Pareto set.
 
+    The share ``evaporation``, in [0, 1), evaporates. The deposits of both sets are divided by the
+    number of plans in both if they are ``pooled``, otherwise each by the number in its own set.
     What the archive deposits is summed up again only if the archive ``is_new``. Then the logarithms
     of τ_R η_R and τ_S η_S are written to ``weights``, within ``LOG_LOW`` and ``LOG_HIGH``.
     """
     levels, deposits, archived = pheromone.levels, pheromone.deposits, pheromone.archive_deposits
-    _deposit(roads, iteration, n_robots, deposits)
+    _deposit(roads, iteration, deposits)
     if is_new:
-        _deposit(roads, archive, n_robots, archived)
+        _deposit(roads, archive, archived)
     n_iteration, n_archive = iteration.members.shape[0], archive.members.shape[0]
-    if rule.pooled:
+    if pooled:
         n_iteration = n_archive = n_iteration + n_archive
-    kept, n_iteration, n_archive = 1.0 - rule.evaporation, max(1, n_iteration), max(1, n_archive)
+    kept, n_iteration, n_archive = 1.0 - evaporation, max(1, n_iteration), max(1, n_archive)
     for m in range(levels.shape[0]):
         for arc in range(levels.shape[1]):
             for species in range(2):

@@ -25,7 +25,7 @@ import numpy as np
 
 from botohe_moo._base.types import SeedArray
 from botohe_moo.kernels.compile import helper, inlined
-from botohe_moo.kernels.exact.tables import LabelRule, LabelSearch
+from botohe_moo.kernels.exact.tables import LabelSearch
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import ANYWHERE, search_paths
 
@@ -44,12 +44,6 @@ def has(bits: SeedArray, i: int) -> bool:
 def put(bits: SeedArray, i: int) -> None:
     """Set bit ``i``."""
     bits[i >> 6] |= np.uint64(1) << np.uint64(i & 63)
-
-
-@inlined
-def has_budget(rule: LabelRule) -> bool:
-    """Return whether there is a travel budget."""
-    return rule.short is not None
 
 
 @helper
@@ -100,7 +94,7 @@ def _mark_arcs_too_far(search: LabelSearch, short: Graph | None) -> None:
 def _find_ways_home(search: LabelSearch) -> None:
     """Find the nodes from which arcs that the current label can use lead home."""
     graph, homeward = search.graph, search.current.homeward
-    everywhere = graph.balanced and not has_budget(search.rule)  # what can be reached leads home
+    everywhere = graph.balanced and search.rule.short is None  # what can be reached leads home
     for v in range(homeward.shape[0]):
         homeward[v] = 1 if everywhere else 0
     if everywhere:
@@ -130,7 +124,7 @@ def look_ahead(search: LabelSearch) -> float:
         if reach > 0.0:
             prospect[goal] = reach
             survives = max(survives, reach * graph.home[node])
-    if has_budget(rule) and row.node != graph.base:
+    if rule.short is not None and row.node != graph.base:
         survives = max(survives, row.alive * current.reach[graph.base])
     return survives
 
@@ -144,7 +138,7 @@ def is_dominated(search: LabelSearch, itself: int) -> bool:
     while label >= 0:
         row = labels.rows[label]
         same = label != itself and row.key == key and row.node == current.node
-        same = same and not (has_budget(rule) and row.length > current.length)
+        same = same and (rule.short is None or row.length <= current.length)
         if same and row.alive >= current.alive and _dominates(search, label):
             return True
         label = row.before

@@ -51,7 +51,7 @@ class LabelRule(NamedTuple):
     goal_keys: SeedArray
     single: bool  # whether the team is one robot
     limits: Limits  # survival floor and travel budget
-    short: Graph | None  # the graph as ``measured_by_length`` returns it; None without a budget
+    short: Graph | None  # the graph with lengths as costs; None without a budget
 
 
 class LabelTable(NamedTuple):
@@ -107,12 +107,14 @@ class LabelSearch(NamedTuple):
     current: CurrentLabel
 
 
-def new_current(graph: Graph, n_goals: int, n_columns: int) -> CurrentLabel:
-    """Return scratch for labels of a mission."""
-    return CurrentLabel(
+def new_search(graph: Graph, rule: LabelRule, n: int) -> LabelSearch:
+    """Return a search that has not begun, with room for ``n`` labels and as many trails."""
+    n_goals, n_words = len(rule.reward), graph.n_arcs // 64 + 1
+    n_columns = 1 if rule.single else n_goals
+    current = CurrentLabel(
         row=np.zeros(1, LABEL).view(np.recarray),
         used=np.zeros(graph.n_arcs, np.int64),
-        bits=np.zeros(n_words(graph), np.uint64),
+        bits=np.zeros(n_words, np.uint64),
         reached=np.zeros(n_goals),
         prospect=np.zeros(n_goals),
         column=np.zeros(n_columns),
@@ -120,19 +122,17 @@ def new_current(graph: Graph, n_goals: int, n_columns: int) -> CurrentLabel:
         reach=np.zeros(graph.n_nodes),
         homeward=np.zeros(graph.n_nodes, np.int64),
     )
+    labels, trails = new_labels(n, n_goals, n_words), new_trails(n, n_columns)
+    progress = np.zeros(1, PROGRESS).view(np.recarray)
+    return LabelSearch(graph, rule, labels, trails, progress, current)
 
 
-def n_words(graph: Graph) -> int:
-    """Return how many words have a bit for each arc."""
-    return graph.n_arcs // 64 + 1
-
-
-def new_labels(n: int, n_goals: int, words: int) -> LabelTable:
+def new_labels(n: int, n_goals: int, n_words: int) -> LabelTable:
     """Return room for ``n`` labels, a power of two."""
     return LabelTable(
         rows=np.zeros(n, LABEL).view(np.recarray),
         reached=np.zeros((n, n_goals)),
-        used=np.zeros((n, words), np.uint64),
+        used=np.zeros((n, n_words), np.uint64),
         last=np.full(n, -1, np.int64),
     )
 

@@ -56,6 +56,7 @@ class Choices(NamedTuple):
     # (n_robots, n_goals).
     left: FloatArray
     objectives: FloatArray  # for each robot E[R] and E[S] of those before it (n_robots, 2)
+    turn: RecordArray  # the state of the search, a ``TURN`` (1)
 
 
 def new_choices(
@@ -78,14 +79,8 @@ def new_choices(
         n_hull=np.zeros(n_robots, np.int64),
         left=left,
         objectives=np.zeros((n_robots, 2)),
+        turn=np.array([(-1, 0)], TURN).view(np.recarray),
     )
-
-
-def new_turn() -> RecordArray:
-    """Return the state of a search that has not begun."""
-    turn = np.zeros(1, TURN).view(np.recarray)
-    turn["robot"] = -1
-    return turn
 
 
 @helper
@@ -110,17 +105,13 @@ def _make_hull(choices: Choices, robot: int) -> None:
 
 @helper
 def _is_hopeful(
-    choices: Choices,
-    front: OrderedFront,
-    robot: int,
-    n_more: int,
-    reward: float,
-    survivors: float,
+    choices: Choices, front: OrderedFront, robot: int, reward: float, survivors: float
 ) -> bool:
-    """Return whether a team with E[R] and E[S] may get beyond the front by ``n_more`` robots.
+    """Return whether a team with E[R] and E[S] may get beyond the front by robots after ``robot``.
 
-    They choose from the hull of ``robot``.
+    They choose from the hull of that robot.
     """
+    n_more = choices.at.shape[0] - robot - 1
     reward -= choices.slack[0]
     survivors -= choices.slack[1]
     if n_more == 0:
@@ -154,44 +145,39 @@ def _is_hopeful(
 @helper
 def _list_choices(choices: Choices, front: OrderedFront, robot: int) -> None:
     """List the trails that a robot may choose, given those before it."""
-    n_robots = choices.at.shape[0]
     start, stop = 0, choices.survives.shape[0]
     if robot > 0:
         start, stop = choices.at[robot - 1], choices.n_listed[robot - 1]
-    n = 0
-    for i in range(start, stop):
-        trail = i if robot == 0 else choices.listed[robot - 1, i]
+    n = stop - start
+    for i in range(n):
+        trail = i if robot == 0 else choices.listed[robot - 1, start + i]
         gain = 0.0
         for goal in range(choices.left.shape[1]):
             gain += choices.left[robot, goal] * choices.reached[trail, goal]
-        choices.listed[robot, n], choices.gain[robot, n] = trail, gain
-        n += 1
+        choices.listed[robot, i], choices.gain[robot, i] = trail, gain
     choices.n_listed[robot], choices.at[robot] = n, 0
-    n_more = n_robots - robot - 1
-    if n_more > 0:
+    if robot + 1 < choices.at.shape[0]:
         _make_hull(choices, robot)
     n_kept = 0
     reward, survivors = choices.objectives[robot, 0], choices.objectives[robot, 1]
     for i in range(n):
         trail, gain = choices.listed[robot, i], choices.gain[robot, i]
         alive = survivors + choices.survives[trail]
-        if _is_hopeful(choices, front, robot, n_more, reward + gain, alive):
+        if _is_hopeful(choices, front, robot, reward + gain, alive):
             choices.listed[robot, n_kept], choices.gain[robot, n_kept] = trail, gain
             n_kept += 1
     choices.n_listed[robot] = n_kept
 
 
 @kernel
-def choose_teams(
-    choices: Choices, front: OrderedFront, turn: RecordArray, n_looks: int, most_reward: bool
-) -> int:
+def choose_teams(choices: Choices, front: OrderedFront, n_looks: int, most_reward: bool) -> int:
     """Continue the search for teams, and pause after a number of looks at choices.
 
     With ``most_reward`` only the most rewarding team is looked for: teams are put into the front as
     if all robots survived for sure. Returns ``FINISHED``, ``FULL`` where the front has no room, or
     ``PAUSED``.
     """
-    state, n_robots = turn[0], choices.at.shape[0]
+    state, n_robots = choices.turn[0], choices.at.shape[0]
     limit = state.n_looks + n_looks
     if state.robot < 0:
         state.robot = 0
@@ -205,16 +191,15 @@ def choose_teams(
             state.robot -= 1
             choices.at[robot - 1] += 1
             continue
-        n_more = n_robots - robot - 1
         if front.n.spare == 0:
             return FULL
         state.n_looks += 1
         trail = choices.listed[robot, at]
         reward = choices.objectives[robot, 0] + choices.gain[robot, at]
         survivors = choices.objectives[robot, 1] + choices.survives[trail]
-        if not _is_hopeful(choices, front, robot, n_more, reward, survivors):
+        if not _is_hopeful(choices, front, robot, reward, survivors):
             choices.at[robot] += 1
-        elif n_more > 0:
+        elif robot + 1 < n_robots:
             state.robot += 1
             state.n_looks += choices.n_listed[robot] - at
             choices.objectives[robot + 1, 0], choices.objectives[robot + 1, 1] = reward, survivors

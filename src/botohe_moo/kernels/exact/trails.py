@@ -21,7 +21,6 @@ from botohe_moo.kernels.exact.labels import (
     ROUNDING,
     add_label,
     has,
-    has_budget,
     is_dominated,
     look_ahead,
     look_around,
@@ -130,9 +129,9 @@ def _extend(search: LabelSearch, parent: int, arc: int) -> None:
     survives = look_ahead(search)
     if is_dominated(search, -1):
         return
-    if is_fresh or (node == graph.base and has_budget(rule)):
-        if home >= rule.limits.min_survival and _is_short_enough(search):
-            _write_column_of_the_way_home(search)
+    if is_fresh or (node == graph.base and rule.short is not None):
+        length = _go_home(search)
+        if home >= rule.limits.min_survival and length <= rule.limits.max_length:
             _add_trail(trails, search.progress, parent, arc, current.column, home)
         look_ahead(search)  # the way home has been written over the prospects
     if survives <= 0.0 or survives < rule.limits.min_survival * (1.0 - ROUNDING):
@@ -143,29 +142,23 @@ def _extend(search: LabelSearch, parent: int, arc: int) -> None:
 
 
 @helper
-def _is_short_enough(search: LabelSearch) -> bool:
-    """Return whether the current label, gone home by the safest way, keeps the travel budget."""
-    graph, entry = search.graph, search.current.paths.entry
-    node, length = graph.base, search.current.row[0].length
-    while entry[node] >= 0:
-        length += graph.length[entry[node]]
-        node = graph.tail[entry[node]]
-    return bool(length <= search.rule.limits.max_length)
+def _go_home(search: LabelSearch) -> float:
+    """Return the length of the trail that goes home by the safest way.
 
-
-@helper
-def _write_column_of_the_way_home(search: LabelSearch) -> None:
-    """Write to ``current.column`` what the trail reaches that goes home by the safest way."""
+    What it reaches is written to ``current.column``.
+    """
     graph, rule, current = search.graph, search.rule, search.current
     for goal in range(current.reached.shape[0]):
         current.prospect[goal] = current.reached[goal]
-    node, entry = graph.base, current.paths.entry
+    node, entry, length = graph.base, current.paths.entry, current.row[0].length
     while entry[node] >= 0:
+        length += graph.length[entry[node]]
         goal = rule.goal[node]
         if goal >= 0 and current.reached[goal] == 0.0:
             current.prospect[goal] = current.row[0].alive * current.reach[node]
         node = graph.tail[entry[node]]
     as_column(rule, current.prospect, current.column)
+    return float(length)
 
 
 @helper

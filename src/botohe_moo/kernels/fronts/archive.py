@@ -85,8 +85,8 @@ def find_pareto_set(
 ) -> int:
     """Find the non-dominated plans of a batch, and each repeated plan once.
 
-    Writes their indices, by descending E[R], to ``members``, and the hashes of their trails to
-    ``hashes``. All arrays are as long as the batch. Returns how many plans there are.
+    Writes their indices, by descending E[R], to ``members``, and the hash of each one's trails to
+    its place in ``hashes``. All arrays are as long as the batch. Returns how many plans there are.
     """
     objectives, n = batch.objectives, 0
     n_plans = objectives.shape[0]
@@ -106,12 +106,11 @@ def find_pareto_set(
             plan = members[i]  # n ≤ i: what is overwritten is not needed any more
             if objectives[plan, 1] != most:
                 continue
-            hashes[n] = plan_hash(batch, n_robots, plan)
+            members[n], hashes[plan] = plan, plan_hash(batch, n_robots, plan)
             same = group
-            while hashes[same] != hashes[n]:
+            while hashes[members[same]] != hashes[plan]:
                 same += 1
             if same == n:
-                members[n] = plan
                 n += 1
         best = max(best, most)
         first = max(stop, first + 1)  # a reward that is NaN does not even equal itself
@@ -129,8 +128,8 @@ def _find_newcomers(
 ) -> int:
     """Find the plans of a batch's Pareto set that the archive neither dominates nor holds already.
 
-    Of plans with equal objectives the archive takes up to ``max_ties``. Writes the positions of the
-    plans found among the members, and returns how many there are.
+    Of plans with equal objectives the archive takes up to ``max_ties``. Writes the indices of the
+    plans found, and returns how many there are.
     """
     objectives, archived = batch.objectives, archive.objectives
     n = rank = ties = 0
@@ -147,12 +146,12 @@ def _find_newcomers(
                 continue
             while equal > 0 and archived[equal - 1, 0] == reward:
                 equal -= 1
-                if archive.hashes[equal] == hashes[i]:
+                if archive.hashes[equal] == hashes[members[i]]:
                     equal = -1
             if equal < 0:
                 continue
         if rank - equal + ties < max_ties:
-            newcomers[n] = i
+            newcomers[n] = members[i]
             n += 1
             ties += 1
     return n
@@ -160,11 +159,7 @@ def _find_newcomers(
 
 @helper
 def _merge_order(
-    archived: FloatArray,
-    objectives: FloatArray,
-    members: OffsetArray,
-    newcomers: OffsetArray,
-    order: OffsetArray,
+    archived: FloatArray, objectives: FloatArray, newcomers: OffsetArray, order: OffsetArray
 ) -> int:
     """Write the order of the plans that stay and of the newcomers, by descending E[R].
 
@@ -173,17 +168,17 @@ def _merge_order(
     n_archived, n_new = archived.shape[0], newcomers.shape[0]
     n = i = j = as_rewarding = 0
     while i < n_archived or j < n_new:
-        reward = objectives[members[newcomers[j]], 0] if j < n_new else -np.inf
+        reward = objectives[newcomers[j], 0] if j < n_new else -np.inf
         if i < n_archived and archived[i, 0] >= reward:
             while as_rewarding < n_new and (
-                objectives[members[newcomers[as_rewarding]], 0] >= archived[i, 0]
+                objectives[newcomers[as_rewarding], 0] >= archived[i, 0]
             ):
                 as_rewarding += 1
             # Only a newcomer can dominate it. Of those with as much reward or more the last one
             # survives best.
             stays = True
             if as_rewarding > 0:
-                last = members[newcomers[as_rewarding - 1]]
+                last = newcomers[as_rewarding - 1]
                 more = objectives[last, 1] - archived[i, 1]
                 stays = more < 0.0 or (more == 0.0 and objectives[last, 0] == archived[i, 0])
             if stays:
@@ -229,7 +224,7 @@ def insert(
     if n_new == 0:
         return members, newcomers, archive
     order = np.empty(n_archived + n_new, np.int64)
-    n = _merge_order(archive.objectives, batch.objectives, members, newcomers, order)
+    n = _merge_order(archive.objectives, batch.objectives, newcomers, order)
     merged = Archive(
         np.empty((n, 2)),
         np.empty(n, np.uint64),
@@ -246,9 +241,7 @@ def insert(
             _copy_plan(archived, plan, n_robots, merged, row)
         else:
             merged.hashes[row], merged.ids[row] = hashes[newcomers[new]], next_id + new
-            _copy_plan(batch, members[newcomers[new]], n_robots, merged, row)
-    for new in range(n_new):
-        newcomers[new] = members[newcomers[new]]
+            _copy_plan(batch, newcomers[new], n_robots, merged, row)
     size = merged.offsets[n * n_robots]
     nodes = merged.nodes[:size].copy()
     return (

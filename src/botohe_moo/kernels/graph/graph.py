@@ -145,15 +145,6 @@ def find_arc(graph: Graph | Roads, tail: int, head: int) -> int:
     return -1
 
 
-def measured_by_length(graph: Graph) -> Graph:
-    """Return the same graph with lengths as costs, so that path searches minimise these.
-
-    ``cost`` is the length of each arc, ``homeward`` leads along the shortest way home, and ``home``
-    is the length of that way, 0 at the base.
-    """
-    return with_costs(graph, graph.length)
-
-
 def with_costs(graph: Graph, cost: FloatArray) -> Graph:
     """Return the same graph with other costs of arcs, so that path searches minimise these.
 

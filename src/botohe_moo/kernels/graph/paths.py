@@ -1,6 +1,6 @@
 """Safest paths: Dijkstra's algorithm on −log(survival), over arcs that a trail has not used.
 
-In the graph that ``measured_by_length`` returns they are the shortest paths instead.
+In a graph with lengths as costs (``with_costs``) they are the shortest paths instead.
 
 Arc a is used where ``used[a] == trail``: one array serves trail after trail without being cleared.
 """
@@ -12,7 +12,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.compile import helper
-from botohe_moo.kernels.graph.graph import Graph, Limits, measured_by_length
+from botohe_moo.kernels.graph.graph import Graph, Limits, with_costs
 
 ANYWHERE = -1  # instead of a node
 
@@ -43,7 +43,7 @@ class Paths(NamedTuple):
 class Budget(NamedTuple):
     """A travel budget, for planners that look for ways home."""
 
-    short: Graph  # the graph as ``measured_by_length`` returns it
+    short: Graph  # the graph with lengths as costs
     limits: Limits  # the budget and the survival floor
 
 
@@ -51,7 +51,7 @@ def new_budget(graph: Graph, limits: Limits) -> Budget | None:
     """Prepare a travel budget; None where the limits set none."""
     if limits.max_length == math.inf:
         return None
-    return Budget(measured_by_length(graph), limits)
+    return Budget(with_costs(graph, graph.length), limits)
 
 
 def new_paths(graph: Graph) -> Paths:

@@ -20,9 +20,10 @@ from botohe_moo.kernels.fronts.ordered import (
     remove_place,
 )
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.local_search.trail_store import TrailStore, release, sort_trails
+from botohe_moo.kernels.local_search.trail_store import TrailStore, release
 from botohe_moo.kernels.local_search.workspace import NEVER, TOLERANCE, Search, Workspace
 from botohe_moo.kernels.plans.evaluate import begin_team, combine, team_reward
+from botohe_moo.kernels.plans.trails import sort_trails
 from botohe_moo.kernels.rng import below, uniform
 
 # The probability that the next parent is the plan that has just entered the front.
@@ -171,7 +172,7 @@ def add_trail(graph: Graph, store: TrailStore, work: Workspace, length: int) -> 
             store.node[n.visits], store.reach[n.visits] = node, alive
             n.visits += 1
     n.arcs += length
-    added.n_visits = n.visits - added.first_visit
+    added.end_arc, added.n_visits = n.arcs, n.visits - added.first_visit
     added.alive, added.n_users = alive, 1
     return int(trail)
 
@@ -193,13 +194,19 @@ def evaluate_trails(graph: Graph, store: TrailStore, work: Workspace) -> tuple[f
 
 @helper
 def insert(
-    store: TrailStore, front: OrderedFront, trails: OffsetArray, reward: float, survivors: float
+    store: TrailStore,
+    front: OrderedFront,
+    trails: OffsetArray,
+    reward: float,
+    survivors: float,
+    tolerance: float,
 ) -> bool:
-    """Insert a plan into a front that has none as good, and remove those that it dominates.
+    """Insert a plan into the front, and remove those that it dominates.
 
-    Returns whether it has entered.
+    It enters only if no plan of the front is as good, but for a relative ``tolerance``. Returns
+    whether it has entered.
     """
-    if best_reward(front, survivors) >= reward:
+    if best_reward(front, survivors * (1.0 - tolerance)) >= reward * (1.0 - tolerance):
         return False
     no_more = survivors * (1.0 + TOLERANCE)  # survivors, but for rounding
     while True:
@@ -217,17 +224,11 @@ def insert(
 
 
 @helper
-def insert_trails(search: Search, tolerance: float) -> bool:
-    """Insert the plan of ``work.trails`` into the front; return whether it has entered.
-
-    It enters only if no plan of the front is as good, but for a relative ``tolerance``.
-    """
-    store, front, work = search.store, search.front, search.work
-    sort_trails(store, work.trails)
+def insert_trails(search: Search, tolerance: float) -> None:
+    """Insert the plan of ``work.trails`` into the front, as ``insert`` does."""
+    store, work = search.store, search.work
+    # Arcs are numbered by tail, then by head: the order by arcs is that by nodes.
+    sort_trails(store.arc, store.trails["first_arc"], store.trails["end_arc"], work.trails)
     reward, survivors = evaluate_trails(search.graph, store, work)
-    if best_reward(front, survivors * (1.0 - tolerance)) >= reward * (1.0 - tolerance):
-        return False
-    if not insert(store, front, work.trails, reward, survivors):
-        return False
-    work.memory.newest, work.memory.idle = survivors, 0
-    return True
+    if insert(store, search.front, work.trails, reward, survivors, tolerance):
+        work.memory.newest, work.memory.idle = survivors, 0

@@ -42,8 +42,8 @@ class Routes(NamedTuple):
     is_known: OffsetArray
     leaving: FloatArray
     coming: FloatArray
-    # With a travel budget also the lengths of these paths, and what a unit of length costs.
-    has_lengths: bool
+    # With a travel budget also the lengths of these paths; and what a unit of length costs, 0
+    # without a budget.
     leaving_length: FloatArray
     coming_length: FloatArray
     per_length: float
@@ -67,7 +67,6 @@ def new_routes(graph: Graph, per_length: float) -> Routes:
         is_known=np.zeros(n_nodes, np.int64),
         leaving=np.empty((n_costs, n_costs)),
         coming=np.empty((n_costs, n_costs)),
-        has_lengths=per_length > 0.0,
         leaving_length=np.empty((n_costs, n_costs) if per_length > 0.0 else (0, 0)),
         coming_length=np.empty((n_costs, n_costs) if per_length > 0.0 else (0, 0)),
         per_length=per_length,
@@ -97,7 +96,7 @@ def search_costs(graph: Graph, routes: Routes, node: int) -> None:
         n = search_paths(graph, paths, routes.used, 1, node, ANYWHERE, n_nodes, backwards)
         for i in range(n):
             costs[paths.order[i]] = paths.distance[paths.order[i]]
-        if not routes.has_lengths:
+        if routes.per_length == 0.0:
             continue
         lengths = routes.coming_length[node] if backwards else routes.leaving_length[node]
         lengths[node] = 0.0

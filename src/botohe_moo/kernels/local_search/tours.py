@@ -67,7 +67,7 @@ def _draw_slack(search: Search, which: int) -> None:
     is_full = uniform(states, 0) < P_FULL
     if limits.max_length < np.inf:
         length = 0.0
-        for i in range(trail.first_arc, trail.first_arc + trail.n_arcs):
+        for i in range(trail.first_arc, trail.end_arc):
             length += graph.length[store.arc[i]]
         slack.length = min(limits.max_length, length * (1.0 + SPREAD))
         if is_full:
@@ -111,7 +111,7 @@ def _set_leg(routes: Routes, work: Workspace, number: int, before: int, after: i
     leg.before, leg.after = before, after
     leg.cost, leg.length = routes.leaving[before, after], 0.0
     leg.danger = leg.cost
-    if routes.has_lengths:
+    if routes.per_length > 0.0:
         leg.length = routes.leaving_length[before, after]
         leg.danger -= routes.per_length * leg.length
     leg.survival = np.exp(-leg.danger)
@@ -201,7 +201,7 @@ def _find_best_node(graph: Graph, routes: Routes, work: Workspace) -> int:
         leg, cost = legs[cheapest[node]], max(costs[node], _LEAST_COST)
         slack, way = work.slacks[leg.tour], routes.leaving[leg.before, node]
         danger = cost
-        if routes.has_lengths:
+        if routes.per_length > 0.0:
             length = routes.leaving_length[leg.before, node]
             longer = length + routes.coming_length[leg.after, node] - leg.length
             if longer > slack.length:

@@ -11,12 +11,12 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.plans.trails import precedes
 
 _COUNTS = np.dtype([(name, np.int64) for name in ("arcs", "visits", "spare")])
 _TRAIL = np.dtype(
     [
         ("first_arc", np.int64),
+        ("end_arc", np.int64),
         ("n_arcs", np.int64),
         ("first_visit", np.int64),
         ("n_visits", np.int64),
@@ -30,8 +30,8 @@ class TrailStore(NamedTuple):
     """Trails by number: their arcs, and what they reach."""
 
     n: Record  # how many ``arcs`` and ``visits`` are in use, and how many trails are ``spare``
-    # Of each trail, where its arcs and visits begin, how many there are, how many plans have it
-    # (``n_users``), and with what probability a robot survives it (``alive``).
+    # Of each trail, where its arcs and visits begin, and its arcs end; how many there are; how many
+    # plans have it (``n_users``), and with what probability a robot survives it (``alive``).
     trails: RecordArray
     arc: IntArray  # the arcs of all trails, one trail after another
     # Also the nodes that each trail visits, in order of first visits, except the base and nodes
@@ -63,7 +63,8 @@ def copy_trails(store: TrailStore, into: TrailStore) -> None:
     visits = ragged(trails["first_visit"], trails["n_visits"])
     into.arc[: len(arcs)] = store.arc[arcs]
     into.node[: len(visits)], into.reach[: len(visits)] = store.node[visits], store.reach[visits]
-    into.trails["first_arc"][used] = np.cumsum(trails["n_arcs"]) - trails["n_arcs"]
+    into.trails["end_arc"][used] = np.cumsum(trails["n_arcs"])
+    into.trails["first_arc"][used] = into.trails["end_arc"][used] - trails["n_arcs"]
     into.trails["first_visit"][used] = np.cumsum(trails["n_visits"]) - trails["n_visits"]
     into.n.arcs, into.n.visits = len(arcs), len(visits)
     free = np.flatnonzero(into.trails["n_users"] == 0)[::-1]
@@ -102,33 +103,6 @@ def discard(store: TrailStore, trail: int) -> None:
     """Release a trail; if it was stored last and has no user left, free its room, too."""
     n, last = store.n, store.trails[trail]
     release(store, trail)
-    ends = last.first_arc + last.n_arcs, last.first_visit + last.n_visits
+    ends = last.end_arc, last.first_visit + last.n_visits
     if last.n_users == 0 and ends == (n.arcs, n.visits):
         n.arcs, n.visits = last.first_arc, last.first_visit
-
-
-@helper
-def comes_before(store: TrailStore, one: int, other: int) -> bool:
-    """Return whether a trail comes before another in lexicographic order.
-
-    Arcs are numbered by tail, then by head: the order by arcs is that by nodes.
-    """
-    first, second = store.trails[one], store.trails[other]
-    return precedes(
-        store.arc,
-        first.first_arc,
-        first.first_arc + first.n_arcs,
-        second.first_arc,
-        second.first_arc + second.n_arcs,
-    )
-
-
-@helper
-def sort_trails(store: TrailStore, trails: OffsetArray) -> None:
-    """Sort a plan's trails in lexicographic order."""
-    for k in range(1, trails.shape[0]):
-        trail, place = trails[k], k
-        while place > 0 and comes_before(store, trail, trails[place - 1]):
-            trails[place] = trails[place - 1]
-            place -= 1
-        trails[place] = trail

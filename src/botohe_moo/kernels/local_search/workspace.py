@@ -30,7 +30,7 @@ REFILLED_AT_ONCE = 32
 
 MOST_GOALS = 64  # how many nodes a move visits at most
 
-_MEMORY = np.dtype([("newest", np.float64), ("idle", np.int64), ("n_waiting", np.int64)])
+MEMORY = np.dtype([("newest", np.float64), ("idle", np.int64), ("n_waiting", np.int64)])
 _PARENT = ("block", "robot", "n_chosen", "n_touched")
 _CHILD = ("length", "prefix", "n_middle", "suffix", "n_goals", "n_piece", "n_legs", "mark")
 _DRAFT = np.dtype(
@@ -125,16 +125,6 @@ class Search(NamedTuple):
     limits: Limits
     # The least probability with which a parent is refilled, 0 for never; see ``_waits_for_refill``.
     p_refill: float
-
-
-def new_memory() -> RecordArray:
-    """Return the memory of a search that has not begun, as an array of one record.
-
-    A record alone would not do: once it is unpickled, numpy writes to a copy of it.
-    """
-    memory = np.zeros(1, _MEMORY).view(np.recarray)
-    memory.newest = -1.0
-    return memory
 
 
 def new_workspace(

@@ -191,18 +191,6 @@ def ruin(
 
 
 @kernel
-def send_home(trails: Trails, n_robots: int, states: SeedArray, pieces: OffsetArray) -> None:
-    """Let one robot of each plan that leaves the base stay there.
-
-    To ``pieces``, which are whole trails before, the base lies behind the trails' nodes.
-    """
-    behind = trails.nodes.shape[0]
-    for plan in range(pieces.shape[0] // n_robots):
-        trail = _draw_robot_out(trails.offsets, plan, n_robots, states)
-        pieces[trail, 0, 0], pieces[trail, 0, 1] = behind, behind + 1
-
-
-@kernel
 def share(
     trails: Trails,
     n_robots: int,

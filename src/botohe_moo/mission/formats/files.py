@@ -135,7 +135,5 @@ def file_content(path: Path) -> bytes:
         return read_bytes(path)
     except FileNotFoundError:
         raise MissionError("there is no such file", str(path)) from None
-    except IsADirectoryError:
-        raise MissionError("expected a file, found a directory", str(path)) from None
     except OSError as error:
         raise MissionError(f"the file cannot be read: {error.strerror}", str(path)) from None

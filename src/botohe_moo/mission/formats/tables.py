@@ -8,7 +8,7 @@ import io
 import os
 from collections.abc import Hashable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from botohe_moo._base.checks import check_frame, quoted
 from botohe_moo.mission.formats.files import file_content
@@ -85,11 +85,8 @@ def mission_from_tables(
     if not (node_rows and arc_rows) and (faults := faults + others):
         raise MissionError(faults)
     base = base.strip() if isinstance(base, str) else base
-    graph_attributes: dict[str, Any] = {"base": base, "robots": robots}
-    if title:
-        graph_attributes["title"] = title
-    if max_length is not None:
-        graph_attributes["max_length"] = max_length
+    given = {"base": base, "robots": robots, "title": title or None, "max_length": max_length}
+    graph_attributes = {key: value for key, value in given.items() if value is not None}
     if both_ways:
         arc_rows = [
             (where, way, row) for where, ends, row in arc_rows for way in (ends, ends[::-1])

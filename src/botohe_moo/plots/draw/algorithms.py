@@ -95,12 +95,14 @@ def axes_of(labels: Sequence[str], ax: Axes | None) -> dict[str, Axes]:
     return panels
 
 
-def finish(axes: Mapping[str, Axes], title: str | None, x: str, y: str) -> Axes:
+def finish(axes: Mapping[str, Axes], title: str | None, x: str, y: str, **limits: Any) -> Axes:
     """Write the title and the names of both axes, and return the first axes.
 
     Axes that all algorithms share get a legend, panels the lines of the other algorithms in grey.
+    Panels have the same limits, which may be given.
     """
     first = next(iter(axes.values()))
+    first.set(**limits)
     if len(set(axes.values())) == 1:
         first.set(xlabel=x, ylabel=y, title=title or "")
         add_legend_beside(first)

@@ -71,12 +71,9 @@ def colour_by_value(
     """
     if not len(values):
         return np.empty((0, 4))
-    bottom, top = float(values.min() if low is None else low), float(values.max())
-    if top <= bottom:  # equal values get a range, too
-        half = 0.05 * (abs(bottom) or 1.0)
-        bottom, top = bottom - half, bottom + half
-    colours = ScalarMappable(Normalize(bottom, top), palette)
-    add_colour_bar(ax, colours, label, slot)
+    bottom = values.min() if low is None else low
+    colours = ScalarMappable(Normalize(float(bottom), float(values.max())), palette)
+    add_colour_bar(ax, colours, label, slot)  # which widens the range of equal values
     return np.asarray(colours.to_rgba(values))
 
 

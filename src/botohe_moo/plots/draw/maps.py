@@ -89,19 +89,15 @@ def open_sheet(
     return axes
 
 
-def add_reach_bar_right(maps: Sequence[Axes]) -> None:
-    """Put the key of the nodes' shades right of the highest of the rightmost maps."""
-    add_reach_bar(max(maps, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1)))
-
-
 def title_sheet(first: Axes, title: str, words: str) -> None:
     """Write title and words above all maps."""
     width = first.figure.figure.get_figwidth() - _RIGHT
     title_above(first, title, words, width=width, lift=72 * _NAME)
 
 
-def add_reach_bar(ax: Axes) -> None:
-    """Put the key of the nodes' shades right of a map."""
+def add_reach_bar(*maps: Axes) -> None:
+    """Put the key of the nodes' shades right of the highest of the rightmost maps."""
+    ax = max(maps, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1))
     add_colour_bar(ax, ScalarMappable(Normalize(0, 1), REACH), "probability of being reached")
 
 
@@ -169,9 +165,8 @@ class PlanMap:
 
         Names of many nodes stand close to them, so that it is clear which node each belongs to.
         """
-        away = np.ones(len(self.fills), dtype=bool)
-        away[self.plan.nodes] = False
-        order = np.argsort(away, kind="stable").tolist()
+        visited = np.unique(self.plan.nodes).tolist()
+        order = list(dict.fromkeys([*visited, *range(len(self.fills))]))
         far = _FAR if len(order) <= _MANY else _NEAR if self.is_legible else 0.0
         names = {node: str(self.mission.nodes[node]) for node in order}
         self.notes += label_nodes(self.space, self.canvas.xy, names, self.fills, reach=far)

@@ -1,7 +1,6 @@
 """The theme and the palettes of pictures, and saving them."""
 
 import io
-import itertools
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -77,8 +76,7 @@ _THEME: dict[Any, Any] = {
 def colours(n: int) -> list[Colour]:
     """Return the first ``n`` colours of the theme's cycle, which begins again after the last."""
     with theme():
-        cycle = mpl.rcParams["axes.prop_cycle"].by_key()["color"]
-    return [to_rgb(colour) for colour in itertools.islice(itertools.cycle(cycle), n)]
+        return [to_rgb(f"C{i}") for i in range(n)]
 
 
 def palette_of(labels: Iterable[str], palette: Palette | None = None) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from botohe_moo._base.types import BoolArray, FloatArray, IntArray
+from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo.plots.draw.canvas import Canvas
 from botohe_moo.plots.draw.style import Colour, colours, luminance
 from botohe_moo.trails import TrailPlan
@@ -86,36 +86,36 @@ def draw_trails(
     points = points + (right * offset[:, None])[:, None]
     ink = np.array([style.colour for style in styles])[robot]
     length *= canvas.scale
+    walked = _walked(robot, length)
+    dashes = [styles[i].dash for i in robot]
     canvas.draw_lines(points, colors="white", linewidths=width + 1.2, zorder=2, label="_casing")
     canvas.draw_lines(
         points,
         colors=ink,
         linewidths=width,
-        linestyles=_running_dashes(robot, length / width, styles),
+        # They go on where the robot's last passage ended.
+        linestyles=[
+            (way / width % sum(dash), dash) if dash else (0.0, None)
+            for way, dash in zip(walked.tolist(), dashes, strict=True)
+        ],
         zorder=3,
         label="_trails",
     )
-    _draw_directions(canvas, points, length, robot, lane, ink)
+    _draw_directions(canvas, points, length, walked, lane, ink)
     return np.asarray(points)
 
 
-def _running_dashes(
-    robot: IntArray, length: FloatArray, styles: Sequence[RobotStyle]
-) -> list[tuple[float, tuple[float, ...] | None]]:
-    """Return the dashes of each passage, which go on where its robot's last passage ended."""
-    walked, lines = Counter[int](), []
-    for walker, way in zip(robot.tolist(), length.tolist(), strict=True):
-        dash = styles[walker].dash
-        lines.append((walked[walker] % sum(dash), dash) if dash else (0.0, None))
-        walked[walker] += way
-    return lines
+def _walked(robot: IntArray, length: FloatArray) -> FloatArray:
+    """Return how far the robot of each passage has walked before it; robots are in order."""
+    before = np.cumsum(length) - length
+    return np.asarray(before - before[np.searchsorted(robot, robot)])
 
 
 def _draw_directions(
     canvas: Canvas,
     points: FloatArray,
     length: FloatArray,
-    robot: IntArray,
+    walked: FloatArray,
     lane: IntArray,
     ink: FloatArray,
 ) -> None:
@@ -124,7 +124,7 @@ def _draw_directions(
     sizes = np.minimum(np.clip(1.3 * canvas.radius, 5.5, 8.0), free / 2.2)
     ahead = 0.6 * sizes + np.where(free > 5 * sizes, 1.1 * sizes * (lane % 2), 0.0)
     shown = sizes > 3.0
-    some = ~shown & _every_so_often(robot, length, shown)
+    some = ~shown & ((walked + length) // _APART > walked // _APART)
     sizes[some], ahead[some] = 6.0, 0.0
     shown |= some
     part = 0.5 + ahead[shown] / length[shown]
@@ -139,15 +139,3 @@ def _draw_directions(
         zorder=3,
         label="_trail heads",
     )
-
-
-def _every_so_often(robot: IntArray, length: FloatArray, shown: BoolArray) -> BoolArray:
-    """Pick passages that lie some way behind the last arrowhead of their robot."""
-    picked, since, last_robot = np.zeros(len(length), dtype=bool), 0.0, -1
-    for i, (walker, way) in enumerate(zip(robot.tolist(), length.tolist(), strict=True)):
-        since = way if walker != last_robot else since + way
-        last_robot = walker
-        picked[i] = since >= _APART
-        if picked[i] or shown[i]:
-            since = 0.0
-    return picked

@@ -2,17 +2,15 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import matplotlib.pyplot as plt
 import moocore
 import numpy as np
 import pandas as pd
 import seaborn as sns
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.algorithms import axes_of, finish, line_styles, wrapped
@@ -76,9 +74,7 @@ def plot_attainment(
             if len(runs_of) > 1:
                 band = np.concatenate([few, most[::-1]])
                 axes[label].fill(*band.T, color=style["color"], alpha=0.2, linewidth=0)
-        for panel in dict.fromkeys(axes.values()):
-            panel.set(xlim=(0, None), ylim=(0, None))
-        return finish(axes, title, *OBJECTIVES)
+        return finish(axes, title, *OBJECTIVES, xlim=(0, None), ylim=(0, None))
 
 
 def plot_attainment_difference(
@@ -146,38 +142,25 @@ def plot_attainment_difference(
             for level, shade in enumerate(shades, start=1):
                 # Each step includes its upper end: a difference of 1/5 is in the first.
                 shown = np.ceil(ahead * _SHADES - 1e-9) == level
-                _shade(ax, rectangles[shown], shade)
+                step = f"{100 * (level - 1) // _SHADES}–{100 * level // _SHADES} %"
+                _shade(ax, rectangles[shown], shade, step)
             half = staircase(attainment_surface(found, 50))[:-1]
-            ax.plot(*reach.T, color=INK, linewidth=1.0)
-            ax.plot(*half.T, color=INK, linewidth=1.0, linestyle="--")
+            ax.plot(*reach.T, color=INK, linewidth=1.0, label="any run of both")
+            ax.plot(*half.T, color=INK, linewidth=1.0, linestyle="--", label="half of its runs")
             ax.set(xlim=(0, None), ylim=(0, None), xlabel=OBJECTIVES[0])
             ax.set_title(f"{wrapped([label])[0]} reaches more often", fontweight="normal")
-            _add_legend(ax, shades)
+            ax.legend(
+                loc="upper center",
+                bbox_to_anchor=(0.5, -0.13),
+                ncols=3,
+                columnspacing=1.2,
+                fontsize="small",
+                title="share of its runs, ahead by",
+            )
         left.set_ylabel(OBJECTIVES[1])
         if title:
             left.figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     return left, right
-
-
-def _add_legend(ax: Axes, shades: Sequence[Colour]) -> None:
-    """Explain the shades, the lightest first, and both lines below a plot."""
-    steps = [f"{100 * i // _SHADES}–{100 * (i + 1) // _SHADES} %" for i in range(_SHADES)]
-    keys: list[Artist] = [
-        Patch(color=shade, label=step) for shade, step in zip(shades, steps, strict=True)
-    ]
-    keys += [
-        Line2D([], [], color=INK, linewidth=1.0, label="any run of both"),
-        Line2D([], [], color=INK, linewidth=1.0, linestyle="--", label="half of its runs"),
-    ]
-    ax.legend(
-        handles=keys,
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.13),
-        ncols=3,
-        columnspacing=1.2,
-        fontsize="small",
-        title="share of its runs, ahead by",
-    )
 
 
 def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArray:
@@ -231,12 +214,10 @@ def _sets(fronts: Iterable[FloatArray]) -> FloatArray:
     return np.column_stack([np.concatenate(points), numbers])
 
 
-def _shade(ax: Axes, rectangles: FloatArray, shade: Colour) -> None:
-    """Fill rectangles (n, 4): left, bottom, right and top."""
+def _shade(ax: Axes, rectangles: FloatArray, shade: Colour, name: str) -> None:
+    """Fill rectangles (n, 4): left, bottom, right and top; name them in the legend."""
     left, low, right, top = rectangles.T
     corners = np.stack([left, low, right, low, right, top, left, top], axis=1).reshape(-1, 4, 2)
     # Edges of the same colour hide the seams between neighbours.
-    filled = PolyCollection(
-        list(corners), color=[shade], linewidths=0.3, zorder=1, rasterized=len(corners) > _MANY
-    )
-    ax.add_collection(filled)
+    style: dict[str, Any] = {"color": [shade], "linewidths": 0.3, "zorder": 1, "label": name}
+    ax.add_collection(PolyCollection(list(corners), rasterized=len(corners) > _MANY, **style))

@@ -252,8 +252,6 @@ def two_parameter_grids(algorithms: pd.DataFrame) -> dict[str, pd.DataFrame]:
     table, if they are not numbers; missing where there is no such algorithm.
     """
     parameters = [column for column in algorithms.columns if column not in _NO_PARAMETERS]
-    if algorithms.empty or len(parameters) < 2:
-        return {}
     grids = {}
     for family, rows in algorithms.groupby("family", sort=False):
         shown = rows[parameters].astype(object).where(rows[parameters].notna(), "default")

@@ -87,8 +87,7 @@ def plot_fronts(
                 if points is not None:
                     corners = staircase(points[["reward", "survivors"]].to_numpy(float))[:-1]
                     panel.plot(*corners.T, **{"linewidth": 1.0, **style})
-            panel.set(xlim=(0, None), ylim=(0, None))
-        return finish(axes, title, *OBJECTIVES)
+        return finish(axes, title, *OBJECTIVES, xlim=(0, None), ylim=(0, None))
 
 
 def final_fronts(

@@ -152,10 +152,9 @@ class FrontBound:
             proved = self._proved[moving]
             order = lower_envelope(proved.most, proved.mu)
             bends = np.diff(proved.most[order]) / np.diff(proved.mu[order])
-            ends = np.array(
+            ends = moving * np.array(
                 [self.min_survival * (1 - _ROUNDING), self.most_survival * (1 + _ROUNDING)]
             )
-            ends *= moving
             x = np.concatenate([[0.0], bends, ends, proved.least])
             found += ((n_robots - moving + x) / (1.0 - _ROUNDING)).tolist()
         corners = np.unique(found)
@@ -210,7 +209,10 @@ class FrontBound:
             :func:`area_indicator`, and if a plan lies above the bound.
         """
         self.check("front", front)
-        area = area_indicator(front, self.mission)
+        return self.gap_of_area(area_indicator(front, self.mission))
+
+    def gap_of_area(self, area: float) -> float:
+        """Return the largest share by which an area can grow; inf if it is 0 and can."""
         if area == 0.0:
             return 0.0 if self.area == 0.0 else float("inf")
         return max(0.0, self.area / area - 1.0)

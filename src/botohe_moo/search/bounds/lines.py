@@ -54,7 +54,6 @@ class Lines:
         self._found: list[tuple[Line, Prices | None]] = [
             (self._line(everything, 0.0, "everything"), None)
         ]
-        self._made: Master | None = None
         self.others: list[Lines] = []
 
     @property
@@ -67,12 +66,10 @@ class Lines:
         """The robots that move, as prices see them."""
         return PricedTeam(self.relaxation.net, self.n_robots, self.pool.n_levels)
 
-    @property
+    @cached_property
     def _master(self) -> Master:
         """The linear programme, which is large, and made when it is needed."""
-        if self._made is None:
-            self._made = Master(self.team, self.relaxation.total)
-        return self._made
+        return Master(self.team, self.relaxation.total)
 
     def _line(self, most: float, mu: float, proof: LineProof) -> Line:
         """Return a line that is raised by what rounding may have taken from sums over nodes."""
@@ -128,8 +125,8 @@ class Lines:
         """Drop trails that break the rules of relaxed trails, since these remember more."""
         for number in self.pool.drop_forbidden(self.relaxation.allows):
             for lines in (self, *self.others):
-                if lines._made is not None:
-                    lines._made.drop(number)
+                if "_master" in vars(lines):  # it has been made
+                    lines._master.drop(number)
 
     def look_ahead(self, prices: Prices, n_levels: int) -> Ahead:
         """Bound all trails under prices, on a grid of ``n_levels`` or a few more."""
@@ -175,7 +172,7 @@ class Lines:
                 break
             prices = self._tidied(best.towards(wanted, step))
             ahead = self.look_ahead(prices, 2 * LEVELS)
-            worth = pool.values(prices)[~pool.is_relaxed]
+            worth = pool.values(prices, relaxed=False)
             at_least = max(0.0, float(worth.max(initial=0.0))) + 1e-9
             n_most = _MOST_STEPS * effort * (1 if i else _FIRST_STEPS)
             ended, most, arcs = self.relaxation.search(ahead, at_least, n_most)

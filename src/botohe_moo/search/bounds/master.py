@@ -58,7 +58,7 @@ class Master:
         # The row of each trail of the pool, and of those relaxed ones that do not count at present.
         self._rows: dict[int, int] = {}
         self._unused: dict[int, int] = {}
-        self._only_trails = False
+        self._takes_relaxed = True
 
     def _shape_prices(self, node: int) -> None:
         """Keep a node's prices convex, and their steepest rise at most the reward it brings.
@@ -128,9 +128,7 @@ class Master:
 
     def _cut_trails(self, pool: Pool, prices: Prices, theta: float) -> int:
         """Add the trails that are worth the most above theta; return how many rows are new."""
-        worth = pool.values(prices)
-        if self._only_trails:
-            worth[pool.is_relaxed] = -np.inf
+        worth = pool.values(prices, relaxed=self._takes_relaxed)
         n = 0
         for i in np.argsort(-worth)[:_CUTS_AT_ONCE].tolist():
             if worth[i] > theta + _CUT and i not in self._rows:
@@ -157,7 +155,7 @@ class Master:
 
     def allow_relaxed(self, pool: Pool, *, allowed: bool) -> None:
         """Count relaxed trails, too, or trails only."""
-        self._only_trails = not allowed
+        self._takes_relaxed = allowed
         if allowed:
             for number in list(self._unused):
                 self._restore(number)

@@ -9,7 +9,7 @@ import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import ROUNDING, Net
-from botohe_moo.kernels.graph.graph import Graph, Limits, measured_by_length, new_graph
+from botohe_moo.kernels.graph.graph import Graph, Limits, new_graph, with_costs
 
 _LEAST_REACH = 1e-290  # it is divided by reach, which underflows on long ways
 
@@ -48,7 +48,7 @@ def new_net(graph: Graph, limits: Limits) -> Net:
     graph = _rebuilt(graph, np.flatnonzero(kept), reward)
     reach = _best_reach(graph, outward.home)
     ratio = np.minimum(reach[graph.tail] * graph.survival / reach[graph.head], 1.0)
-    home_length = measured_by_length(graph).home
+    home_length = with_costs(graph, graph.length).home
     return Net(graph, reach, ratio, home_length, limits.min_survival, limits.max_length)
 
 
@@ -103,7 +103,7 @@ def _needed(graph: Graph, outward: Graph, limits: Limits) -> Any:
     kept = _arrives(outward)[graph.tail] & _arrives(graph)[graph.head]
     alive = outward.home[graph.tail] * graph.survival * graph.home[graph.head]
     kept &= alive >= limits.min_survival * (1.0 - ROUNDING)
-    out, home = (measured_by_length(each).home for each in (outward, graph))
+    out, home = (with_costs(each, each.length).home for each in (outward, graph))
     length = out[graph.tail] + graph.length + home[graph.head]
     kept &= length * (1.0 - ROUNDING) <= limits.max_length
     pieces = pieces_of(graph)

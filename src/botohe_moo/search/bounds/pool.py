@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import ROUNDING, Net
 from botohe_moo.search.bounds.memory import RelaxedTrail
 from botohe_moo.search.bounds.prices import Prices
@@ -24,11 +24,12 @@ class Visits(NamedTuple):
 class Pool:
     """Known trails and relaxed trails, each once; relaxed ones may be dropped."""
 
-    def __init__(self, net: Net, nodes: OffsetArray, n_levels: int) -> None:
-        self._net, self.nodes, self.n_levels = net, nodes, n_levels
+    def __init__(self, net: Net, n_levels: int) -> None:
+        self._net, self.n_levels = net, n_levels
+        self.nodes: OffsetArray = np.flatnonzero(net.graph.reward > 0.0)
         self._row = np.full(net.graph.n_nodes, -1)
-        self._row[nodes] = np.arange(len(nodes))
-        self._n_columns = len(nodes) * n_levels
+        self._row[self.nodes] = np.arange(len(self.nodes))
+        self._n_columns = len(self.nodes) * n_levels
         self._known: dict[bytes, int] = {}
         self._matrix: Any = None
         self.visits: list[Visits] = []
@@ -117,8 +118,11 @@ class Pool:
         worth = visits.weights @ prices.visits[:, 1:].ravel()[visits.columns]
         return float(worth + prices.mu * visits.survival)
 
-    def values(self, prices: Prices) -> FloatArray:
-        """Return what trails are worth (n), −inf for those that are dropped."""
+    def values(self, prices: Prices, *, relaxed: bool) -> FloatArray:
+        """Return what trails are worth (n), −inf for those that are dropped.
+
+        Without ``relaxed`` it is −inf for relaxed trails, too.
+        """
         from scipy.sparse import csr_array
 
         if not self.visits:
@@ -133,12 +137,9 @@ class Pool:
         paid = prices.visits[:, 1:].ravel()
         worth: FloatArray = self._matrix @ paid + prices.mu * self._survival
         worth[np.array(self.dropped)] = -np.inf
+        if not relaxed:
+            worth[[trail is not None for trail in self.relaxed]] = -np.inf
         return worth
-
-    @property
-    def is_relaxed(self) -> BoolArray:
-        """Which of them are relaxed trails only (n)."""
-        return np.array([trail is not None for trail in self.relaxed], bool)
 
     @property
     def survival(self) -> FloatArray:

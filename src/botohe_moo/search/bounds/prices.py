@@ -104,17 +104,15 @@ class PricedTeam:
         return np.array([convex_below(row) for row in prices]).reshape(prices.shape)
 
     def to_all(self, values: FloatArray) -> FloatArray:
-        """Return values of nodes that pay for all nodes of the mission, 0 elsewhere."""
-        everywhere = np.zeros(self._n_all)
+        """Return values of nodes that pay for all nodes of the mission (n_nodes, ...), else 0."""
+        everywhere = np.zeros((self._n_all, *values.shape[1:]))
         everywhere[self.nodes] = values
         return everywhere
 
     def spread(self, prices: FloatArray, n_levels: int) -> FloatArray:
         """Return prices for all nodes of the mission, on a grid of ``n_levels`` or a few more."""
         n_times = -(-n_levels // self.n_levels)
-        fine = np.zeros((self._n_all, self.n_levels * n_times + 1))
-        fine[self.nodes] = refine(prices, n_times)
-        return fine
+        return self.to_all(refine(prices, n_times))
 
 
 def refine(prices: FloatArray, n_times: int) -> FloatArray:

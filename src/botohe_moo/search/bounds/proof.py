@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from botohe_moo._base.types import OffsetArray
 from botohe_moo.kernels.bounds.states import Net
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.model import Mission
@@ -119,8 +118,7 @@ class Proof:
             most_states=max(net.graph.n_nodes + 1, min(_MOST_STATES, fits)),
             n_seen=n_seen,
         )
-        nodes: OffsetArray = np.flatnonzero(net.graph.reward > 0.0)
-        self._pool = Pool(net, nodes, n_levels)
+        self._pool = Pool(net, n_levels)
         self._lines = [
             Lines(self._relaxation, self._pool, moving, self._base_reward)
             for moving in range(1, mission.robots + 1)

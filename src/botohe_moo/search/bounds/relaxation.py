@@ -7,9 +7,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.relaxed import follow, relax, shortfall
-from botohe_moo.kernels.bounds.states import Net, States, Worth, find_states
+from botohe_moo.kernels.bounds.states import Net, Worth, find_states
 from botohe_moo.kernels.bounds.trails import (
     Completions,
     Stairs,
@@ -64,11 +64,17 @@ class Relaxation:
         n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
         self._depths = new_depths(net, random_state, n_seen, n_room, MOST_LINES)
         self._is_capped = False
-        self.states: States = find_states(net, remembered.pack(), most_states)
         # Whether there was too little room for all that was to be remembered.
-        self.remembers_less = len(self.states.node) == 0
+        self.remembers_less = not self._find_states(most_states)
         if self.remembers_less:
             self._forget(most_states)
+
+    def _find_states(self, n_most: int) -> bool:
+        """Find the states of what is remembered; return whether they are at most ``n_most``."""
+        states = find_states(self.net, self._remembered.pack(), n_most)
+        if len(states.node):
+            self.states = states
+        return len(states.node) > 0
 
     def _forget(self, most_states: int) -> None:
         """Reduce the memory of each node to its first bits, as many as there is room for."""
@@ -77,13 +83,12 @@ class Relaxation:
         while True:
             n_bits = (fewest + too_many) // 2
             self._remembered.bits = [bits[:n_bits] for bits in wanted]
-            states = find_states(self.net, self._remembered.pack(), most_states)
-            if len(states.node) == 0:
+            if not self._find_states(most_states):
                 too_many = n_bits
-                continue
-            fewest, self.states = n_bits, states
-            if too_many - fewest <= 1:
+            elif too_many - n_bits <= 1:
                 return
+            else:
+                fewest = n_bits
 
     def look_ahead(self, prices: FloatArray, mu: float) -> Ahead:
         """Bound all trails that leave the base."""
@@ -130,25 +135,20 @@ class Relaxation:
 
         Of long ones only the first steps are returned, and some do not come home.
         """
+        net, states, n_levels = self.net, self.states, ahead.worth.prices.shape[1] - 1
         found: list[RelaxedTrail] = []
         links = np.empty(_MOST_TRAIL, np.int64)
         for turn in _TURNS:
-            n, _ = follow(self.net, self.states, ahead.worth, ahead.values, turn, links)
+            n, _ = follow(net, states, ahead.worth, ahead.values, turn, links)
             if n > max(turn, 0):
                 taken = links[:n]
-                arcs = self.states.arc[taken]
-                paid = self.states.pays[taken] & self._is_worth(ahead, arcs)
+                arcs = states.arc[taken]
+                levels = np.cumprod(net.ratio[arcs]) * n_levels
+                high = np.minimum(levels.astype(int) + 1, n_levels)
+                is_worth = ahead.worth.prices[net.graph.head[arcs], high] > 1e-12
+                paid = states.pays[taken] & is_worth
                 found.append(RelaxedTrail(arcs.tolist(), paid.tolist()))
         return found
-
-    def _is_worth(self, ahead: Ahead, arcs: OffsetArray) -> BoolArray:
-        """Return which visits of a relaxed trail are worth anything."""
-        net, n_levels = self.net, ahead.worth.prices.shape[1] - 1
-        levels = np.cumprod(net.ratio[arcs]) * n_levels
-        heads = net.graph.head[arcs]
-        high = np.minimum(levels.astype(int) + 1, n_levels)
-        worth: BoolArray = ahead.worth.prices[heads, high] > 1e-12
-        return worth
 
     def search(self, ahead: Ahead, least: float, n_most: int) -> tuple[bool, float, list[int]]:
         """Find the trail that is worth the most, if more than ``least``.
@@ -205,11 +205,8 @@ class Relaxation:
         n_most = min(self._most_states, int(_GROWTH * len(self.states.node)) + 1)
         twice = [each for trail in trails for each in self._remembered.forgets(trail)]
         while twice:
-            if self._remembered.add(twice, self._most_bits):
-                states = find_states(self.net, self._remembered.pack(), n_most)
-                if len(states.node):
-                    self.states = states
-                    return True
+            if self._remembered.add(twice, self._most_bits) and self._find_states(n_most):
+                return True
             self._remembered.bits = before
             twice = twice[: len(twice) // 2]
         return False
@@ -218,10 +215,7 @@ class Relaxation:
         """Remember more rewards near by, unless there are too many states then."""
         before = self._remembered.bits
         self._remembered.widen(n_bits)
-        states = find_states(self.net, self._remembered.pack(), most_states)
-        if len(states.node):
-            self.states = states
-        else:
+        if not self._find_states(most_states):
             self._remembered.bits = before
 
     def allows(self, trail: RelaxedTrail) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import ROUNDING
 from botohe_moo.kernels.bounds.trails import Stairs
-from botohe_moo.kernels.exact.teams import FINISHED, choose_teams, new_choices, new_turn
+from botohe_moo.kernels.exact.teams import FINISHED, choose_teams, new_choices
 from botohe_moo.kernels.fronts.ordered import best_reward, insert, new_front
 from botohe_moo.search.bounds.lines import LEVELS, Lines
 from botohe_moo.search.bounds.prices import Prices
@@ -132,29 +132,25 @@ class Steps:
             if (needed <= before + _HIGHER * self._relaxation.total).all():
                 break
         above, n_most = Stairs(needed, self._width, least), _MOST_LINKS * effort
-        found = self._relaxation.find_all(self._spread(prices), lines, above, n_most)
+        spread = team.spread(prices.visits, 2 * LEVELS)
+        found = self._relaxation.find_all(spread, lines, above, n_most)
         height = None if found is None else self._best_team(x, goal, *found)
         if height is None:
             return False
         self._keep(x, height)
         return True
 
-    def _spread(self, prices: Prices) -> FloatArray:
-        return self._lines.team.spread(prices.visits, 2 * LEVELS)
-
     def _raise(self, prices: Prices, lines: BoundLines, stairs: Stairs, effort: int) -> bool:
         """Raise stairs above all trails; return whether the search ended."""
-        ended, trails = self._relaxation.raise_stairs(
-            self._spread(prices), lines, stairs, _MOST_LINKS * effort
-        )
+        spread = self._lines.team.spread(prices.visits, 2 * LEVELS)
+        ended, trails = self._relaxation.raise_stairs(spread, lines, stairs, _MOST_LINKS * effort)
         for arcs in trails:
             self._pool.add(arcs)
         return ended
 
     def _known(self, prices: Prices) -> FloatArray:
         """Return the stairs of known trails, without anything for their survival."""
-        worth = self._pool.values(prices._replace(mu=0.0))
-        worth[self._pool.is_relaxed] = -np.inf
+        worth = self._pool.values(prices._replace(mu=0.0), relaxed=False)
         return stairs_of(worth, self._pool.survival, self._width, self._n_steps)
 
     def _needed(
@@ -198,7 +194,7 @@ class Steps:
         front = new_front(4, self._n_robots)
         insert(front, np.inf, x * (1.0 - ROUNDING) - _LEAST_SURVIVAL)
         insert(front, goal, np.inf)
-        ended = choose_teams(choices, front, new_turn(), _MOST_TEAMS, most_reward=True)
+        ended = choose_teams(choices, front, _MOST_TEAMS, most_reward=True)
         return best_reward(front, np.inf) if ended == FINISHED else None
 
     def _figures(self, arcs: OffsetArray, n_arcs: OffsetArray) -> tuple[FloatArray, FloatArray]:
@@ -221,14 +217,9 @@ class Steps:
 def stairs_of(values: FloatArray, survival: FloatArray, width: float, n_steps: int) -> FloatArray:
     """Return the stairs of trails (n_steps), −inf where none survives as well."""
     stairs = np.full(n_steps, -np.inf)
-    np.maximum.at(stairs, step_of(survival, width, n_steps), values)
+    steps = np.minimum((survival / width * (1 + _EDGE)).astype(np.int64), n_steps - 1)
+    np.maximum.at(stairs, steps, values)
     return _falling(stairs)
-
-
-def step_of(survival: FloatArray, width: float, n_steps: int) -> OffsetArray:
-    """Return the step that each survival lies on."""
-    steps: OffsetArray = np.minimum((survival / width * (1 + _EDGE)).astype(np.int64), n_steps - 1)
-    return steps
 
 
 def last_steps(stairs: FloatArray) -> OffsetArray:

@@ -36,23 +36,19 @@ class Known:
     def add(self, objectives: FloatArray) -> None:
         """Add the E[R] and E[S] of plans (n, 2)."""
         self._objectives = np.vstack([self._objectives, objectives])
-        ends, heights = self._corners()
+        _, ends, heights = self.stairs()
         # By rounding, the last plan may have less than all robots as its survivors.
         places = np.searchsorted(ends * (1 + _ROUNDING), self.survivors)
         self.reached = heights[np.minimum(places, len(ends) - 1)]
 
-    def _corners(self) -> tuple[FloatArray, FloatArray]:
-        """Return E[S] and E[R] of the corners of the known staircase, by ascending E[S]."""
+    def stairs(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return where steps begin and end in E[S], which ascends, and their E[R]."""
         order = np.lexsort((-self._objectives[:, 0], self._objectives[:, 1]))
         reward, survivors = self._objectives[order].T
         best = np.maximum.accumulate(reward[::-1])[::-1]
         is_corner = np.append(best[1:] < best[:-1], True)
-        return survivors[is_corner], best[is_corner]
-
-    def stairs(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return where steps begin and end in E[S], and their E[R]."""
-        ends, heights = self._corners()
-        return np.append(0.0, ends[:-1] * (1 + _AFTER)), ends, heights
+        ends = survivors[is_corner]
+        return np.append(0.0, ends[:-1] * (1 + _AFTER)), ends, best[is_corner]
 
     def gap(self, bounds: FloatArray) -> float:
         """Return the share by which bounds at ``survivors`` exceed what is reached, on average."""

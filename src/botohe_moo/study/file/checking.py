@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
-from botohe_moo._base.checks import nearest_first, quoted
+from botohe_moo._base.checks import most_alike, quoted
 from botohe_moo.algorithms.origin import OPERATORS, algorithm_identity, algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_faults
 from botohe_moo.mission.formats.files import SUFFIXES
@@ -35,7 +35,6 @@ Place: TypeAlias = tuple[int | str, ...]  # keys and positions on the way to a v
 Fault: TypeAlias = tuple[Place, str]  # what is wrong there, as a sentence
 
 MAX_RUNS = 250_000  # each takes 200 bytes of memory, and a file
-_MAX_LISTED = 20  # labels in a message
 _BUDGET = TypeAdapter(Budget)
 _MISSION: TypeAdapter[MissionEntry] = TypeAdapter(MissionOrName)
 _ALGORITHM: TypeAdapter[AlgorithmEntry] = TypeAdapter(AlgorithmOrName)
@@ -219,11 +218,8 @@ class CheckedContent:
     def _check_control(self, control: str | None) -> None:
         labels = [algorithm.label for algorithm in self.algorithms]
         if control is not None and control not in labels:
-            known = ", ".join(nearest_first(control, labels)[:_MAX_LISTED])
-            self._add(
-                ("comparison", "control"),
-                f"there is no algorithm {quoted(control)} in this study; its labels are {known}.",
-            )
+            message = f"there is no algorithm {quoted(control)}{most_alike(control, labels)}."
+            self._add(("comparison", "control"), message)
 
 
 def _n_members(entries: Mapping[str, MissionEntry | AlgorithmEntry]) -> int:

@@ -59,14 +59,12 @@ def stated_bounds(mission: StudyMission, path: str) -> tuple[float, float]:
         raise ValueError(f"it cannot be made ({type(error).__name__}: {error})") from error
     if problem.n_obj != 2:
         raise ValueError(f"expected two objectives, got n_obj = {problem.n_obj}")
-    given: Any = None
     try:
-        given = problem.objective_bounds
+        given: Any = problem.objective_bounds  # perhaps a list
         return largest_objectives(tuple(given))
     except Exception as error:
-        found = f"got {quoted(given)}" if given is not None else f"{type(error).__name__}: {error}"
-        expected = f"objective_bounds of {type(problem).__name__} to be two finite numbers >= 0"
-        raise ValueError(f"expected {expected}, {found}") from error
+        what = f"objective_bounds of {type(problem).__name__}"
+        raise ValueError(f"{what}: {type(error).__name__}: {error}".rstrip(".")) from error
 
 
 def refusal(problem: BOTOHE, algorithm: str, parameters: dict[str, Any]) -> str | None:

@@ -10,7 +10,7 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo._base.checks import nearest_first, quoted
+from botohe_moo._base.checks import most_alike, nearest_first, quoted
 from botohe_moo._base.files import read_bytes
 from botohe_moo._plugins.faults import own_message, way_into, wrong_value
 from botohe_moo.study.file.checking import CheckedContent, Fault, Place
@@ -146,8 +146,7 @@ def _read_text(path: Path) -> str:
     try:
         return read_bytes(path).decode("utf-8-sig")
     except FileNotFoundError:
-        others = nearest_first(path.name, (p.name for p in path.parent.glob("[!.]*.y*ml")))
-        beside = f"; beside it are {', '.join(others)}" if others else ""
+        beside = most_alike(path.name, (p.name for p in path.parent.glob("[!.]*.y*ml")))
         raise StudyError(f"{path}: there is no such file{beside}.") from None
     except (OSError, ValueError) as error:  # such as text that is not UTF-8
         raise StudyError(f"{path}: cannot be read ({error}).") from None

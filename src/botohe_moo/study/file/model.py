@@ -217,10 +217,10 @@ class Study:
 
     def manifest(self) -> dict[str, Any]:
         """Describe the study for readers of its tables."""
+        further = {"title", "description", "recording", "indicators", "comparison", "bounds"}
         return {
             "name": self.name,
-            "title": self.file.title,
-            "description": self.file.description,
+            **self.file.model_dump(include=further),
             "version": self.versions["version"],
             "missions": {
                 mission.label: {
@@ -251,10 +251,6 @@ class Study:
             },
             "problem": self._problem,
             "seeds": list(self.seeds),
-            "recording": self.file.recording.model_dump(),
-            "indicators": list(self.file.indicators),
-            "comparison": self.file.comparison.model_dump(),
-            "bounds": self.file.bounds and self.file.bounds.model_dump(),
         }
 
 

@@ -32,15 +32,13 @@ def mission_table(
         mission, bound = missions[label], bounds.get(label)
         rows.append(
             {
+                **entry,
                 "mission": label,
                 "name": str(entry["source"]["name_or_path"]),
-                "family": entry["family"],
                 "nodes": mission.graph.number_of_nodes(),
                 "arcs": mission.graph.number_of_edges(),
                 "robots": mission.robots,
                 "total_reward": mission.total_reward,
-                "min_survival": entry["min_survival"],
-                "max_length": entry["max_length"],
                 "bound_area": None if bound is None else bound.area,
                 "bound_seconds": None if bound is None else bound.seconds,
             }
@@ -65,16 +63,8 @@ def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
     There is a column for each parameter that the study file gives to any algorithm, and for each
     whose values differ between algorithms that have it, such as one that a class sets for its base.
     """
-    rows = [
-        {
-            "algorithm": label,
-            "name": entry["name"],
-            "family": entry["family"],
-            "package": entry["package"],
-            "version": entry["version"],
-        }
-        for label, entry in manifest["algorithms"].items()
-    ]
+    # Of an entry, the table has the columns that its schema names.
+    rows = [{**entry, "algorithm": label} for label, entry in manifest["algorithms"].items()]
     entries = manifest["algorithms"].values()
     used = [{**entry["effective"], **entry["parameters"]} for entry in entries]
     different: dict[str, set[str]] = {}  # values of each parameter
@@ -144,16 +134,9 @@ def summarise(
                 row[f"{name}_median"] = medians.get((mission, label, name))
             row |= _described(runs_of[mission, label], significance)
             if mission in bounds:
-                row["area_gap"] = _gap(bounds[mission].area, row["area_mean"])
+                row["area_gap"] = bounds[mission].gap_of_area(row["area_mean"])
             rows.append(row)
     return as_table("summary", rows)
-
-
-def _gap(bound: float, area: float) -> float:
-    """Return by which share an area may be exceeded at most, as ``FrontBound.gap`` does."""
-    if area == 0.0:
-        return np.inf if bound > 0.0 else 0.0
-    return max(0.0, bound / area - 1.0)
 
 
 def _described(runs: pd.DataFrame, significance: float) -> dict[str, Any]:

@@ -9,13 +9,7 @@ import jinja2
 from botohe_moo._base.files import replace_file
 from botohe_moo._base.words import counted
 from botohe_moo.indicators import INDICATORS
-from botohe_moo.study.report import text_tables, words
-from botohe_moo.study.report.latex import (
-    comparisons_latex,
-    outcome_latex,
-    ranks_latex,
-    summary_latex,
-)
+from botohe_moo.study.report import latex, text_tables, words
 from botohe_moo.study.report.pictures import ReportFigure, draw_figures
 from botohe_moo.study.store.tables import StudyTables
 
@@ -32,10 +26,10 @@ def write_report(tables: StudyTables) -> list[Path]:
     figures_of = draw_figures(tables, drawings)
     texts = {
         "report.html": render_page(tables, figures_of),
-        "outcome.tex": outcome_latex(tables),
-        "summary.tex": summary_latex(tables),
-        "comparisons.tex": comparisons_latex(tables),
-        "ranks.tex": ranks_latex(tables),
+        "outcome.tex": latex.outcome_latex(tables),
+        "summary.tex": latex.summary_latex(tables),
+        "comparisons.tex": latex.comparisons_latex(tables),
+        "ranks.tex": latex.ranks_latex(tables),
     }
     for name, text in texts.items():
         replace_file(folder / name, text.encode())

@@ -59,12 +59,7 @@ class Recorder:
         budget, recording = run.mission.budget, run.recording
         # A run with a budget of seconds may be killed before it can send its final plans.
         self._always_with_plans = budget.seconds is not None
-        self._counts = record_counts(
-            evaluations=budget.evaluations,
-            per_decade=recording.per_decade,
-            start=recording.start,
-            at=recording.at,
-        )
+        self._counts = record_counts(evaluations=budget.evaluations, **recording.model_dump())
         self._next = self._counts[0]
         self.recording_seconds = 0.0
         self._started = time.perf_counter()
@@ -86,11 +81,10 @@ class Recorder:
         archive = self._archive()
         if len(archive):
             objectives = archive.objectives
-            is_first = np.ones(len(objectives), bool)  # of equal points, which are neighbours
-            is_first[1:] = (objectives[1:] != objectives[:-1]).any(axis=1)
-            ties = int(len(objectives) - is_first.sum())
+            distinct = np.unique(objectives, axis=0)[::-1]  # by descending reward
+            ties = len(objectives) - len(distinct)
             plans = (archive.plans, objectives.copy()) if with_plans else None
-            self._send(Record(evaluations, seconds, objectives[is_first], ties, plans))
+            self._send(Record(evaluations, seconds, distinct, ties, plans))
         self.recording_seconds += time.perf_counter() - began
 
 

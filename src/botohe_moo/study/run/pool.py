@@ -243,14 +243,9 @@ def _killed(task: Task, began: str | None, records: list[Record]) -> Outcome:
             "would have ended it, --patience allows it more",
             last=last,
         )
-    return Outcome(
-        status="timeout",
-        stopped_by="limit",
-        evaluations=last.evaluations if last else 0,
-        seconds=budget.seconds,
-        recording_seconds=0.0,
-        error=(
-            f"killed: {budget.grace_seconds:g} s after its {budget.seconds:g} s were up it had "
-            "still not come to the end of an iteration"
-        ),
+    killed = failure(
+        f"killed: {budget.grace_seconds:g} s after its {budget.seconds:g} s were up it had still "
+        "not come to the end of an iteration",
+        last=last,
     )
+    return replace(killed, status="timeout", stopped_by="limit", seconds=budget.seconds)

@@ -66,7 +66,7 @@ class Outcome:
     stopped_by: str  # evaluations, seconds, itself, limit or error
     evaluations: int
     seconds: float  # without recording
-    recording_seconds: float
+    recording_seconds: float = 0.0
     records: tuple[Record, ...] = ()  # the last one has its plans
     error: str | None = None
     traceback: str | None = None
@@ -85,7 +85,6 @@ def failure(error: str, traceback: str | None = None, last: Record | None = None
         stopped_by="error",
         evaluations=last.evaluations if last else 0,
         seconds=last.seconds if last else 0.0,
-        recording_seconds=0.0,
         error=" ".join(error.split()),
         traceback=traceback,
     )

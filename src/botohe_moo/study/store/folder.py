@@ -1,7 +1,6 @@
 """A study's folder: a file for each finished run, which is there whole or not at all."""
 
 import contextlib
-import errno
 import io
 import json
 import os
@@ -15,7 +14,7 @@ import filelock
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from botohe_moo._base.checks import nearest_first
+from botohe_moo._base.checks import most_alike
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.mission.formats.files import read_mission, save_mission
 from botohe_moo.search.bounds import FrontBound
@@ -30,7 +29,6 @@ OUTCOME_FIELDS = [field.name for field in fields(Outcome) if field.name != "reco
 _STUDY = TypeAdapter(Study)
 _LOCK = ".lock"
 _UNFINISHED = f".{'?' * 16}.tmp"  # as replace_file names them
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _LONGEST_REASON = 200  # characters
 
 
@@ -178,8 +176,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     if not path.exists():
         others = (path.parent.name for path in folder.parent.glob(f"*/{MANIFEST}"))
-        names = ", ".join(nearest_first(folder.name, others))
-        beside = f"; studies beside it are {names}" if names else ""
+        beside = most_alike(folder.name, others)
         raise StudyError(f"{folder}: there is no study in this folder{beside}.")
     with _reading(path):
         content: dict[str, Any] = json.loads(read_bytes(path))
@@ -263,8 +260,7 @@ def writing(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = "the disk is full" if error.errno in _FULL else error.strerror
         raise StudyError(
-            f"{error.filename or folder}: cannot be written, {reason}. All runs that are finished "
-            "are kept; run the study again to go on."
+            f"{error.filename or folder}: cannot be written ({error.strerror}). All runs that are "
+            "finished are kept; run the study again to go on."
         ) from error

@@ -1,6 +1,7 @@
 """The columns of a study's tables: names, types and meanings."""
 
 from collections.abc import Callable, Iterator, Mapping
+from typing import TypeAlias
 
 import pyarrow as pa
 
@@ -10,12 +11,14 @@ TEXT, INTEGER, NUMBER, FLAG = pa.string(), pa.int64(), pa.float64(), pa.bool_()
 FURTHER = "further"  # key of a schema's metadata, where it has columns that depend on the study
 
 
-def _schema(
-    *columns: tuple[str, pa.DataType, str], optional: tuple[str, ...] = (), further: str = ""
-) -> pa.Schema:
+# Name, type and description; in which case it is missing, if it may be.
+_Column: TypeAlias = tuple[str, pa.DataType, str] | tuple[str, pa.DataType, str, str]
+
+
+def _schema(*columns: _Column, further: str = "") -> pa.Schema:
     fields = [
-        pa.field(name, dtype, name in optional, {"description": description})
-        for name, dtype, description in columns
+        pa.field(name, dtype, bool(missing), {"description": "; missing ".join([what, *missing])})
+        for name, dtype, what, *missing in columns
     ]
     return pa.schema(fields, {FURTHER: further} if further else None)
 
@@ -33,16 +36,16 @@ _PLAN = (
 )
 _LIMITS = (
     ("min_survival", NUMBER, "survival floor of every robot"),
-    ("max_length", NUMBER, "travel budget of every robot; missing where there is none"),
+    ("max_length", NUMBER, "travel budget of every robot", "where there is none"),
 )
 _EVALUATIONS = ("evaluations", INTEGER, "trail plans evaluated so far")
 _SECONDS = ("seconds", NUMBER, "the algorithm's own time so far, without recording")
 
 
-def _scores(ending: str, what: str) -> list[tuple[str, pa.DataType, str]]:
+def _scores(ending: str, what: str) -> list[_Column]:
     """Return a column for each indicator that a study need not have."""
     return [
-        (f"{name}{ending}", NUMBER, f"{what} {known.in_words}; missing where it is not computed")
+        (f"{name}{ending}", NUMBER, f"{what} {known.in_words}", "where it is not computed")
         for name, known in INDICATORS.items()
         if name in further_indicators()
     ]
@@ -57,7 +60,6 @@ def _trace() -> pa.Schema:
         ("front_size", INTEGER, "points on the front"),
         ("ties", INTEGER, "further plans on it whose objectives are those of a point"),
         *_scores("", "its"),
-        optional=further_indicators(),
     )
 
 
@@ -67,8 +69,7 @@ def _indicators() -> pa.Schema:
         *_RUN,
         ("indicator", TEXT, f"{', '.join(first)} or {last}"),
         ("value", NUMBER, "its value for the final front, those of a mission within 1e-12 equal"),
-        ("reference", TEXT, "the reference front, a key of references; missing if it needs none"),
-        optional=("reference",),
+        ("reference", TEXT, "the reference front, a key of references", "if it needs none"),
     )
 
 
@@ -82,19 +83,14 @@ def _summary() -> pa.Schema:
         ("area_low", NUMBER, "lower end of the median's bootstrap confidence interval"),
         ("area_high", NUMBER, "upper end of it"),
         ("area_mean", NUMBER, "mean area"),
-        ("area_sd", NUMBER, "standard deviation of the areas; missing for a single run"),
+        ("area_sd", NUMBER, "standard deviation of the areas", "for a single run"),
         ("area_best", NUMBER, "largest area"),
-        (
-            "area_gap",
-            NUMBER,
-            "share by which area_mean may be exceeded at most; missing without bound",
-        ),
+        ("area_gap", NUMBER, "share by which area_mean may be exceeded at most", "without bound"),
         *_scores("_median", "median"),
         ("front_size_median", NUMBER, "median number of points on the front"),
         ("rank", NUMBER, "rank of the median area on this mission; 1 is best"),
         ("evaluations_median", NUMBER, "median number of evaluations"),
         ("seconds_median", NUMBER, "median of the algorithm's own time"),
-        optional=("area_sd", "area_gap", *(f"{name}_median" for name in further_indicators())),
     )
 
 
@@ -103,23 +99,19 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         *_RUN,
         ("status", TEXT, "done, infeasible, timeout or failed"),
         ("stopped_by", TEXT, "evaluations, seconds, itself, limit (killed) or error"),
-        ("began", TEXT, "when, as 2026-11-22T04:30:12Z; missing where it never did"),
+        ("began", TEXT, "when, as 2026-11-22T04:30:12Z", "where it never did"),
         ("evaluations", INTEGER, "trail plans evaluated"),
         ("seconds", NUMBER, "the algorithm's own time, without recording and indicators"),
         ("recording_seconds", NUMBER, "time spent on recording fronts"),
-        ("budget_evaluations", INTEGER, "evaluations allowed; missing where there is no limit"),
-        ("budget_seconds", NUMBER, "seconds allowed; missing where there is no limit"),
+        ("budget_evaluations", INTEGER, "evaluations allowed", "where there is no limit"),
+        ("budget_seconds", NUMBER, "seconds allowed", "where there is no limit"),
         *_LIMITS,
         ("area", NUMBER, "area of the final front, in [0, 1]"),
         ("front_size", INTEGER, "points on the final front"),
         ("ties", INTEGER, "further plans on it whose objectives are those of a point"),
         ("environment", TEXT, "where it ran: a row of environments"),
-        ("error", TEXT, "what went wrong, in a line; missing where nothing did"),
-        ("traceback", TEXT, "where it went wrong; missing where nothing did"),
-        optional=(
-            *("began", "budget_evaluations", "budget_seconds", "max_length"),
-            *("error", "traceback"),
-        ),
+        ("error", TEXT, "what went wrong, in a line", "where nothing did"),
+        ("traceback", TEXT, "where it went wrong", "where nothing did"),
     ),
     "trace": _trace,
     "fronts": _schema(*_RUN, _EVALUATIONS, *_PLAN),
@@ -137,11 +129,7 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
     ),
     "bounds": _schema(
         _MISSION,
-        (
-            "reward",
-            NUMBER,
-            "E[R] of a point; one of them weakly dominates each plan of the mission",
-        ),
+        ("reward", NUMBER, "E[R] of a point; one of them weakly dominates each plan"),
         ("survivors", NUMBER, "E[S] of the point"),
     ),
     "comparisons": _schema(
@@ -166,10 +154,9 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         ("algorithm", TEXT, "label of the algorithm"),
         ("average_rank", NUMBER, "mean over missions of the rank of its median; 1 is best"),
         ("n_missions", INTEGER, "missions, the blocks of the test"),
-        ("statistic", NUMBER, "Friedman's statistic; missing where there is no test"),
-        ("p_value", NUMBER, "of the Friedman test; missing where there is no test"),
+        ("statistic", NUMBER, "Friedman's statistic", "where there is no test"),
+        ("p_value", NUMBER, "of the Friedman test", "where there is no test"),
         ("note", TEXT, "the outcome in words, or why there is no test"),
-        optional=("statistic", "p_value"),
     ),
     "summary": _summary,
     "posthoc": _schema(
@@ -188,9 +175,8 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         ("target", NUMBER, "the area that this is"),
         ("n", INTEGER, "runs"),
         ("n_reached", INTEGER, "runs with a recorded front of at least this area"),
-        ("evaluations_median", NUMBER, "median evaluations to it, of all runs; missing if endless"),
-        ("seconds_median", NUMBER, "median of the algorithm's own time to it; missing if endless"),
-        optional=("evaluations_median", "seconds_median"),
+        ("evaluations_median", NUMBER, "median evaluations to it, of all runs", "if endless"),
+        ("seconds_median", NUMBER, "median of the algorithm's own time to it", "if endless"),
     ),
     "missions": _schema(
         _MISSION,
@@ -201,25 +187,23 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         ("robots", INTEGER, "robots of the team"),
         ("total_reward", NUMBER, "sum of the nodes' rewards"),
         *_LIMITS,
-        ("bound_area", NUMBER, "area that no front exceeds; missing where there is no bound"),
-        ("bound_seconds", NUMBER, "how long that bound was computed; missing where there is none"),
-        optional=("max_length", "bound_area", "bound_seconds"),
+        ("bound_area", NUMBER, "area that no front exceeds", "where there is no bound"),
+        ("bound_seconds", NUMBER, "how long that bound was computed", "where there is none"),
         further="one for each parameter in a grid; `grid_NAME` where there is a NAME above",
     ),
     "algorithms": _schema(
         ("algorithm", TEXT, "label of the algorithm in the study file"),
         ("name", TEXT, "name by which it is registered, or module:Class"),
         ("family", TEXT, "label of its entry in the study file, before grids are expanded"),
-        ("package", TEXT, "package that it is from"),
-        ("version", TEXT, "version of that package"),
-        optional=("package", "version"),
+        ("package", TEXT, "package that it is from", "for code of your own"),
+        ("version", TEXT, "version of that package", "for code of your own"),
         further="one for each parameter that is given to any, or in which those that have it "
         "differ; `parameter_NAME` where there is a NAME above",
     ),
     "environments": _schema(
         ("environment", TEXT, "digest of the other columns"),
         ("botohe_moo", TEXT, "version of this package"),
-        ("commit", TEXT, "commit of its source, with + where it was changed; missing if installed"),
+        ("commit", TEXT, "commit of its source, with + where it was changed", "if installed"),
         ("python", TEXT, "version"),
         ("packages", TEXT, "versions of the packages that compute, as name==version"),
         ("system", TEXT, "operating system"),
@@ -227,7 +211,6 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         ("processor", TEXT, "model of the processor"),
         ("n_cpus", INTEGER, "processors that may be used"),
         ("threads", TEXT, "settings of thread pools, as NAME=VALUE"),
-        optional=("commit",),
     ),
 }
 

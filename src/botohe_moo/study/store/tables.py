@@ -132,15 +132,11 @@ class StudyTables:
         A row for each mission and algorithm that lacks some. They were not performed yet, or the
         study was stopped.
         """
-        n_seeds = len(self.manifest["seeds"])
-        n_runs: Any = self.runs.groupby(["mission", "algorithm"]).size()
-        rows = [
-            (mission, algorithm, n_seeds - int(n_runs.get((mission, algorithm), 0)))
-            for mission in self.mission_labels
-            for algorithm in self.algorithm_labels
-        ]
-        table = pd.DataFrame(rows, columns=["mission", "algorithm", "missing"])
-        return table[table["missing"] > 0].reset_index(drop=True)
+        labels = [self.mission_labels, self.algorithm_labels]
+        cells = pd.MultiIndex.from_product(labels, names=["mission", "algorithm"])
+        n_runs: Any = self.runs.groupby(cells.names).size().reindex(cells, fill_value=0)
+        n_missing: pd.Series[int] = len(self.manifest["seeds"]) - n_runs
+        return n_missing[n_missing > 0].reset_index(name="missing")
 
     @property
     def missing_bounds(self) -> list[str]:
@@ -258,7 +254,10 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
     for name in SCHEMAS:
         path = folder / f"{name}.parquet"
         try:
-            table = _read_parquet(path)
+            # Without threads: those of Arrow may still hold a file when Python ends, and abort it
+            # (apache/arrow issues 34314 and 50482).
+            data = pa.BufferReader(read_bytes(path))
+            table = pq.read_table(data, use_threads=False, pre_buffer=False)
             metadata = table.schema.metadata
             made_from.add(metadata[_MADE_FROM])
             manifest = metadata.get(_MANIFEST, manifest)
@@ -272,10 +271,3 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
     if len(made_from) > 1:
         raise StudyError(f"{folder}: its tables are of several moments. {remedy}")
     return StudyTables(folder, json.loads(manifest), **tables)
-
-
-def _read_parquet(path: Path) -> pa.Table:
-    # Without threads: those of Arrow may still hold a file when Python ends, and abort it
-    # (apache/arrow issues 34314 and 50482).
-    data = pa.BufferReader(read_bytes(path))
-    return pq.read_table(data, use_threads=False, pre_buffer=False)
