@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping
@@ -257,8 +259,9 @@ class Solution:
 
     def _write_tables(self, folder: Path) -> None:
         """Write the tables, and remove the other files of an earlier search."""
-        front = self.table.to_csv(index=False, lineterminator="\n")
-        tables = {"front.csv": front.encode(), "plans.json": self.to_json().encode()}
+        front = io.StringIO()  # not by pandas, whose import a printed front should not wait for
+        csv.writer(front, lineterminator="\n").writerows([COLUMNS, *self.rows()])
+        tables = {"front.csv": front.getvalue().encode(), "plans.json": self.to_json().encode()}
         with contextlib.suppress(ValueError):
             tables["mission.json"] = write_node_link(mission_content(self.mission))
         for name in FILES:
