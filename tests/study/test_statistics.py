@@ -4,7 +4,6 @@ import itertools
 import math
 import re
 import warnings
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,6 +13,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from botohe_moo.indicators import INDICATORS, TIE
+from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.judge.comparisons import (
     compare_algorithms,
     compare_ranks,
@@ -468,13 +468,22 @@ class TestRanks:
         assert len(ranked(FIVE, indicator="front_size")) == 0
 
 
+class Most:
+    """A bound of a given area."""
+
+    gap_of_area = FrontBound.gap_of_area
+
+    def __init__(self, area):
+        self.area = area
+
+
 def pipeline(missions, algorithms, found, *, control=None, level=0.05, bounds=None):
     runs, final = tables(found)
     references = reference_fronts(runs, final)
     known = dict.fromkeys(missions, quay())
     scores = score_runs(runs, final, references, missions=known, indicators=list(INDICATORS))
     options = {"algorithms": algorithms, "significance": level}
-    most = {mission: SimpleNamespace(area=area) for mission, area in (bounds or {}).items()}
+    most = {mission: Most(area) for mission, area in (bounds or {}).items()}
     made = {
         "comparisons": compare_algorithms(scores, runs=runs, control=control, **options),
         "ranks": rank_algorithms(scores, **options),
