@@ -199,6 +199,14 @@ class TestInsidePymoo:
                 Blind(museum), BOACO(sampling=[TrailPlan([[0, 10**6, 0], [0], [0]])]), ("n_gen", 1)
             )
 
+    def test_equality_constraints_are_refused(self, museum):
+        problem = BOTOHE(museum)
+        problem.n_eq_constr = 1
+        with pytest.raises(
+            ValueError, match="without equality constraints, which BOACO would ignore"
+        ):
+            minimize(problem, BOACO(), ("n_gen", 1))
+
     @pytest.mark.parametrize("per_robot", [False, True])
     def test_plans_to_start_from_deposit_in_the_first_iteration(self, museum, per_robot):
         trail = [1, 2, 21, 27, 25, 27, 21, 2, 1]

@@ -445,5 +445,5 @@ def test_what_outcomes_refuse(harbour):
             function(harbour, other)
         with pytest.raises(TypeError, match="expected a TrailPlan"):
             function(harbour, [["dock"], ["dock"]])
-        with pytest.raises(ValueError, match="expected non-negative integer"):
+        with pytest.raises(ValueError, match=r"^Expected random_state to be None, an integer >= 0"):
             function(harbour, plan, random_state=-1)

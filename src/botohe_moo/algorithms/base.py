@@ -122,7 +122,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         ----------
         problem
             A :class:`BOTOHE`. A TypeError is raised for another problem, and for one that overrides
-            what kernels compute.
+            what kernels compute; a ValueError for equality constraints.
         **kwargs
             pymoo's own: ``termination``, ``seed``, ... A ValueError is raised for a budget of less
             than one evaluation.
@@ -137,6 +137,11 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
                 found = f"{type(problem).__name__} overrides {method}"
                 raise TypeError(f"{found}, which {type(self).__name__} does not call: {why}")
         check_n_objectives(self, problem, 2)
+        if problem.n_eq_constr > 0:
+            raise ValueError(
+                f"Expected a problem without equality constraints, which {type(self).__name__} "
+                f"would ignore, got {problem.n_eq_constr} in {problem.name()}."
+            )
         return super().setup(problem, **kwargs)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:

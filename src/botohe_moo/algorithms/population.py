@@ -68,8 +68,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     crossover
         ``exchange``, ``splice``, a mapping from these to weights, or a pymoo crossover.
     mutation
-        ``home``, ``moves``, ``ruin``, ``share``, a mapping from these to weights, or a pymoo
-        mutation.
+        ``moves``, ``ruin``, ``share``, a mapping from these to weights, or a pymoo mutation.
     repair
         How drafts of operators become valid plans: ``safest-path``, ``truncate``, ``penalty`` (not
         at all; faults count as constraint violation), or a :class:`PlanRepair`. Operators that are

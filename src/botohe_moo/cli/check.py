@@ -65,5 +65,6 @@ def _tell_results(results: list[CheckResult]) -> None:
             tell("")
             tell(paragraph(f"{result.rule}: {result.message}."))
             tell(paragraph(f"To keep it: {result.remedy}"))
-    counts = Counter(result.status for result in results)
-    tell("\n" + ", ".join(f"{n} {status}" for status, n in counts.items()))
+    counts: Counter[str] = Counter(result.status for result in results)
+    shown = (status for status in ("passed", "failed", "not run") if counts[status])
+    tell("\n" + ", ".join(f"{counts[status]} {status}" for status in shown))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo._base.checks import check_integer, check_number, quoted
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.decide.judging import Candidates
 from botohe_moo.kernels.plans import evaluate as kernels
@@ -83,6 +83,8 @@ def robustness(
     """
     import pandas as pd
 
+    if not isinstance(factors, Iterable) or isinstance(factors, str):
+        raise ValueError(f"Expected factors to be a sequence of numbers, got {quoted(factors)}.")
     factors = [check_number("each of factors", factor, above=0) for factor in factors]
     spread = check_number("spread", spread, at_least=0)
     n_scenarios = check_integer("n_scenarios", n_scenarios, at_least=1)

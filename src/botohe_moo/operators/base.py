@@ -1,6 +1,6 @@
 """What operators share: their parts, and drawing one of several."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -28,6 +28,11 @@ class Mixture(Generic[Part]):
     def __init__(
         self, what: str, kind: type[Any], parts: Sequence[Part] | Mapping[Part, float]
     ) -> None:
+        if isinstance(parts, str) or not isinstance(parts, Iterable):
+            raise TypeError(
+                f"Expected a sequence of {kind.__name__}s or a mapping from them to weights, got "
+                f"{parts!r}."
+            )
         self.parts: tuple[Part, ...] = tuple(parts)
         if not self.parts:
             raise ValueError(f"Expected at least one {what}, got none.")

@@ -46,14 +46,15 @@ class Distribution:
 
     def __post_init__(self) -> None:
         values, probabilities = np.array(self.values, float), np.array(self.probabilities, float)
-        fit = values.ndim == 1 and values.shape == probabilities.shape
-        ascend = np.isfinite(values).all() and (np.diff(values) > 0).all()
-        sum_to_1 = (probabilities > 0).all() and abs(probabilities.sum() - 1) < 1e-9
-        if not (fit and ascend and sum_to_1):
+        if values.ndim != 1 or values.size == 0 or values.shape != probabilities.shape:
             raise ValueError(
-                "Expected finite values that ascend, at least one, and as many probabilities as "
-                f"values, above 0, which sum to 1, got {values} and {probabilities}."
+                f"Expected as many probabilities as values, at least one, got the shapes "
+                f"{probabilities.shape} and {values.shape}."
             )
+        if not (np.isfinite(values).all() and (np.diff(values) > 0).all()):
+            raise ValueError(f"Expected finite values that ascend, got {values}.")
+        if not ((probabilities > 0).all() and abs(probabilities.sum() - 1) < 1e-9):
+            raise ValueError(f"Expected probabilities above 0 that sum to 1, got {probabilities}.")
         for name, array in (("values", values), ("probabilities", probabilities)):
             array.setflags(write=False)
             object.__setattr__(self, name, array)

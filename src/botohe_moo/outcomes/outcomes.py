@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from botohe_moo._base.checks import check_integer
+from botohe_moo._base.checks import ParameterError, check_integer, quoted
 from botohe_moo._base.types import FloatArray, Rng
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes.distribution import Distribution
@@ -243,7 +243,7 @@ def reward_distribution(
     max_outcomes = check_integer("max_outcomes", max_outcomes, at_least=1)
     n_samples = check_integer("n_samples", n_samples, at_least=1)
     check_mission(mission).evaluate([plan])
-    generator = np.random.default_rng(random_state)
+    generator = _generator(random_state)
     # Robots are identical, so the result must not depend on the order of their trails.
     ordered = TrailPlan(sorted(plan.trails))
     try:
@@ -295,7 +295,7 @@ def simulate(
 
     n_missions = check_integer("n_missions", n_missions, at_least=1)
     check_mission(mission).evaluate([plan])
-    draws = np.random.default_rng(random_state).random((n_missions, plan.n_robots))
+    draws = _generator(random_state).random((n_missions, plan.n_robots))
     alive, hops = follow(mission, plan).alive, np.empty(draws.shape, np.int64)
     for robot, (start, stop) in enumerate(pairwise(plan.offsets.tolist())):
         hops[:, robot] = np.searchsorted(-alive[start:stop], -draws[:, robot]) - 1
@@ -303,6 +303,15 @@ def simulate(
     frame.insert(0, "reward", _rewards(mission, plan, draws))
     frame.insert(1, "survivors", (hops == np.diff(plan.offsets) - 1).sum(axis=1))
     return frame
+
+
+def _generator(random_state: Seed) -> Rng:
+    try:
+        return np.random.default_rng(random_state)
+    except (TypeError, ValueError):
+        expected = "random_state to be None, an integer >= 0 or a numpy Generator"
+        found = quoted(random_state)
+        raise ParameterError(f"Expected {expected}, got {found}.", "random_state") from None
 
 
 def _rewards(mission: Mission, plan: TrailPlan, draws: FloatArray) -> FloatArray:

@@ -1,6 +1,7 @@
 """Merging the results that several machines have of one study."""
 
 import dataclasses
+import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -93,7 +94,7 @@ def _with_seeds(study: Study, seeds: set[int]) -> Study:
     values = sorted(seeds)
     file = study.file.model_copy(update={"seeds": Seeds(values=values)})
     # JSON is YAML, too, and never takes a text for a number.
-    text = file.model_dump_json(exclude_defaults=True, indent=1)
+    text = json.dumps(file.model_dump(mode="json", exclude_defaults=True), indent=1)
     return dataclasses.replace(study, file=file, text=f"{text}\n", seeds=tuple(values))
 
 

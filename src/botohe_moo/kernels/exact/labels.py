@@ -183,9 +183,10 @@ def add_label(search: LabelSearch) -> None:
     labels, current = search.labels, search.current
     n = search.progress[0].n_labels
     search.progress[0].n_labels += 1
-    labels.rows[n] = current.row[0]
-    row = labels.rows[n]
-    row.key = _key_of(search)
+    # By their fields: copying records whole goes byte by byte.
+    row, copied = labels.rows[n], current.row[0]
+    row.parent, row.arc, row.node = copied.parent, copied.arc, copied.node
+    row.alive, row.length, row.key = copied.alive, copied.length, _key_of(search)
     for goal in range(current.reached.shape[0]):
         labels.reached[n, goal] = current.reached[goal]
     for word in range(current.bits.shape[0]):

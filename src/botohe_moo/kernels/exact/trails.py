@@ -88,7 +88,8 @@ def _begin(search: LabelSearch) -> None:
 def _copy_label(search: LabelSearch, label: int) -> None:
     """Make a label of the table the current one."""
     labels, current = search.labels, search.current
-    current.row[0] = labels.rows[label]
+    row, copied = current.row[0], labels.rows[label]
+    row.node, row.alive, row.length = copied.node, copied.alive, copied.length
     for arc in range(current.used.shape[0]):
         current.used[arc] = has(labels.used[label], arc)
     for goal in range(current.reached.shape[0]):
@@ -130,8 +131,7 @@ def _extend(search: LabelSearch, parent: int, arc: int) -> None:
     if is_dominated(search, -1):
         return
     if is_fresh or (node == graph.base and rule.short is not None):
-        length = _go_home(search)
-        if home >= rule.limits.min_survival and length <= rule.limits.max_length:
+        if home >= rule.limits.min_survival and _go_home(search) <= rule.limits.max_length:
             _add_trail(trails, search.progress, parent, arc, current.column, home)
         look_ahead(search)  # the way home has been written over the prospects
     if survives <= 0.0 or survives < rule.limits.min_survival * (1.0 - ROUNDING):

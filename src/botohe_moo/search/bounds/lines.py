@@ -54,6 +54,7 @@ class Lines:
         self._found: list[tuple[Line, Prices | None]] = [
             (self._line(everything, 0.0, "everything"), None)
         ]
+        self._made: Master | None = None
         self.others: list[Lines] = []
 
     @property
@@ -66,10 +67,12 @@ class Lines:
         """The robots that move, as prices see them."""
         return PricedTeam(self.relaxation.net, self.n_robots, self.pool.n_levels)
 
-    @cached_property
+    @property
     def _master(self) -> Master:
         """The linear programme, which is large, and made when it is needed."""
-        return Master(self.team, self.relaxation.total)
+        if self._made is None:
+            self._made = Master(self.team, self.relaxation.total)
+        return self._made
 
     def _line(self, most: float, mu: float, proof: LineProof) -> Line:
         """Return a line that is raised by what rounding may have taken from sums over nodes."""
@@ -125,8 +128,8 @@ class Lines:
         """Drop trails that break the rules of relaxed trails, since these remember more."""
         for number in self.pool.drop_forbidden(self.relaxation.allows):
             for lines in (self, *self.others):
-                if "_master" in vars(lines):  # it has been made
-                    lines._master.drop(number)
+                if lines._made is not None:
+                    lines._made.drop(number)
 
     def look_ahead(self, prices: Prices, n_levels: int) -> Ahead:
         """Bound all trails under prices, on a grid of ``n_levels`` or a few more."""

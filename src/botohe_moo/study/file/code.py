@@ -64,7 +64,8 @@ def stated_bounds(mission: StudyMission, path: str) -> tuple[float, float]:
         return largest_objectives(tuple(given))
     except Exception as error:
         what = f"objective_bounds of {type(problem).__name__}"
-        raise ValueError(f"{what}: {type(error).__name__}: {error}".rstrip(".")) from error
+        said = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+        raise ValueError(f"{what}: {said}".rstrip(".")) from error
 
 
 def refusal(problem: BOTOHE, algorithm: str, parameters: dict[str, Any]) -> str | None:
