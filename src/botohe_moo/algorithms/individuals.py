@@ -94,8 +94,6 @@ class ManyObjectiveArchive:
         self, batch: PlanBatch, objectives: FloatArray, individuals: Sequence[Individual]
     ) -> None:
         """Insert evaluated plans that the archive does not dominate, each plan once."""
-        import pandas as pd
-
         del batch, objectives  # pymoo's individuals have both
         first = {each.X[0]: each for each in [*self._members, *individuals][::-1]}
         candidates = Population.create(*[*first.values()][::-1])
@@ -103,8 +101,12 @@ class ManyObjectiveArchive:
         kept = moocore.is_nondominated(F, keep_weakly=True)
         candidates, F = candidates[kept], F[kept]
         # Of plans with equal objectives, the first ``max_ties`` stay.
-        rank = pd.DataFrame(F).groupby([*range(F.shape[1])], sort=False).cumcount()
-        self._members = candidates[rank.to_numpy() < self.max_ties]
+        _, groups = np.unique(F, axis=0, return_inverse=True)
+        by_group = np.argsort(groups, kind="stable")
+        starts = np.searchsorted(groups[by_group], groups[by_group])
+        rank = np.empty(len(F), np.int64)
+        rank[by_group] = np.arange(len(F)) - starts
+        self._members = candidates[rank < self.max_ties]
 
     def add(self, infills: Population) -> Self:  # noqa: ARG002
         """Return the archive itself, as :meth:`PopulationArchive.add` does."""
