@@ -938,7 +938,7 @@ class TestImport:
     def test_the_mission_and_its_file(self, refused):
         args = ["missions", "import", *self.ARGS]
         message = refused(*args, "--out", "site.json")
-        assert message.startswith("botohe: The mission of nodes.csv and arcs.csv has 60 faults:")
+        assert message.startswith("botohe: The mission has 60 faults:")
         assert "--both-ways" in message
         message = refused(*args, "--both-ways", "--out", "site.txt")
         assert "site.txt: expected a file name that ends in one of .json, .graphml" in message

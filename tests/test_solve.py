@@ -33,8 +33,9 @@ from botohe_moo import (
     save_mission,
     solve,
 )
+from botohe_moo._base.signals import hold_signals
 from botohe_moo.solution import PictureError, Solution
-from botohe_moo.solving import RefusalError, hold_interrupt
+from botohe_moo.solving import RefusalError
 from tests.examples import examples
 from tests.strategies import missions_with_plans
 
@@ -287,7 +288,7 @@ class TestInterrupt:
 
     def test_what_is_to_be_ignored_stays_ignored(self):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        with hold_interrupt() as pressed:
+        with hold_signals(signal.SIGINT) as pressed:
             assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
             signal.raise_signal(signal.SIGINT)
         assert not pressed.is_set()

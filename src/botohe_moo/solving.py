@@ -4,8 +4,8 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from typing import Any
 
 import moocore
@@ -13,6 +13,7 @@ import numpy as np
 from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._base.checks import check_integer
+from botohe_moo._base.signals import hold_signals
 from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.indicators import area_indicator
@@ -166,7 +167,7 @@ def search(
         return area_indicator(_front(algorithm)[0], mission)
 
     startup: dict[str, Any] = {}
-    with hold_interrupt() if stop is None else nullcontext(stop) as stop:
+    with hold_signals(signal.SIGINT) if stop is None else nullcontext(stop) as stop:
         going_on = True
         while going_on:  # at least once, so that something is found however soon it is stopped
             try:
@@ -199,32 +200,6 @@ def search(
         **{**record, "algorithm": name},
         **startup,
     )
-
-
-@contextmanager
-def hold_interrupt() -> Iterator[threading.Event]:
-    """Let Ctrl-C set an event instead of breaking off; pressed again, it breaks off as usual.
-
-    Nothing changes outside the main thread, which alone may handle signals, and where Ctrl-C is
-    ignored, as for jobs in the background.
-    """
-    pressed = threading.Event()
-    usual = signal.getsignal(signal.SIGINT)
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    if not in_main_thread or usual is None or usual is signal.SIG_IGN:
-        yield pressed
-        return
-
-    def note(*_: object) -> None:
-        # Not the usual handler, which may end the process at once, without any cleaning up.
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        pressed.set()
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield pressed
-    finally:
-        signal.signal(signal.SIGINT, usual)
 
 
 def _front(algorithm: Algorithm) -> tuple[FloatArray, tuple[TrailPlan, ...]]:

@@ -233,7 +233,9 @@ class TestBadInput:
 
     def test_the_file_has_to_be_a_page(self, folder):
         solution = read_solution(folder)
-        with pytest.raises(ValueError, match=r"page.pdf: expected a file name that ends in .html"):
+        with pytest.raises(
+            ValueError, match=r"page.pdf: expected a file name that ends in one of .html, .htm"
+        ):
             explore(solution, folder / "page.pdf")
         with pytest.raises(FileNotFoundError, match="nowhere"):
             explore(solution, folder / "nowhere" / "page.html")

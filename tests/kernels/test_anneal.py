@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from botohe_moo.kernels.anneal.schedule import AnnealRule, anneal, new_records, new_state
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.plans.change import MoveRule
-from botohe_moo.kernels.plans.moves import new_move_scratch
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import load_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -37,12 +36,10 @@ class Search:
             "cooling": 1.0,
             "returning": 0.0,
             "record": True,
-            "detours": True,
             **options,
         }
         random = seed_states(np.random.default_rng(seed), 1)
-        detours = self.options["detours"]
-        self.state = new_state(mission.arrays, mission.robots, random, detours=detours)
+        self.state = new_state(mission.arrays, mission.robots, random)
         self.state.temperature[0] = temperature
         self.state.best_score[0] = self.score(self.state.best_objectives)
         self.records = new_records(mission.robots, 2_000, 100_000)
@@ -318,27 +315,6 @@ def test_the_first_plan_evaluated_is_the_best_where_there_was_none():
     search.run(1)
     assert search.best_trails != ((0,),) * 3
     assert search.state.best_objectives[1] < 3
-
-
-@pytest.mark.parametrize("every_robot", [False, True])
-def test_a_search_that_comes_upon_a_detour_goes_on_with_scratch_for_it(every_robot):
-    """No step is lost or made twice, and no random number."""
-    mission = load_mission("toy")
-    kinds = np.array([1.0, 0, 0, 0, 0, 0, 0, 0, 0.02])
-    whole, lazy = (
-        Search(mission, seed=4, kinds=kinds, detours=detours, every_robot=every_robot)
-        for detours in (True, False)
-    )
-    batch, objectives = whole.run(200)
-    made = -1 - lazy.steps(200)
-    assert 0 < made < 200
-    moves = new_move_scratch(mission.arrays, detours=True)
-    lazy.state = lazy.state._replace(moves=moves)
-    assert lazy.steps(200 - made) == 200 - made
-    again, found = lazy.recorded()
-    assert again.nodes.tolist() == batch.nodes.tolist()
-    assert found.tolist() == objectives.tolist()
-    assert lazy.trails == whole.trails
 
 
 def test_a_search_stops_where_no_plan_can_be_recorded():

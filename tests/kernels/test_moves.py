@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 
 from botohe_moo.kernels.compile import kernel
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
-from botohe_moo.kernels.plans import change as changes
 from botohe_moo.kernels.plans import moves
-from botohe_moo.kernels.plans.change import MoveRule, change_plans
-from botohe_moo.kernels.plans.moves import mark_trail, new_move_scratch
+from botohe_moo.kernels.plans.change import MoveRule, _take_detour, change_plans
+from botohe_moo.kernels.plans.moves import DETOUR, mark_trail, move_trail, new_move_scratch
 from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import Mission, load_mission
@@ -204,7 +203,9 @@ def agree(counted, expected, n_times):
 
 @kernel
 def move(graph, scratch, nodes, length, kind, states):
-    return changes._move(graph, scratch, scratch.paths, nodes, length, kind, states)
+    if kind == DETOUR:
+        return _take_detour(graph, scratch, nodes, length, states)
+    return move_trail(graph, scratch, nodes, length, kind, states)
 
 
 @pytest.mark.slow
@@ -213,7 +214,7 @@ def test_one_move_has_the_outcomes_of_the_twin(kind):
     mission = crossroads()
     graph, n_times = mission.arrays, 3_000
     states = seed_states(np.random.default_rng(1), 1)
-    scratch = new_move_scratch(graph, detours=True)
+    scratch = new_move_scratch(graph)
     makeable = 0
     for trail in TRAILS:
         expected = Moves(mission).outcomes(kind, trail)
@@ -374,24 +375,3 @@ def test_no_plans():
     nodes, offsets = change(mission, mission.batch([]))
     assert nodes.tolist() == []
     assert offsets.tolist() == [0]
-
-
-@pytest.mark.parametrize("every_robot", [False, True])
-def test_plans_that_come_upon_a_detour_are_changed_as_they_would_be(monkeypatch, every_robot):
-    mission = load_mission("art_museum")
-    batch = mission.batch([mission.plan([[1, 2, 1], [1], [1, 2, 8, 2, 1]])] * 100)
-    weights = np.array([1, 0, 0, 0, 0, 0, 0, 0, 0.02])
-    made = []
-
-    def scratch(graph, *, detours):
-        made.append(detours)
-        return new_move_scratch(graph, detours=detours)
-
-    monkeypatch.setattr(changes, "new_move_scratch", scratch)
-    lazy = change(mission, batch, weights=weights, every_robot=every_robot)
-    assert made == [False, True]
-    monkeypatch.setattr(changes, "needs_detours", lambda _: True)
-    usual = change(mission, batch, weights=weights, every_robot=every_robot)
-    assert made == [False, True, True]
-    for one, other in zip(lazy, usual, strict=True):
-        assert one.tolist() == other.tolist()

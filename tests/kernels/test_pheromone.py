@@ -16,11 +16,9 @@ from botohe_moo.kernels.colony.pheromone import (
     learn,
 )
 from botohe_moo.kernels.colony.weighing import Weights
-from botohe_moo.kernels.graph.graph import roads_of
 
 N_ROBOTS = 2
 GRAPH = load_mission("complete", nodes=4).arrays
-LINKS = roads_of(GRAPH)
 N_ARCS = GRAPH.n_arcs + 1  # the base's self-loop, which ends every trail, is the last
 
 
@@ -93,7 +91,7 @@ def test_learn(batch, chosen, archived, n_maps, evaporation, pooled, seed):
     iteration, archive = depositors(batch, members), depositors(archived)
     pheromone, weights = new_pheromone(levels, 0.5, -0.5)
     pheromone.deposits[:], pheromone.archive_deposits[:] = 7.0, 7.0  # of iterations before
-    learn(LINKS, iteration, archive, True, evaporation, pooled, pheromone, weights)
+    learn(GRAPH, iteration, archive, True, evaporation, pooled, pheromone, weights)
     for (m, arc), levels_expected in expected.items():
         assert pheromone.levels[m, arc] == pytest.approx(levels_expected, rel=1e-12)
     assert weights.log_reward == pytest.approx(np.log(pheromone.levels[..., 0]) + 0.5)
@@ -106,7 +104,7 @@ def test_what_the_archive_deposits_is_kept_as_long_as_it_is_the_same():
     archive = depositors([((2.0, 1.0), [[0], [0]])])
     pheromone, weights = new_pheromone(levels.copy())
     for is_new in (True, False, False):
-        learn(LINKS, nobody, archive, is_new, 0.0, False, pheromone, weights)
+        learn(GRAPH, nobody, archive, is_new, 0.0, False, pheromone, weights)
         archive = archive._replace(objectives=np.full((1, 2), 9.0))
     assert np.array_equal(pheromone.levels[0, :-1], levels[0, :-1])
     assert pheromone.levels[0, -1] == pytest.approx(levels[0, -1] + 3 * 2 * np.array([2.0, 1.0]))
@@ -117,7 +115,7 @@ def test_pheromone_never_vanishes():
     plans = depositors([((1.0, 1.0), [[0], [0]])])
     pheromone, weights = new_pheromone(np.full((1, N_ARCS, 2), 1e-249), -3.0, 0.5)
     for _ in range(10_000):
-        learn(LINKS, plans, plans, True, 0.5, False, pheromone, weights)
+        learn(GRAPH, plans, plans, True, 0.5, False, pheromone, weights)
     assert (pheromone.levels[0, :-1] == LEAST).all()
     assert (pheromone.levels[0, -1] > 1).all()
     assert weights.log_reward[0, 0] == pytest.approx(math.log(LEAST) - 3)

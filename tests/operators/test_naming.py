@@ -179,8 +179,8 @@ def test_what_cannot_be_had_is_one_error(install):
     install("sand", both="Wave")
     for given, message in [
         ({"mutation": {"tid": 1}}, "Expected mutation among tide, .*ruin.*, got 'tid'"),
-        ({"mutation": "splice"}, "'splice': expected a class derived from pymoo's Mutation"),
-        ({"crossover": "tide"}, "'tide': expected a class derived from pymoo's Crossover"),
+        ({"mutation": "splice"}, "Expected mutation among .*ruin.*, got 'splice'"),
+        ({"crossover": "tide"}, "Expected crossover among .*splice.*, got 'tide'"),
         ({"crossover": "reef:Raft"}, "'reef:Raft': it is not called, because it does not state"),
         ({"mutation": "odd"}, "'odd': expected an object of type Mutation, got Swap"),
         ({"mutation": "gone"}, "'gone': reef:Gone of package reef cannot be imported"),

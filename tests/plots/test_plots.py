@@ -504,5 +504,5 @@ def test_all_formats_are_written_and_leave_the_settings_of_matplotlib(tmp_path):
     assert png.startswith(b"\x89PNG")
     assert pdf.startswith(b"%PDF")
     assert ET.fromstring(svg).tag.endswith("svg")
-    with pytest.raises(ValueError, match=r"ends in '\.png', '\.pdf' or '\.svg', got .*jpg"):
+    with pytest.raises(ValueError, match=r"ends in one of \.png, \.pdf, \.svg; found .*jpg"):
         save_plot(PICTURES["front"](None), tmp_path / "a.jpg")

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pytest
 
 from botohe_moo import BOTOHE, area_indicator, load_mission
+from botohe_moo._base.signals import hold_signals
 from botohe_moo.mission.formats.files import save_mission
 from botohe_moo.study import make_tables, read_study, run_study, runner
 from botohe_moo.study.file.loading import load_study
@@ -21,7 +22,6 @@ from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.judge import collect
 from botohe_moo.study.run.perform import warm_up
 from botohe_moo.study.run.pool import WorkerPool
-from botohe_moo.study.runner import hold_signals
 from botohe_moo.study.store import folder as run_folder
 from botohe_moo.study.store import tables as table_files
 from botohe_moo.study.store.folder import StudyFolder, restore_study
@@ -516,10 +516,11 @@ class TestFolder:
 def test_signals_are_held_once_and_those_that_are_ignored_stay_so():
     """``nohup`` lets SIGHUP be ignored."""
     usual = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    with hold_signals() as received:
+    with hold_signals(signal.SIGHUP, signal.SIGTERM) as stop:
         signal.raise_signal(signal.SIGHUP)
         signal.raise_signal(signal.SIGTERM)
-        assert received == [signal.SIGTERM]
+        assert stop.is_set()
+        assert stop.signal == signal.SIGTERM
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGTERM)
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL

@@ -7,7 +7,7 @@ import os
 import secrets
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 
@@ -76,6 +76,20 @@ def check_parent(path: Path) -> None:
         raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(folder))
     if not folder.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "expected a folder, found a file", str(folder))
+
+
+def suffix_fault(path: Path, known: Collection[str]) -> str:
+    """Describe the fault of a file's name that has none of the ``known`` suffixes; else empty."""
+    if path.suffix.lower() in known:
+        return ""
+    found = f"the suffix {path.suffix!r}" if path.suffix else "no suffix"
+    return f"expected a file name that ends in one of {', '.join(known)}; found {found}"
+
+
+def check_suffix(path: Path, known: Collection[str]) -> None:
+    """Refuse, with a ValueError, a file name that has none of the ``known`` suffixes."""
+    if fault := suffix_fault(path, known):
+        raise ValueError(f"{path}: {fault}.")
 
 
 def check_file(path: Path) -> None:

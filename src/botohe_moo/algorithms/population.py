@@ -35,6 +35,7 @@ from botohe_moo.operators.repair import PenaltyOnly, PlanDuplicates, PlanRepair
 from botohe_moo.operators.wiring import (
     DEFAULT_CROSSOVER,
     DEFAULT_MUTATION,
+    Named,
     make_crossover,
     make_mutation,
     make_repair,
@@ -131,14 +132,10 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         self,
         arguments: Mapping[str, Any] = MappingProxyType({}),
         *,
-        sampling: str
-        | Mapping[str, float]
-        | Sampling
-        | Iterable[TrailPlan]
-        | ObjectArray = "guided",
+        sampling: Named | Sampling | Iterable[TrailPlan] | ObjectArray = "guided",
         corners: bool = True,
-        crossover: str | Mapping[str, float] | Crossover = DEFAULT_CROSSOVER,
-        mutation: str | Mapping[str, float] | Mutation = DEFAULT_MUTATION,
+        crossover: Named | Crossover = DEFAULT_CROSSOVER,
+        mutation: Named | Mutation = DEFAULT_MUTATION,
         repair: str | PlanRepair = "safest-path",
         prob_crossover: Probability = 0.9,
         prob_mutation: Probability = 0.7,

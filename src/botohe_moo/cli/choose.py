@@ -88,16 +88,16 @@ def choose_plan(
     written. It is 2 for bad input, and if the file cannot be written.
     """
     with failing():
-        from botohe_moo._base.files import check_file
+        from botohe_moo._base.files import check_file, check_suffix
         from botohe_moo.decide.choosing import taken
-        from botohe_moo.decide.export import check_plan_file
+        from botohe_moo.decide.export import PLAN_FORMATS
         from botohe_moo.decide.fronts import check_row
         from botohe_moo.solution import read_solution
 
         asked = {"wishes": bool(wish), "--toward": toward is not None, "--plan": plan is not None}
         _check_options(asked, most, out)
         if out is not None:
-            check_plan_file(out, also=_PICTURES)
+            check_suffix(out, [*PLAN_FORMATS, *_PICTURES])
             check_file(out)
             _check_not_of_solution(folder, out)
         solution = read_solution(folder)

@@ -172,24 +172,21 @@ def import_mission(
     Labels are texts. Names of columns may be in upper or lower case; further columns become
     attributes. What is wrong is named by file and row.
     """
-    from botohe_moo.mission import MissionError, mission_from_tables, save_mission
+    from botohe_moo.mission import mission_from_tables, save_mission
     from botohe_moo.mission.formats.tables import read_table
 
     with failing():
-        tables = read_table(nodes), read_table(arcs)
-        try:
-            loaded = mission_from_tables(
-                *tables,
-                base=base,
-                robots=robots,
-                both_ways=both_ways,
-                max_length=max_length,
-                name=out.stem,
-                title=title,
-            )
-            if lengths_from_pos:
-                loaded = loaded.with_lengths_from_pos()
-        except MissionError as error:
-            raise MissionError(list(error.faults), f"The mission of {nodes} and {arcs}") from None
+        loaded = mission_from_tables(
+            read_table(nodes),
+            read_table(arcs),
+            base=base,
+            robots=robots,
+            both_ways=both_ways,
+            max_length=max_length,
+            name=out.stem,
+            title=title,
+        )
+        if lengths_from_pos:
+            loaded = loaded.with_lengths_from_pos()
         save_mission(loaded, out)
     tell(f"wrote {out}: {brief(loaded, loaded.max_length)}")

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NoReturn, TextIO
 
 import typer
 
+from botohe_moo._base.signals import hold_signals
 from botohe_moo._base.words import counted
 
 if TYPE_CHECKING:
@@ -125,7 +126,6 @@ def stoppable(answer: str) -> Iterator[threading.Event]:
     minutes. Kernels hold no lock, though, and a signal is written to the wakeup descriptor at once:
     another thread reads it.
     """
-    from botohe_moo.solving import hold_interrupt
 
     def wait() -> None:
         while (came := os.read(reader, 1)) and came[0] != signal.SIGINT:
@@ -136,7 +136,7 @@ def stoppable(answer: str) -> Iterator[threading.Event]:
             with suppress(OSError):
                 os.write(2, line.encode())
 
-    with hold_interrupt() as pressed:
+    with hold_signals(signal.SIGINT) as pressed:
         reader, writer = os.pipe()
         os.set_blocking(writer, False)
         usual = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)

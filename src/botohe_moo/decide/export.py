@@ -6,12 +6,11 @@ import csv
 import io
 import json
 import os
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._base.files import replace_file
-from botohe_moo.mission.formats.files import suffix_fault
+from botohe_moo._base.files import check_suffix, replace_file
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.graphs import given_places
 from botohe_moo.mission.model import Mission, check_mission
@@ -148,18 +147,11 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
     return json.dumps(content, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
 
 
-_WRITERS: dict[str, Callable[[Mission, TrailPlan], str]] = {
+PLAN_FORMATS: dict[str, Callable[[Mission, TrailPlan], str]] = {
     ".json": plan_json,
     ".csv": plan_csv,
     ".geojson": plan_geojson,
 }
-
-
-def check_plan_file(path: str | os.PathLike[str], *, also: Iterable[str] = ()) -> None:
-    """Refuse, with a ValueError, a suffix that is neither a plan's format nor one of ``also``."""
-    known = [*_WRITERS, *also]
-    if Path(path).suffix.lower() not in known:
-        raise ValueError(f"{path}: {suffix_fault(Path(path), known)}.")
 
 
 def write_plan(mission: Mission, plan: TrailPlan, path: str | os.PathLike[str]) -> None:
@@ -192,9 +184,9 @@ def write_plan(mission: Mission, plan: TrailPlan, path: str | os.PathLike[str]) 
     >>> Path("plan.csv").read_text().splitlines()[:2]
     ['robot,step,node,x,y', '0,0,1,0.0,0.5']
     """
-    check_plan_file(path)
     path = Path(path)
-    replace_file(path, _WRITERS[path.suffix.lower()](mission, plan).encode())
+    check_suffix(path, PLAN_FORMATS)
+    replace_file(path, PLAN_FORMATS[path.suffix.lower()](mission, plan).encode())
 
 
 def _feature(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:

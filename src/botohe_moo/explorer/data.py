@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import combinations, pairwise
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,44 +31,15 @@ from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.trails import TrailPlan
 
+if TYPE_CHECKING:
+    from botohe_moo.solution import Solution
+
 MAX_PLANS = 500
 _N_REPRESENTATIVES = 5
 
 
-class Front(Protocol):
-    """A front to explore: a :class:`Solution`."""
-
-    @property
-    def mission(self) -> Mission:
-        """The mission."""
-
-    @property
-    def plans(self) -> tuple[TrailPlan, ...]:
-        """The plans; their places in it are the numbers that the page shows."""
-
-    @property
-    def objectives(self) -> FloatArray:
-        """Their E[R] and E[S] (n_plans, 2)."""
-
-    @property
-    def algorithm(self) -> str:
-        """The algorithm's name."""
-
-    @property
-    def seed(self) -> int:
-        """Its seed."""
-
-    @property
-    def evaluations(self) -> int:
-        """Plans that were evaluated."""
-
-    @property
-    def area(self) -> float:
-        """The front's area indicator."""
-
-
 def page_data(
-    front: Front, wishes: Iterable[str | Wish | Choice] = (), *, max_plans: int = MAX_PLANS
+    front: Solution, wishes: Iterable[str | Wish | Choice] = (), *, max_plans: int = MAX_PLANS
 ) -> dict[str, Any]:
     """Compute the data of the page; plans are in order of ascending reward."""
     if not all(hasattr(front, name) for name in ("mission", "plans", "objectives")):
@@ -221,7 +192,7 @@ def _named(choice: Choice) -> set[int]:
     return {step.index for step in steps if step is not None}
 
 
-def _marks(front: Front, choices: Iterable[Choice]) -> Iterator[tuple[Any, ...]]:
+def _marks(front: Solution, choices: Iterable[Choice]) -> Iterator[tuple[Any, ...]]:
     """Yield the plans that are marked: the kind of mark, row, name, and sentences on why."""
     mission, objectives = front.mission, front.objectives
     for found in choices:

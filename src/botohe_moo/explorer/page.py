@@ -11,14 +11,17 @@ import zlib
 from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jinja2
 
-from botohe_moo._base.files import check_parent, replace_file
+from botohe_moo._base.files import check_parent, check_suffix, replace_file
 from botohe_moo.decide import Choice
 from botohe_moo.decide.wishes import Wish
-from botohe_moo.explorer.data import Front, page_data
+from botohe_moo.explorer.data import page_data
+
+if TYPE_CHECKING:
+    from botohe_moo.solution import Solution
 
 SCRIPTS = ("data", "state", "front", "map", "tables", "files", "main")
 _HEIGHT = 900  # pixels of a frame in a notebook
@@ -26,7 +29,7 @@ _NOTEBOOK_PLANS = 100  # few, since a notebook keeps the page of each output
 
 
 def explore(
-    front: Front, path: str | os.PathLike[str], *, wishes: Iterable[str | Wish | Choice] = ()
+    front: Solution, path: str | os.PathLike[str], *, wishes: Iterable[str | Wish | Choice] = ()
 ) -> Path:
     """Write a page on which to walk along a front, look at its plans and compare them.
 
@@ -72,13 +75,12 @@ def explore(
 def check_page_file(path: str | os.PathLike[str]) -> Path:
     """Refuse a file name that does not end in ``.html``, and one in no folder."""
     path = Path(path)
-    if path.suffix.lower() not in (".html", ".htm"):
-        raise ValueError(f"{path}: expected a file name that ends in .html.")
+    check_suffix(path, (".html", ".htm"))
     check_parent(path)
     return path
 
 
-def explorer_page(front: Front, *, wishes: Iterable[str | Wish | Choice] = ()) -> str:
+def explorer_page(front: Solution, *, wishes: Iterable[str | Wish | Choice] = ()) -> str:
     """Return the page that :func:`explore` writes, as text.
 
     Fronts of more than 500 plans are thinned: the plans stay that dominate the most area alone,
@@ -135,7 +137,7 @@ def _digest(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
-def notebook_frame(front: Front) -> str:
+def notebook_frame(front: Solution) -> str:
     """Return the HTML that shows the page in a notebook, in a frame that cannot reach out of it.
 
     Fronts of more than 100 plans are thinned.

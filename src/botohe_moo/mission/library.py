@@ -10,12 +10,7 @@ import networkx as nx
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
-from botohe_moo._plugins.entry_points import (
-    PluginError,
-    PluginGroup,
-    declared_factory,
-    package_of,
-)
+from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, package_of
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 from botohe_moo._plugins.types import Robots
 from botohe_moo.mission.formats.files import SUFFIXES, read_mission

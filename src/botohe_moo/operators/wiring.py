@@ -12,7 +12,7 @@ from pymoo.core.mutation import Mutation
 from pymoo.core.repair import Repair
 from pymoo.core.sampling import Sampling
 
-from botohe_moo._base.checks import ParameterError, check_weights, nearest_first, quoted
+from botohe_moo._base.checks import ParameterError, check_choice, check_weights, quoted
 from botohe_moo._base.types import ObjectArray, Rng
 from botohe_moo._plugins.entry_points import (
     PluginError,
@@ -59,8 +59,7 @@ def find_operator(kind: str, name: Any) -> Factory:
     used.
     """
     if not isinstance(name, str) or not (is_path(name) or name in _PLUGINS.claims()):
-        known = nearest_first(str(name), _registered(kind))
-        raise ParameterError(f"Expected {kind} among {', '.join(known)}, got {quoted(name)}.", kind)
+        check_choice(kind, name, [*_registered(kind)])
     try:
         if not is_path(name):
             factory = _PLUGINS.load(name)
@@ -68,10 +67,10 @@ def find_operator(kind: str, name: Any) -> Factory:
             raise PluginError("pymoo's own operators do not work on trail plans")
         else:
             factory = declared_factory(name, _PLUGINS, KINDS[kind])
-        if isinstance(factory, type) and not says_it_makes(factory, KINDS[kind]):
-            raise PluginError(f"expected a class derived from pymoo's {KINDS[kind].__name__}")
     except PluginError as error:
         raise ParameterError(f"{_source(kind, name)}: {error}.", kind) from error
+    if isinstance(factory, type) and not says_it_makes(factory, KINDS[kind]):
+        check_choice(kind, name, [*_registered(kind)])
     return factory
 
 

@@ -18,8 +18,7 @@ from botohe_moo.kernels.anneal.schedule import (
     score,
 )
 from botohe_moo.kernels.graph.graph import Limits
-from botohe_moo.kernels.plans.change import MoveRule, needs_detours
-from botohe_moo.kernels.plans.moves import new_move_scratch
+from botohe_moo.kernels.plans.change import MoveRule
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
@@ -72,9 +71,7 @@ class Annealing:
     ) -> None:
         self.mission, self.schedule = mission, schedule
         graph, random = mission.arrays, seed_states(random_state, 1)
-        # Without one-way arcs detours are hardly ever needed, and compile when they are.
-        detours = needs_detours(graph) or limits.bind
-        self.state: AnnealState = new_state(graph, mission.robots, random, detours=detours)
+        self.state: AnnealState = new_state(graph, mission.robots, random)
         longest = mission.robots * (graph.n_arcs + 1)
         self._records = new_records(mission.robots, _RECORDS, _RECORDS * _NODES_EACH + longest)
         # A sweep is the turns of all weights, in each pass once; ``_turn`` of them have begun.
@@ -206,12 +203,7 @@ class Annealing:
         batches, objectives = [], []
         while n_steps > 0:
             records.n_plans[0] = 0
-            n_made = anneal(graph, self._rule, self.state, records, n_steps)
-            if n_made < 0:  # the next step needs scratch for detours
-                n_made = -1 - n_made
-                moves = new_move_scratch(graph, detours=True)
-                self.state = self.state._replace(moves=moves)
-            n_steps -= n_made
+            n_steps -= anneal(graph, self._rule, self.state, records, n_steps)
             n_plans = records.n_plans[0]
             offsets = records.offsets[: n_plans * self.mission.robots + 1].copy()
             nodes = records.nodes[: offsets[-1]].copy()

@@ -20,7 +20,7 @@ from botohe_moo.kernels.colony.pheromone import (
     learn,
 )
 from botohe_moo.kernels.colony.weighing import AntScratch, BuildRule, Weights, new_scratch
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Graph, Limits, roads_of
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Graph, Limits
 from botohe_moo.kernels.graph.paths import Paths, new_budget, new_paths
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
@@ -80,8 +80,6 @@ class Colony:
         self._graph = mission.arrays
         self._budget = new_budget(mission.arrays, limits)
         self._is_careful = not mission.arrays.balanced or limits.bind
-        # Ants that need not look for ways home get less of the graph: it is quicker to hand over.
-        self._roads: Any = mission.arrays if self._is_careful else roads_of(mission.arrays)
         self._states = seed_states(random_state, n_ants)
         self._pheromone = _new_pheromone(mission, rule)
         self._weights = _new_weights(mission.arrays, rule, self._pheromone)
@@ -119,9 +117,8 @@ class Colony:
         """Build the plans of the ants ``begin`` to ``end``, in the thread with number ``part``."""
         n_robots, rule, graph = self.n_robots, self.rule, self._graph
         concurrent = rule.allocation == "concurrent"
-        limits, budget = self.limits, self._budget
         build = BuildRule(
-            n_robots, n_ants, concurrent, rule.exploration, limits.min_survival, budget
+            n_robots, n_ants, concurrent, rule.exploration, self.limits.min_survival, self._budget
         )
         if part not in self._rooms:
             plans = new_plans(4096, len(self._states) * n_robots)
@@ -132,7 +129,7 @@ class Colony:
             last.fill(-1)
         found = []
         while True:
-            done = construct(self._roads, self._weights, build, paths, scratch, plans, begin, end)
+            done = construct(graph, self._weights, build, paths, scratch, plans, begin, end)
             offsets = plans.offsets[begin * n_robots : done * n_robots + 1].copy()
             nodes = plans.nodes[: plans.size[0]].copy()
             found.append(PlanBatch._wrap(nodes, offsets, n_robots))
@@ -171,7 +168,7 @@ class Colony:
         if self._to_learn is not None:
             rule = self.rule.evaporation, self.rule.pooled_deposit
             changed = self._pheromone, self._weights
-            learn(roads_of(self._graph), *self._to_learn, *rule, *changed)
+            learn(self._graph, *self._to_learn, *rule, *changed)
             self._to_learn = None
 
     def __getstate__(self) -> dict[str, Any]:

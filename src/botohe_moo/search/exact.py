@@ -13,13 +13,7 @@ from pydantic import Field
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Positive, Probability, TravelBudget
 from botohe_moo.kernels.exact import tables, teams
-from botohe_moo.kernels.fronts.ordered import (
-    best_reward,
-    copy_front,
-    insert,
-    new_front,
-    read_front,
-)
+from botohe_moo.kernels.fronts.ordered import best_reward, copy_front, insert, new_front, read_front
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.plans.evaluate import either
 from botohe_moo.mission.model import Mission, check_mission

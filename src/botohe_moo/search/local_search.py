@@ -14,12 +14,7 @@ from botohe_moo.kernels.graph.graph import Graph, Limits, with_costs
 from botohe_moo.kernels.local_search.refill import refill
 from botohe_moo.kernels.local_search.routes import FULL_UP_TO, new_routes
 from botohe_moo.kernels.local_search.search import has_room, improve
-from botohe_moo.kernels.local_search.trail_store import (
-    TrailStore,
-    copy_trails,
-    new_store,
-    ragged,
-)
+from botohe_moo.kernels.local_search.trail_store import TrailStore, copy_trails, new_store, ragged
 from botohe_moo.kernels.local_search.workspace import (
     MEMORY,
     N_CHILDREN,

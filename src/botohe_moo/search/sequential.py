@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from functools import cached_property
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -185,7 +185,3 @@ class SequentialPlanner:
             nodes, firsts = np.unique(graph.head[arcs], return_index=True)
             unreached[nodes] *= 1.0 - np.cumprod(graph.survival[arcs])[firsts]
         return trails
-
-    def __getstate__(self) -> dict[str, Any]:
-        derived = ("_near", "_budget")
-        return {key: value for key, value in vars(self).items() if key not in derived}

@@ -3,12 +3,12 @@
 import contextlib
 import os
 import signal
-import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo._base.signals import hold_signals
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import Run, Study, StudyMission, study_folder
 from botohe_moo.study.planning import Plan, make_bound_task, plan_study, refresh_tables
@@ -144,19 +144,15 @@ def run_study(
                 pass
         folder.write_study(study)
         watcher.begin(plan)
-        with hold_signals() as received, contextlib.closing(WorkerPool()) as pool:
-
-            def stopped() -> bool:
-                return bool(received)
-
+        with hold_signals(*_STOPS) as stop, contextlib.closing(WorkerPool()) as pool:
             tasks = [Task(run, patience) for run in plan.missing]
             if dask is not None and tasks:
-                outcomes = dask_outcomes(tasks, address=dask, stopped=stopped)
+                outcomes = dask_outcomes(tasks, address=dask, stopped=stop.is_set)
             else:
                 outcomes = pool.perform(
                     tasks,
                     workers=workers,
-                    stopped=stopped,
+                    stopped=stop.is_set,
                     note=lambda task, record: watcher.record(task.run, record),
                 )
             with contextlib.closing(outcomes):
@@ -167,7 +163,7 @@ def run_study(
                 make_bound_task(mission, plan.runs, folder, study.bound_seconds)
                 for mission in plan.unbounded.values()
             )
-            bounds = pool.perform(bound_tasks, workers=workers, stopped=stopped)
+            bounds = pool.perform(bound_tasks, workers=workers, stopped=stop.is_set)
             with contextlib.closing(bounds):
                 for bound_task, bound in bounds:
                     error = bound if isinstance(bound, str) else None
@@ -175,8 +171,8 @@ def run_study(
                         folder.save_bound(bound_task.mission, bound, bound_task.seconds)
                     watcher.end_bound(bound_task.mission, error)
             tables = refresh_tables(study, folder)
-    if received:
-        raise StudyInterrupted(received[-1])
+    if stop.is_set():
+        raise StudyInterrupted(stop.signal)
     return tables
 
 
@@ -212,30 +208,3 @@ def make_tables(folder: str | os.PathLike[str]) -> StudyTables:
     """
     study = restore_study(Path(folder))
     return refresh_tables(study, StudyFolder(folder), anew=True)
-
-
-@contextlib.contextmanager
-def hold_signals() -> Iterator[list[int]]:
-    """Collect the signals that ask for a stop; a second one of the same kind raises at once.
-
-    A signal that is ignored, as under ``nohup``, or has another handler, is left alone. So are all
-    signals outside the main thread, which alone may handle them.
-    """
-    received: list[int] = []
-    handlers: dict[int, Any] = {}
-    if threading.current_thread() is threading.main_thread():
-        handlers = {number: signal.getsignal(number) for number in _STOPS}
-    unhandled = (signal.SIG_DFL, signal.default_int_handler)
-    handlers = {number: usual for number, usual in handlers.items() if usual in unhandled}
-
-    def note(number: int, _: object) -> None:
-        received.append(number)
-        signal.signal(number, signal.default_int_handler)
-
-    for number in handlers:
-        signal.signal(number, note)
-    try:
-        yield received
-    finally:
-        for number, usual in handlers.items():
-            signal.signal(number, usual)

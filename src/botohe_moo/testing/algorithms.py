@@ -10,7 +10,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.registry import accepted_by
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
-from botohe_moo.testing.rules import Rule, Subject, expect, rule
+from botohe_moo.testing.rules import Rules, Subject, expect
 from botohe_moo.testing.watching import (
     Counted,
     Halved,
@@ -27,8 +27,10 @@ from botohe_moo.testing.watching import (
 _EVALUATIONS = 300
 _BUDGETS = (1, 7, 45, 171)
 
+RULES = Rules()
 
-@rule(
+
+@RULES.add(
     "Let it be called without arguments, and return a new pymoo Algorithm each time.",
     comes_first=True,
 )
@@ -39,7 +41,7 @@ def can_be_made(subject: Subject) -> None:
     expect(one is not other, "it gives the same object twice")
 
 
-@rule(
+@RULES.add(
     "Evaluate plans in every generation, and set `self.termination.force_termination` when done.",
     comes_first=True,
 )
@@ -48,7 +50,7 @@ def runs_end(subject: Subject) -> None:
     _run(subject, BOTOHE(streets()))
 
 
-@rule("State each parameter in the signature, by name, with its type and its default.")
+@RULES.add("State each parameter in the signature, by name, with its type and its default.")
 def parameters_stated(subject: Subject) -> None:
     """All parameters are in the signature, with their types."""
     stated = accepted_by(subject.factory)
@@ -56,7 +58,9 @@ def parameters_stated(subject: Subject) -> None:
     expect(not untyped, f"no type is stated of {', '.join(untyped)}")
 
 
-@rule("Put TrailPlans into X, made with the mission's arcs alone, and leave F as it is evaluated.")
+@RULES.add(
+    "Put TrailPlans into X, made with the mission's arcs alone, and leave F as it is evaluated."
+)
 def valid_plans(subject: Subject) -> None:
     """The result holds valid plans, and the objectives that the problem computes of them."""
     for mission in (streets(), measured()):
@@ -64,7 +68,7 @@ def valid_plans(subject: Subject) -> None:
         expect(found.plans, "its result holds no plan")
 
 
-@rule(
+@RULES.add(
     "Evaluate by the problem that `setup` is given; if that cannot be, raise a TypeError in "
     "`setup` that names the problem's class."
 )
@@ -75,7 +79,7 @@ def own_objectives(subject: Subject) -> None:
         _true_run(subject, problem)
 
 
-@rule("Keep all non-dominated plans of all generations: ArchiveAlgorithm has an archive.")
+@RULES.add("Keep all non-dominated plans of all generations: ArchiveAlgorithm has an archive.")
 def front_of_all_evaluated(subject: Subject) -> None:
     """The result is the front of all plans that were evaluated; none is lost on the way."""
     for floor in (0.0, 0.3):
@@ -93,7 +97,7 @@ def front_of_all_evaluated(subject: Subject) -> None:
         expect(not len(dominated), f"its result holds a dominated plan, {_points(dominated)}")
 
 
-@rule("Evaluate no more plans than the termination still allows, and as many.")
+@RULES.add("Evaluate no more plans than the termination still allows, and as many.")
 def exact_budget(subject: Subject) -> None:
     """Budgets are spent to the last evaluation, and not beyond, unless it ends by itself."""
     problem = BOTOHE(streets())
@@ -107,7 +111,9 @@ def exact_budget(subject: Subject) -> None:
             )
 
 
-@rule("Evaluate plans by `self.evaluator.eval(self.problem, population)` alone: it counts them.")
+@RULES.add(
+    "Evaluate plans by `self.evaluator.eval(self.problem, population)` alone: it counts them."
+)
 def true_budget(subject: Subject) -> None:
     """Every plan that is evaluated is counted."""
     plain = streets()
@@ -119,7 +125,7 @@ def true_budget(subject: Subject) -> None:
         expect(spent == evaluated, f"it evaluated {evaluated} plans, and counted {spent}")
 
 
-@rule(
+@RULES.add(
     "Draw all random numbers from `self.random_state`, depend on no time and no order of sets, and "
     "keep nothing in the class, the module or default arguments."
 )
@@ -131,7 +137,7 @@ def same_seed_same_front(subject: Subject) -> None:
     _expect_same(one, same, "two runs with the same seed differ")
 
 
-@rule(
+@RULES.add(
     "Draw random numbers from `self.random_state`; an algorithm that draws none states so: "
     "`deterministic = True` in its class."
 )
@@ -149,7 +155,7 @@ def other_seed_other_front(subject: Subject) -> None:
         expect(differs, "two seeds give the same plans with 20, with 60 and with 200 evaluations")
 
 
-@rule(
+@RULES.add(
     "Hold nothing that cannot be pickled, such as lambdas, generators and open files, and leave "
     "nothing out that the run needs."
 )
@@ -165,19 +171,21 @@ def resumes_when_pickled(subject: Subject) -> None:
         )
 
 
-@rule("Lead trails along the mission's arcs, in their direction, and home over unused ones.")
+@RULES.add("Lead trails along the mission's arcs, in their direction, and home over unused ones.")
 def one_way_mission(subject: Subject) -> None:
     """Missions whose arcs have no reverse are planned, and robots leave the base."""
     _expect_gain(subject, one_way(), "no robot collects anything where all arcs are one-way")
 
 
-@rule("Do not take for granted that there are two robots.")
+@RULES.add("Do not take for granted that there are two robots.")
 def one_robot(subject: Subject) -> None:
     """A team of one robot is planned."""
     _expect_gain(subject, streets().with_robots(1), "a single robot collects nothing")
 
 
-@rule("Compare CV first: `result.X` holds feasible plans alone, and is None where there are none.")
+@RULES.add(
+    "Compare CV first: `result.X` holds feasible plans alone, and is None where there are none."
+)
 def survival_floor(subject: Subject) -> None:
     """A survival floor is kept, also one that nothing but staying home satisfies."""
     for floor in (0.5, 1.0):
@@ -190,7 +198,9 @@ def survival_floor(subject: Subject) -> None:
         )
 
 
-@rule("Compare CV first: `result.X` holds feasible plans alone, and is None where there are none.")
+@RULES.add(
+    "Compare CV first: `result.X` holds feasible plans alone, and is None where there are none."
+)
 def travel_budget(subject: Subject) -> None:
     """A travel budget is kept."""
     for budget in (0.0, 4.0):
@@ -201,10 +211,6 @@ def travel_budget(subject: Subject) -> None:
             longest <= problem.travel_budget,
             f"with a budget of {budget:g} a trail is {longest:.6g} long",
         )
-
-
-# In the order in which they are best mended.
-RULES = tuple(each for each in globals().values() if isinstance(each, Rule))
 
 
 def _run(subject: Subject, problem: BOTOHE, evaluations: int = _EVALUATIONS, **how: int) -> Run:

@@ -123,7 +123,7 @@ def rules_and_subject(
     factory: str | Callable[..., Any],
     parameters: Mapping[str, Any] | None,
     kind: Kind,
-) -> tuple[tuple[Rule, ...], Subject]:
+) -> tuple[list[Rule], Subject]:
     """Return the rules for algorithms or missions, and what they are checked on."""
     if kind == "algorithm":
         from botohe_moo.algorithms.registry import find_algorithm, make_algorithm
@@ -131,19 +131,17 @@ def rules_and_subject(
 
         found: Any = find_algorithm(factory) if isinstance(factory, str) else factory
         by_name: Callable[..., Any] = make_algorithm
-        rules = RULES
     else:
         from botohe_moo.mission.library import find_factory, load_mission
-        from botohe_moo.testing.missions import RULES as MISSION_RULES
+        from botohe_moo.testing.missions import RULES
 
         found = find_factory(factory) if isinstance(factory, str) else factory
         by_name = load_mission
-        rules = MISSION_RULES
     if not callable(found):
         expected = f"a class or function that makes {'an' if kind[0] == 'a' else 'a'} {kind}"
         raise TypeError(f"Expected {expected}, or its name, got {quoted(factory)}.")
     make: Any = functools.partial(by_name, factory) if isinstance(factory, str) else factory
-    return rules, Subject(name_of(factory), found, functools.partial(make, **(parameters or {})))
+    return RULES, Subject(name_of(factory), found, functools.partial(make, **(parameters or {})))
 
 
 @dataclass(frozen=True)

@@ -11,18 +11,20 @@ from botohe_moo._plugins.stated import accepted_parameters, takes_any_name
 from botohe_moo.mission.formats.files import read_mission, save_mission
 from botohe_moo.mission.model import Mission, mission_digest
 from botohe_moo.search.sequential import SequentialPlanner
-from botohe_moo.testing.rules import Rule, Subject, expect, rule
+from botohe_moo.testing.rules import Rules, Subject, expect
 from botohe_moo.testing.watching import revived
 
+RULES = Rules()
 
-@rule("Let it be called without arguments, and return a Mission.", comes_first=True)
+
+@RULES.add("Let it be called without arguments, and return a Mission.", comes_first=True)
 def can_be_made(subject: Subject) -> None:
     """Without arguments, a mission is made."""
     made = subject.make()
     expect(isinstance(made, Mission), f"it gives {type(made).__name__}, not a Mission")
 
 
-@rule("State each parameter in the signature, by name, with its type and its default.")
+@RULES.add("State each parameter in the signature, by name, with its type and its default.")
 def parameters_stated(subject: Subject) -> None:
     """All parameters are in the signature, with their types."""
     stated = accepted_parameters(subject.factory)
@@ -32,14 +34,14 @@ def parameters_stated(subject: Subject) -> None:
     expect(not takes_any, "it takes keywords that it does not state, such as misspelt ones")
 
 
-@rule("Draw random numbers from a generator made of a parameter `seed`, and of nothing else.")
+@RULES.add("Draw random numbers from a generator made of a parameter `seed`, and of nothing else.")
 def same_twice(subject: Subject) -> None:
     """The same parameters give the same mission."""
     one, other = (mission_digest(subject.make()) for _ in range(2))
     expect(one == other, "two missions made with the same parameters differ")
 
 
-@rule("Give nodes labels that are texts, integers, or tuples of these, and plain attributes.")
+@RULES.add("Give nodes labels that are texts, integers, or tuples of these, and plain attributes.")
 def file_round_trip(subject: Subject) -> None:
     """The mission is the same when it is saved and read again."""
     mission = subject.make()
@@ -52,7 +54,7 @@ def file_round_trip(subject: Subject) -> None:
         )
 
 
-@rule("Hold nothing in the graph that cannot be pickled, such as lambdas and open files.")
+@RULES.add("Hold nothing in the graph that cannot be pickled, such as lambdas and open files.")
 def can_be_pickled(subject: Subject) -> None:
     """The mission is the same in another process."""
     mission = subject.make()
@@ -60,14 +62,10 @@ def can_be_pickled(subject: Subject) -> None:
     expect(same, "the mission differs when it is pickled and unpickled")
 
 
-@rule("Let an arc leave the base from which ways lead on to a reward, and home.")
+@RULES.add("Let an arc leave the base from which ways lead on to a reward, and home.")
 def something_to_gain(subject: Subject) -> None:
     """A robot that leaves the base can collect a reward and come home."""
     mission = subject.make()
     plan = SequentialPlanner(mission).plan(1.0)
     gained = mission.evaluate([plan])[0, 0] - mission.arrays.reward[mission.arrays.base]
     expect(np.isfinite(gained) and gained > 0.0, "no robot can collect anything and come home")
-
-
-# In the order in which they are best mended.
-RULES = tuple(each for each in globals().values() if isinstance(each, Rule))

@@ -9,7 +9,7 @@ import traceback
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.stated import summary_of
@@ -38,6 +38,9 @@ class Subject:
     make: Callable[[], Any]
 
 
+_Check: TypeAlias = Callable[[Subject], None]
+
+
 @dataclass(frozen=True)
 class Rule:
     """A promise, and how it is checked."""
@@ -45,7 +48,7 @@ class Rule:
     name: str
     promise: str
     remedy: str
-    check: Callable[[Subject], None]  # raises whatever shows that the promise is not kept
+    check: _Check  # raises whatever shows that the promise is not kept
     comes_first: bool = False  # whether without it there is nothing to check the others on
 
 
@@ -82,13 +85,18 @@ class CheckResult:
     remedy: str = ""
 
 
-def rule(remedy: str, *, comes_first: bool = False) -> Callable[[Callable[[Subject], None]], Rule]:
-    """Make a rule of a function, whose name is the rule's and whose docstring is its promise."""
+class Rules(list[Rule]):
+    """Rules in the order in which they are best mended."""
 
-    def made(function: Callable[[Subject], None]) -> Rule:
-        return Rule(function.__name__, summary_of(function), remedy, function, comes_first)
+    def add(self, remedy: str, *, comes_first: bool = False) -> Callable[[_Check], _Check]:
+        """Add a function as a rule: its name is the rule's, and its docstring the promise."""
 
-    return made
+        def add(check: _Check) -> _Check:
+            promise = summary_of(check)
+            self.append(Rule(check.__name__, promise, remedy, check, comes_first))
+            return check
+
+        return add
 
 
 def expect(kept: object, message: str) -> None:

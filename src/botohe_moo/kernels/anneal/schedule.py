@@ -10,7 +10,7 @@ from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.plans.change import MoveRule, change_trail
 from botohe_moo.kernels.plans.evaluate import Team, begin_team, combine, new_team, team_reward
-from botohe_moo.kernels.plans.moves import CANNOT, NO_PATHS, MoveScratch, new_move_scratch
+from botohe_moo.kernels.plans.moves import CANNOT, MoveScratch, new_move_scratch
 from botohe_moo.kernels.plans.trails import sort_trails
 from botohe_moo.kernels.rng import below, uniform
 from botohe_moo.kernels.sharing import shared
@@ -81,7 +81,7 @@ class Records(NamedTuple):
     n_plans: OffsetArray  # how many there are (1)
 
 
-def new_state(graph: Graph, n_robots: int, random: SeedArray, *, detours: bool) -> AnnealState:
+def new_state(graph: Graph, n_robots: int, random: SeedArray) -> AnnealState:
     """Begin a search with all robots at base."""
     n_nodes, width, n_slots = graph.n_nodes, graph.n_arcs + 1, _N_SLOTS * n_robots
     first, starts = _N_SLOTS * np.arange(n_robots), width * np.arange(n_slots)
@@ -106,7 +106,7 @@ def new_state(graph: Graph, n_robots: int, random: SeedArray, *, detours: bool) 
         visited=np.zeros(n_nodes, np.int64),
         team=new_team(n_nodes),
         order=np.zeros(n_robots, np.int64),
-        moves=new_move_scratch(graph, detours=detours),
+        moves=new_move_scratch(graph),
     )
 
 
@@ -144,11 +144,7 @@ def _walk(graph: Graph, state: AnnealState, slot: int) -> None:
 
 @helper
 def _change(graph: Graph, rule: MoveRule, state: AnnealState, robot: int) -> int:
-    """Change a robot's trail by one move, and return the slot of the new trail.
-
-    This is the old slot where no move can be made, and ``NO_PATHS`` where a detour was drawn for
-    which there is no scratch.
-    """
+    """Change a robot's trail by one move; return the slot of the new trail, or of the old one."""
     nodes, slot, free = state.nodes, state.current[robot], _N_SLOTS * robot
     while free == slot or free == state.best[robot]:
         free += 1
@@ -160,8 +156,6 @@ def _change(graph: Graph, rule: MoveRule, state: AnnealState, robot: int) -> int
     changed = change_trail(graph, rule, state.moves, trail, length, state.random)
     if changed == CANNOT:
         return int(slot)
-    if changed == NO_PATHS:
-        return NO_PATHS
     state.stops[free] = start + changed
     _walk(graph, state, free)
     return free
@@ -233,9 +227,8 @@ def anneal(
     "Optimization by simulated annealing", Science 220, 1983.
 
     Plans that are evaluated are recorded, except those that the current plan or the best one
-    dominates. Returns how many steps, n, were made. These are fewer than ``n_steps`` where
-    there may be no room to record another plan. Where the next step needs scratch for detours, it
-    returns −1 − n.
+    dominates. Returns how many steps were made: fewer than ``n_steps`` where there may be no room
+    to record another plan.
     """
     graph, rule, state, records = shared(graph), shared(rule), shared(state), shared(records)
     current, tried, best, states = state.current, state.tried, state.best, state.random
@@ -255,7 +248,6 @@ def anneal(
             or records.offsets[n_plans * n_robots] + longest > records.nodes.shape[0]
         ):
             return step
-        low, high = states[0, 0], states[0, 1]
         chosen = 0
         if not every_robot and n_robots > 1:
             chosen = below(states, n_robots)
@@ -263,9 +255,6 @@ def anneal(
         for k in range(n_robots):
             if every_robot or k == chosen:
                 tried[k] = _change(graph, rule.moves, state, k)
-                if tried[k] == NO_PATHS:
-                    states[0, 0], states[0, 1] = low, high
-                    return -1 - step
         reward, survivors = _evaluate(graph.reward, state)
         if rule.record and not (
             _dominates(objectives, reward, survivors)

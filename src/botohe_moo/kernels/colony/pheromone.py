@@ -6,7 +6,7 @@ from typing import NamedTuple
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.colony.weighing import Weights
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.graph.graph import Roads, find_arc
+from botohe_moo.kernels.graph.graph import Graph, find_arc
 
 # The least pheromone. On arcs that no Pareto set uses pheromone falls by the same factor for
 # thousands of iterations: this is far below any amount that matters, and far above where floats
@@ -42,9 +42,9 @@ class Pheromone(NamedTuple):
 
 
 @helper
-def _deposit(roads: Roads, plans: Depositors, amounts: FloatArray) -> None:
+def _deposit(graph: Graph, plans: Depositors, amounts: FloatArray) -> None:
     """Set ``amounts`` to the sum of what the plans leave on each arc (n_maps, n_arcs + 1, 2)."""
-    n_maps, loop = amounts.shape[0], roads.head.shape[0]
+    n_maps, loop = amounts.shape[0], graph.head.shape[0]
     n_robots = (plans.offsets.shape[0] - 1) // plans.objectives.shape[0]
     for m in range(n_maps):
         for arc in range(loop + 1):
@@ -59,14 +59,14 @@ def _deposit(roads: Roads, plans: Depositors, amounts: FloatArray) -> None:
             for i in range(plans.offsets[trail], last + 1):
                 arc = loop
                 if i < last:
-                    arc = find_arc(roads, int(plans.nodes[i]), int(plans.nodes[i + 1]))
+                    arc = find_arc(graph, int(plans.nodes[i]), int(plans.nodes[i + 1]))
                 amounts[which, arc, 0] += reward
                 amounts[which, arc, 1] += survivors
 
 
 @kernel
 def learn(
-    roads: Roads,
+    graph: Graph,
     iteration: Depositors,
     archive: Depositors,
     is_new: bool,
@@ -83,9 +83,9 @@ def learn(
     of τ_R η_R and τ_S η_S are written to ``weights``, within ``LOG_LOW`` and ``LOG_HIGH``.
     """
     levels, deposits, archived = pheromone.levels, pheromone.deposits, pheromone.archive_deposits
-    _deposit(roads, iteration, deposits)
+    _deposit(graph, iteration, deposits)
     if is_new:
-        _deposit(roads, archive, archived)
+        _deposit(graph, archive, archived)
     n_iteration, n_archive = iteration.members.shape[0], archive.members.shape[0]
     if pooled:
         n_iteration = n_archive = n_iteration + n_archive

@@ -5,6 +5,7 @@ of a trail goes another way, along safest paths over arcs that the trail has not
 """
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +13,10 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph, Limits, find_arc
-from botohe_moo.kernels.graph.paths import Paths, safest_path
+from botohe_moo.kernels.graph.paths import safest_path
 from botohe_moo.kernels.plans.moves import (
     CANNOT,
     DETOUR,
-    NO_PATHS,
     MoveScratch,
     mark_trail,
     move_trail,
@@ -42,16 +42,14 @@ class MoveRule(NamedTuple):
 
 
 @helper
-def _add_path(
-    graph: Graph, scratch: MoveScratch, paths: Paths, n: int, source: int, target: int
-) -> int:
+def _add_path(graph: Graph, scratch: MoveScratch, n: int, source: int, target: int) -> int:
     """Append the safest path over arcs that are not marked to a way of ``n`` arcs.
 
     Returns the new number of arcs, −1 where there is no path.
     """
-    n_added = safest_path(graph, paths, scratch.used, scratch.mark[0], source, target)
+    n_added = safest_path(graph, scratch.paths, scratch.used, scratch.mark[0], source, target)
     for i in range(n_added):
-        scratch.way[n + i] = paths.path[i]
+        scratch.way[n + i] = scratch.paths.path[i]
     return n + n_added if n_added >= 0 else -1
 
 
@@ -75,12 +73,7 @@ def _replace(
 
 @helper
 def _take_detour(
-    graph: Graph,
-    scratch: MoveScratch,
-    paths: Paths,
-    nodes: OffsetArray,
-    length: int,
-    states: SeedArray,
+    graph: Graph, scratch: MoveScratch, nodes: OffsetArray, length: int, states: SeedArray
 ) -> int:
     """Go another way from a position of a trail to the same or a later one, in place.
 
@@ -105,40 +98,18 @@ def _take_detour(
         way[0] = find_arc(graph, source, via)
         n_out = 1
         if way[0] < 0 or used[way[0]] == mark:
-            n_out = _add_path(graph, scratch, paths, 0, source, via)
+            n_out = _add_path(graph, scratch, 0, source, via)
         for i in range(n_out):
             used[way[i]] = mark
         source = via
     n = n_out
     if source != target and n_out >= 0:
-        n = _add_path(graph, scratch, paths, n_out, source, target)
+        n = _add_path(graph, scratch, n_out, source, target)
     for i in range(n_out):
         used[way[i]] = -1
     for i in range(start, stop):
         used[find_arc(graph, nodes[i], nodes[i + 1])] = mark
     return CANNOT if n < 0 else _replace(graph, way, n, nodes, length, start, stop)
-
-
-@helper
-def _move(
-    graph: Graph,
-    scratch: MoveScratch,
-    paths: Paths | None,
-    nodes: OffsetArray,
-    length: int,
-    kind: int,
-    states: SeedArray,
-) -> int:
-    """Try one move of a kind; parameters and result are those of ``move_trail``.
-
-    ``paths`` is that of ``scratch``. Where it is None, the result for a detour is ``NO_PATHS``: for
-    an argument that is None numba compiles that branch alone.
-    """
-    if kind != DETOUR:
-        return move_trail(graph, scratch, nodes, length, kind, states)
-    if paths is None:
-        return NO_PATHS
-    return _take_detour(graph, scratch, paths, nodes, length, states)
 
 
 @helper
@@ -195,11 +166,12 @@ def change_trail(
         if binding:
             for i in range(length):
                 scratch.spare[i] = nodes[i]
-        changed = _move(graph, scratch, scratch.paths, nodes, length, kind, states)
+        if kind == DETOUR:
+            changed = _take_detour(graph, scratch, nodes, length, states)
+        else:
+            changed = move_trail(graph, scratch, nodes, length, kind, states)
         if changed == CANNOT:
             continue
-        if changed == NO_PATHS:
-            return NO_PATHS
         if not binding or keeps_limits(graph, limits, nodes, changed):
             return changed
         for i in range(length):
@@ -221,8 +193,7 @@ def _change_plans(
     """Change one trail, or every trail, of plans by one move, while there is room to write them.
 
     A trail for which no move can be made stays as it is. ``n_done`` trails, those of whole plans,
-    have been written to ``out`` before. Returns the number of trails, n, that are written in the
-    end, or −1 − n where the next plan needs scratch for detours.
+    have been written to ``out`` before. Returns the number of trails that are written in the end.
     """
     graph, rule, scratch = shared(graph), shared(rule), shared(scratch)
     plans, out = shared(plans), shared(out)
@@ -234,7 +205,6 @@ def _change_plans(
         needed += room * n_robots if rule.every_robot else room
         if size + needed > out.nodes.shape[0]:
             return first
-        low, high = states[0, 0], states[0, 1]
         chosen = -1 if rule.every_robot else first + below(states, n_robots)
         for trail in range(first, first + n_robots):
             start = plans.offsets[trail]
@@ -243,9 +213,6 @@ def _change_plans(
                 trail_nodes[i] = plans.nodes[start + i]
             if rule.every_robot or trail == chosen:
                 changed = change_trail(graph, rule, scratch, trail_nodes, length, states)
-                if changed == NO_PATHS:
-                    states[0, 0], states[0, 1] = low, high
-                    return -1 - first
                 length = length if changed == CANNOT else changed
             for i in range(length):
                 out.nodes[size + i] = trail_nodes[i]
@@ -254,27 +221,11 @@ def _change_plans(
     return int(n_trails)
 
 
-def needs_detours(graph: Graph) -> bool:
-    """Return whether there are arcs without a reverse, which the other moves can hardly use."""
-    return bool((graph.reverse < 0).any())
-
-
 def change_plans(
     graph: Graph, rule: MoveRule, plans: Trails, n_robots: int, states: SeedArray
 ) -> tuple[IntArray, OffsetArray]:
-    """Change one trail, or every trail, of valid plans by one move.
-
-    Where arcs lead both ways, detours are hardly ever needed. They are compiled when they are.
-    """
-    scratch = new_move_scratch(graph, detours=needs_detours(graph))
-
-    def write(n_done: int, out: Trails) -> int:
-        nonlocal scratch
-        n_done = _change_plans(graph, rule, scratch, plans, n_robots, states, n_done, out)
-        if n_done >= 0:
-            return n_done
-        scratch = new_move_scratch(graph, detours=True)
-        return int(_change_plans(graph, rule, scratch, plans, n_robots, states, -1 - n_done, out))
-
+    """Change one trail, or every trail, of valid plans by one move."""
+    scratch = new_move_scratch(graph)
+    write = partial(_change_plans, graph, rule, scratch, plans, n_robots, states)
     room = 2 * len(plans.nodes) + graph.n_arcs + 1
     return write_trails(len(plans.offsets) - 1, room, write)

@@ -16,10 +16,7 @@ from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.graph.paths import Paths, new_paths
 from botohe_moo.kernels.rng import below, uniform
 
-# Instead of a length, where the trail stays as it is: the move cannot be made, or is a detour, for
-# which there is no scratch.
-CANNOT = -1
-NO_PATHS = -2
+CANNOT = -1  # instead of a length, where the move cannot be made: the trail stays as it is
 
 # The kinds of moves, as indices into their weights.
 INSERT = 0
@@ -43,18 +40,17 @@ class MoveScratch(NamedTuple):
     used: OffsetArray
     spare: OffsetArray  # a trail as it was before a move (n_arcs + 1)
     way: OffsetArray  # arcs of a detour (2 · n_nodes)
-    # Scratch of searches for paths. With None there are no detours, and they are not compiled.
-    paths: Paths | None
+    paths: Paths  # of detours
 
 
-def new_move_scratch(graph: Graph, *, detours: bool) -> MoveScratch:
+def new_move_scratch(graph: Graph) -> MoveScratch:
     """Make room for moves of trails of a graph."""
     return MoveScratch(
         mark=np.zeros(1, np.int64),
         used=np.zeros(graph.n_arcs, np.int64),
         spare=np.zeros(graph.n_arcs + 1, np.int64),
         way=np.zeros(2 * graph.n_nodes, np.int64),
-        paths=new_paths(graph) if detours else None,
+        paths=new_paths(graph),
     )
 
 

@@ -7,13 +7,7 @@ import numpy as np
 from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
-from botohe_moo.kernels.graph.paths import (
-    Paths,
-    leads_home,
-    new_paths,
-    safest_path,
-    way_home,
-)
+from botohe_moo.kernels.graph.paths import Paths, leads_home, new_paths, safest_path, way_home
 from botohe_moo.kernels.plans.trails import Trails, write_trails
 from botohe_moo.kernels.sharing import shared
 

@@ -1,12 +1,12 @@
 """Mission files: which format a file is in, reading it and writing it."""
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from botohe_moo._base.checks import ParameterError, unknown_parameter
-from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo._base.files import check_suffix, read_bytes, replace_file, suffix_fault
 from botohe_moo._plugins.stated import signature_parameters
 from botohe_moo.mission.formats.benchmark import read_benchmark
 from botohe_moo.mission.formats.graphml import read_graphml, write_graphml
@@ -64,9 +64,9 @@ def read_mission(
     <Mission 'toy': 5 nodes, 12 arcs, 3 robots at base 1, total reward 10>
     """
     path = Path(path)
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
-        raise MissionError(suffix_fault(path, SUFFIXES), str(path))
+    if fault := suffix_fault(path, _READERS):
+        raise MissionError(fault, str(path))
+    reader = _READERS[path.suffix.lower()]
     known = {"robots", *(parameter.name for parameter in signature_parameters(reader))}
     for name in options:
         if name not in known:
@@ -113,20 +113,12 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     True
     """
     path = Path(path)
-    writer = _WRITERS.get(path.suffix.lower())
-    if writer is None:
-        raise ValueError(f"{path}: {suffix_fault(path, _WRITERS)}.")
+    check_suffix(path, _WRITERS)
     try:
-        data = writer(mission_content(check_mission(mission)))
+        data = _WRITERS[path.suffix.lower()](mission_content(check_mission(mission)))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     replace_file(path, data)
-
-
-def suffix_fault(path: Path, known: Iterable[str]) -> str:
-    """Describe the fault of a file's name that has none of the ``known`` suffixes."""
-    found = f"the suffix {path.suffix!r}" if path.suffix else "no suffix"
-    return f"expected a file name that ends in one of {', '.join(known)}; found {found}"
 
 
 def file_content(path: Path) -> bytes:

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
 
-from botohe_moo._base.files import replace_file
+from botohe_moo._base.files import check_suffix, replace_file
 
 Colour = tuple[float, float, float]
 Palette = str | Sequence[Any] | Mapping[str, Any]
@@ -179,10 +179,7 @@ def save_figure(
     """
     targets = [Path(target) for target in (path, *others)]
     for target in targets:
-        if target.suffix.lower() not in FORMATS:
-            raise ValueError(
-                f"Expected a path that ends in '.png', '.pdf' or '.svg', got {str(target)!r}."
-            )
+        check_suffix(target, FORMATS)
     engine = fig.get_layout_engine()
     if engine is not None:  # laid out once, and not again for each file
         engine.execute(fig)

@@ -10,13 +10,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.relaxed import follow, relax, shortfall
 from botohe_moo.kernels.bounds.states import Net, Worth, find_states
-from botohe_moo.kernels.bounds.trails import (
-    Completions,
-    Stairs,
-    TrailRule,
-    find_trails,
-    new_depths,
-)
+from botohe_moo.kernels.bounds.trails import Completions, Stairs, TrailRule, find_trails, new_depths
 from botohe_moo.search.bounds.memory import RelaxedTrail, Remembered
 
 _SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails

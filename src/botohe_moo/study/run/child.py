@@ -23,13 +23,7 @@ from botohe_moo.mission.library import load_mission
 from botohe_moo.study.file.code import code_mismatch
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.perform import WARM_UP_LENGTH, WARM_UP_SURVIVAL, perform, warm_up
-from botohe_moo.study.run.task import (
-    MOST_SECONDS_TO_START,
-    BoundTask,
-    Outcome,
-    Task,
-    failure,
-)
+from botohe_moo.study.run.task import MOST_SECONDS_TO_START, BoundTask, Outcome, Task, failure
 
 if TYPE_CHECKING:
     from botohe_moo.search.bounds import FrontBound

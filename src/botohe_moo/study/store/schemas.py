@@ -1,6 +1,7 @@
 """The columns of a study's tables: names, types and meanings."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections import UserDict
+from collections.abc import Callable
 from typing import TypeAlias
 
 import pyarrow as pa
@@ -51,49 +52,7 @@ def _scores(ending: str, what: str) -> list[_Column]:
     ]
 
 
-def _trace() -> pa.Schema:
-    return _schema(
-        *_RUN,
-        _EVALUATIONS,
-        _SECONDS,
-        ("area", NUMBER, "area of the front, in [0, 1]"),
-        ("front_size", INTEGER, "points on the front"),
-        ("ties", INTEGER, "further plans on it whose objectives are those of a point"),
-        *_scores("", "its"),
-    )
-
-
-def _indicators() -> pa.Schema:
-    *first, last = INDICATORS
-    return _schema(
-        *_RUN,
-        ("indicator", TEXT, f"{', '.join(first)} or {last}"),
-        ("value", NUMBER, "its value for the final front, those of a mission within 1e-12 equal"),
-        ("reference", TEXT, "the reference front, a key of references", "if it needs none"),
-    )
-
-
-def _summary() -> pa.Schema:
-    return _schema(
-        _MISSION,
-        ("algorithm", TEXT, "label of the algorithm"),
-        ("n", INTEGER, "runs"),
-        ("n_not_done", INTEGER, "runs among them that failed, timed out or found nothing feasible"),
-        ("area_median", NUMBER, "median area"),
-        ("area_low", NUMBER, "lower end of the median's bootstrap confidence interval"),
-        ("area_high", NUMBER, "upper end of it"),
-        ("area_mean", NUMBER, "mean area"),
-        ("area_sd", NUMBER, "standard deviation of the areas", "for a single run"),
-        ("area_best", NUMBER, "largest area"),
-        ("area_gap", NUMBER, "share by which area_mean may be exceeded at most", "without bound"),
-        *_scores("_median", "median"),
-        ("front_size_median", NUMBER, "median number of points on the front"),
-        ("rank", NUMBER, "rank of the median area on this mission; 1 is best"),
-        ("evaluations_median", NUMBER, "median number of evaluations"),
-        ("seconds_median", NUMBER, "median of the algorithm's own time"),
-    )
-
-
+# Those with columns for the indicators that are registered are made when they are asked for.
 _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
     "runs": _schema(
         *_RUN,
@@ -113,7 +72,15 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         ("error", TEXT, "what went wrong, in a line", "where nothing did"),
         ("traceback", TEXT, "where it went wrong", "where nothing did"),
     ),
-    "trace": _trace,
+    "trace": lambda: _schema(
+        *_RUN,
+        _EVALUATIONS,
+        _SECONDS,
+        ("area", NUMBER, "area of the front, in [0, 1]"),
+        ("front_size", INTEGER, "points on the front"),
+        ("ties", INTEGER, "further plans on it whose objectives are those of a point"),
+        *_scores("", "its"),
+    ),
     "fronts": _schema(*_RUN, _EVALUATIONS, *_PLAN),
     "plans": _schema(
         *_RUN,
@@ -121,7 +88,12 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         *_PLAN,
         ("trails", TEXT, "the robots' trails, lists of node labels as JSON"),
     ),
-    "indicators": _indicators,
+    "indicators": lambda: _schema(
+        *_RUN,
+        ("indicator", TEXT, f"one of {', '.join(INDICATORS)}"),
+        ("value", NUMBER, "its value for the final front, those of a mission within 1e-12 equal"),
+        ("reference", TEXT, "the reference front, a key of references", "if it needs none"),
+    ),
     "references": _schema(
         ("reference", TEXT, "digest of the front's points"),
         _MISSION,
@@ -158,7 +130,24 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         ("p_value", NUMBER, "of the Friedman test", "where there is no test"),
         ("note", TEXT, "the outcome in words, or why there is no test"),
     ),
-    "summary": _summary,
+    "summary": lambda: _schema(
+        _MISSION,
+        ("algorithm", TEXT, "label of the algorithm"),
+        ("n", INTEGER, "runs"),
+        ("n_not_done", INTEGER, "runs among them that failed, timed out or found nothing feasible"),
+        ("area_median", NUMBER, "median area"),
+        ("area_low", NUMBER, "lower end of the median's bootstrap confidence interval"),
+        ("area_high", NUMBER, "upper end of it"),
+        ("area_mean", NUMBER, "mean area"),
+        ("area_sd", NUMBER, "standard deviation of the areas", "for a single run"),
+        ("area_best", NUMBER, "largest area"),
+        ("area_gap", NUMBER, "share by which area_mean may be exceeded at most", "without bound"),
+        *_scores("_median", "median"),
+        ("front_size_median", NUMBER, "median number of points on the front"),
+        ("rank", NUMBER, "rank of the median area on this mission; 1 is best"),
+        ("evaluations_median", NUMBER, "median number of evaluations"),
+        ("seconds_median", NUMBER, "median of the algorithm's own time"),
+    ),
     "posthoc": _schema(
         ("indicator", TEXT, "what is ranked by"),
         ("algorithm", TEXT, "label of the first algorithm"),
@@ -215,18 +204,12 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
 }
 
 
-class _Schemas(Mapping[str, pa.Schema]):
+class _Schemas(UserDict[str, pa.Schema]):
     """The schema of each table; some have columns for the indicators that are registered."""
 
     def __getitem__(self, name: str) -> pa.Schema:
-        schema = _TABLES[name]
+        schema = self.data[name]
         return schema() if callable(schema) else schema
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(_TABLES)
 
-    def __len__(self) -> int:
-        return len(_TABLES)
-
-
-SCHEMAS = _Schemas()
+SCHEMAS = _Schemas(_TABLES)
