@@ -258,6 +258,13 @@ class TestRuns:
         assert result.F[:, 1].min() == -robots
         assert {plan.n_robots for plan in result.X[:, 0]} == {robots}
 
+    @pytest.mark.parametrize(("robots", "as_if"), [(9, 0.02), (10, 0.0)])
+    def test_of_more_than_a_thousand_nodes_times_robots_no_plan_is_refilled(self, robots, as_if):
+        mission = load_mission("terrain", nodes=101, robots=robots)
+        found, other = solve(mission, 3_000), solve(mission, 3_000, prob_refill=0.02 - as_if)
+        assert same(found, solve(mission, 3_000, prob_refill=as_if))
+        assert not same(found, other)
+
 
 class TestOddMissions:
     def mission(self, rewards, arcs, robots=2):

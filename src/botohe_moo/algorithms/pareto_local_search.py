@@ -16,7 +16,7 @@ from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.kernels.fronts.archive import Archive
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, P_REFILL, LocalSearch
+from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -55,7 +55,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         removed, and the nodes inserted that gain most for their danger. On a plan's n-th turn as a
         parent it is refilled with probability 1 / n² or more. Plans wait for this until there are
         32. When no plan has entered the front for long, some refills go on from plans that are a
-        little worse. With 0, or more than 1 000 nodes, nothing is refilled.
+        little worse. With 0, or more than 1 000 nodes, nothing is refilled. Default: 0.02 if
+        nodes times robots are at most 1 000, else 0, since refills take long on large missions.
     greedy_start
         Whether to begin with plans that
         :func:`~botohe_moo.search.sequential.plan_sequentially` makes for reward alone, for
@@ -114,7 +115,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         *,
         evaluations_per_generation: Annotated[int, Field(ge=1, le=1_000_000_000)] = 20_000,
         moves: Mapping[str, float] | None = None,
-        prob_refill: Probability = P_REFILL,
+        prob_refill: Probability | None = None,
         greedy_start: bool = True,
         max_size: Annotated[int, Field(ge=10, le=1_000_000_000)] | None = None,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
