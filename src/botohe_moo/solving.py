@@ -167,7 +167,7 @@ def search(
         return area_indicator(_front(algorithm)[0], mission)
 
     startup: dict[str, Any] = {}
-    with hold_signals(signal.SIGINT) if stop is None else nullcontext(stop) as stop:
+    with hold_signals(signal.SIGINT, handled=True) if stop is None else nullcontext(stop) as stop:
         going_on = True
         while going_on:  # at least once, so that something is found however soon it is stopped
             try:

@@ -4,7 +4,6 @@ import errno
 import json
 import re
 import shutil
-import signal
 import sys
 from unittest import mock
 
@@ -14,7 +13,6 @@ import pyarrow as pa
 import pytest
 
 from botohe_moo import BOTOHE, area_indicator, load_mission
-from botohe_moo._base.signals import hold_signals
 from botohe_moo.mission.formats.files import save_mission
 from botohe_moo.study import make_tables, read_study, run_study, runner
 from botohe_moo.study.file.loading import load_study
@@ -511,20 +509,6 @@ class TestFolder:
         assert (tmp_path / "out" / "study.yaml").read_text() == path.read_text()
         assert tables.mission("toy") == load_mission("toy")
         assert len(load_study(tmp_path / "out" / "study.yaml").runs()) == 4
-
-
-def test_signals_are_held_once_and_those_that_are_ignored_stay_so():
-    """``nohup`` lets SIGHUP be ignored."""
-    usual = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    with hold_signals(signal.SIGHUP, signal.SIGTERM) as stop:
-        signal.raise_signal(signal.SIGHUP)
-        signal.raise_signal(signal.SIGTERM)
-        assert stop.is_set()
-        assert stop.signal == signal.SIGTERM
-        with pytest.raises(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGTERM)
-    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
-    assert signal.signal(signal.SIGHUP, usual) == signal.SIG_IGN
 
 
 def test_workers_are_checked(tmp_path):

@@ -79,7 +79,7 @@ def check_parent(path: Path) -> None:
 
 
 def suffix_fault(path: Path, known: Collection[str]) -> str:
-    """Describe the fault of a file's name that has none of the ``known`` suffixes; else empty."""
+    """Say what is wrong with the suffix of a file's name; nothing if it is a ``known`` one."""
     if path.suffix.lower() in known:
         return ""
     found = f"the suffix {path.suffix!r}" if path.suffix else "no suffix"

@@ -1,4 +1,4 @@
-"""Signals that ask for a stop: the current step is ended first."""
+"""Signals that ask for a stop set a flag, instead of breaking off."""
 
 import signal
 import threading
@@ -10,29 +10,32 @@ _DEFAULTS = (signal.SIG_DFL, signal.default_int_handler)
 
 
 class Stop(threading.Event):
-    """Set when a stop is asked for; ``signal`` is the number of the last signal that did."""
+    """Set when a stop is asked for; ``signal`` is the number of the signal that did."""
 
     signal = 0
 
 
 @contextmanager
-def hold_signals(*numbers: int) -> Iterator[Stop]:
-    """Let signals set an event instead of breaking off; one that comes again breaks off as usual.
+def hold_signals(*numbers: int, handled: bool = False) -> Iterator[Stop]:
+    """Let signals set an event; one that comes a second time raises KeyboardInterrupt.
 
-    A signal that is ignored, as under ``nohup`` or for jobs in the background, or that has another
-    handler, is left alone. So are all signals outside the main thread, which alone may handle them.
+    A signal that is ignored, as under ``nohup`` or for jobs in the background, is left alone; so is
+    one that has a handler of its own, unless ``handled``. Outside the main thread, which alone may
+    handle signals, all are left alone.
     """
     stop = Stop()
     usual: dict[int, Any] = {}
-    if threading.current_thread() is threading.main_thread():
-        usual = {number: signal.getsignal(number) for number in numbers}
-        usual = {number: handler for number, handler in usual.items() if handler in _DEFAULTS}
+    for number in numbers if threading.current_thread() is threading.main_thread() else ():
+        handler = signal.getsignal(number)
+        if handler in _DEFAULTS or (handled and callable(handler)):
+            usual[number] = handler
 
     def note(number: int, _: object) -> None:
         # Not the usual handler, which may end the process at once, without any cleaning up.
         signal.signal(number, signal.default_int_handler)
-        stop.signal = number
-        stop.set()
+        if not stop.signal:  # another signal may come while the event is being set
+            stop.signal = number
+            stop.set()
 
     for number in usual:
         signal.signal(number, note)

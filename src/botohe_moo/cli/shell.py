@@ -136,7 +136,7 @@ def stoppable(answer: str) -> Iterator[threading.Event]:
             with suppress(OSError):
                 os.write(2, line.encode())
 
-    with hold_signals(signal.SIGINT) as pressed:
+    with hold_signals(signal.SIGINT, handled=True) as pressed:
         reader, writer = os.pipe()
         os.set_blocking(writer, False)
         usual = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)

@@ -73,7 +73,7 @@ def explore(
 
 
 def check_page_file(path: str | os.PathLike[str]) -> Path:
-    """Refuse a file name that does not end in ``.html``, and one in no folder."""
+    """Refuse a file name that does not end in ``.html``, or whose folder does not exist."""
     path = Path(path)
     check_suffix(path, (".html", ".htm"))
     check_parent(path)

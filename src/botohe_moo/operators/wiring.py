@@ -12,7 +12,7 @@ from pymoo.core.mutation import Mutation
 from pymoo.core.repair import Repair
 from pymoo.core.sampling import Sampling
 
-from botohe_moo._base.checks import ParameterError, check_choice, check_weights, quoted
+from botohe_moo._base.checks import ParameterError, check_weights, nearest_first, quoted
 from botohe_moo._base.types import ObjectArray, Rng
 from botohe_moo._plugins.entry_points import (
     PluginError,
@@ -59,7 +59,7 @@ def find_operator(kind: str, name: Any) -> Factory:
     used.
     """
     if not isinstance(name, str) or not (is_path(name) or name in _PLUGINS.claims()):
-        check_choice(kind, name, [*_registered(kind)])
+        raise _unknown(kind, name)
     try:
         if not is_path(name):
             factory = _PLUGINS.load(name)
@@ -70,8 +70,15 @@ def find_operator(kind: str, name: Any) -> Factory:
     except PluginError as error:
         raise ParameterError(f"{_source(kind, name)}: {error}.", kind) from error
     if isinstance(factory, type) and not says_it_makes(factory, KINDS[kind]):
-        check_choice(kind, name, [*_registered(kind)])
+        why = f", which is not derived from pymoo's {KINDS[kind].__name__}"
+        raise _unknown(kind, name, why)
     return factory
+
+
+def _unknown(kind: str, name: object, why: str = "") -> ParameterError:
+    """Return the error for what is not an operator of a kind; it lists those that are."""
+    among = ", ".join(nearest_first(str(name), _registered(kind)))
+    return ParameterError(f"Expected {kind} among {among}, got {quoted(name)}{why}.", kind)
 
 
 def named_operators(parameters: Mapping[str, Any]) -> list[tuple[str, Factory]]:

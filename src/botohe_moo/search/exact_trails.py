@@ -161,7 +161,7 @@ class TrailSearch:
             n = progress.n_labels - low
             if n <= 0:
                 return total
-            weight *= int(n)  # which may become infinite, without a warning
+            weight *= int(n)  # of Python: numpy would warn where it becomes infinite
             total += weight
             label, low = low + int(rng.random() * n), progress.n_labels
 

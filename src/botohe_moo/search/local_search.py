@@ -43,10 +43,9 @@ DEFAULT_MOVES: Mapping[str, float] = {
 }
 
 # On its n-th turn as a parent a plan is refilled with probability 1 / n², but never less than this.
-# Where there are more nodes times robots, plans are only refilled if it is asked for: refills take
-# more time than they bring. With 200 nodes and 5 robots areas are higher with them after four
-# seconds, with 250 and 5 they are lower for a minute.
-_P_REFILL, _REFILLED_UP_TO = 0.02, 1_000
+_P_REFILL = 0.02
+# Nodes times robots: with more, refills take more time than they bring (results/refills).
+_REFILLED_UP_TO = 1_000
 
 # The most that the length of the longest arc costs, and the least budget to divide by.
 _MOST_COST, _LEAST_LENGTH = 1e12, 1e-300

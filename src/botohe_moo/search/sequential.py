@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from functools import cached_property
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -97,7 +97,7 @@ def plan_sequentially(
 
 
 def limits_of(min_survival: float, max_length: float | None) -> Limits:
-    """Return the limits that users give, where None is no travel budget."""
+    """Return the limits that users give, where None means no travel budget."""
     return Limits(min_survival, math.inf if max_length is None else max_length)
 
 
@@ -185,3 +185,7 @@ class SequentialPlanner:
             nodes, firsts = np.unique(graph.head[arcs], return_index=True)
             unreached[nodes] *= 1.0 - np.cumprod(graph.survival[arcs])[firsts]
         return trails
+
+    def __getstate__(self) -> dict[str, Any]:
+        derived = ("_near", "_budget")  # large, and soon computed
+        return {key: value for key, value in vars(self).items() if key not in derived}

@@ -45,7 +45,7 @@ def check_algorithm(
     Returns
     -------
     list of CheckResult
-        One for each rule, in the order in which they are best mended. If nothing can be made, the
+        One for each rule, in the order in which they are best fixed. If nothing can be made, the
         first has failed, and the others are not run.
 
     Raises

@@ -86,7 +86,7 @@ class CheckResult:
 
 
 class Rules(list[Rule]):
-    """Rules in the order in which they are best mended."""
+    """Rules in the order in which they are best fixed."""
 
     def add(self, remedy: str, *, comes_first: bool = False) -> Callable[[_Check], _Check]:
         """Add a function as a rule: its name is the rule's, and its docstring the promise."""

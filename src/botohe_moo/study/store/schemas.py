@@ -1,7 +1,6 @@
 """The columns of a study's tables: names, types and meanings."""
 
-from collections import UserDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from typing import TypeAlias
 
 import pyarrow as pa
@@ -52,7 +51,7 @@ def _scores(ending: str, what: str) -> list[_Column]:
     ]
 
 
-# Those with columns for the indicators that are registered are made when they are asked for.
+# Functions: their columns depend on the indicators that are registered.
 _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
     "runs": _schema(
         *_RUN,
@@ -204,12 +203,18 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
 }
 
 
-class _Schemas(UserDict[str, pa.Schema]):
+class _Schemas(Mapping[str, pa.Schema]):
     """The schema of each table; some have columns for the indicators that are registered."""
 
     def __getitem__(self, name: str) -> pa.Schema:
-        schema = self.data[name]
+        schema = _TABLES[name]
         return schema() if callable(schema) else schema
 
+    def __iter__(self) -> Iterator[str]:
+        return iter(_TABLES)
 
-SCHEMAS = _Schemas(_TABLES)
+    def __len__(self) -> int:
+        return len(_TABLES)
+
+
+SCHEMAS = _Schemas()
