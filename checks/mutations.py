@@ -86,9 +86,9 @@ def main() -> int:
                 row = try_mutant(Path(folder), entry, mutant)
                 print(*row.values(), sep="\n    ", flush=True)
                 rows.append(row)
+                if given.out is not None:  # it takes hours: what is known is kept
+                    pd.DataFrame(rows).to_csv(given.out, index=False)
     table = pd.DataFrame(rows)
-    if given.out is not None:
-        table.to_csv(given.out, index=False)
     counts = table["noticed by"].value_counts()
     by_quick, by_slow = (int(counts.get(name, 0)) for name in NOTICED_BY)
     print(f"{len(table)} changes: {by_quick} noticed by make test, {by_slow} by slow tests alone")
