@@ -146,7 +146,7 @@ def _set(owner: ast.AST, name: str, operator: ast.AST) -> None:
 def copy_checkout(folder: Path) -> None:
     """Copy what the tests need."""
     ignore = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc")
-    for name in ("src", "tests", "experiments"):
+    for name in ("src", "tests", "experiments", "results/smoke"):
         shutil.copytree(ROOT / name, folder / name, ignore=ignore)
     shutil.copy(ROOT / "pyproject.toml", folder)
 
