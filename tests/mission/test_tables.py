@@ -159,6 +159,8 @@ def test_the_mission_is_checked():
         "node 'cave': has no way back to base 'dock'",
         "no arc leads back; both_ways (--both-ways) makes every row two arcs",
     ]
+    back = {"tail": ["dock", "reef", "reef"], "head": ["reef", "dock", "cave"], "survival": 0.9}
+    assert faults_of(arcs=back, both_ways=False) == ["node 'cave': has no way back to base 'dock'"]
 
 
 def test_what_is_not_a_table():

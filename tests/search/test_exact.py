@@ -219,6 +219,7 @@ class TestLimits:
         with pytest.raises(TooLargeError, match=r"time_limit = \S+ seconds\. The search had tried"):
             search.advance()
 
+    @pytest.mark.compiled_only
     def test_time_for_teams(self):
         search = FrontSearch(load_mission("random", nodes=8, arc_probability=0.4, seed=2, robots=4))
         while search._choices is None:
