@@ -208,6 +208,14 @@ class TestSearch:
         with pytest.raises(RefusalError, match=r"^Algorithm 'Picky': Expected at most 3 nodes"):
             solve(toy, Picky())
 
+    def test_an_algorithm_does_not_end_the_process(self, toy):
+        class Leaving(BOACO):
+            def _advance(self, **_):
+                sys.exit(5)
+
+        with pytest.raises(RuntimeError, match=r"^Algorithm 'Leaving' called sys\.exit\(5\)\.$"):
+            solve(toy, Leaving())
+
 
 class Given(Algorithm):
     """Has found what it was given."""

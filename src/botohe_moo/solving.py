@@ -81,7 +81,8 @@ def solve(
         Called after each iteration with the evaluations so far, and a function that computes the
         area of the front so far.
     stop
-        An event that ends the search after the current iteration; default: one that Ctrl-C sets.
+        An event that ends the search after the current iteration; default: one that Ctrl-C sets,
+        also where a handler of the application's own would have handled it.
     **parameters
         Parameters of the algorithm, if it is given by its name.
 
@@ -178,6 +179,8 @@ def search(
                 if not isinstance(error, TooLargeError):
                     raise
                 raise RefusalError(f"Algorithm {name!r}: {error}") from error
+            except SystemExit as error:  # of another package's operator
+                raise RuntimeError(f"Algorithm {name!r} called sys.exit({error}).") from error
             startup = startup or {
                 "startup_seconds": time.perf_counter() - started,
                 "startup_evaluations": algorithm.evaluator.n_eval,

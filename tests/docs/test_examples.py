@@ -15,6 +15,7 @@ from tests.docs.guides import DOCS, blocks
 from tests.forked import run_forked
 from tests.plugins.test_installed import botohe, pip_install, search_path, write_wheel
 
+pytestmark = pytest.mark.slow
 EXAMPLES = DOCS / "examples"
 # Packages with entry points: these are installed by pip, and found by their names.
 PACKAGES = ("botohe-drift", "botohe-tower", "botohe-rich-visit")

@@ -166,6 +166,9 @@ class TestJSON:
         (found,) = json_faults(text)
         assert fault in found
 
+    def test_what_is_nested_too_deep(self, json_faults):
+        assert "recursion" in json_faults("[" * 100_000)[0]
+
     def test_missing_and_wrong_keys_all_at_once(self, json_faults):
         assert json_faults({"directed": "yes", "graph": [], "nodes": []}) == [
             "expected the key \"directed\" to hold true or false, got 'yes'",

@@ -153,10 +153,11 @@ def all_teams(mission, trails, n_robots):
     return (1.0 - missed[teams].prod(axis=1)) @ graph.reward, survival[teams].sum(axis=1)
 
 
-def test_no_team_of_all_trails_exceeds_a_step(short_search):
+@pytest.mark.parametrize("seeds", [range(15), pytest.param(range(15, 60), marks=pytest.mark.slow)])
+def test_no_team_of_all_trails_exceeds_a_step(short_search, seeds):
     """Whatever the goal: of plans, beyond them, and 0; at any sum of survivals, and just above."""
     n_steps = n_tight = 0
-    for seed in range(60):
+    for seed in seeds:
         mission, given = random_mission(seed)
         limits, rng = limits_of(**given), np.random.default_rng(seed)
         every = twins.all_trails(mission, 2_000)
@@ -184,7 +185,7 @@ def test_no_team_of_all_trails_exceeds_a_step(short_search):
                 assert step.most * proof._unit >= max(within, default=0.0)
                 n_tight += step.most * proof._unit < max(within, default=0.0) + 1e-6
                 n_steps += 1
-    assert n_steps > 150
+    assert n_steps > 2.5 * len(seeds)
     assert n_tight > 0.7 * n_steps
 
 

@@ -1,6 +1,7 @@
 """The bounds that a study asks for: computed once, kept, in the tables and the report."""
 
 import json
+import re
 import shutil
 import signal
 
@@ -156,6 +157,10 @@ class TestAgain:
             tables, watcher = watched(both(), copied)
         assert len(watcher.bounded) == 1
         assert tables.missing_bounds == []
+        copy = path.with_stem(f"{path.stem} (copy)")
+        copy.write_bytes(path.read_bytes())
+        with pytest.warns(UserWarning, match=f"{re.escape(str(copy))}: damaged"):
+            assert make_tables(copied).missing_bounds == []
 
 
 class TestComputing:

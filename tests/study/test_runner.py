@@ -339,6 +339,12 @@ class TestTables:
             with pytest.raises(StudyError, match=rf"{path}: damaged \(.*; remove the file"):
                 make_tables(small)
 
+    def test_a_run_under_the_name_of_another_is_named(self, small):
+        one, other, *_ = sorted((small / "runs").glob("*.npz"))
+        other.write_bytes(one.read_bytes())
+        with pytest.raises(StudyError, match=rf"{other}: damaged \(it holds another run\)"):
+            make_tables(small)
+
     def test_folders_without_a_study(self, tmp_path):
         with pytest.raises(StudyError, match="there is no study in this folder"):
             read_study(tmp_path / "nowhere")

@@ -79,7 +79,7 @@ def read_mission(
         raise MissionError(list(error.faults), str(path)) from None
     except ParameterError:
         raise
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise MissionError(str(error).rstrip("."), str(path)) from None
     return mission
 

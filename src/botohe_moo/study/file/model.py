@@ -82,7 +82,7 @@ class StudyMission:
     @property
     def bound_digest(self) -> str:
         """Digest of all that a bound on its front depends on, which names the bound's file."""
-        return hashlib.sha256(canonical(self._limited()).encode()).hexdigest()[:16]
+        return digest_of(self._limited())
 
     def _limited(self) -> dict[str, Any]:
         """Return the mission and the limits of its plans."""
@@ -269,6 +269,14 @@ def _runs(mission: StudyMission, algorithm: StudyAlgorithm, study: Study) -> Ite
     # For speed, the canonical text is made once, with null in the place of the seed.
     before, _, after = canonical(setting).rpartition('"seed":null')
     for seed in study.seeds:
-        text = f'{before}"seed":{seed}{after}'
-        digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+        digest = _digest(f'{before}"seed":{seed}{after}')
         yield Run(mission, algorithm, seed, recording, setting, digest)
+
+
+def digest_of(identity: Mapping[str, Any]) -> str:
+    """Return the digest of all that a run's or a bound's result depends on."""
+    return _digest(canonical(identity))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

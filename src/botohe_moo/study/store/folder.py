@@ -18,7 +18,7 @@ from botohe_moo._base.checks import most_alike
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.mission.formats.files import read_mission, save_mission
 from botohe_moo.search.bounds import FrontBound
-from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, StudyMission
+from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, StudyMission, digest_of
 from botohe_moo.study.file.values import canonical
 from botohe_moo.study.run.task import Outcome, Record
 from botohe_moo.trails import PlanBatch
@@ -116,7 +116,7 @@ class StudyFolder:
         """Read the outcome of a run, or its last failure; None if there is neither."""
         for path in (self._path(run, RUNS), self._path(run, FAILURES)):
             if path.exists():
-                return _read_run(path, run.mission.mission.robots)
+                return _read_run(path, run)
         return None
 
     def outcomes(self, runs: Iterable[Run]) -> Iterator[tuple[Run, Outcome]]:
@@ -141,16 +141,15 @@ class StudyFolder:
 
         A damaged file counts as missing, and a warning names it.
         """
-        paths = (self.path / BOUNDS).glob(f"{mission.bound_digest}-*.json")
-        by_seconds = {float(path.stem.partition("-")[2]): path for path in paths}
-        if not by_seconds:
-            return None
-        seconds, path = max(by_seconds.items())
-        try:
-            return FrontBound.load(path, mission.mission), seconds
-        except ValueError:
-            warnings.warn(f"{path}: damaged, and left out.", stacklevel=2)
-            return None
+        found = None
+        for path in (self.path / BOUNDS).glob(f"{mission.bound_digest}-*.json"):
+            try:
+                seconds = float(path.stem.partition("-")[2])
+                if found is None or seconds > found[1]:
+                    found = FrontBound.load(path, mission.mission), seconds
+            except ValueError:
+                warnings.warn(f"{path}: damaged, and left out.", stacklevel=2)
+        return found
 
     def save_bound(self, mission: StudyMission, bound: FrontBound, seconds: float) -> None:
         """Write the bound of a mission that was allowed these seconds."""
@@ -227,17 +226,20 @@ def _pack_run(run: Run, outcome: Outcome) -> bytes:
     return buffer.getvalue()
 
 
-def _read_run(path: Path, robots: int) -> Outcome:
-    """Read the outcome of a run with a team of ``robots``."""
+def _read_run(path: Path, run: Run) -> Outcome:
+    """Read the outcome of a run; a StudyError names a file that is damaged, or of another run."""
     with _reading(path):
         with np.load(io.BytesIO(read_bytes(path)), allow_pickle=False) as file:
             arrays: dict[str, Any] = dict(file)
         header = json.loads(arrays["header"].tobytes())
+        if digest_of(header["identity"]) != run.digest:
+            raise ValueError("it holds another run")
         fronts = np.split(arrays["points"], np.cumsum(arrays["n_points"]))[:-1]
         evaluations, seconds = arrays["evaluations"].tolist(), arrays["seconds"].tolist()
         records = list(map(Record, evaluations, seconds, fronts, arrays["ties"].tolist()))
         if records:
-            plans = PlanBatch(arrays["plan_nodes"], arrays["plan_offsets"], robots)
+            n_robots = run.mission.mission.robots
+            plans = PlanBatch(arrays["plan_nodes"], arrays["plan_offsets"], n_robots)
             records[-1] = replace(records[-1], plans=(plans, arrays["plan_objectives"]))
         return Outcome(**{name: header[name] for name in OUTCOME_FIELDS}, records=tuple(records))
 
