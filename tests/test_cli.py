@@ -275,6 +275,7 @@ class TestSolve:
         assert r"wrote out\udcff/front.csv" in ended.out
         assert names_in(tmp_path / "out\udcff") == FILES
 
+    @pytest.mark.slow
     def test_output_that_nobody_reads(self, botohe, tmp_path):
         assert botohe("solve", "toy", "-n", 9, "-o", "unread", code=UNREAD) == (0, "", "")
         assert names_in(tmp_path / "unread") == FILES
@@ -612,6 +613,7 @@ class TestListings:
         assert "\n  sampling  (from Python only)\n" in ended.out
         assert "-p n_ants=100`" in ended.out
 
+    @pytest.mark.slow
     def test_they_are_wrapped_to_the_terminal(self, botohe):
         for args in (["missions"], ["algorithms", "bo-aco"]):
             wide = botohe(*args).out

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from botohe_moo.cli.app import app
+from botohe_moo.study.report import pictures
 from botohe_moo.testing import algorithms, missions
 from tests.docs.guides import DOCS, GUIDES, ROOT, blocks, links, printed_by, words
 
@@ -22,6 +23,7 @@ OF_PACKAGES = {
     "adding-an-operator",
 }
 PAGES = [*GUIDES, *sorted((DOCS / "reference").glob("*.md"))]
+SLOW = {"gallery"}  # each function for plots has a test of its own
 TEXTS = [*PAGES, *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md"))]
 
 
@@ -29,9 +31,15 @@ def runs(page):
     return any(language in ("python", "console") for language, _ in blocks(page))
 
 
-@pytest.mark.parametrize("page", [*filter(runs, PAGES)], ids=lambda path: path.stem)
+def case(page):
+    marks = [pytest.mark.slow] if page.stem in SLOW else []
+    return pytest.param(page, marks=marks, id=page.stem)
+
+
+@pytest.mark.parametrize("page", [*map(case, filter(runs, PAGES))])
 def test_guides_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(pictures, "FORMATS", pictures.FORMATS[:1])
     with plt.rc_context():  # some set a theme
         run_page(page)
     plt.close("all")

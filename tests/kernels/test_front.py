@@ -143,7 +143,7 @@ def test_few_plans_with_many_ties(plans, data):
         pair.check()
 
 
-@pytest.mark.parametrize("noise", [1e-4, 0.01])
+@pytest.mark.parametrize("noise", [pytest.param(1e-4, marks=pytest.mark.slow), 0.01])
 def test_thousands_of_plans_come_and_go(noise):
     """Blocks split and merge; the noise decides how many plans those that enter dominate."""
     rng = np.random.default_rng(5)

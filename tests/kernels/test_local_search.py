@@ -325,9 +325,14 @@ def one_way():
     ("mission", "n_evaluations", "rule"),
     [
         (load_mission("art_museum"), 400, {"max_size": 12, "min_survival": 0.3}),
-        (load_mission("terrain", nodes=30, robots=4), 300, {}),
+        pytest.param(load_mission("terrain", nodes=30, robots=4), 300, {}, marks=pytest.mark.slow),
         (one_way(), 1_000, {"p_refill": 0.0}),
-        (load_mission("two_communities"), 800, {"p_refill": 0.5, "max_length": 12.0}),
+        pytest.param(
+            load_mission("two_communities"),
+            800,
+            {"p_refill": 0.5, "max_length": 12.0},
+            marks=pytest.mark.slow,
+        ),
         (load_mission("toy"), 800, {"p_refill": 1.0, "max_length": 6.0, "min_survival": 0.2}),
         (load_mission("toy"), 3_500, {}),  # solved soon, and what the search does when it is stuck
     ],

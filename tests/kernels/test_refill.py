@@ -517,7 +517,7 @@ def test_walks_begin_once_the_search_is_stuck(plain, patience, p_walk):
 
 
 @pytest.mark.parametrize("threshold", [0.0, 0.05, 0.5])
-@pytest.mark.parametrize("robots", [1, 3])
+@pytest.mark.parametrize("robots", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, threshold):
     for name, value in (("P_WALK", 1.0), ("N_WALK", 10), ("THRESHOLD", threshold)):
         plain.setattr(kernels, name, value)

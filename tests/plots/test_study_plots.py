@@ -546,6 +546,7 @@ class TestPanels:
             assert ax.get_ylim() == panels[0].get_ylim()
         assert fig.get_suptitle() == "A site"
 
+    @pytest.mark.slow
     def test_eleven_share_one_plot(self, kind):
         ax = PICTURES[kind](many(11))
         assert ax.figure.axes == [ax]

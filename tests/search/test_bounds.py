@@ -131,6 +131,7 @@ def test_the_museum_is_bounded_within_three_per_cent():
     assert {step.proof for step in bound.steps} == {"exact"}
 
 
+@pytest.mark.slow
 def test_units_of_reward_do_not_matter(no_front):
     mission, _ = random_mission(2)
     one = bound_front(mission, time_limit=100)
@@ -146,6 +147,7 @@ def test_units_of_reward_do_not_matter(no_front):
         assert one.area == pytest.approx(other.area, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_sure_arcs_between_which_relaxed_trails_collect_without_end(
     no_front, short_search, monkeypatch
 ):
@@ -209,6 +211,7 @@ def test_little_memory_gives_a_weaker_bound(no_front):
     assert found.notes == ()
 
 
+@pytest.mark.slow
 def test_too_little_time_to_remember_is_said(no_front, monkeypatch):
     monkeypatch.setattr(proof_module, "_PREPARING", 1e9)
     museum = load_mission("art_museum")
@@ -217,6 +220,7 @@ def test_too_little_time_to_remember_is_said(no_front, monkeypatch):
     assert 0.533 < bound.area < 1
 
 
+@pytest.mark.slow
 def test_hundreds_of_robots():
     """All of them look for the reward of 10, for which only the first ones matter."""
     robots = 150
@@ -372,6 +376,7 @@ def both_ways(arcs, *, survival=0.9, reward=1.0, robots=2):
     return Mission(graph, base=0, robots=robots)
 
 
+@pytest.mark.slow
 def test_ways_that_nobody_survives(no_front):
     """A chain so long that its survival is 0 as a float; both robots reach its first node."""
     mission = both_ways([(i, i + 1) for i in range(330)], survival=0.1, reward=1.0)
@@ -381,6 +386,7 @@ def test_ways_that_nobody_survives(no_front):
     assert bound.bound(plan[1]) >= plan[0]
 
 
+@pytest.mark.slow
 def test_thousands_of_bridges(no_front):
     """Each node hangs on one."""
     mission = both_ways([(0, i + 1) for i in range(3_000)], survival=0.99)

@@ -118,6 +118,7 @@ class TestTables:
 
 
 class TestAgain:
+    @pytest.mark.slow
     def test_fewer_seconds_are_enough_and_more_are_not(self, copied):
         before = files(copied)
         for seconds in (2, 1):
@@ -131,6 +132,7 @@ class TestAgain:
         assert {path.name.partition("-")[2] for path in files(copied)} == {"2.json", "2.5.json"}
         assert tables.missing_bounds == []
 
+    @pytest.mark.slow
     def test_runs_stay_when_bounds_are_asked_for_or_not_any_more(self, tmp_path):
         run_study(study_of(None), tmp_path)
         tables, watcher = watched(study_of(), tmp_path)
@@ -230,6 +232,7 @@ class TestPlan:
         assert "bound" not in CliRunner().invoke(study_app, asked).stdout
 
 
+@pytest.mark.slow
 def test_merged_studies_have_the_bounds_that_were_allowed_the_most_seconds(copied, tmp_path):
     other = tmp_path / "other"
     run_study({**both(1), "seeds": [3]}, other)

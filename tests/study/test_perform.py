@@ -120,6 +120,7 @@ WATCHED = [name for name in NAMES if name not in IN_KERNELS]
 
 
 class TestBudgets:
+    @pytest.mark.slow
     def test_nobody_is_given_more(self, monkeypatch):
         counted = Counted(monkeypatch)
         names = (*WATCHED, DOTTED[1], f"{MADE}:Sampler")

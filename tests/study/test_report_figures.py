@@ -13,6 +13,7 @@ import pytest
 
 from botohe_moo import load_mission
 from botohe_moo.plots.study.comparisons import two_parameter_grids
+from botohe_moo.study.report import pictures
 from botohe_moo.study.report.pictures import FORMATS, draw_figures
 from tests.study.made import make_study, random_record
 
@@ -51,7 +52,8 @@ def kinds(figures, label):
 
 
 class TestDrawFigures:
-    def test_a_grid_has_a_heat_map_and_labels_are_whole(self, tmp_path):
+    def test_a_grid_has_a_heat_map_and_labels_are_whole(self, monkeypatch, tmp_path):
+        monkeypatch.setattr(pictures, "FORMATS", FORMATS[:1])
         tables = grid_study(tmp_path, missions=("toy", "later"))
         figures = draw_figures(tables, tmp_path)
         assert figures[""] == []
@@ -72,7 +74,7 @@ class TestDrawFigures:
         grid = next(figure for figure in figures["toy"] if "grid" in figure.paths[0].name)
         assert "median area of BO-ACO for each combination of n_ants (rows)" in grid.caption
         for figure in figures["toy"]:
-            assert [path.suffix[1:] for path in figure.paths] == list(FORMATS)
+            assert [path.suffix[1:] for path in figure.paths] == ["png"]
             assert all(path.stat().st_size for path in figure.paths)
 
     @pytest.mark.slow
