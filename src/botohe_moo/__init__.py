@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from botohe_moo.algorithms import algorithm_names as algorithm_names
     from botohe_moo.algorithms import make_algorithm as make_algorithm
     from botohe_moo.indicators import area_indicator as area_indicator
+    from botohe_moo.mission import Kind as Kind
     from botohe_moo.mission import Mission as Mission
     from botohe_moo.mission import MissionError as MissionError
     from botohe_moo.mission import load_mission as load_mission

@@ -14,8 +14,10 @@ import numpy as np
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
+from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans import evaluate as kernels
-from botohe_moo.mission.graphs import arrays_of, frozen_copy, given_places
+from botohe_moo.mission.graphs import frozen_copy, given_places
+from botohe_moo.mission.kinds import Kind, graph_of_kinds, read_kinds
 from botohe_moo.mission.validation import (
     MissionError,
     PlanError,
@@ -71,23 +73,30 @@ class Mission:
         *,
         base: Hashable | None = None,
         robots: int | None = None,
+        kinds: Iterable[Kind] | None = None,
+        pays: str | None = None,
         name: str | None = None,
     ) -> None:
         attributes = graph.graph if isinstance(graph, nx.Graph) else {}
         base = attributes.get("base") if base is None else base
-        robots = attributes.get("robots") if robots is None else robots
+        listed = read_kinds(attributes.get("kinds", ()) if kinds is None else kinds)
+        if robots is None and kinds is None:
+            robots = attributes.get("robots")
+        pays = attributes.get("pays", "arrival") if pays is None else pays
         name = attributes.get("name") or attributes.get("title") if name is None else name
         source = f"Mission {quoted(name)}" if name else "The mission"
-        if faults := graph_faults(graph, base, robots):
+        if faults := graph_faults(graph, base, robots, listed, pays):
             raise MissionError(faults, source)
 
         self.graph: nx.DiGraph[Any] = frozen_copy(graph)
         self.base = base
-        self.robots = index(robots)  # type: ignore[arg-type]
+        self.kinds = listed or (Kind("robot", index(robots)),)  # type: ignore[arg-type]
+        self.robots = sum(index(kind.robots) for kind in self.kinds)
+        self.pays = pays
         self.name = str(name) if name else "mission"
         self.nodes: tuple[Any, ...] = tuple(self.graph)
         self._index = {node: i for i, node in enumerate(self.nodes)}
-        self.arrays = arrays_of(self.graph, base, self._index)
+        self.arrays = graph_of_kinds(self.graph, base, self.kinds, pays, self._index)
 
     @property
     def title(self) -> str:
@@ -133,6 +142,17 @@ class Mission:
             attributes["length"] = math.dist(places[tail], places[head])  # type: ignore[arg-type]
         return Mission(graph, base=self.base, robots=self.robots, name=self.name)
 
+    @property
+    def kind_of(self) -> tuple[Kind, ...]:
+        """The kind of each robot; robots of a kind are side by side, in the order of ``kinds``."""
+        return tuple(kind for kind in self.kinds for _ in range(kind.robots))
+
+    @property
+    def _first_node(self) -> list[int]:
+        """The first node of each robot's layer of the graph."""
+        n = len(self.nodes)
+        return [k * n for k, kind in enumerate(self.kinds) for _ in range(kind.robots)]
+
     def index(self, label: Hashable) -> int:
         """Return the index of a node, by which kernels know it; a KeyError for an unknown label."""
         return self._index[label]
@@ -147,14 +167,19 @@ class Mission:
             there. Lists as labels become tuples, as in mission files. A PlanError names a label
             that is unknown, and what is not valid.
         """
+        listed = [trail_indices(self.name, self._index, *trail) for trail in enumerate(trails)]
+        first, n_layers = self._first_node, len(self.kinds)
         plan = TrailPlan(
-            trail_indices(self.name, self._index, *trail) for trail in enumerate(trails)
+            [node + first[min(robot, self.robots - 1)] for node in trail] if n_layers > 1 else trail
+            for robot, trail in enumerate(listed)
         )
         self.evaluate([plan])
         return plan
 
     def stay_home(self) -> TrailPlan:
-        """Return the plan in which every robot stays at the base.
+        """Return the plan in which every robot stays where it starts.
+
+        A robot whose trail ends elsewhere takes the safest way there.
 
         Examples
         --------
@@ -163,13 +188,17 @@ class Mission:
         >>> toy.labels(toy.stay_home())
         ((1,), (1,))
         """
-        return TrailPlan([[self.arrays.base]] * self.robots)
+        graph, kinds = self.arrays, self.arrays.kinds
+        if kinds is None:
+            return TrailPlan([[graph.base]] * self.robots)
+        return TrailPlan([_way_home(graph, int(start)) for start in kinds.start])
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
         """Return the trails of a plan of this mission as node labels, robot by robot."""
         if not isinstance(plan, TrailPlan):
             raise TypeError(f"Expected a TrailPlan, got {quoted(plan)}.")
-        return tuple(tuple(self.nodes[i] for i in trail) for trail in plan.trails)
+        n = len(self.nodes)
+        return tuple(tuple(self.nodes[i % n] for i in trail) for trail in plan.trails)
 
     def evaluate(self, plans: Plans) -> FloatArray:
         """Compute the objectives of plans: E[R] and E[S] (n_plans, 2).
@@ -265,6 +294,13 @@ class Mission:
             f"{self.robots} robots at base {self.base!r}, total reward {self.total_reward:g}"
             f"{limit}>"
         )
+
+
+def _way_home(graph: Graph, node: int) -> list[int]:
+    way = [node]
+    while (arc := int(graph.homeward[way[-1]])) >= 0:
+        way.append(int(graph.head[arc]))
+    return way
 
 
 def check_mission(value: object) -> Mission:

@@ -12,6 +12,7 @@ import numpy as np
 
 from botohe_moo._base.checks import as_float, most_alike, quoted
 from botohe_moo.kernels.plans import evaluate as kernels
+from botohe_moo.mission.kinds import Kind, by_kind
 from botohe_moo.trails import PlanBatch
 
 _MAX_SHOWN = 100  # a file may have a million faults
@@ -69,19 +70,30 @@ class MissionError(ValueError):
         return type(self), (list(self.faults), self.source)
 
 
-def graph_faults(graph: Any, base: Hashable, robots: object) -> list[str]:
-    """List the faults of a mission; a base or team size of None was not given."""
+def graph_faults(
+    graph: Any, base: Hashable, robots: object, kinds: Sequence[Kind], pays: object
+) -> list[str]:
+    """List the faults of a mission; a base or team size of None was not given.
+
+    Without ``kinds`` all robots are of one kind.
+    """
     if not isinstance(graph, nx.DiGraph) or graph.is_multigraph():
         return [_not_a_digraph(graph)]
-    faults = []
-    if robots is None:
+    faults = [*_kind_faults(kinds)]
+    if pays not in PAYS:
+        faults.append(f"expected pays to be 'arrival' or 'return', got {quoted(pays)}")
+    if kinds:
+        n_robots = sum(kind.robots for kind in kinds if team_size_fault(kind.robots) is None)
+        if robots is not None and robots != n_robots and not faults:
+            faults.append(f"expected no robots beside kinds, which have {n_robots}, got {robots!r}")
+    elif robots is None:
         faults.append("expected robots to be an integer >= 1, found no graph attribute 'robots'")
     elif fault := team_size_fault(robots):
         faults.append(fault)
     budget = graph.graph.get("max_length")
     if budget is not None and not _is_amount(budget):
         faults.append(f"expected a finite max_length >= 0, got {quoted(budget)}")
-    faults += attribute_faults(graph)
+    faults += attribute_faults(graph, kinds)
     for node in nx.nodes_with_selfloops(graph):
         arc = f"arc {quoted(node)} -> {quoted(node)}"
         faults.append(f"{arc}: a node must not have an arc to itself")
@@ -90,9 +102,46 @@ def graph_faults(graph: Any, base: Hashable, robots: object) -> list[str]:
     elif base not in graph:
         near = most_alike(str(base), map(str, graph))
         faults.append(f"base {quoted(base)}: there is no such node{near}")
-    else:
+    elif not kinds:
         faults += _way_faults(graph, base)
+    elif not faults:
+        faults += _kind_way_faults(graph, base, kinds)
     return faults
+
+
+def _kind_faults(kinds: Sequence[Kind]) -> Iterator[str]:
+    for i, kind in enumerate(kinds):
+        who = f"kind {quoted(kind.name)}"
+        if not isinstance(kind.name, str) or not kind.name.strip():
+            yield f"{who}: expected a name, a text that is not blank"
+        elif kind.name in [other.name for other in kinds[:i]]:
+            yield f"{who}: there are two kinds of this name"
+        if fault := team_size_fault(kind.robots):
+            yield f"{who}: {fault}"
+        if not 0 <= as_float(kind.min_survival) <= 1:
+            yield f"{who}: expected min_survival in [0, 1], got {quoted(kind.min_survival)}"
+        if kind.max_length is not None and not 0 <= as_float(kind.max_length):
+            yield f"{who}: expected max_length >= 0, got {quoted(kind.max_length)}"
+
+
+def _kind_way_faults(
+    graph: nx.DiGraph[Any], base: Hashable, kinds: Sequence[Kind]
+) -> Iterator[str]:
+    for k, kind in enumerate(kinds):
+        ends = {"start": kind.start, "end": kind.end}
+        labels = [base if label is None else label for label in ends.values()]
+        unknown = [name for name, label in zip(ends, labels, strict=True) if label not in graph]
+        for name in unknown:
+            near = most_alike(str(ends[name]), map(str, graph))
+            yield f"kind {quoted(kind.name)}: {name} {quoted(ends[name])} is not a node{near}"
+        if unknown:
+            continue
+        taken = nx.subgraph_view(
+            graph, filter_edge=lambda u, v, k=k: by_kind(graph[u][v]["survival"], kinds)[k] > 0
+        )
+        if not nx.has_path(taken, *labels):
+            start, end = map(quoted, labels)
+            yield f"kind {quoted(kind.name)}: has no way from its start {start} to its end {end}"
 
 
 def team_size_fault(robots: object) -> str | None:
@@ -130,32 +179,60 @@ def _is_place(value: Any) -> bool:
 
 
 _Rules = dict[str, tuple[str, Callable[[Any], bool]]]
+PAYS = ("arrival", "return")
 _OF_NODES: _Rules = {
     "reward": ("a finite reward >= 0", _is_amount),
     "pos": ("pos [x, y], two finite numbers", _is_place),
+    "share": ("share in [0, 1]", lambda value: 0 <= as_float(value) <= 1),
+    "pays": ("pays to be 'arrival' or 'return'", lambda value: value in PAYS),
+    "depot": ("depot to be true or false", lambda value: isinstance(value, bool | np.bool_)),
 }
 _OF_ARCS: _Rules = {
     "survival": ("survival in (0, 1]", lambda value: 0 < as_float(value) <= 1),
     "length": ("a finite length >= 0", _is_amount),
 }
-_OPTIONAL = ("pos", "length")
+_OPTIONAL = ("pos", "length", "share", "pays", "depot")
+# Attributes with a number for each kind, and what the number may be then.
+_BY_KIND: _Rules = {
+    "survival": ("survival in [0, 1]", lambda value: 0 <= as_float(value) <= 1),
+    "share": _OF_NODES["share"],
+}
 
 
-def attribute_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
+def attribute_faults(graph: nx.DiGraph[Any], kinds: Sequence[Kind] = ()) -> Iterator[str]:
     """List the attributes of nodes and arcs that are missing or wrong."""
     for node, attributes in graph.nodes(data=True):
-        for fault in _faults_of(attributes, _OF_NODES):
+        for fault in _faults_of(attributes, _OF_NODES, kinds):
             yield f"node {quoted(node)}: {fault}"
     for tail, head, attributes in graph.edges(data=True):
-        for fault in _faults_of(attributes, _OF_ARCS):
+        for fault in _faults_of(attributes, _OF_ARCS, kinds):
             yield f"arc {quoted(tail)} -> {quoted(head)}: {fault}"
 
 
-def _faults_of(attributes: Mapping[str, Any], rules: _Rules) -> Iterator[str]:
+def _faults_by_kind(name: str, value: Mapping[Any, Any], kinds: Sequence[Kind]) -> Iterator[str]:
+    """List the faults of an attribute that has a number for each kind."""
+    names = [kind.name for kind in kinds]
+    expected, is_valid = _BY_KIND[name]
+    for kind, number in value.items():
+        if kind not in names:
+            yield f"{name} of kind {quoted(kind)}: there is no such kind"
+        elif not is_valid(number):
+            yield f"expected {expected} of kind {quoted(kind)}, got {quoted(number)}"
+    if name == "survival":
+        for kind in names:
+            if kind not in value:
+                yield f"expected {expected} of kind {quoted(kind)}, found none"
+
+
+def _faults_of(
+    attributes: Mapping[str, Any], rules: _Rules, kinds: Sequence[Kind]
+) -> Iterator[str]:
     for name, (expected, is_valid) in rules.items():
         if name not in attributes:
             if name not in _OPTIONAL:
                 yield f"expected {expected}, found no attribute {name!r}"
+        elif kinds and name in _BY_KIND and isinstance(attributes[name], Mapping):
+            yield from _faults_by_kind(name, attributes[name], kinds)
         elif not is_valid(value := attributes[name]):
             has_comma = isinstance(value, str) and "," in value
             hint = "; write numbers with a point" if has_comma else ""

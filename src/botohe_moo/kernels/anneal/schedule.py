@@ -168,7 +168,7 @@ def _copy(slots: OffsetArray, into: OffsetArray) -> None:
 
 
 @helper
-def _evaluate(reward: FloatArray, state: AnnealState) -> tuple[float, float]:
+def _evaluate(graph: Graph, state: AnnealState) -> tuple[float, float]:
     """Return E[R] and E[S] of the plan that is tried, with the bits of ``evaluate``.
 
     Its trails must have been walked.
@@ -183,7 +183,7 @@ def _evaluate(reward: FloatArray, state: AnnealState) -> tuple[float, float]:
         for j in range(state.n_met[slot]):
             combine(team, met[slot, j], reach[slot, j])
         survivors += state.alive[slot]
-    return team_reward(reward, team), survivors
+    return team_reward(graph, team), survivors
 
 
 @helper
@@ -255,7 +255,7 @@ def anneal(
         for k in range(n_robots):
             if every_robot or k == chosen:
                 tried[k] = _change(graph, rule.moves, state, k)
-        reward, survivors = _evaluate(graph.reward, state)
+        reward, survivors = _evaluate(graph, state)
         if rule.record and not (
             _dominates(objectives, reward, survivors)
             or _dominates(best_objectives, reward, survivors)

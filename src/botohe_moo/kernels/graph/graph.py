@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import heapq
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.compile import helper
+from botohe_moo.kernels.graph.kinds import Kinds
 
 # Among up to this many arcs a head is looked for one by one, after a binary search among more.
 _LINEAR_SEARCH_UP_TO = 12
@@ -35,7 +37,8 @@ class Graph(NamedTuple):
     # The arcs that enter node v are ``entering[first_entering[v]:first_entering[v + 1]]``.
     first_entering: OffsetArray
     entering: OffsetArray
-    reward: FloatArray  # reward of each node, at least 0 (n_nodes)
+    # Reward of each node, at least 0 (n_nodes); with kinds, what a robot that gets there expects.
+    reward: FloatArray
     # The arc by which the safest way home leaves each node, −1 at the base; and the survival of
     # that way, 1 at the base (n_nodes).
     homeward: OffsetArray
@@ -43,6 +46,7 @@ class Graph(NamedTuple):
     base: int  # index of the base
     # Whether as many arcs enter every node as leave it, so that no trail meets a dead end.
     balanced: bool
+    kinds: Kinds | None = None
 
     @property
     def n_nodes(self) -> int:
@@ -111,6 +115,44 @@ def new_graph(
     return _read_only(*graph._replace(homeward=homeward, home=home))
 
 
+def join_layers(layers: Sequence[Graph], kinds: Kinds) -> Graph:
+    """Return one graph of the graphs of all kinds, of which each has its own end as its base."""
+    n_nodes = [layer.n_nodes * k for k, layer in enumerate(layers)]
+    n_arcs = np.cumsum([0, *(layer.n_arcs for layer in layers)]).tolist()
+
+    def joined(name: str, by: Sequence[int] | None = None) -> Any:
+        """Join what all layers have; indices are counted from the first of each layer."""
+        parts = [getattr(layer, name) for layer in layers]
+        if by is not None:
+            parts = [np.where(part < 0, -1, part + n) for part, n in zip(parts, by, strict=False)]
+        return np.concatenate(parts)
+
+    def joined_starts(name: str) -> OffsetArray:
+        starts = [getattr(layer, name)[:-1] + n for layer, n in zip(layers, n_arcs, strict=False)]
+        return np.concatenate([*starts, n_arcs[-1:]])
+
+    starts = kinds.start[np.searchsorted(kinds.start, n_nodes)]
+    ends = [layer.base + n for layer, n in zip(layers, n_nodes, strict=True)]
+    joined_graph = Graph(
+        first=joined_starts("first"),
+        tail=joined("tail", n_nodes),
+        head=joined("head", n_nodes),
+        survival=joined("survival"),
+        cost=joined("cost"),
+        length=joined("length"),
+        reverse=joined("reverse", n_arcs),
+        first_entering=joined_starts("first_entering"),
+        entering=joined("entering", n_arcs),
+        reward=joined("reward"),
+        homeward=joined("homeward", n_arcs),
+        home=joined("home"),
+        base=layers[0].base,
+        balanced=all(layer.balanced for layer in layers) and starts.tolist() == ends,
+        kinds=kinds,
+    )
+    return _read_only(*joined_graph)
+
+
 @helper
 def find_arc(graph: Graph, tail: int, head: int) -> int:
     """Return the arc between two nodes; −1 where there is none."""
@@ -139,7 +181,7 @@ def with_costs(graph: Graph, cost: FloatArray) -> Graph:
 
 
 def _ways_home(graph: Graph) -> tuple[OffsetArray, FloatArray, FloatArray]:
-    """Find the cheapest way home from every node by Dijkstra's algorithm, from the base backwards.
+    """Find the cheapest way home from every node by Dijkstra's algorithm, from the ends backwards.
 
     Returns the first arc of each way, its cost and its survival. In Python, since it runs once for
     every mission: compiling it would take longer. Ties go to the node of the smallest index.
@@ -148,8 +190,10 @@ def _ways_home(graph: Graph) -> tuple[OffsetArray, FloatArray, FloatArray]:
     distance, homeward, home = [math.inf] * n_nodes, np.full(n_nodes, -1), np.ones(n_nodes)
     starts, arcs = graph.first_entering.tolist(), graph.entering.tolist()
     tails, costs = graph.tail.tolist(), graph.cost.tolist()
-    distance[graph.base] = 0.0
-    heap = [(0.0, graph.base)]
+    ends = [graph.base] if graph.kinds is None else np.unique(graph.kinds.end).tolist()
+    heap = [(0.0, end) for end in ends]
+    for end in ends:
+        distance[end] = 0.0
     while heap:
         key, far = heapq.heappop(heap)
         if key > distance[far]:
@@ -165,6 +209,7 @@ def _ways_home(graph: Graph) -> tuple[OffsetArray, FloatArray, FloatArray]:
 
 def _read_only(*fields: object) -> Graph:
     for field in fields:
-        if isinstance(field, np.ndarray):
-            field.setflags(write=False)
+        for array in field if isinstance(field, Kinds) else (field,):
+            if isinstance(array, np.ndarray):
+                array.setflags(write=False)
     return Graph(*fields)  # type: ignore[arg-type]

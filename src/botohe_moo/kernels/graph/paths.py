@@ -13,6 +13,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph, Limits, with_costs
+from botohe_moo.kernels.graph.kinds import end_of
 
 ANYWHERE = -1  # instead of a node
 
@@ -180,20 +181,21 @@ def safest_path(
 
 @helper
 def way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
-    """Write the safest way to the base to ``paths.path``; return how many arcs it has, −1 for none.
+    """Write the safest way to the end to ``paths.path``; return how many arcs it has, −1 for none.
 
     The usual way is tried first: it takes little time, and is nearly always free.
     """
     n = usual_way_home(graph, paths, used, trail, source)
-    return n if n >= 0 else safest_path(graph, paths, used, trail, source, graph.base)
+    end = end_of(graph.kinds, graph.base, source)
+    return n if n >= 0 else safest_path(graph, paths, used, trail, source, end)
 
 
 @helper
 def usual_way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
     """Write the way along ``graph.homeward``; return how many arcs it has, −1 if one is used."""
-    n = 0
+    n, end = 0, end_of(graph.kinds, graph.base, source)
     node = source
-    while node != graph.base:
+    while node != end:
         arc = graph.homeward[node]
         if used[arc] == trail:
             return -1
@@ -283,8 +285,8 @@ def _is_free(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: in
     It is not if it comes to a node from which this search has followed a way before: that way
     is blocked, or this one goes round in a circle.
     """
-    search = paths.n_searches[0]
-    while node != graph.base:
+    search, end = paths.n_searches[0], end_of(graph.kinds, graph.base, node)
+    while node != end:
         arc = paths.onward[node]
         if used[arc] == trail or paths.followed[node] == search:
             return False

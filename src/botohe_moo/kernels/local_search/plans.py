@@ -189,7 +189,7 @@ def evaluate_trails(graph: Graph, store: TrailStore, work: Workspace) -> tuple[f
         for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
             combine(team, np.int64(store.node[i]), store.reach[i])
         survivors += trail.alive
-    return team_reward(graph.reward, team), survivors
+    return team_reward(graph, team), survivors
 
 
 @helper

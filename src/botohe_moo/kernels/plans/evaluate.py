@@ -7,6 +7,14 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.compile import array_maker, helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
+from botohe_moo.kernels.graph.kinds import (
+    AT_NEXT_DEPOT,
+    AT_THIS_DEPOT,
+    Kinds,
+    end_of,
+    reward_at,
+    start_of,
+)
 from botohe_moo.kernels.plans.trails import sort_trails
 from botohe_moo.kernels.sharing import shared
 
@@ -53,11 +61,15 @@ class Team(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """The last trail that used each arc and visited each node, and what a plan reaches."""
+    """Scratch of evaluations."""
 
+    # The last trail that used each arc (n_arcs), and that visited each node (n_nodes).
     used: OffsetArray
     visited: OffsetArray
     team: Team
+    # Nodes whose rewards the robot carries (n_nodes), and how many there are (1).
+    carried: OffsetArray
+    n_carried: OffsetArray
 
 
 @array_maker
@@ -91,11 +103,12 @@ def combine(team: Team, node: int | np.int64, alive: float) -> None:
 
 
 @helper
-def team_reward(reward: FloatArray, team: Team) -> float:
+def team_reward(graph: Graph, team: Team) -> float:
     """Return E[R] of the plan: the rewards of its nodes, in the order in which they were added."""
     total = 0.0
     for i in range(team.n[0]):
-        total += reward[team.nodes[i]] * team.chance[team.nodes[i]]
+        node = team.nodes[i]
+        total += reward_at(graph.kinds, graph.reward, node) * team.chance[node]
     return total
 
 
@@ -109,11 +122,25 @@ def either(one: Chance, other: Chance) -> Chance:
 
 
 @inlined
-def _reach(scratch: _Scratch, trail: int, node: int, alive: float) -> None:
+def _reach(kinds: Kinds | None, scratch: _Scratch, trail: int, node: int, alive: float) -> None:
     """Note that a robot gets to a node with probability ``alive``."""
+    if kinds is None:
+        if scratch.visited[node] != trail:
+            scratch.visited[node] = trail
+            combine(scratch.team, node, alive)
+        return
+    carried, n_carried = scratch.carried, scratch.n_carried
     if scratch.visited[node] != trail:
         scratch.visited[node] = trail
-        combine(scratch.team, node, alive)
+        if kinds.credit[node] == AT_NEXT_DEPOT:
+            carried[n_carried[0]] = node
+            n_carried[0] += 1
+        else:
+            combine(scratch.team, kinds.origin[node], kinds.share[node] * alive)
+    if kinds.credit[node] == AT_THIS_DEPOT:
+        for i in range(n_carried[0]):
+            combine(scratch.team, kinds.origin[carried[i]], kinds.share[carried[i]] * alive)
+        n_carried[0] = 0
 
 
 @inlined
@@ -141,20 +168,21 @@ def _walk(
     start: int,
     stop: int,
     trail: int,
+    source: int,
 ) -> tuple[float, float, int, int, int]:
-    """Walk a trail up to its first fault, where the robot is lost.
+    """Walk a trail, from ``source``, up to its first fault, where the robot is lost.
 
     Returns the probability to survive it, its length, the number of its faults, and kind and
     position of the first fault.
     """
     node = int(nodes[start]) if stop > start else -1
-    kind = position = n_faults = 0
-    if node != graph.base:
+    kind = position = n_faults = scratch.n_carried[0] = 0
+    if node != source:
         n_faults = 1
         known = 0 <= node < graph.reward.shape[0]
         kind = EMPTY_TRAIL if stop <= start else NOT_FROM_BASE if known else UNKNOWN_NODE
     else:
-        _reach(scratch, trail, node, 1.0)
+        _reach(graph.kinds, scratch, trail, node, 1.0)
     alive, length = 1.0, 0.0
     i = start + 1
     while kind == VALID and i < stop:
@@ -163,7 +191,7 @@ def _walk(
         if kind == VALID:
             alive *= graph.survival[arc]
             length += graph.length[arc]
-            _reach(scratch, trail, head, alive)
+            _reach(graph.kinds, scratch, trail, head, alive)
             node = head
             i += 1
         else:
@@ -172,7 +200,7 @@ def _walk(
         head = int(nodes[j])
         n_faults += _hop(graph, scratch, trail, node, head)[1] != VALID
         node = head
-    if node != graph.base:
+    if node != end_of(graph.kinds, graph.base, source):
         n_faults += 1
         if kind == VALID:
             kind, position = NOT_BACK_AT_BASE, stop - start - 1
@@ -203,7 +231,9 @@ def evaluate(
     """
     graph, values, n_nodes = shared(graph), shared(values), graph.reward.shape[0]
     used, visited = np.full(graph.head.shape[0], -1), np.full(n_nodes, -1)
-    scratch, order = _Scratch(used, visited, new_team(n_nodes)), np.empty(n_robots, np.int64)
+    carried, n_carried = np.empty(n_nodes, np.int64), np.zeros(1, np.int64)
+    scratch = _Scratch(used, visited, new_team(n_nodes), carried, n_carried)
+    order = np.empty(n_robots, np.int64)
     for plan in range(values.objectives.shape[0]):
         for k in range(n_robots):
             trail = plan * n_robots + k
@@ -218,14 +248,15 @@ def evaluate(
         for k in range(n_robots):
             trail = order[k]
             start, stop = offsets[trail], offsets[trail + 1]
-            alive, length, n, kind, at = _walk(graph, scratch, nodes, start, stop, trail)
+            source = start_of(graph.kinds, graph.base, trail - plan * n_robots)
+            alive, length, n, kind, at = _walk(graph, scratch, nodes, start, stop, trail, source)
             if strict and kind != VALID:
                 return kind, plan, trail - plan * n_robots, at
             n_faults += n
             survivors += alive
             values.alive[plan, trail - plan * n_robots] = alive
             values.lengths[plan, trail - plan * n_robots] = length
-        values.objectives[plan, 0] = team_reward(graph.reward, scratch.team)
+        values.objectives[plan, 0] = team_reward(graph, scratch.team)
         values.objectives[plan, 1] = survivors
         values.faults[plan] = n_faults
     return VALID, 0, 0, 0

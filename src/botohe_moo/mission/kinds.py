@@ -1,0 +1,145 @@
+"""Kinds of robots: what a mission says of them, and the graph of each kind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import networkx as nx
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.graph.graph import Graph, join_layers, new_graph
+from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Robots of one kind.
+
+    What a kind survives and what it can collect are attributes of arcs and nodes: ``survival`` and
+    ``share``.
+
+    Parameters
+    ----------
+    name
+        By which survivals, shares, tables and pictures refer to the kind.
+    robots
+        How many robots of this kind there are, at least 1.
+    start, end
+        Labels of the nodes where their trails begin and end; default: the base.
+    min_survival
+        Survival floor of each of them, in [0, 1]; 0 sets none.
+    max_length
+        Travel budget of each of them, at least 0; default: that of the mission.
+
+    Examples
+    --------
+    >>> import networkx as nx
+    >>> from botohe_moo import Kind, Mission
+    >>> graph = nx.DiGraph([("dock", "reef"), ("reef", "dock")])
+    >>> nx.set_node_attributes(graph, {"dock": 0, "reef": 5}, "reward")
+    >>> nx.set_edge_attributes(graph, {"boat": 0.9, "diver": 0.5}, "survival")
+    >>> mission = Mission(graph, base="dock", kinds=[Kind("boat", 1), Kind("diver", 2)])
+    >>> mission.robots
+    3
+    """
+
+    name: str
+    robots: int
+    start: Hashable | None = None
+    end: Hashable | None = None
+    min_survival: float = 0.0
+    max_length: float | None = None
+
+
+def read_kinds(kinds: Iterable[Kind | Mapping[str, Any]]) -> tuple[Kind, ...]:
+    """Return kinds, which files hold as mappings; a MissionError... """
+    return tuple(kind if isinstance(kind, Kind) else Kind(**kind) for kind in kinds)
+
+
+def by_kind(value: object, kinds: Sequence[Kind], default: float = 1.0) -> list[float]:
+    """Return an attribute for each kind: one number, or a number for each name."""
+    if isinstance(value, Mapping):
+        return [float(value.get(kind.name, default)) for kind in kinds]
+    return [float(value)] * len(kinds)  # type: ignore[arg-type]
+
+
+def graph_of_kinds(
+    graph: nx.DiGraph[Any],
+    base: Hashable,
+    kinds: Sequence[Kind],
+    pays: str,
+    index: Mapping[Any, int],
+) -> Graph:
+    """Return a valid mission's graph as kernels take it; ``index`` numbers its nodes."""
+    arcs = sorted(
+        (index[u], index[v], by_kind(arc["survival"], kinds), float(arc.get("length", 1.0)))
+        for u, v, arc in graph.edges(data=True)
+    )
+    tail, head = (np.array([arc[i] for arc in arcs], np.int64) for i in (0, 1))
+    survival = np.array([s for _, _, s, _ in arcs], np.float64).reshape(-1, len(kinds))
+    length = np.array([d for *_, d in arcs], np.float64)
+    nodes = dict(graph.nodes(data=True))
+    reward = np.array([node["reward"] for node in nodes.values()], np.float64)
+    share = np.array([by_kind(node.get("share", 1.0), kinds) for node in nodes.values()])
+    ends = [
+        (index[base if kind.start is None else kind.start], index[base if kind.end is None else kind.end])
+        for kind in kinds
+    ]
+    credit = np.array([_credit(node, label == base, pays) for label, node in nodes.items()])
+    if len(kinds) == 1 and is_plain(ends, index[base], share, credit, survival):
+        return new_graph(tail, head, survival[:, 0], length, reward, index[base])
+    layers, shares = [], []
+    for k, (start, end) in enumerate(ends):
+        stays, is_open = _passable(tail, head, survival[:, k] > 0.0, start, end, len(reward))
+        shares.append(np.where(is_open, share[:, k], 0.0))
+        arrays = tail[stays], head[stays], survival[stays, k], length[stays]
+        layers.append(new_graph(*arrays, reward * shares[-1], end))
+    n, counts = len(reward), [kind.robots for kind in kinds]
+    first = np.cumsum([0, *counts])
+    kind_of = np.repeat(np.arange(len(kinds)), counts)
+    described = Kinds(
+        origin=np.tile(np.arange(n), len(kinds)),
+        share=np.concatenate(shares),
+        credit=np.tile(credit, len(kinds)),
+        end=np.repeat([end + k * n for k, (_, end) in enumerate(ends)], n),
+        reward=reward,
+        start=np.array([ends[k][0] + k * n for k in kind_of]),
+        first=first[kind_of],
+        stop=first[kind_of + 1],
+    )
+    return join_layers(layers, described)
+
+
+def is_plain(
+    ends: Sequence[tuple[int, int]],
+    base: int,
+    share: FloatArray,
+    credit: OffsetArray,
+    survival: FloatArray,
+) -> bool:
+    """Return whether a mission of one kind needs no ``Kinds``."""
+    at_base = ends[0] == (base, base) and bool((survival > 0.0).all())
+    return at_base and bool((share == 1.0).all()) and bool((credit != AT_NEXT_DEPOT).all())
+
+
+def _credit(node: Mapping[str, Any], is_base: bool, pays: str) -> int:
+    if is_base or node.get("depot", False):
+        return AT_THIS_DEPOT
+    return AT_NEXT_DEPOT if node.get("pays", pays) == "return" else ON_ARRIVAL
+
+
+def _passable(
+    tail: OffsetArray, head: OffsetArray, stays: Any, start: int, end: int, n_nodes: int
+) -> tuple[Any, Any]:
+    """Return which arcs and which nodes a kind can use on a way from its start to its end."""
+    ways: nx.DiGraph[Any] = nx.DiGraph()
+    ways.add_nodes_from(range(n_nodes))
+    ways.add_edges_from(zip(tail[stays].tolist(), head[stays].tolist(), strict=True))
+    used = (nx.descendants(ways, start) | {start}) & (nx.ancestors(ways, end) | {end})
+    is_open = np.zeros(n_nodes, bool)
+    is_open[list(used)] = True
+    return stays & is_open[tail] & is_open[head], is_open
