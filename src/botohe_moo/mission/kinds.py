@@ -56,7 +56,7 @@ class Kind:
 
 
 def read_kinds(kinds: Iterable[Kind | Mapping[str, Any]]) -> tuple[Kind, ...]:
-    """Return kinds, which files hold as mappings; a MissionError... """
+    """Return kinds, which files hold as mappings; a MissionError..."""
     return tuple(kind if isinstance(kind, Kind) else Kind(**kind) for kind in kinds)
 
 
@@ -86,7 +86,10 @@ def graph_of_kinds(
     reward = np.array([node["reward"] for node in nodes.values()], np.float64)
     share = np.array([by_kind(node.get("share", 1.0), kinds) for node in nodes.values()])
     ends = [
-        (index[base if kind.start is None else kind.start], index[base if kind.end is None else kind.end])
+        (
+            index[base if kind.start is None else kind.start],
+            index[base if kind.end is None else kind.end],
+        )
         for kind in kinds
     ]
     credit = np.array([_credit(node, label == base, pays) for label, node in nodes.items()])

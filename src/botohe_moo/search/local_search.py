@@ -77,7 +77,7 @@ class LocalSearch:
         self.mission = mission
         self.limits = limits
         self.max_size = max_size
-        n_nodes = len(mission.nodes)
+        n_nodes = mission.arrays.n_nodes
         if p_refill is None:
             p_refill = _P_REFILL if n_nodes * mission.robots <= _REFILLED_UP_TO else 0.0
         self._p_refill = p_refill if n_nodes <= FULL_UP_TO else 0.0
@@ -180,7 +180,9 @@ class LocalSearch:
         offsets = np.append(0, np.cumsum(trails["n_arcs"] + 1))
         nodes = np.full(offsets[-1], graph.base, np.int32)
         is_head = np.ones(len(nodes), bool)
-        is_head[offsets[:-1]] = False  # every trail begins at the base
+        is_head[offsets[:-1]] = False
+        if graph.kinds is not None:
+            nodes[offsets[:-1]] = np.tile(graph.kinds.start, len(slots))
         nodes[is_head] = graph.head[store.arc[ragged(trails["first_arc"], trails["n_arcs"])]]
         batch = PlanBatch._wrap(nodes, offsets, self.mission.robots)
         return batch, objectives, front.serial[slots]

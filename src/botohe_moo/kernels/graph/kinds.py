@@ -13,7 +13,7 @@ tested is an argument of the function.
 from typing import NamedTuple
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.compile import helper
+from botohe_moo.kernels.compile import helper, inlined
 
 # Where rewards are credited: at the next depot, on arrival, or on arrival at a depot, where all
 # rewards that the robot carries are credited, too.
@@ -37,7 +37,7 @@ class Kinds(NamedTuple):
     stop: OffsetArray
 
 
-@helper
+@inlined
 def origin_of(kinds: Kinds | None, node: int) -> int:
     """Return the node of the mission that a node is a copy of."""
     if kinds is None:
@@ -45,7 +45,7 @@ def origin_of(kinds: Kinds | None, node: int) -> int:
     return int(kinds.origin[node])
 
 
-@helper
+@inlined
 def start_of(kinds: Kinds | None, base: int, robot: int) -> int:
     """Return the node where a robot's trail begins."""
     if kinds is None:
@@ -53,7 +53,7 @@ def start_of(kinds: Kinds | None, base: int, robot: int) -> int:
     return int(kinds.start[robot])
 
 
-@helper
+@inlined
 def end_of(kinds: Kinds | None, base: int, node: int) -> int:
     """Return the node where trails end that visit a node."""
     if kinds is None:
@@ -61,9 +61,64 @@ def end_of(kinds: Kinds | None, base: int, node: int) -> int:
     return int(kinds.end[node])
 
 
-@helper
+@inlined
 def reward_at(kinds: Kinds | None, reward: FloatArray, node: int) -> float:
     """Return the reward of a node of the mission; ``reward`` is that of the graph."""
     if kinds is None:
         return float(reward[node])
     return float(kinds.reward[node])
+
+
+@inlined
+def has_kinds(kinds: Kinds | None) -> bool:
+    """Return whether there are kinds, or rewards on return."""
+    return kinds is not None
+
+
+@inlined
+def credit_of(kinds: Kinds | None, node: int) -> int:
+    """Return where the reward of a node is credited."""
+    if kinds is None:
+        return ON_ARRIVAL
+    return int(kinds.credit[node])
+
+
+@inlined
+def share_of(kinds: Kinds | None, node: int) -> float:
+    """Return the probability that a robot that gets to a node collects its reward."""
+    if kinds is None:
+        return 1.0
+    return float(kinds.share[node])
+
+
+@inlined
+def layer_of(kinds: Kinds | None, robot: int) -> int:
+    """Return the first node of the layer of a robot's kind."""
+    if kinds is None:
+        return 0
+    start = kinds.start[robot]
+    return int(start - kinds.origin[start])
+
+
+@inlined
+def n_origins(kinds: Kinds | None, n_nodes: int) -> int:
+    """Return how many nodes the mission has; ``n_nodes`` is how many the graph has."""
+    if kinds is None:
+        return n_nodes
+    return int(kinds.reward.shape[0])
+
+
+@inlined
+def first_of_kind(kinds: Kinds | None, robot: int) -> int:
+    """Return the first robot of a robot's kind."""
+    if kinds is None:
+        return 0
+    return int(kinds.first[robot])
+
+
+@inlined
+def behind_kind(kinds: Kinds | None, n_robots: int, robot: int) -> int:
+    """Return the robot behind the last one of a robot's kind, of ``n_robots`` in all."""
+    if kinds is None:
+        return n_robots
+    return int(kinds.stop[robot])

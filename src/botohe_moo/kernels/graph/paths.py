@@ -30,7 +30,7 @@ class Paths(NamedTuple):
     distance: FloatArray
     entry: OffsetArray
     order: OffsetArray  # the nodes whose safest path is known, by ascending cost (n_nodes)
-    # The heap (n_arcs + 1).
+    # The heap, of at least n_arcs + 1 and n_nodes + 1.
     heap_keys: FloatArray
     heap_nodes: OffsetArray
     path: OffsetArray  # arcs of the path that was asked for, in order (n_nodes)
@@ -58,14 +58,15 @@ def new_budget(graph: Graph, limits: Limits) -> Budget | None:
 def new_paths(graph: Graph) -> Paths:
     """Return room for searches in a graph."""
     n_nodes, n_arcs = graph.n_nodes, graph.n_arcs
+    n_heap = max(n_arcs, n_nodes) + 1
     return Paths(
         n_searches=np.zeros(1, np.int64),
         met=np.zeros(n_nodes, np.int64),
         distance=np.empty(n_nodes),
         entry=np.empty(n_nodes, np.int64),
         order=np.empty(n_nodes, np.int64),
-        heap_keys=np.empty(n_arcs + 1),
-        heap_nodes=np.empty(n_arcs + 1, np.int64),
+        heap_keys=np.empty(n_heap),
+        heap_nodes=np.empty(n_heap, np.int64),
         path=np.empty(n_nodes, np.int64),
         onward=graph.homeward.copy(),
         followed=np.zeros(n_nodes, np.int64),

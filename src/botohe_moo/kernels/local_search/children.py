@@ -9,6 +9,14 @@ import numpy as np
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.fronts.ordered import OrderedFront, best_reward
 from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.kinds import (
+    AT_NEXT_DEPOT,
+    AT_THIS_DEPOT,
+    credit_of,
+    end_of,
+    has_kinds,
+    reward_at,
+)
 from botohe_moo.kernels.local_search.routes import UNKNOWN, Routes, route_entry, search_routes
 from botohe_moo.kernels.local_search.trail_store import TrailStore
 from botohe_moo.kernels.local_search.workspace import TOLERANCE, Search, Workspace
@@ -69,13 +77,14 @@ def _append_path(search: Search, node: int, goal: int, n_detours: int) -> bool:
     there are no detours on the way to the base: these ways are stored apart from other paths.
     """
     graph, routes, work = search.graph, search.routes, search.work
-    is_homeward = goal == graph.base and routes.entries.shape[1] < routes.entries.shape[0]
+    is_end, n_entries = goal == end_of(graph.kinds, graph.base, goal), routes.entries.shape[1]
+    is_homeward = is_end and n_entries < routes.entries.shape[0]
     entry = 0
     if not is_homeward:
         if routes.n_known[goal] == 0:
             search_routes(graph, routes, goal)
         entry = route_entry(routes, goal, node)
-        if entry == UNKNOWN:
+        if entry == UNKNOWN or routes.entries[goal, entry].cost == np.inf:
             return False
     while node != goal:
         if is_homeward:
@@ -190,14 +199,23 @@ def evaluate_child(search: Search) -> float:
     draft, steps, nodes = work.draft, work.steps, work.nodes
     draft.mark += 1
     mark, prefix, suffix, length = draft.mark, draft.prefix, draft.suffix, draft.length
+    kinds, loads, carried = graph.kinds, work.loads, 0.0
     alive, gained = steps[prefix].alive, steps[prefix].gained
+    if has_kinds(kinds):
+        carried = loads[prefix].carried
     for i in range(draft.n_middle):
         arc = work.middle[i]
         alive *= graph.survival[arc]
-        node = nodes[graph.head[arc]]
+        node, credit = nodes[graph.head[arc]], credit_of(kinds, graph.head[arc])
         if node.met > prefix and node.seen != mark:
             node.seen = mark
-            gained += node.left * alive
+            if credit == AT_NEXT_DEPOT:
+                carried += node.left
+            else:
+                gained += node.left * alive
+        if credit == AT_THIS_DEPOT:
+            gained += carried * alive
+            carried = 0.0
     ratio = alive / steps[suffix].alive
     home = steps[length].alive * ratio
     if home < limits.min_survival:
@@ -209,23 +227,35 @@ def evaluate_child(search: Search) -> float:
         if walked > limits.max_length:
             return -1.0
     needed = best_reward(front, (draft.survivors + home) * (1.0 - TOLERANCE))
-    bound = (draft.others + gained + alive * steps[suffix].ahead) * (1.0 + TOLERANCE)
+    ahead = steps[suffix].ahead
+    if has_kinds(kinds):
+        ahead += carried * loads[suffix].to_depot
+    bound = (draft.others + gained + alive * ahead) * (1.0 + TOLERANCE)
     if needed >= bound:
         return -1.0
     for i in range(suffix + 1, length + 1):
-        node = nodes[steps[i].node]
+        node, credit = nodes[steps[i].node], credit_of(kinds, steps[i].node)
         if node.met > prefix and node.seen != mark:
             node.seen = mark
-            gained += node.left * steps[i].alive * ratio
+            if credit == AT_NEXT_DEPOT:
+                carried += node.left
+            else:
+                gained += node.left * steps[i].alive * ratio
+        if credit == AT_THIS_DEPOT:
+            gained += carried * steps[i].alive * ratio
+            carried = 0.0
     return float(gained) if (draft.others + gained) * (1.0 - TOLERANCE) > needed else -1.0
 
 
 @helper
-def evaluate_trail(store: TrailStore, front: OrderedFront, work: Workspace, trail: int) -> float:
+def evaluate_trail(search: Search, trail: int) -> float:
     """Return what the robot collects by a stored trail; −1 if that child cannot enter the front."""
-    draft, taken = work.draft, store.trails[trail]
+    graph, store, work = search.graph, search.store, search.work
+    draft, nodes, taken = work.draft, work.nodes, store.trails[trail]
     gained = 0.0
     for i in range(taken.first_visit, taken.first_visit + taken.n_visits):
-        gained += work.nodes[store.node[i]].left * store.reach[i]
-    needed = best_reward(front, (draft.survivors + taken.alive) * (1.0 - TOLERANCE))
+        node = np.int64(store.node[i])  # of the mission: the share is part of the reach
+        left = reward_at(graph.kinds, graph.reward, node) * abs(nodes[node].unreached)
+        gained += left * store.reach[i]
+    needed = best_reward(search.front, (draft.survivors + taken.alive) * (1.0 - TOLERANCE))
     return gained if (draft.others + gained) * (1.0 - TOLERANCE) > needed else -1.0

@@ -7,8 +7,9 @@ to take after these.
 import numpy as np
 
 from botohe_moo.kernels.compile import helper
-from botohe_moo.kernels.fronts.ordered import OrderedFront, draw_place
+from botohe_moo.kernels.fronts.ordered import draw_place
 from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.kinds import behind_kind, first_of_kind, n_origins
 from botohe_moo.kernels.local_search.children import connect_child
 from botohe_moo.kernels.local_search.routes import Routes, search_near
 from botohe_moo.kernels.local_search.workspace import MOST_GOALS, Search, Workspace
@@ -91,7 +92,8 @@ def _draw_visits(graph: Graph, routes: Routes, work: Workspace, n_visits: int) -
     n_near = near.shape[1]
     for i in range(n_visits):
         if uniform(states, 0) >= _P_NEAR:
-            node = below(states, graph.reward.shape[0])
+            n_nodes = n_origins(graph.kinds, graph.reward.shape[0])
+            node = work.draft.layer + below(states, n_nodes)
         else:
             if near[node, 0] < 0:
                 search_near(graph, routes, node)
@@ -106,16 +108,19 @@ def _draw_visits(graph: Graph, routes: Routes, work: Workspace, n_visits: int) -
 
 
 @helper
-def draw_trail(front: OrderedFront, work: Workspace) -> int:
-    """Draw a trail of another plan: of one near the parent, or of any."""
-    states = work.states
+def draw_trail(search: Search, robot: int) -> int:
+    """Draw a trail that a robot may take, of a plan near the parent or of any plan."""
+    front, work, kinds = search.front, search.work, search.graph.kinds
+    states, n_robots = work.states, search.front.plan.shape[1]
     if uniform(states, 0) < _P_NEIGHBOUR:
         block = min(front.n.blocks - 1, max(0, work.draft.block + below(states, 3) - 1))
         place = below(states, front.size[front.directory[block]])
     else:
         block, place = draw_place(front, states)
     slot = front.places[front.directory[block], place].slot
-    return int(np.int64(front.plan[slot, below(states, front.plan.shape[1])]))
+    first = first_of_kind(kinds, robot)
+    donor = first + below(states, behind_kind(kinds, n_robots, robot) - first)
+    return int(np.int64(front.plan[slot, donor]))
 
 
 @helper
@@ -127,7 +132,7 @@ def _draw_piece(search: Search, to_end: bool) -> bool:
     """
     graph, store, work = search.graph, search.store, search.work
     draft, states, nodes = work.draft, work.states, work.nodes
-    donor = store.trails[draw_trail(search.front, work)]
+    donor = store.trails[draw_trail(search, draft.robot)]
     start, n_arcs, length = donor.first_arc, donor.n_arcs, draft.length
     if n_arcs == 0:
         return False

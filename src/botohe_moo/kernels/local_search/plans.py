@@ -20,11 +20,25 @@ from botohe_moo.kernels.fronts.ordered import (
     remove_place,
 )
 from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.kinds import (
+    AT_NEXT_DEPOT,
+    AT_THIS_DEPOT,
+    behind_kind,
+    credit_of,
+    has_kinds,
+    layer_of,
+    origin_of,
+    reward_at,
+    share_of,
+    start_of,
+)
 from botohe_moo.kernels.local_search.trail_store import TrailStore, release
 from botohe_moo.kernels.local_search.workspace import NEVER, TOLERANCE, Search, Workspace
 from botohe_moo.kernels.plans.evaluate import begin_team, combine, team_reward
 from botohe_moo.kernels.plans.trails import sort_trails
 from botohe_moo.kernels.rng import below, uniform
+
+_CARRIED = -1.0  # instead of a probability, of visits that have not been credited yet
 
 # The probability that the next parent is the plan that has just entered the front.
 P_NEWEST = 0.9
@@ -69,7 +83,10 @@ def release_parent(search: Search) -> None:
 def evaluate_others(graph: Graph, store: TrailStore, work: Workspace) -> None:
     """Compute what the parent's other robots collect, with the base, and what they leave."""
     draft, nodes, touched = work.draft, work.nodes, work.touched
-    draft.n_touched, draft.others, draft.survivors = 0, graph.reward[graph.base], 0.0
+    kinds = graph.kinds
+    draft.n_touched, draft.survivors = 0, 0.0
+    draft.others = 0.0 if has_kinds(kinds) else graph.reward[graph.base]
+    draft.layer = layer_of(kinds, draft.robot)
     for k in range(work.parent.shape[0]):
         is_changed = k == draft.robot
         for i in range(1, draft.n_chosen):
@@ -85,20 +102,21 @@ def evaluate_others(graph: Graph, store: TrailStore, work: Workspace) -> None:
                 touched[draft.n_touched] = index
                 draft.n_touched += 1
             # As a sum: small chances would lose their digits in the reward less what is left.
-            draft.others += graph.reward[index] * node.unreached * reach
+            draft.others += reward_at(kinds, graph.reward, index) * node.unreached * reach
             node.unreached *= 1.0 - reach
         draft.survivors += trail.alive
     for i in range(draft.n_touched):
-        node = nodes[touched[i]]
-        node.left = graph.reward[touched[i]] * node.unreached
+        index = draft.layer + touched[i]
+        nodes[index].left = graph.reward[index] * nodes[touched[i]].unreached
 
 
 @helper
 def clear_others(graph: Graph, work: Workspace) -> None:
     """Leave nodes as they were before ``evaluate_others``."""
     for i in range(work.draft.n_touched):
-        node = work.touched[i]
-        work.nodes[node].left, work.nodes[node].unreached = graph.reward[node], -1.0
+        index = work.draft.layer + work.touched[i]
+        work.nodes[index].left = graph.reward[index]
+        work.nodes[work.touched[i]].unreached = -1.0
 
 
 @helper
@@ -106,10 +124,18 @@ def lay_out(graph: Graph, store: TrailStore, work: Workspace, trail: int) -> Non
     """Compute the steps of the trail that is to be changed; ``clear_trail`` undoes it."""
     steps, nodes = work.steps, work.nodes
     start, length = store.trails[trail].first_arc, store.trails[trail].n_arcs
+    kinds, loads = graph.kinds, work.loads
     work.draft.length = length
-    nodes[graph.base].met = 0
-    alive, gained, walked = 1.0, 0.0, 0.0
-    steps[0].node, steps[0].alive, steps[0].gained = graph.base, alive, gained
+    source = start_of(kinds, graph.base, work.draft.robot)
+    nodes[source].met = 0
+    alive, gained, walked, carried = 1.0, 0.0, 0.0, 0.0
+    if has_kinds(kinds):
+        if credit_of(kinds, source) == AT_NEXT_DEPOT:
+            carried = nodes[source].left
+        else:
+            gained = nodes[source].left
+        loads[0].carried = carried
+    steps[0].node, steps[0].alive, steps[0].gained = source, alive, gained
     steps[0].walked = walked
     for i in range(length):
         arc = np.int64(store.arc[start + i])
@@ -118,22 +144,43 @@ def lay_out(graph: Graph, store: TrailStore, work: Workspace, trail: int) -> Non
         work.arcs[arc].position = i
         alive *= graph.survival[arc]
         walked += graph.length[arc]
+        credit = credit_of(kinds, head)
         if nodes[head].met == NEVER:
             nodes[head].met = i + 1
-            gained += nodes[head].left * alive
+            if credit == AT_NEXT_DEPOT:
+                carried += nodes[head].left
+            else:
+                gained += nodes[head].left * alive
+        if has_kinds(kinds):
+            if credit == AT_THIS_DEPOT:
+                gained += carried * alive
+                carried = 0.0
+            loads[i + 1].carried = carried
         steps[i + 1].node, steps[i + 1].alive, steps[i + 1].gained = head, alive, gained
         steps[i + 1].walked = walked
     # Backwards: where a node comes again later, only its earlier visit counts.
-    ahead = 0.0
+    ahead = to_depot = 0.0
     steps[length].ahead = ahead
+    if has_kinds(kinds):
+        loads[length].to_depot = to_depot
     for i in range(length - 1, -1, -1):
         after = steps[i + 1]
         node = nodes[after.node]
         if node.later > 0.0:
             ahead -= node.later / after.alive
-        node.later = node.left * after.alive
-        ahead = graph.survival[steps[i].arc] * (ahead + node.left)
+        credit, survival, worth = (
+            credit_of(kinds, after.node),
+            graph.survival[steps[i].arc],
+            node.left,
+        )
+        if credit == AT_NEXT_DEPOT:
+            worth *= to_depot
+        node.later = worth * after.alive
+        ahead = survival * (ahead + worth)
         steps[i].ahead = ahead
+        if has_kinds(kinds):
+            to_depot = survival if credit == AT_THIS_DEPOT else survival * to_depot
+            loads[i].to_depot = to_depot
 
 
 @helper
@@ -144,12 +191,22 @@ def clear_trail(graph: Graph, work: Workspace) -> None:
         node = steps[i + 1].node
         work.arcs[steps[i].arc].position = -1
         nodes[node].met, nodes[node].later = NEVER, 0.0
-    nodes[graph.base].met = NEVER
+    nodes[steps[0].node].met = NEVER
 
 
 @helper
-def add_trail(graph: Graph, store: TrailStore, work: Workspace, length: int) -> int:
-    """Store the trail of the first ``length`` arcs in ``work.child``, and return its number.
+def _credit(graph: Graph, store: TrailStore, source: int, first: int, alive: float) -> int:
+    """Credit what is carried, of the visits from ``first`` on; return how many visits there are."""
+    layer = source - origin_of(graph.kinds, source)
+    for i in range(first, store.n.visits):
+        if store.reach[i] == _CARRIED:
+            store.reach[i] = alive * share_of(graph.kinds, layer + store.node[i])
+    return int(store.n.visits)
+
+
+@helper
+def add_trail(graph: Graph, store: TrailStore, work: Workspace, robot: int, length: int) -> int:
+    """Store a robot's trail of the first ``length`` arcs in ``work.child``; return its number.
 
     It has one user. The store must have room (``fits``).
     """
@@ -160,17 +217,31 @@ def add_trail(graph: Graph, store: TrailStore, work: Workspace, length: int) -> 
     trail = store.spare[n.spare]
     added = store.trails[trail]
     added.first_arc, added.n_arcs, added.first_visit = n.arcs, length, n.visits
-    nodes[graph.base].seen = mark
-    alive = 1.0
+    kinds = graph.kinds
+    source = start_of(kinds, graph.base, robot)
+    nodes[source].seen = mark
+    alive, uncredited = 1.0, n.visits
+    if has_kinds(kinds) and graph.reward[source] > 0.0:
+        is_carried = credit_of(kinds, source) == AT_NEXT_DEPOT
+        store.node[n.visits] = origin_of(kinds, source)
+        store.reach[n.visits] = _CARRIED if is_carried else share_of(kinds, source)
+        n.visits += 1
     for i in range(length):
         arc = work.child[i]
         store.arc[n.arcs + i] = arc
         alive *= graph.survival[arc]
         node = graph.head[arc]
+        credit = credit_of(kinds, node)
         if graph.reward[node] > 0.0 and nodes[node].seen != mark:
             nodes[node].seen = mark
-            store.node[n.visits], store.reach[n.visits] = node, alive
+            store.node[n.visits] = origin_of(kinds, node)
+            is_carried = credit == AT_NEXT_DEPOT
+            store.reach[n.visits] = _CARRIED if is_carried else alive * share_of(kinds, node)
             n.visits += 1
+        if credit == AT_THIS_DEPOT:
+            uncredited = _credit(graph, store, source, uncredited, alive)
+    if has_kinds(kinds):  # what is carried at the end is lost
+        _credit(graph, store, source, uncredited, 0.0)
     n.arcs += length
     added.end_arc, added.n_visits = n.arcs, n.visits - added.first_visit
     added.alive, added.n_users = alive, 1
@@ -182,7 +253,8 @@ def evaluate_trails(graph: Graph, store: TrailStore, work: Workspace) -> tuple[f
     """Return E[R] and E[S] of the plan in ``work.trails``, with the bits of ``evaluate``."""
     team = work.team
     begin_team(team)
-    combine(team, graph.base, 1.0)
+    if not has_kinds(graph.kinds):
+        combine(team, graph.base, 1.0)
     survivors = 0.0
     for k in range(work.trails.shape[0]):
         trail = store.trails[work.trails[k]]
@@ -228,7 +300,12 @@ def insert_trails(search: Search, tolerance: float) -> None:
     """Insert the plan of ``work.trails`` into the front, as ``insert`` does."""
     store, work = search.store, search.work
     # Arcs are numbered by tail, then by head: the order by arcs is that by nodes.
-    sort_trails(store.arc, store.trails["first_arc"], store.trails["end_arc"], work.trails)
+    starts, stops = store.trails["first_arc"], store.trails["end_arc"]
+    first, n_robots = 0, work.trails.shape[0]
+    while first < n_robots:  # a kind after another
+        stop = behind_kind(search.graph.kinds, n_robots, first)
+        sort_trails(store.arc, starts, stops, work.trails[first:stop])
+        first = stop
     reward, survivors = evaluate_trails(search.graph, store, work)
     if insert(store, search.front, work.trails, reward, survivors, tolerance):
         work.memory.newest, work.memory.idle = survivors, 0

@@ -10,6 +10,7 @@ It is a kernel of its own, so that runs which end before any refill do not compi
 
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.fronts.ordered import slope_at
+from botohe_moo.kernels.graph.kinds import behind_kind, first_of_kind
 from botohe_moo.kernels.local_search.plans import (
     acquire_parent,
     clear_others,
@@ -22,7 +23,7 @@ from botohe_moo.kernels.local_search.plans import (
 )
 from botohe_moo.kernels.local_search.tours import build_tour, fill_tours, store_tour
 from botohe_moo.kernels.local_search.trail_store import discard, fits, release
-from botohe_moo.kernels.local_search.workspace import PATIENCE, TOLERANCE, Search, Workspace
+from botohe_moo.kernels.local_search.workspace import PATIENCE, TOLERANCE, Search
 from botohe_moo.kernels.rng import below, uniform
 from botohe_moo.kernels.sharing import shared
 
@@ -78,17 +79,23 @@ def _select_robots(search: Search, survivors: float) -> None:
     front.tried[found.slot] += 1
     draft.slope = slope_at(front, block, place) if block > 0 or place > 0 else 0.0
     draft.value = found.reward + draft.slope * found.survivors
-    _draw_robots(work)
+    _draw_robots(search)
     evaluate_others(search.graph, search.store, work)
 
 
 @helper
-def _draw_robots(work: Workspace) -> None:
-    """Draw which robots are refilled, ``draft.robot`` among them, and write them to ``chosen``."""
-    draft, chosen, states, n_robots = work.draft, work.chosen, work.states, work.parent.shape[0]
+def _draw_robots(search: Search) -> None:
+    """Draw which robots are refilled, of the kind of ``draft.robot``, and with it.
+
+    They are written to ``chosen``.
+    """
+    work, kinds = search.work, search.graph.kinds
+    draft, chosen, states = work.draft, work.chosen, work.states
+    first = first_of_kind(kinds, draft.robot)
+    n_robots = behind_kind(kinds, work.parent.shape[0], draft.robot) - first
     for k in range(n_robots):
-        chosen[k] = k
-    chosen[draft.robot], chosen[0] = 0, draft.robot
+        chosen[k] = first + k
+    chosen[draft.robot - first], chosen[0] = first, draft.robot
     draft.n_chosen = 1
     while draft.n_chosen < n_robots and uniform(states, 0) < P_PAIR:
         other = draft.n_chosen + below(states, n_robots - draft.n_chosen)
@@ -131,7 +138,7 @@ def _draw_other_robots(search: Search) -> None:
     graph, work = search.graph, search.work
     clear_others(graph, work)
     work.draft.robot = below(work.states, work.parent.shape[0])
-    _draw_robots(work)
+    _draw_robots(search)
     evaluate_others(graph, search.store, work)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.kinds import has_kinds
 from botohe_moo.kernels.graph.paths import ANYWHERE, Paths, new_paths, search_paths
 
 FULL_UP_TO = 1_000
@@ -79,9 +80,9 @@ def new_routes(graph: Graph, per_length: float) -> Routes:
 def search_near(graph: Graph, routes: Routes, source: int) -> None:
     """Find the nodes that are safest to reach from a node."""
     paths, n_near = routes.paths, routes.near.shape[1]
-    search_paths(graph, paths, routes.used, 1, source, ANYWHERE, n_near + 1, False)
+    n = search_paths(graph, paths, routes.used, 1, source, ANYWHERE, n_near + 1, False)
     for i in range(n_near):
-        routes.near[source, i] = paths.order[i + 1]
+        routes.near[source, i] = paths.order[min(i + 1, n - 1)]
 
 
 @helper
@@ -93,6 +94,8 @@ def search_costs(graph: Graph, routes: Routes, node: int) -> None:
     paths, n_nodes = routes.paths, graph.reward.shape[0]
     for backwards in (False, True):
         costs = routes.coming[node] if backwards else routes.leaving[node]
+        for i in range(n_nodes):
+            costs[i] = np.inf
         n = search_paths(graph, paths, routes.used, 1, node, ANYWHERE, n_nodes, backwards)
         for i in range(n):
             costs[paths.order[i]] = paths.distance[paths.order[i]]
@@ -121,9 +124,16 @@ def search_routes(graph: Graph, routes: Routes, goal: int) -> None:
             n += 1
     for node in range(paths.met.shape[0]):
         if paths.met[node] == found:
-            entry, arc = routes.entries[goal, place[node]], paths.entry[node]
+            at = node if n_entries == routes.entries.shape[0] else place[node]
+            entry, arc = routes.entries[goal, at], paths.entry[node]
             entry.cost, entry.source, entry.arc = paths.distance[node], node, arc
-            entry.onward = place[graph.head[arc]] if arc >= 0 else place[node]
+            following = graph.head[arc] if arc >= 0 else node
+            entry.onward = following if n_entries == routes.entries.shape[0] else place[following]
+    if has_kinds(graph.kinds) and n_entries == routes.entries.shape[0]:
+        for node in range(n_entries):
+            if paths.met[node] != found:
+                routes.entries[goal, node].cost = np.inf
+        n = n_entries
     routes.n_known[goal] = n
 
 

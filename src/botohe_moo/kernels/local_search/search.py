@@ -97,7 +97,7 @@ def _insert_given(search: Search, given: Trails, plan: int) -> None:
         length = given.offsets[plan * n_robots + k + 1] - start - 1
         for i in range(start, start + length):
             work.child[i - start] = find_arc(graph, given.nodes[i], given.nodes[i + 1])
-        work.trails[k] = add_trail(graph, store, work, length)
+        work.trails[k] = add_trail(graph, store, work, k, length)
     insert_trails(search, 0.0)
     for k in range(n_robots):
         release(store, work.trails[k])
@@ -147,7 +147,7 @@ def _change_another(search: Search) -> None:
     if n_robots == 1:
         return
     other = (work.draft.robot + 1 + below(work.states, n_robots - 1)) % n_robots
-    trail = draw_trail(search.front, work)
+    trail = draw_trail(search, other)
     store.trails[trail].n_users += 1
     release(store, work.parent[other])
     work.parent[other] = trail
@@ -201,10 +201,10 @@ def _make_children(search: Search, n_most: int) -> int:
             break
         kind, trail = _draw_kind(work), NOT_STORED
         if kind == ADOPT:
-            trail = draw_trail(search.front, work)
+            trail = draw_trail(search, draft.robot)
             if trail == changed:
                 continue
-            gained = evaluate_trail(store, search.front, work, trail)
+            gained = evaluate_trail(search, trail)
         elif make_child(search, kind):
             gained = evaluate_child(search)
         else:
@@ -214,7 +214,7 @@ def _make_children(search: Search, n_most: int) -> int:
         if gained < 0.0:
             continue
         if trail == NOT_STORED:
-            trail = add_trail(graph, store, work, write_child(work))
+            trail = add_trail(graph, store, work, draft.robot, write_child(work))
         else:
             store.trails[trail].n_users += 1
         for k in range(parent.shape[0]):

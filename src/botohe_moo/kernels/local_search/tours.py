@@ -8,6 +8,14 @@ import numpy as np
 
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.kinds import (
+    AT_NEXT_DEPOT,
+    credit_of,
+    end_of,
+    has_kinds,
+    n_origins,
+    start_of,
+)
 from botohe_moo.kernels.local_search.children import connect_child, write_child
 from botohe_moo.kernels.local_search.plans import add_trail
 from botohe_moo.kernels.local_search.routes import Routes, search_costs
@@ -34,12 +42,15 @@ def build_tour(search: Search, which: int) -> None:
     graph, routes, work = search.graph, search.routes, search.work
     draft, slack, goals = work.draft, work.slacks[which], work.goals
     _draw_slack(search, which)
-    n = _draw_stops(search.store, work, which)
-    search_costs(graph, routes, graph.base)
-    stop, work.first[which] = graph.base, draft.n_legs
+    source = start_of(graph.kinds, graph.base, work.chosen[which])
+    n = _draw_stops(search.store, work, which, source)
+    end = end_of(graph.kinds, graph.base, source)
+    search_costs(graph, routes, source)
+    work.nodes[source].seen = draft.mark
+    stop, work.first[which] = source, draft.n_legs
     for i in range(n + 1):
         is_last = i == n
-        after = graph.base if is_last else goals[i]
+        after = end if is_last else goals[i]
         search_costs(graph, routes, after)
         _set_leg(routes, work, draft.n_legs, stop, after)
         leg = work.legs[draft.n_legs]
@@ -80,14 +91,14 @@ def _draw_slack(search: Search, which: int) -> None:
 
 
 @helper
-def _draw_stops(store: TrailStore, work: Workspace, which: int) -> int:
+def _draw_stops(store: TrailStore, work: Workspace, which: int, source: int) -> int:
     """Draw which stops of a trail stay, write them to ``work.goals``, and return how many."""
     goals, states = work.goals, work.states
     trail = store.trails[work.parent[work.chosen[which]]]
     n = 0
     for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
-        node = np.int64(store.node[i])
-        if work.nodes[node].left > 0.0:
+        node = work.draft.layer + np.int64(store.node[i])
+        if work.nodes[node].left > 0.0 and node != source:
             goals[n] = node
             n += 1
     if n == 0:
@@ -125,16 +136,17 @@ def fill_tours(search: Search) -> None:
     """
     graph, routes, work = search.graph, search.routes, search.work
     draft, nodes, worth, legs = work.draft, work.nodes, work.worth, work.legs
-    states, n_nodes = work.states, graph.reward.shape[0]
+    states, first = work.states, draft.layer
+    behind = first + n_origins(graph.kinds, graph.reward.shape[0])
     noise = uniform(states, 0)
-    for node in range(n_nodes):
+    for node in range(first, behind):
         work.insertion_cost[node], worth[node] = np.inf, 0.0
         if nodes[node].left > 0.0 and nodes[node].seen != draft.mark:
             worth[node] = nodes[node].left * (1.0 - noise * uniform(states, 0))
     for number in range(draft.n_legs):
         _update_insertion_costs(graph, routes, work, number)
     for which in range(draft.n_chosen):
-        _evaluate_tour(work, which)
+        _evaluate_tour(graph, work, which)
     while True:
         best = _find_best_node(graph, routes, work)
         if best == NONE:
@@ -143,12 +155,12 @@ def fill_tours(search: Search) -> None:
         number = work.cheapest_leg[best]
         _insert_node(routes, work, number, best)
         worth[best] = 0.0
-        for node in range(n_nodes):
+        for node in range(first, behind):
             is_split = work.cheapest_leg[node] == number
             work.cheapest_leg[node] = UNKNOWN if is_split else work.cheapest_leg[node]
         _update_insertion_costs(graph, routes, work, number)
         _update_insertion_costs(graph, routes, work, draft.n_legs - 1)
-        _evaluate_tour(work, legs[number].tour)
+        _evaluate_tour(graph, work, legs[number].tour)
 
 
 @helper
@@ -157,7 +169,8 @@ def _update_insertion_costs(graph: Graph, routes: Routes, work: Workspace, numbe
     costs, cheapest, leg = work.insertion_cost, work.cheapest_leg, work.legs[number]
     leaving, coming = routes.leaving[leg.before], routes.coming[leg.after]
     leg_cost = leg.cost
-    for node in range(graph.reward.shape[0]):
+    first = work.draft.layer
+    for node in range(first, first + n_origins(graph.kinds, graph.reward.shape[0])):
         cost = leaving[node] + coming[node] - leg_cost
         is_less = cost < costs[node]
         costs[node] = cost if is_less else costs[node]
@@ -165,7 +178,7 @@ def _update_insertion_costs(graph: Graph, routes: Routes, work: Workspace, numbe
 
 
 @helper
-def _evaluate_tour(work: Workspace, which: int) -> None:
+def _evaluate_tour(graph: Graph, work: Workspace, which: int) -> None:
     """Compute with what probability each leg of a tour is begun, and what lies ahead of it."""
     legs, order, nodes = work.legs, work.goals, work.nodes
     n, alive = 0, 1.0
@@ -177,11 +190,17 @@ def _evaluate_tour(work: Workspace, which: int) -> None:
         leg.alive = alive
         alive *= leg.survival
         number = leg.following
-    ahead = 0.0
+    ahead = carried = 0.0
     for i in range(n - 1, -1, -1):
         leg = legs[order[i]]
         leg.ahead = ahead * leg.survival
-        ahead = leg.ahead + nodes[leg.before].left
+        ahead = leg.ahead
+        if credit_of(graph.kinds, leg.before) == AT_NEXT_DEPOT:
+            carried += nodes[leg.before].left
+        else:
+            ahead += nodes[leg.before].left
+    if has_kinds(graph.kinds):  # as if it were all credited at the end
+        work.slacks[which].home, work.slacks[which].load = alive, carried * alive
 
 
 @helper
@@ -193,8 +212,9 @@ def _find_best_node(graph: Graph, routes: Routes, work: Workspace) -> int:
     """
     costs, worth, cheapest, legs = work.insertion_cost, work.worth, work.cheapest_leg, work.legs
     best, highest = NONE, 0.0
-    for node in range(graph.reward.shape[0]):
-        if worth[node] <= highest * costs[node]:
+    first = work.draft.layer
+    for node in range(first, first + n_origins(graph.kinds, graph.reward.shape[0])):
+        if worth[node] <= 0.0 or worth[node] <= highest * costs[node]:
             continue
         if cheapest[node] == UNKNOWN:
             _find_cheapest_leg(graph, routes, work, node)
@@ -210,7 +230,12 @@ def _find_best_node(graph: Graph, routes: Routes, work: Workspace) -> int:
             danger = max(0.0, cost - routes.per_length * longer)
         if danger > slack.danger + TOLERANCE:
             continue
+        lost = danger / (1.0 + danger)
         gain = leg.alive * (worth[node] / (1.0 + way) - leg.ahead * danger / (1.0 + danger))
+        if credit_of(graph.kinds, node) == AT_NEXT_DEPOT:
+            gain = slack.home * worth[node] / (1.0 + danger) - leg.alive * leg.ahead * lost
+        if has_kinds(graph.kinds):
+            gain -= slack.load * lost
         if gain > highest * cost:
             best, highest = node, gain / cost
     return best
@@ -254,8 +279,12 @@ def store_tour(search: Search, which: int) -> int:
     """
     graph, store, work, limits = search.graph, search.store, search.work, search.limits
     draft, legs = work.draft, work.legs
-    draft.n_goals = draft.n_piece = draft.length = draft.prefix = draft.suffix = 0
-    work.steps[0].node = graph.base
+    robot = work.chosen[which]
+    source = start_of(graph.kinds, graph.base, robot)
+    # It replaces a trail that goes from its start straight to its end.
+    draft.n_goals = draft.n_piece = draft.prefix = 0
+    draft.suffix = draft.length = 1
+    work.steps[0].node, work.steps[1].node = source, end_of(graph.kinds, graph.base, source)
     number = work.first[which]
     while legs[number].following != NONE:
         work.goals[draft.n_goals] = legs[number].after
@@ -267,7 +296,7 @@ def store_tour(search: Search, which: int) -> int:
     if limits.max_length < np.inf:
         for i in range(n):
             length += graph.length[work.child[i]]
-    trail = add_trail(graph, store, work, n)
+    trail = add_trail(graph, store, work, robot, n)
     if store.trails[trail].alive < limits.min_survival or length > limits.max_length:
         discard(store, trail)
         trail = work.parent[work.chosen[which]]

@@ -31,7 +31,7 @@ REFILLED_AT_ONCE = 32
 MOST_GOALS = 64  # how many nodes a move visits at most
 
 MEMORY = np.dtype([("newest", np.float64), ("idle", np.int64), ("n_waiting", np.int64)])
-_PARENT = ("block", "robot", "n_chosen", "n_touched")
+_PARENT = ("block", "robot", "n_chosen", "n_touched", "layer")
 _CHILD = ("length", "prefix", "n_middle", "suffix", "n_goals", "n_piece", "n_legs", "mark")
 _DRAFT = np.dtype(
     [(name, np.int64) for name in (*_PARENT, *_CHILD)]
@@ -41,6 +41,7 @@ _STEP = np.dtype(
     [(name, np.int64) for name in ("arc", "node")]
     + [(name, np.float64) for name in ("alive", "gained", "ahead", "walked")]
 )
+_LOAD = np.dtype([(name, np.float64) for name in ("carried", "to_depot")])
 _NODE = np.dtype(
     [(name, np.int64) for name in ("met", "seen")]
     + [(name, np.float64) for name in ("left", "unreached", "later")]
@@ -50,7 +51,7 @@ _LEG = np.dtype(
     [(name, np.int64) for name in ("before", "after", "following", "tour")]
     + [(name, np.float64) for name in ("cost", "length", "danger", "survival", "alive", "ahead")]
 )
-_SLACK = np.dtype([(name, np.float64) for name in ("danger", "length")])
+_SLACK = np.dtype([(name, np.float64) for name in ("danger", "length", "home", "load")])
 
 
 class Workspace(NamedTuple):
@@ -65,7 +66,7 @@ class Workspace(NamedTuple):
     weights: FloatArray  # how likely each kind of move is, relative, summed up to each (N_KINDS)
     # Of the parent: its ``block`` of the front, in the directory; the ``robot`` that changes; how
     # many nodes the others reach (``n_touched``), and E[R] and E[S] of these (``others`` and
-    # ``survivors``). Of the trail: how many arcs it has (``length``). Of the child: how many arcs
+    # ``survivors``), and the first node of its kind's layer (``layer``). Of the trail: how many arcs it has (``length``). Of the child: how many arcs
     # are kept from the trail's start (``prefix``), how many are new (``n_middle``), from which
     # position the trail is kept to its end (``suffix``), how many goals there are (``n_goals``),
     # and arcs in the piece (``n_piece``). Of a refill: how many robots are refilled
@@ -77,6 +78,9 @@ class Workspace(NamedTuple):
     # robot that starts there would collect from there on (``ahead``); and how long the trail is up
     # to there (``walked``).
     steps: RecordArray
+    # At each position, with kinds, the rewards that are carried (``carried``), and the probability
+    # to get from there to the next depot (``to_depot``).
+    loads: RecordArray
     # Of each node, what the other robots leave of its reward, 0 at the base (``left``); the
     # probability that none of them reaches it, −1 where none may (``unreached``); the position of
     # the trail's first visit, or ``NEVER`` (``met``); and scratch: the last mark (``seen``), and
@@ -140,7 +144,8 @@ def new_workspace(
     n_nodes, n_arcs = graph.n_nodes, graph.n_arcs
     nodes, arcs = np.zeros(n_nodes, _NODE), np.zeros(n_arcs, _ARC)
     nodes["left"], nodes["unreached"], nodes["met"] = graph.reward, -1.0, NEVER
-    nodes["left"][graph.base] = 0.0
+    if graph.kinds is None:  # all robots collect it, whatever they do
+        nodes["left"][graph.base] = 0.0
     arcs["position"] = -1
     return Workspace(
         memory=memory,
@@ -149,6 +154,7 @@ def new_workspace(
         weights=weights,
         draft=np.zeros(1, _DRAFT).view(np.recarray)[0],
         steps=np.zeros(n_arcs + 1, _STEP).view(np.recarray),
+        loads=np.zeros(n_arcs + 1, _LOAD).view(np.recarray),
         nodes=nodes.view(np.recarray),
         arcs=arcs.view(np.recarray),
         middle=np.empty(n_arcs, np.int64),
