@@ -217,7 +217,7 @@ def run_tests(copy: Path, entry: str, run: Run) -> str | None:
     try:
         done = subprocess.run(
             [sys.executable, *_PYTEST, "-m", run.marked, *tests],
-            cwd=copy, env=environment, capture_output=True, text=True, check=False, timeout=900,
+            cwd=copy, env=environment, capture_output=True, text=True, check=False, timeout=1800,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return "the tests do not end"
