@@ -75,8 +75,10 @@ def pytest_sessionstart(session):
     config = session.config
     if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
         # Either takes half a minute.
-        names = [["bounds", "pareto-local-search", "exact"]]
-        names.append(["simulated-annealing", "bo-aco", "nsga2"])
+        names = [
+            ["bounds", "pareto-local-search", "exact"],
+            ["simulated-annealing", "bo-aco", "nsga2"],
+        ]
         processes = [
             subprocess.Popen([sys.executable, "-c", COMPILE, *given])
             for given in ([] if UNCOMPILED else names)

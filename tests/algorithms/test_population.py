@@ -69,6 +69,17 @@ def test_moead_wants_one_child_of_each_pair(museum):
     make_algorithm("moead", crossover=TrailSplice(n_offsprings=1))
 
 
+def test_moead_measures_objectives_by_their_bounds(museum):
+    algorithm = make_algorithm("moead", pop_size=30)
+    algorithm.setup(BOTOHE(museum), termination=("n_eval", 30), seed=1)
+    half_of_each = algorithm.decomposition.do(
+        -0.5 * np.array([[museum.total_reward, 0], [0, museum.robots]]),
+        np.ones((2, 2)),
+        ideal_point=-np.array([museum.total_reward, museum.robots]),
+    )
+    assert half_of_each == pytest.approx([1, 1])
+
+
 def test_moead_forgets_the_ideal_of_a_start_that_breaks_the_floor(museum):
     start = RandomTrailSampling().sample_batch(BOTOHE(museum), 400, np.random.default_rng(1))
     broken = start.take(museum.robot_survival(start).min(axis=1) < 0.5)[:30]

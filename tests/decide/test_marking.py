@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import load_mission
 from botohe_moo.decide import ExchangeRate, Neighbours, Step, exchange_rate, knees, neighbours
+from botohe_moo.decide.tradeoffs import front_table
 
 TOY = load_mission("toy")  # a total reward of 10, and 2 robots
 
@@ -191,3 +192,9 @@ def test_plans_in_any_container():
     expected = knees(TOY, TOY.evaluate(plans))
     for front in (plans, iter(plans), batch, batch.to_array(), batch.to_array()[:, 0]):
         assert knees(TOY, front) == expected
+
+
+def test_what_a_survivor_costs_is_not_told_of_plans_that_are_equally_safe():
+    table = front_table(TOY, np.array([[8.0, 0.0], [7.0, 1.0], [7.0, 1.0]]), (0, 1, 2))
+    costs = [line.split()[3:4] for line in table.splitlines()[1:]]
+    assert costs == [["1"], ["-"], []]

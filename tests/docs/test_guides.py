@@ -36,7 +36,7 @@ def case(page):
     return pytest.param(page, marks=marks, id=page.stem)
 
 
-@pytest.mark.parametrize("page", [*map(case, filter(runs, PAGES))])
+@pytest.mark.parametrize("page", [case(page) for page in PAGES if runs(page)])
 def test_guides_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(pictures, "FORMATS", pictures.FORMATS[:1])

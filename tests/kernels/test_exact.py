@@ -190,6 +190,17 @@ class TestTrails:
             found = found_trails(search_for(Mission(graph), longest=float(longest)))
             assert found[found[:, 0] > 0, 1] == pytest.approx(np.array(survives))
 
+    def test_orders_of_three_spurs_that_collect_more_are_kept(self):
+        """All orders of the same spurs are equally safe; a single robot needs the best ones."""
+        graph = nx.DiGraph(base=0, robots=1)
+        graph.add_nodes_from([(0, {"reward": 0.0}), (1, {"reward": 2.0})])
+        graph.add_nodes_from([2, 3], reward=4.0)
+        for node, out, back in ((1, 0.9, 0.7), (2, 0.7, 0.7), (3, 0.7, 0.9)):
+            graph.add_edge(0, node, survival=out)
+            graph.add_edge(node, 0, survival=back)
+        mission = Mission(graph)
+        self.check_single(mission, all_trails(mission), 0.0, inf)
+
     def check_single(self, mission, every, least, longest):
         found = found_trails(search_for(mission, least, longest))
         kept = within(mission, every, least, longest)

@@ -231,6 +231,7 @@ class TestLimits:
     def test_memory(self):
         mission = load_mission("complete", nodes=8, robots=2)
         search = FrontSearch(mission, memory_limit=1)
-        with pytest.raises(TooLargeError, match=r"memory_limit = 1 MiB\. The search had tried"):
+        said = r"memory_limit = 1 MiB\. The search had tried [1-9]\d* of [1-9]\d* partial trails"
+        with pytest.raises(TooLargeError, match=said):
             run(search)
         assert 2**16 < search._trails.n_bytes < 2**20

@@ -173,6 +173,7 @@ def test_a_budget_that_nobody_uses_up():
         assert len(search) > 4
 
 
+@pytest.mark.compiled_only
 def test_refills_go_on_alike_from_a_pickled_search(museum):
     search, batch = started(museum, p_refill=1.0, max_length=9.0), random_plans(museum, 99)
     longest = museum.trail_lengths(batch).max(axis=1)

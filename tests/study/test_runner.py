@@ -502,7 +502,8 @@ class TestFolder:
             usual(path, data)
 
         monkeypatch.setattr(run_folder, "replace_file", replace_file)
-        with pytest.raises(StudyError, match=r"No space left on device.*are kept; run the"):
+        said = r"\.npz: cannot be written \(No space left on device\)\..*are kept; run the"
+        with pytest.raises(StudyError, match=said):
             run_study(study_of(), tmp_path)
         monkeypatch.undo()
         _, watcher = watched(study_of(), tmp_path)
