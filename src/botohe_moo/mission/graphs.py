@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable
 from typing import Any, NoReturn
 
 import networkx as nx
-import numpy as np
-
-from botohe_moo.kernels.graph.graph import Graph, new_graph
 
 
 class _Attributes(dict[str, Any]):
@@ -44,22 +41,6 @@ def frozen_copy(graph: nx.DiGraph[Any]) -> nx.DiGraph[Any]:
             heads[head] = inside._pred[head][tail] = _Attributes(attributes)
     frozen: nx.DiGraph[Any] = nx.freeze(copied)
     return frozen
-
-
-def arrays_of(graph: nx.DiGraph[Any], base: Hashable, index: Mapping[Any, int]) -> Graph:
-    """Return a valid mission's graph as kernels take it; ``index`` numbers its nodes."""
-    arcs = sorted(
-        (index[u], index[v], arc["survival"], arc.get("length", 1.0))
-        for u, v, arc in graph.edges(data=True)
-    )
-    return new_graph(
-        tail=np.array([u for u, *_ in arcs], np.int64),
-        head=np.array([v for _, v, *_ in arcs], np.int64),
-        survival=np.array([s for _, _, s, _ in arcs], np.float64),
-        length=np.array([d for *_, d in arcs], np.float64),
-        reward=np.array([r for _, r in graph.nodes(data="reward")], np.float64),
-        base=index[base],
-    )
 
 
 def given_places(graph: nx.DiGraph[Any]) -> dict[Hashable, tuple[float, float] | None]:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo._base.checks import most_alike, quoted
+from botohe_moo._base.types import OffsetArray
 from botohe_moo.kernels.graph.graph import Graph, join_layers, new_graph
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
+
+ONLY_KIND = "robot"  # the name of the kind of a mission that lists none
 
 
 @dataclass(frozen=True)
@@ -54,10 +56,31 @@ class Kind:
     min_survival: float = 0.0
     max_length: float | None = None
 
+    def ends(self, base: Hashable) -> tuple[Hashable, Hashable]:
+        """Return where trails start and end in a mission with this base."""
+        return base if self.start is None else self.start, base if self.end is None else self.end
 
-def read_kinds(kinds: Iterable[Kind | Mapping[str, Any]]) -> tuple[Kind, ...]:
-    """Return kinds, which files hold as mappings; a MissionError..."""
-    return tuple(kind if isinstance(kind, Kind) else Kind(**kind) for kind in kinds)
+
+def read_kinds(kinds: Any) -> tuple[tuple[Kind, ...], list[str]]:
+    """Return kinds, which files hold as mappings, and the faults of what is not a kind."""
+    if isinstance(kinds, str | Mapping | Kind) or not isinstance(kinds, Iterable):
+        return (), [f"expected kinds to be a list of kinds, got {quoted(kinds)}"]
+    read, faults, known = [], [], [field.name for field in fields(Kind)]
+    for i, kind in enumerate(kinds):
+        if isinstance(kind, Kind):
+            read.append(kind)
+        elif not isinstance(kind, Mapping):
+            faults.append(f"kinds[{i}]: expected a Kind, or an object, got {quoted(kind)}")
+        elif unknown := [name for name in kind if name not in known]:
+            near = most_alike(str(unknown[0]), known)
+            faults.append(f"kinds[{i}]: there is no {quoted(unknown[0])} of a kind{near}")
+        elif missing := [name for name in ("name", "robots") if name not in kind]:
+            faults.append(f"kinds[{i}]: expected {missing[0]}, found none in {quoted(kind)}")
+        else:
+            read.append(Kind(**kind))
+    if not read and not faults:
+        faults.append("expected at least one kind, got none")
+    return tuple(read), faults
 
 
 def by_kind(value: object, kinds: Sequence[Kind], default: float = 1.0) -> list[float]:
@@ -85,15 +108,10 @@ def graph_of_kinds(
     nodes = dict(graph.nodes(data=True))
     reward = np.array([node["reward"] for node in nodes.values()], np.float64)
     share = np.array([by_kind(node.get("share", 1.0), kinds) for node in nodes.values()])
-    ends = [
-        (
-            index[base if kind.start is None else kind.start],
-            index[base if kind.end is None else kind.end],
-        )
-        for kind in kinds
-    ]
+    ends = [tuple(index[label] for label in kind.ends(base)) for kind in kinds]
     credit = np.array([_credit(node, label == base, pays) for label, node in nodes.items()])
-    if len(kinds) == 1 and is_plain(ends, index[base], share, credit, survival):
+    is_plain = len(kinds) == 1 and ends[0] == (index[base],) * 2 and bool((share == 1.0).all())
+    if is_plain and (survival > 0.0).all() and (credit != AT_NEXT_DEPOT).all():
         return new_graph(tail, head, survival[:, 0], length, reward, index[base])
     layers, shares = [], []
     for k, (start, end) in enumerate(ends):
@@ -110,23 +128,20 @@ def graph_of_kinds(
         credit=np.tile(credit, len(kinds)),
         end=np.repeat([end + k * n for k, (_, end) in enumerate(ends)], n),
         reward=reward,
-        start=np.array([ends[k][0] + k * n for k in kind_of]),
+        start=np.array([ends[k][0] + k * n for k in kind_of.tolist()]),
         first=first[kind_of],
         stop=first[kind_of + 1],
     )
     return join_layers(layers, described)
 
 
-def is_plain(
-    ends: Sequence[tuple[int, int]],
-    base: int,
-    share: FloatArray,
-    credit: OffsetArray,
-    survival: FloatArray,
-) -> bool:
-    """Return whether a mission of one kind needs no ``Kinds``."""
-    at_base = ends[0] == (base, base) and bool((survival > 0.0).all())
-    return at_base and bool((share == 1.0).all()) and bool((credit != AT_NEXT_DEPOT).all())
+def uncollected(graph: Graph) -> OffsetArray:
+    """Return the nodes of a mission that pay, though no kind can collect their reward."""
+    kinds = graph.kinds
+    if kinds is None:
+        return np.empty(0, np.int64)
+    expected = graph.reward.reshape(-1, len(kinds.reward))
+    return np.flatnonzero((kinds.reward > 0.0) & (expected == 0.0).all(axis=0))
 
 
 def _credit(node: Mapping[str, Any], is_base: bool, pays: str) -> int:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import warnings
 from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import replace
 from operator import index
 from typing import Any, Self
 
@@ -14,10 +16,11 @@ import numpy as np
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo._base.words import counted
+from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.graphs import frozen_copy, given_places
-from botohe_moo.mission.kinds import Kind, graph_of_kinds, read_kinds
+from botohe_moo.mission.kinds import ONLY_KIND, Kind, graph_of_kinds, read_kinds, uncollected
 from botohe_moo.mission.validation import (
     MissionError,
     PlanError,
@@ -27,6 +30,8 @@ from botohe_moo.mission.validation import (
     trail_indices,
 )
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
+
+_MOST_NAMED = 20  # nodes in a warning
 
 
 class Mission:
@@ -38,19 +43,33 @@ class Mission:
         Directed graph with the node attribute ``reward`` (finite, at least 0) and the arc attribute
         ``survival`` (probability in (0, 1]). Nodes may have a position ``pos`` [x, y], arcs a
         ``length`` (finite, at least 0; default 1), and the graph a ``max_length``, the travel
-        budget. Node labels are anything hashable. The mission keeps a frozen copy.
+        budget. Node labels are anything hashable. The mission keeps a frozen copy. Nodes may also
+        have a ``share`` (in [0, 1]; default 1), the probability that a robot that gets there
+        collects the reward; ``pays``, as below; and ``depot=True``.
     base
-        Label of the node that all robots leave from and return to.
+        Label of the node that robots leave from and return to; it is a depot.
     robots
-        Team size, at least 1.
+        Team size, at least 1, if all robots are alike.
+    kinds
+        Kinds of robots, instead of ``robots``. The ``survival`` of an arc and the ``share`` of a
+        node are one number then, or a mapping from the names of kinds to numbers; a survival of 0
+        forbids the arc, and kinds without a share have 1.
+    pays
+        When nodes pay that have no attribute ``pays``: on ``"arrival"`` (the default), or on
+        ``"return"``, when a robot that has been there gets to a depot.
     name
-        Short name. All three are by default attributes of the graph; the name may be its ``title``.
+        Short name. All these are by default attributes of the graph; the name may be its ``title``.
 
     Raises
     ------
     MissionError
-        If something is out of its range, or a node has an arc to itself or no way from or to the
-        base. Every fault is listed.
+        If something is out of its range, a node has an arc to itself, or no way from or to the
+        base; with kinds, if a kind has no way from its start to its end. Every fault is listed.
+
+    Warns
+    -----
+    UserWarning
+        If there are nodes with a reward that no kind can collect.
 
     Examples
     --------
@@ -79,24 +98,30 @@ class Mission:
     ) -> None:
         attributes = graph.graph if isinstance(graph, nx.Graph) else {}
         base = attributes.get("base") if base is None else base
-        listed = read_kinds(attributes.get("kinds", ()) if kinds is None else kinds)
-        if robots is None and kinds is None:
-            robots = attributes.get("robots")
+        kinds = attributes.get("kinds") if kinds is None else kinds
+        listed, faults = ((), []) if kinds is None else read_kinds(kinds)
+        robots = attributes.get("robots") if robots is None and kinds is None else robots
+        if robots is not None and len(listed) == 1:
+            listed = (replace(listed[0], robots=robots),)
         pays = attributes.get("pays", "arrival") if pays is None else pays
         name = attributes.get("name") or attributes.get("title") if name is None else name
         source = f"Mission {quoted(name)}" if name else "The mission"
-        if faults := graph_faults(graph, base, robots, listed, pays):
+        if faults := faults or graph_faults(graph, base, robots, listed, pays):
             raise MissionError(faults, source)
 
         self.graph: nx.DiGraph[Any] = frozen_copy(graph)
         self.base = base
-        self.kinds = listed or (Kind("robot", index(robots)),)  # type: ignore[arg-type]
+        self.kinds = listed or (Kind(ONLY_KIND, index(robots)),)  # type: ignore[arg-type]
         self.robots = sum(index(kind.robots) for kind in self.kinds)
         self.pays = pays
         self.name = str(name) if name else "mission"
         self.nodes: tuple[Any, ...] = tuple(self.graph)
         self._index = {node: i for i, node in enumerate(self.nodes)}
         self.arrays = graph_of_kinds(self.graph, base, self.kinds, pays, self._index)
+        if lost := [self.nodes[v] for v in uncollected(self.arrays)]:
+            named = ", ".join(map(quoted, lost[:_MOST_NAMED])) + ", …" * (len(lost) > _MOST_NAMED)
+            text = f"{source}: no kind of robots can collect the reward of {named}."
+            warnings.warn(text, stacklevel=2)
 
     @property
     def title(self) -> str:
@@ -104,9 +129,14 @@ class Mission:
         return str(self.graph.graph.get("title") or self.name)
 
     @property
+    def rewards(self) -> FloatArray:
+        """The reward of each node, in the order of ``nodes`` (n_nodes,)."""
+        return self.arrays.reward if self.arrays.kinds is None else self.arrays.kinds.reward
+
+    @property
     def total_reward(self) -> float:
         """Sum of the rewards of all nodes, the upper bound of the team reward."""
-        return float(self.arrays.reward.sum())
+        return float(self.rewards.sum())
 
     @property
     def max_length(self) -> float | None:
@@ -120,12 +150,17 @@ class Mission:
         return self.arrays.balanced
 
     def with_robots(self, robots: int) -> Mission:
-        """Return the same mission for a team of another size, at least 1."""
-        if fault := team_size_fault(robots):
+        """Return the same mission for a team of another size, at least 1, of the same kind.
+
+        A MissionError is raised for a mission of several kinds: :class:`Mission` takes these.
+        """
+        fault = team_size_fault(robots)
+        if len(self.kinds) > 1:
+            fault = f"it has {self.team}: expected no number of robots, got {quoted(robots)}"
+        if fault:
             raise MissionError(fault, f"Mission {quoted(self.name)}")
-        other = object.__new__(Mission)
-        other.__dict__.update(self.__dict__, robots=index(robots))
-        return other
+        kinds = [replace(self.kinds[0], robots=index(robots))]
+        return Mission(self.graph, base=self.base, kinds=kinds, pays=self.pays, name=self.name)
 
     def with_lengths_from_pos(self) -> Mission:
         """Return the same mission with Euclidean distances between positions as lengths of arcs.
@@ -140,18 +175,46 @@ class Mission:
         graph = self.graph.copy()
         for tail, head, attributes in graph.edges(data=True):
             attributes["length"] = math.dist(places[tail], places[head])  # type: ignore[arg-type]
-        return Mission(graph, base=self.base, robots=self.robots, name=self.name)
+        return Mission(graph, base=self.base, kinds=self.kinds, pays=self.pays, name=self.name)
+
+    @property
+    def team(self) -> str:
+        """How many robots there are, and of which kinds: "3 robots (2 drone, 1 rover)"."""
+        number = counted(self.robots, "robot")
+        if len(self.kinds) == 1:
+            return number
+        listed = ", ".join(f"{kind.robots} {kind.name}" for kind in self.kinds)
+        return f"{number} ({listed})"
 
     @property
     def kind_of(self) -> tuple[Kind, ...]:
         """The kind of each robot; robots of a kind are side by side, in the order of ``kinds``."""
         return tuple(kind for kind in self.kinds for _ in range(kind.robots))
 
-    @property
-    def _first_node(self) -> list[int]:
-        """The first node of each robot's layer of the graph."""
-        n = len(self.nodes)
-        return [k * n for k, kind in enumerate(self.kinds) for _ in range(kind.robots)]
+    def limits(self, min_survival: float = 0.0, max_length: float | None = None) -> Limits:
+        """Return what every robot has to keep, as kernels take it.
+
+        Parameters
+        ----------
+        min_survival
+            Survival floor of every robot; a kind may have a higher one.
+        max_length
+            Travel budget of every robot; a kind may have a lower one. Default: that of the kind,
+            or of the mission.
+        """
+        floors = [max(min_survival, kind.min_survival) for kind in self.kinds]
+        budgets = []
+        for kind in self.kinds:
+            of_kind = math.inf if kind.max_length is None else kind.max_length
+            if max_length is not None:
+                of_kind = min(of_kind, max_length)
+            elif kind.max_length is None and self.max_length is not None:
+                of_kind = self.max_length
+            budgets.append(of_kind)
+        if self.arrays.kinds is None:
+            return Limits(floors[0], budgets[0])
+        by_node = (np.repeat(np.array(of, np.float64), len(self.nodes)) for of in (floors, budgets))
+        return Limits(max(floors), min(budgets), *by_node)
 
     def index(self, label: Hashable) -> int:
         """Return the index of a node, by which kernels know it; a KeyError for an unknown label."""
@@ -168,11 +231,11 @@ class Mission:
             that is unknown, and what is not valid.
         """
         listed = [trail_indices(self.name, self._index, *trail) for trail in enumerate(trails)]
-        first, n_layers = self._first_node, len(self.kinds)
-        plan = TrailPlan(
-            [node + first[min(robot, self.robots - 1)] for node in trail] if n_layers > 1 else trail
-            for robot, trail in enumerate(listed)
-        )
+        if len(listed) == self.robots:
+            kind_of = np.repeat(np.arange(len(self.kinds)), [kind.robots for kind in self.kinds])
+            first = (kind_of * len(self.nodes)).tolist()
+            listed = [[node + n for node in trail] for n, trail in zip(first, listed, strict=True)]
+        plan = TrailPlan(listed)
         self.evaluate([plan])
         return plan
 
@@ -195,10 +258,18 @@ class Mission:
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
         """Return the trails of a plan of this mission as node labels, robot by robot."""
+        return tuple(tuple(self.nodes[i] for i in trail) for trail in self.trails(plan))
+
+    def trails(self, plan: TrailPlan) -> tuple[tuple[int, ...], ...]:
+        """Return the trails of a plan as indices of ``nodes``, robot by robot.
+
+        In ``plan.trails`` and ``arrays`` each kind has nodes of its own: of n nodes, node v of kind
+        k, counted from 0, is ``k * n + v``.
+        """
         if not isinstance(plan, TrailPlan):
             raise TypeError(f"Expected a TrailPlan, got {quoted(plan)}.")
         n = len(self.nodes)
-        return tuple(tuple(self.nodes[i % n] for i in trail) for trail in plan.trails)
+        return tuple(tuple(i % n for i in trail) for trail in plan.trails)
 
     def evaluate(self, plans: Plans) -> FloatArray:
         """Compute the objectives of plans: E[R] and E[S] (n_plans, 2).
@@ -248,7 +319,7 @@ class Mission:
         values = kernels.new_values(len(batch), batch.n_robots)
         fault = kernels.evaluate(self.arrays, *batch.arrays, batch.n_robots, strict, values)
         if fault[0] != kernels.VALID:
-            raise PlanError(fault_text(self.name, self.nodes, self.base, batch, fault))
+            raise PlanError(fault_text(self, batch, fault))
         return values
 
     def batch(self, plans: Plans) -> PlanBatch:
@@ -273,12 +344,9 @@ class Mission:
         if not isinstance(other, Mission):
             return NotImplemented
         return self is other or (
-            (self.nodes, self.base, self.robots, self.max_length)
-            == (other.nodes, other.base, other.robots, other.max_length)
-            and all(
-                np.array_equal(getattr(self.arrays, key), getattr(other.arrays, key))
-                for key in ("first", "head", "survival", "length", "reward")
-            )
+            (self.nodes, self.base, self.kinds, self.max_length)
+            == (other.nodes, other.base, other.kinds, other.max_length)
+            and all(map(np.array_equal, _numbers(self.arrays), _numbers(other.arrays)))
         )
 
     def __hash__(self) -> int:
@@ -290,8 +358,8 @@ class Mission:
     def __repr__(self) -> str:
         limit = "" if self.max_length is None else f", max_length {self.max_length:g}"
         return (
-            f"<Mission {self.name!r}: {len(self.nodes)} nodes, {self.arrays.n_arcs} arcs, "
-            f"{self.robots} robots at base {self.base!r}, total reward {self.total_reward:g}"
+            f"<Mission {self.name!r}: {len(self.nodes)} nodes, {len(self.graph.edges)} arcs, "
+            f"{self.team} at base {self.base!r}, total reward {self.total_reward:g}"
             f"{limit}>"
         )
 
@@ -312,6 +380,14 @@ def check_mission(value: object) -> Mission:
     )
 
 
+def _numbers(arrays: Graph) -> list[Any]:
+    """Return the arrays on which objectives depend."""
+    numbers = [arrays.tail, arrays.head, arrays.survival, arrays.length, arrays.reward]
+    if arrays.kinds is not None:
+        numbers += arrays.kinds[1:]  # without ``origin``
+    return numbers
+
+
 def mission_digest(mission: Mission) -> str:
     """Return the digest of all that results depend on: not of names and positions."""
     return _digest(mission, [[repr(node) for node in mission.nodes], repr(mission.base)])
@@ -323,13 +399,18 @@ def numbers_digest(mission: Mission) -> str:
 
 
 def _digest(mission: Mission, first: list[object]) -> str:
-    limits = [] if mission.max_length is None else [mission.max_length]
+    limits: list[object] = [] if mission.max_length is None else [mission.max_length]
+    of_kinds = [[kind.min_survival, kind.max_length] for kind in mission.kinds]
+    if of_kinds != [[0.0, None]]:
+        limits += [of_kinds]
     text = json.dumps([*first, mission.robots, *limits], separators=(",", ":"))
     hashed = hashlib.sha256(text.encode())
     arrays = mission.arrays
     numbers = [arrays.tail, arrays.head, arrays.survival, arrays.reward]
     if (arrays.length != 1.0).any():  # without lengths every hop is one long
         numbers.append(arrays.length)
+    if arrays.kinds is not None:
+        numbers += arrays.kinds
     for values in numbers:
         hashed.update(np.ascontiguousarray(values, f"<{values.dtype.kind}8").tobytes())
     return hashed.hexdigest()[:16]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from operator import index
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 import numpy as np
@@ -15,12 +15,13 @@ from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.kinds import Kind, by_kind
 from botohe_moo.trails import PlanBatch
 
+if TYPE_CHECKING:
+    from botohe_moo.mission.model import Mission
+
 _MAX_SHOWN = 100  # a file may have a million faults
 _FAULTS = {
     kernels.BAD_OFFSETS: "expected the batch's offsets to cut its nodes into trails",
     kernels.EMPTY_TRAIL: "expected a trail of at least one node, the base, got an empty one",
-    kernels.NOT_FROM_BASE: "expected the trail to begin at base",
-    kernels.NOT_BACK_AT_BASE: "expected the trail to end at base",
     kernels.MISSING_ARC: "is missing in",
     kernels.ARC_USED_TWICE: "is used twice in this trail; a trail uses an arc at most once, in",
 }
@@ -79,7 +80,7 @@ def graph_faults(
     """
     if not isinstance(graph, nx.DiGraph) or graph.is_multigraph():
         return [_not_a_digraph(graph)]
-    faults = [*_kind_faults(kinds)]
+    faults = [*_kind_faults(kinds, graph)]
     if pays not in PAYS:
         faults.append(f"expected pays to be 'arrival' or 'return', got {quoted(pays)}")
     if kinds:
@@ -104,12 +105,12 @@ def graph_faults(
         faults.append(f"base {quoted(base)}: there is no such node{near}")
     elif not kinds:
         faults += _way_faults(graph, base)
-    elif not faults:
+    elif not faults:  # which ways there are depends on what each kind survives
         faults += _kind_way_faults(graph, base, kinds)
     return faults
 
 
-def _kind_faults(kinds: Sequence[Kind]) -> Iterator[str]:
+def _kind_faults(kinds: Sequence[Kind], graph: nx.DiGraph[Any]) -> Iterator[str]:
     for i, kind in enumerate(kinds):
         who = f"kind {quoted(kind.name)}"
         if not isinstance(kind.name, str) or not kind.name.strip():
@@ -120,28 +121,28 @@ def _kind_faults(kinds: Sequence[Kind]) -> Iterator[str]:
             yield f"{who}: {fault}"
         if not 0 <= as_float(kind.min_survival) <= 1:
             yield f"{who}: expected min_survival in [0, 1], got {quoted(kind.min_survival)}"
-        if kind.max_length is not None and not 0 <= as_float(kind.max_length):
-            yield f"{who}: expected max_length >= 0, got {quoted(kind.max_length)}"
+        if kind.max_length is not None and not _is_amount(kind.max_length):
+            yield f"{who}: expected a finite max_length >= 0, got {quoted(kind.max_length)}"
+        for name, label in (("start", kind.start), ("end", kind.end)):
+            if label is not None and label not in graph:
+                near = most_alike(str(label), map(str, graph))
+                yield f"{who}: {name} {quoted(label)}: there is no such node{near}"
 
 
 def _kind_way_faults(
     graph: nx.DiGraph[Any], base: Hashable, kinds: Sequence[Kind]
 ) -> Iterator[str]:
-    for k, kind in enumerate(kinds):
-        ends = {"start": kind.start, "end": kind.end}
-        labels = [base if label is None else label for label in ends.values()]
-        unknown = [name for name, label in zip(ends, labels, strict=True) if label not in graph]
-        for name in unknown:
-            near = most_alike(str(ends[name]), map(str, graph))
-            yield f"kind {quoted(kind.name)}: {name} {quoted(ends[name])} is not a node{near}"
-        if unknown:
-            continue
-        taken = nx.subgraph_view(
-            graph, filter_edge=lambda u, v, k=k: by_kind(graph[u][v]["survival"], kinds)[k] > 0
-        )
-        if not nx.has_path(taken, *labels):
-            start, end = map(quoted, labels)
-            yield f"kind {quoted(kind.name)}: has no way from its start {start} to its end {end}"
+    for kind in kinds:
+        start, end = kind.ends(base)
+        arcs = graph.edges(data="survival")
+        taken: nx.DiGraph[Any] = nx.DiGraph()
+        taken.add_nodes_from(graph)
+        taken.add_edges_from((u, v) for u, v, survival in arcs if by_kind(survival, [kind])[0] > 0)
+        if start == end == base and len(kinds) == 1:
+            yield from _way_faults(taken, base)
+        elif not nx.has_path(taken, start, end):
+            ways = f"has no way from its start {quoted(start)} to its end {quoted(end)}"
+            yield f"kind {quoted(kind.name)}: {ways}"
 
 
 def team_size_fault(robots: object) -> str | None:
@@ -234,8 +235,11 @@ def _faults_of(
         elif kinds and name in _BY_KIND and isinstance(attributes[name], Mapping):
             yield from _faults_by_kind(name, attributes[name], kinds)
         elif not is_valid(value := attributes[name]):
-            has_comma = isinstance(value, str) and "," in value
-            hint = "; write numbers with a point" if has_comma else ""
+            hint = ""
+            if isinstance(value, str) and "," in value:
+                hint = "; write numbers with a point"
+            elif isinstance(value, Mapping) and name in _BY_KIND:
+                hint = "; the mission lists no kinds"
             yield f"expected {expected}, got {quoted(value)}{hint}"
 
 
@@ -294,26 +298,30 @@ def read_label(value: object) -> Hashable:
     return value
 
 
-def fault_text(
-    mission: str, nodes: Sequence[Any], base: Hashable, batch: PlanBatch, fault: Sequence[int]
-) -> str:
-    """Describe a fault that the kernel ``evaluate`` found: its kind, plan, robot and position.
-
-    ``mission`` is the name of a mission with ``nodes`` and ``base``.
-    """
-    kind, plan, robot, position = fault
+def fault_text(mission: Mission, batch: PlanBatch, fault: Sequence[int]) -> str:
+    """Describe a fault that the kernel ``evaluate`` found: its kind, plan, robot and position."""
+    what, plan, robot, position = fault
+    nodes, kind = mission.nodes, mission.kind_of[robot]
     where = f"Robot {robot}" if len(batch) == 1 else f"Plan {plan}, robot {robot}"
-    if kind in (kernels.EMPTY_TRAIL, kernels.BAD_OFFSETS):
-        return f"{where}: {_FAULTS[kind]}."
-    start = batch.offsets[plan * batch.n_robots + robot]
-    node = int(batch.nodes[start + position])
+    if what in (kernels.EMPTY_TRAIL, kernels.BAD_OFFSETS):
+        return f"{where}: {_FAULTS[what]}."
+    begin = batch.offsets[plan * batch.n_robots + robot]
+    node = int(batch.nodes[begin + position])
     where = f"{where}, position {position}"
-    if kind == kernels.UNKNOWN_NODE:
-        known = f"mission {quoted(mission)} has {len(nodes)} nodes"
+    if what == kernels.UNKNOWN_NODE:
+        known = f"mission {quoted(mission.name)} has {mission.arrays.n_nodes} nodes"
         return f"{where}: node index {node} is unknown, {known}."
-    label = nodes[node]
-    if kind in (kernels.NOT_FROM_BASE, kernels.NOT_BACK_AT_BASE):
-        return f"{where}: {_FAULTS[kind]} {quoted(base)}, got {quoted(label)}."
-    tail = nodes[int(batch.nodes[start + position - 1])]
+    layer, place = divmod(node, len(nodes))
+    label, other = nodes[place], mission.kinds[layer]
+    if what in (kernels.NOT_FROM_BASE, kernels.NOT_BACK_AT_BASE):
+        is_start = what == kernels.NOT_FROM_BASE
+        expected = kind.ends(mission.base)[0 if is_start else 1]
+        at = f"{'base' if expected == mission.base else 'node'} {quoted(expected)}"
+        of = "" if other == kind else f" of kind {quoted(other.name)}"
+        does = f"expected the trail to {'begin' if is_start else 'end'} at {at}"
+        return f"{where}: {does}, got {quoted(label)}{of}."
+    tail, problem = nodes[int(batch.nodes[begin + position - 1]) % len(nodes)], _FAULTS[what]
+    if what == kernels.MISSING_ARC and mission.graph.has_edge(tail, label):
+        problem = f"cannot be taken by kind {quoted(kind.name)} in"
     arc = f"arc {quoted(tail)} -> {quoted(label)}"
-    return f"{where}: {arc} {_FAULTS[kind]} mission {quoted(mission)}."
+    return f"{where}: {arc} {problem} mission {quoted(mission.name)}."

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.compile import helper
+from botohe_moo.kernels.compile import helper, inlined
 from botohe_moo.kernels.graph.kinds import Kinds
 
 # Among up to this many arcs a head is looked for one by one, after a binary search among more.
@@ -63,18 +63,36 @@ class Graph(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """The limits that every robot of a plan keeps."""
+    """The limits that the robots of a plan keep; with kinds, the strictest of any kind."""
 
     min_survival: float = 0.0  # survival floor; 0 sets none
     max_length: float = math.inf  # travel budget: the largest sum of its arcs' lengths
+    # With kinds, floor and budget of the kind of each node (n_nodes).
+    floors: FloatArray | None = None
+    budgets: FloatArray | None = None
 
     @property
     def bind(self) -> bool:
         """Return whether there is any limit."""
         return self.min_survival > 0.0 or self.max_length < math.inf
 
+    def with_floor(self, least: float) -> Limits:
+        """Return the same limits with a survival floor that is at least ``least``."""
+        floors = self.floors
+        if floors is not None:
+            floors = np.maximum(floors, least)
+        return self._replace(min_survival=max(self.min_survival, least), floors=floors)
+
 
 NO_LIMITS = Limits()
+
+
+@inlined
+def limit_at(strictest: float, by_node: FloatArray | None, node: int) -> float:
+    """Return a limit of a robot at a node: the strictest of all, if there are no kinds."""
+    if by_node is None:
+        return strictest
+    return float(by_node[node])
 
 
 def new_graph(

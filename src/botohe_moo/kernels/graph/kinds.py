@@ -13,7 +13,7 @@ tested is an argument of the function.
 from typing import NamedTuple
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.compile import helper, inlined
+from botohe_moo.kernels.compile import inlined
 
 # Where rewards are credited: at the next depot, on arrival, or on arrival at a depot, where all
 # rewards that the robot carries are credited, too.

@@ -7,7 +7,7 @@ is cut out, so that every child is a trail, on any graph.
 import numpy as np
 
 from botohe_moo.kernels.compile import helper
-from botohe_moo.kernels.fronts.ordered import OrderedFront, best_reward
+from botohe_moo.kernels.fronts.ordered import best_reward
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.kinds import (
     AT_NEXT_DEPOT,
@@ -18,7 +18,6 @@ from botohe_moo.kernels.graph.kinds import (
     reward_at,
 )
 from botohe_moo.kernels.local_search.routes import UNKNOWN, Routes, route_entry, search_routes
-from botohe_moo.kernels.local_search.trail_store import TrailStore
 from botohe_moo.kernels.local_search.workspace import TOLERANCE, Search, Workspace
 from botohe_moo.kernels.rng import uniform
 
@@ -255,7 +254,7 @@ def evaluate_trail(search: Search, trail: int) -> float:
     gained = 0.0
     for i in range(taken.first_visit, taken.first_visit + taken.n_visits):
         node = np.int64(store.node[i])  # of the mission: the share is part of the reach
-        left = reward_at(graph.kinds, graph.reward, node) * abs(nodes[node].unreached)
+        left = reward_at(graph.kinds, graph.reward, int(node)) * abs(nodes[node].unreached)
         gained += left * store.reach[i]
     needed = best_reward(search.front, (draft.survivors + taken.alive) * (1.0 - TOLERANCE))
     return gained if (draft.others + gained) * (1.0 - TOLERANCE) > needed else -1.0

@@ -102,7 +102,7 @@ def evaluate_others(graph: Graph, store: TrailStore, work: Workspace) -> None:
                 touched[draft.n_touched] = index
                 draft.n_touched += 1
             # As a sum: small chances would lose their digits in the reward less what is left.
-            draft.others += reward_at(kinds, graph.reward, index) * node.unreached * reach
+            draft.others += reward_at(kinds, graph.reward, int(index)) * node.unreached * reach
             node.unreached *= 1.0 - reach
         draft.survivors += trail.alive
     for i in range(draft.n_touched):
@@ -184,7 +184,7 @@ def lay_out(graph: Graph, store: TrailStore, work: Workspace, trail: int) -> Non
 
 
 @helper
-def clear_trail(graph: Graph, work: Workspace) -> None:
+def clear_trail(work: Workspace) -> None:
     """Leave the workspace as it was before ``lay_out``."""
     nodes, steps = work.nodes, work.steps
     for i in range(work.draft.length):

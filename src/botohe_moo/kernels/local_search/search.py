@@ -221,5 +221,5 @@ def _make_children(search: Search, n_most: int) -> int:
             work.trails[k] = trail if k == draft.robot else parent[k]
         insert_trails(search, 0.0)
         release(store, trail)
-    clear_trail(graph, work)
+    clear_trail(work)
     return n

@@ -64,10 +64,10 @@ class Workspace(NamedTuple):
     waiting: FloatArray  # E[S] of each plan that waits (REFILLED_AT_ONCE)
     states: SeedArray  # the search's random numbers (1, 2)
     weights: FloatArray  # how likely each kind of move is, relative, summed up to each (N_KINDS)
-    # Of the parent: its ``block`` of the front, in the directory; the ``robot`` that changes; how
-    # many nodes the others reach (``n_touched``), and E[R] and E[S] of these (``others`` and
-    # ``survivors``), and the first node of its kind's layer (``layer``). Of the trail: how many arcs it has (``length``). Of the child: how many arcs
-    # are kept from the trail's start (``prefix``), how many are new (``n_middle``), from which
+    # Of the parent: its ``block`` of the front, in the directory; the ``robot`` that changes, and
+    # the first node of its kind's layer (``layer``); how many nodes the others reach
+    # (``n_touched``), and E[R] and E[S] of these (``others`` and ``survivors``). Of the trail: how
+    # many arcs it has (``length``). Of the child: how many arcs are kept from the trail's start (``prefix``), how many are new (``n_middle``), from which
     # position the trail is kept to its end (``suffix``), how many goals there are (``n_goals``),
     # and arcs in the piece (``n_piece``). Of a refill: how many robots are refilled
     # (``n_chosen``), how many legs their tours have (``n_legs``), and what the parent (``value``)
