@@ -134,7 +134,7 @@ def _kind_way_faults(
 ) -> Iterator[str]:
     for kind in kinds:
         start, end = kind.ends(base)
-        arcs = graph.edges(data="survival")
+        arcs: Any = graph.edges(data="survival")
         taken: nx.DiGraph[Any] = nx.DiGraph()
         taken.add_nodes_from(graph)
         taken.add_edges_from((u, v) for u, v, survival in arcs if by_kind(survival, [kind])[0] > 0)

@@ -67,11 +67,12 @@ class Workspace(NamedTuple):
     # Of the parent: its ``block`` of the front, in the directory; the ``robot`` that changes, and
     # the first node of its kind's layer (``layer``); how many nodes the others reach
     # (``n_touched``), and E[R] and E[S] of these (``others`` and ``survivors``). Of the trail: how
-    # many arcs it has (``length``). Of the child: how many arcs are kept from the trail's start (``prefix``), how many are new (``n_middle``), from which
-    # position the trail is kept to its end (``suffix``), how many goals there are (``n_goals``),
-    # and arcs in the piece (``n_piece``). Of a refill: how many robots are refilled
-    # (``n_chosen``), how many legs their tours have (``n_legs``), and what the parent (``value``)
-    # and a survivor (``slope``) are worth to a walk. And the last ``mark``.
+    # many arcs it has (``length``). Of the child: how many arcs are kept from the trail's start
+    # (``prefix``), how many are new (``n_middle``), from which position the trail is kept to its
+    # end (``suffix``), how many goals there are (``n_goals``), and arcs in the piece (``n_piece``).
+    # Of a refill: how many robots are refilled (``n_chosen``), how many legs their tours have
+    # (``n_legs``), and what the parent (``value``) and a survivor (``slope``) are worth to a walk.
+    # And the last ``mark``.
     draft: Record
     # At each position of the trail (n_arcs + 1) the ``node``, and the ``arc`` that leaves it; the
     # probability to get there (``alive``); what was collected up to there (``gained``); what a
