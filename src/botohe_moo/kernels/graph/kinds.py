@@ -12,6 +12,8 @@ tested is an argument of the function.
 
 from typing import NamedTuple
 
+import numpy as np
+
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, inlined
 
@@ -86,6 +88,15 @@ def credit_of(kinds: Kinds | None, node: int) -> int:
 
 
 @inlined
+def is_listed(kinds: Kinds | None, reward: FloatArray, node: int) -> bool:
+    """Return whether visits to a node are listed; with kinds, only those that may bring something.
+
+    So every kernel adds up the same numbers in the same order. ``reward`` is that of the graph.
+    """
+    return True if kinds is None else bool(reward[node] > 0.0)
+
+
+@inlined
 def chance_at(kinds: Kinds | None, node: int, alive: float) -> float:
     """Return with what probability a visit is credited, or ``CARRIED`` if that is not known yet.
 
@@ -116,6 +127,30 @@ def credit_carried(
             if chances[i] == CARRIED:
                 chances[i] = alive * kinds.share[layer + nodes[i]]
     return stop
+
+
+def kind_ranges(kinds: Kinds | None, n_robots: int) -> tuple[OffsetArray, OffsetArray]:
+    """Return the first robot of each robot's kind, and the one behind the last (n_robots)."""
+    if kinds is None:
+        return np.zeros(n_robots, np.int64), np.full(n_robots, n_robots)
+    return kinds.first, kinds.stop
+
+
+def n_kinds(kinds: Kinds | None) -> int:
+    """Return how many kinds there are."""
+    return 1 if kinds is None else len(kinds.origin) // len(kinds.reward)
+
+
+@inlined
+def likely_chance(kinds: Kinds | None, home: FloatArray, node: int, alive: float) -> float:
+    """Return with what probability a visit is credited if the robot then goes straight home.
+
+    ``home`` is that of the graph.
+    """
+    if kinds is None:
+        return alive
+    credited = alive * kinds.share[node]
+    return float(credited * home[node] if kinds.credit[node] == AT_NEXT_DEPOT else credited)
 
 
 @inlined

@@ -14,6 +14,7 @@ from botohe_moo.kernels.graph.kinds import (
     credit_of,
     end_of,
     has_kinds,
+    is_listed,
     layer_of,
     origin_of,
     reward_at,
@@ -139,7 +140,7 @@ def _reach(graph: Graph, scratch: _Scratch, trail: int, node: int, alive: float,
             combine(scratch.team, node, alive)
         return 0
     kinds = graph.kinds
-    if is_first and graph.reward[node] > 0.0:
+    if is_first and is_listed(kinds, graph.reward, node):
         scratch.node[n] = origin_of(kinds, node)
         scratch.chance[n] = chance_at(kinds, node, alive)
         n += 1
