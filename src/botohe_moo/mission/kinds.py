@@ -131,6 +131,7 @@ def graph_of_kinds(
         start=np.array([ends[k][0] + k * n for k in kind_of.tolist()]),
         first=first[kind_of],
         stop=first[kind_of + 1],
+        has_returns=bool((credit == AT_NEXT_DEPOT).any()),
     )
     return join_layers(layers, described)
 

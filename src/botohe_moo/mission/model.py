@@ -18,7 +18,6 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Graph, Limits, with_costs
-from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.graphs import frozen_copy, given_places
 from botohe_moo.mission.kinds import ONLY_KIND, Kind, graph_of_kinds, read_kinds, uncollected
@@ -157,7 +156,7 @@ class Mission:
     def has_returns(self) -> bool:
         """Whether rewards of some nodes count on return."""
         kinds = self.arrays.kinds
-        return kinds is not None and bool((kinds.credit == AT_NEXT_DEPOT).any())
+        return kinds is not None and kinds.has_returns
 
     @property
     def balanced(self) -> bool:
@@ -414,7 +413,7 @@ def _numbers(arrays: Graph) -> list[Any]:
     """Return the arrays on which objectives depend."""
     numbers = [arrays.tail, arrays.head, arrays.survival, arrays.length, arrays.reward]
     if arrays.kinds is not None:
-        numbers += arrays.kinds[1:]  # without ``origin``
+        numbers += arrays.kinds[1:-1]  # without ``origin`` and ``has_returns``
     return numbers
 
 
@@ -455,7 +454,7 @@ def _digest(mission: Mission, first: list[object]) -> str:
     if (arrays.length != 1.0).any():  # without lengths every hop is one long
         numbers.append(arrays.length)
     if arrays.kinds is not None:
-        numbers += arrays.kinds
+        numbers += arrays.kinds[:-1]
     for values in numbers:
         hashed.update(np.ascontiguousarray(values, f"<{values.dtype.kind}8").tobytes())
     return hashed.hexdigest()[:16]

@@ -39,6 +39,7 @@ class Kinds(NamedTuple):
     start: OffsetArray
     first: OffsetArray
     stop: OffsetArray
+    has_returns: bool  # whether some node that may bring something pays on return
 
 
 @inlined
@@ -77,6 +78,12 @@ def reward_at(kinds: Kinds | None, reward: FloatArray, node: int) -> float:
 def has_kinds(kinds: Kinds | None) -> bool:
     """Return whether there are kinds, or rewards on return."""
     return kinds is not None
+
+
+@inlined
+def has_returns(kinds: Kinds | None) -> bool:
+    """Return whether rewards of some nodes count on return."""
+    return False if kinds is None else bool(kinds.has_returns)
 
 
 @inlined

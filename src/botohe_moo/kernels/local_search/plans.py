@@ -19,7 +19,7 @@ from botohe_moo.kernels.fronts.ordered import (
     place_before,
     remove_place,
 )
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, limit_at
 from botohe_moo.kernels.graph.kinds import (
     AT_NEXT_DEPOT,
     AT_THIS_DEPOT,
@@ -33,11 +33,20 @@ from botohe_moo.kernels.graph.kinds import (
     reward_at,
     start_of,
 )
-from botohe_moo.kernels.local_search.trail_store import TrailStore, release
-from botohe_moo.kernels.local_search.workspace import NEVER, TOLERANCE, Search, Workspace
+from botohe_moo.kernels.local_search.trail_store import TrailStore, discard, release
+from botohe_moo.kernels.local_search.workspace import (
+    NEVER,
+    PATIENCE,
+    PATIENCE_KINDS,
+    TOLERANCE,
+    Search,
+    Workspace,
+)
 from botohe_moo.kernels.plans.evaluate import begin_team, combine, team_reward
 from botohe_moo.kernels.plans.trails import sort_trails
 from botohe_moo.kernels.rng import below, uniform
+
+NOT_STORED = -1  # instead of the number of a trail
 
 # The probability that the next parent is the plan that has just entered the front.
 P_NEWEST = 0.9
@@ -56,6 +65,13 @@ def pop_newest(work: Workspace) -> float:
     newest = work.memory.newest
     work.memory.newest = -1.0
     return newest if newest >= 0.0 and uniform(work.states, 0) < P_NEWEST else -1.0
+
+
+@helper
+def is_stuck(search: Search) -> bool:
+    """Return whether no plan has entered the front for long."""
+    patience = PATIENCE_KINDS if has_kinds(search.graph.kinds) else PATIENCE
+    return bool(search.work.memory.idle > patience)
 
 
 @helper
@@ -234,6 +250,22 @@ def add_trail(graph: Graph, store: TrailStore, work: Workspace, robot: int, leng
     added.end_arc, added.n_visits = n.arcs, n.visits - added.first_visit
     added.alive, added.n_users = alive, 1
     return int(trail)
+
+
+@helper
+def add_within_limits(search: Search, robot: int, length: int) -> int:
+    """Store a trail as ``add_trail`` does; return ``NOT_STORED`` if it does not keep the limits."""
+    graph, store, work, limits = search.graph, search.store, search.work, search.limits
+    source, walked = start_of(graph.kinds, graph.base, robot), 0.0
+    if limits.max_length < np.inf:
+        for i in range(length):
+            walked += graph.length[work.child[i]]
+    trail = add_trail(graph, store, work, robot, length)
+    is_safe = store.trails[trail].alive >= limit_at(limits.min_survival, limits.floors, source)
+    if is_safe and walked <= limit_at(limits.max_length, limits.budgets, source):
+        return trail
+    discard(store, trail)
+    return NOT_STORED
 
 
 @helper

@@ -18,12 +18,13 @@ from botohe_moo.kernels.local_search.plans import (
     evaluate_trails,
     find_plan,
     insert_trails,
+    is_stuck,
     pop_newest,
     release_parent,
 )
 from botohe_moo.kernels.local_search.tours import build_tour, fill_tours, store_tour
 from botohe_moo.kernels.local_search.trail_store import discard, fits, release
-from botohe_moo.kernels.local_search.workspace import PATIENCE, TOLERANCE, Search
+from botohe_moo.kernels.local_search.workspace import TOLERANCE, Search
 from botohe_moo.kernels.rng import below, uniform
 from botohe_moo.kernels.sharing import shared
 
@@ -110,7 +111,7 @@ def _refill_parent(search: Search, n_most: int) -> int:
     In a walk, a child that is not too bad is the next parent.
     """
     store, work, n_nodes = search.store, search.work, search.graph.reward.shape[0]
-    is_walk = work.memory.idle > PATIENCE and uniform(work.states, 0) < P_WALK
+    is_walk = is_stuck(search) and uniform(work.states, 0) < P_WALK
     n_children = min(n_most, N_WALK * n_nodes if is_walk else N_REFILLS)
     for child in range(n_children):
         if not _has_room(search):

@@ -6,15 +6,20 @@ A child differs from its parent in the trail of one robot.
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.fronts.ordered import contribution, draw_place
 from botohe_moo.kernels.graph.graph import find_arc
+from botohe_moo.kernels.graph.kinds import behind_kind, first_of_kind, has_kinds
 from botohe_moo.kernels.local_search.children import evaluate_child, evaluate_trail, write_child
 from botohe_moo.kernels.local_search.moves import ADOPT, N_KINDS, draw_trail, make_child
 from botohe_moo.kernels.local_search.plans import (
+    NOT_STORED,
     acquire_parent,
     add_trail,
+    add_within_limits,
+    clear_others,
     clear_trail,
     evaluate_others,
     find_plan,
     insert_trails,
+    is_stuck,
     lay_out,
     pop_newest,
     release_parent,
@@ -26,7 +31,6 @@ from botohe_moo.kernels.local_search.workspace import (
     N_CHILDREN_BUSY,
     N_DRAWN,
     N_DRAWN_BUSY,
-    PATIENCE,
     REFILLED_AT_ONCE,
     Search,
     Workspace,
@@ -38,22 +42,24 @@ from botohe_moo.kernels.sharing import shared
 # After this many parents in a row without any child there is nothing left to try.
 MAX_FRUITLESS = 10_000
 
-# Instead of a trail: that of the child is not stored.
-NOT_STORED = -1
-
 # The probability that the parent is the plan of most reward: ``P_END``, and more where its robots
 # are safe, up to ``_P_SAFE_END`` where all survive for sure.
 P_END, _P_SAFE_END = 0.1, 0.4
 # Once the search is stuck, the probability that another robot of a parent takes a trail of another
 # plan, so that two trails change. Without this, a mission of six nodes was not solved.
 P_OTHER = 0.5
+# With kinds, the probability that it takes a child of its own trail instead, and that a robot
+# adopts the trail of another robot of its plan. Without these, where rewards are paid on return,
+# one of fifty missions of five nodes was not solved.
+P_SHAKE, MOST_SHAKEN, P_FOLLOW = 0.7, 3, 0.5
 
 
 @helper
 def has_room(search: Search) -> bool:
     """Return whether there is room for the children of a parent, or for a plan of new trails."""
     n_robots, n_children = search.work.parent.shape[0], N_CHILDREN + 1
-    stored = fits(search.graph, search.store, max(n_children, n_robots))
+    n_trails = n_children + MOST_SHAKEN if has_kinds(search.graph.kinds) else n_children
+    stored = fits(search.graph, search.store, max(n_trails, n_robots))
     return bool(stored and search.front.n.spare >= n_children)
 
 
@@ -134,16 +140,27 @@ def _select_robot(search: Search, block: int, place: int) -> None:
     acquire_parent(search, block, place)
     if store.trails[parent[draft.robot]].n_arcs == 0:
         draft.robot = below(work.states, parent.shape[0])
-    if work.memory.idle > PATIENCE and uniform(work.states, 0) < P_OTHER:
+    if is_stuck(search) and uniform(work.states, 0) < P_OTHER:
         _change_another(search)
     evaluate_others(search.graph, store, work)
 
 
 @helper
 def _change_another(search: Search) -> None:
-    """Replace the trail of another robot, if there is one, by a trail of another plan."""
+    """Replace the trail of another robot, if there is one, by a trail of another plan.
+
+    With kinds, trails of a few robots are mostly replaced by children of them, instead.
+    """
     store, work = search.store, search.work
     n_robots = work.parent.shape[0]
+    if has_kinds(search.graph.kinds) and uniform(work.states, 0) < P_SHAKE:
+        for _ in range(1 + below(work.states, MOST_SHAKEN)):
+            robot = below(work.states, n_robots)
+            trail = _shake(search, robot)
+            if trail != NOT_STORED:
+                release(store, work.parent[robot])
+                work.parent[robot] = trail
+        return
     if n_robots == 1:
         return
     other = (work.draft.robot + 1 + below(work.states, n_robots - 1)) % n_robots
@@ -151,6 +168,34 @@ def _change_another(search: Search) -> None:
     store.trails[trail].n_users += 1
     release(store, work.parent[other])
     work.parent[other] = trail
+
+
+@helper
+def _shake(search: Search, robot: int) -> int:
+    """Store a child of a robot's trail, whatever it is worth; ``NOT_STORED`` if none is made."""
+    graph, store, work, draft = search.graph, search.store, search.work, search.work.draft
+    changed, draft.robot = draft.robot, robot
+    evaluate_others(graph, store, work)
+    lay_out(graph, store, work, work.parent[robot])
+    trail, kind = NOT_STORED, _draw_kind(work)
+    if kind != ADOPT and make_child(search, kind):
+        trail = add_within_limits(search, robot, write_child(work))
+    clear_trail(work)
+    clear_others(graph, work)
+    draft.robot = changed
+    return trail
+
+
+@helper
+def _draw_adopted(search: Search) -> int:
+    """Draw a trail that the robot may adopt: of another plan, or of its own."""
+    graph, work = search.graph, search.work
+    robot, n_robots = work.draft.robot, work.parent.shape[0]
+    if has_kinds(graph.kinds) and is_stuck(search) and uniform(work.states, 0) < P_FOLLOW:
+        first = first_of_kind(graph.kinds, robot)
+        stop = behind_kind(graph.kinds, n_robots, robot)
+        return int(work.parent[first + below(work.states, stop - first)])
+    return draw_trail(search, robot)
 
 
 @helper
@@ -201,7 +246,7 @@ def _make_children(search: Search, n_most: int) -> int:
             break
         kind, trail = _draw_kind(work), NOT_STORED
         if kind == ADOPT:
-            trail = draw_trail(search, draft.robot)
+            trail = _draw_adopted(search)
             if trail == changed:
                 continue
             gained = evaluate_trail(search, trail)

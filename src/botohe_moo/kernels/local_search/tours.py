@@ -6,20 +6,23 @@ leads from each stop to the next, along the cheapest path.
 
 import numpy as np
 
+from botohe_moo._base.types import Record
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph, limit_at
 from botohe_moo.kernels.graph.kinds import (
     AT_NEXT_DEPOT,
+    AT_THIS_DEPOT,
     credit_of,
     end_of,
     has_kinds,
+    has_returns,
     n_origins,
     start_of,
 )
 from botohe_moo.kernels.local_search.children import connect_child, write_child
-from botohe_moo.kernels.local_search.plans import add_trail
+from botohe_moo.kernels.local_search.plans import NOT_STORED, add_within_limits
 from botohe_moo.kernels.local_search.routes import Routes, search_costs
-from botohe_moo.kernels.local_search.trail_store import TrailStore, discard
+from botohe_moo.kernels.local_search.trail_store import TrailStore
 from botohe_moo.kernels.local_search.workspace import TOLERANCE, Search, Workspace
 from botohe_moo.kernels.rng import below, uniform
 
@@ -43,7 +46,7 @@ def build_tour(search: Search, which: int) -> None:
     draft, slack, goals = work.draft, work.slacks[which], work.goals
     _draw_slack(search, which)
     source = start_of(graph.kinds, graph.base, work.chosen[which])
-    n = _draw_stops(search.store, work, which, source)
+    n = _draw_stops(graph, search.store, work, which, source)
     end = end_of(graph.kinds, graph.base, source)
     search_costs(graph, routes, source)
     work.nodes[source].seen = draft.mark
@@ -94,16 +97,19 @@ def _draw_slack(search: Search, which: int) -> None:
 
 
 @helper
-def _draw_stops(store: TrailStore, work: Workspace, which: int, source: int) -> int:
+def _draw_stops(graph: Graph, store: TrailStore, work: Workspace, which: int, source: int) -> int:
     """Draw which stops of a trail stay, write them to ``work.goals``, and return how many."""
     goals, states = work.goals, work.states
     trail = store.trails[work.parent[work.chosen[which]]]
     n = 0
-    for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
-        node = work.draft.layer + np.int64(store.node[i])
-        if work.nodes[node].left > 0.0 and node != source:
-            goals[n] = node
-            n += 1
+    if has_returns(graph.kinds):
+        n = _list_stops(graph, store, work, trail, source)
+    else:
+        for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
+            node = work.draft.layer + np.int64(store.node[i])
+            if work.nodes[node].left > 0.0 and node != source:
+                goals[n] = node
+                n += 1
     if n == 0:
         return n
     share = uniform(states, 0)
@@ -115,6 +121,31 @@ def _draw_stops(store: TrailStore, work: Workspace, which: int, source: int) -> 
         removed = first if in_a_row else below(states, n + 1)
         for i in range(removed, n):
             goals[i] = goals[i + 1]
+    return n
+
+
+@helper
+def _list_stops(
+    graph: Graph, store: TrailStore, work: Workspace, trail: Record, source: int
+) -> int:
+    """List the stops of a trail, with the depots where it leaves something, as ``_draw_stops``."""
+    kinds, goals, layer = graph.kinds, work.goals, work.draft.layer
+    n, visit, end, is_loaded = 0, trail.first_visit, trail.first_visit + trail.n_visits, False
+    if visit < end and layer + store.node[visit] == source:
+        visit += 1
+        is_loaded = credit_of(kinds, source) == AT_NEXT_DEPOT
+    for i in range(trail.first_arc, trail.end_arc):
+        node, is_first = graph.head[store.arc[i]], False
+        if visit < end and layer + store.node[visit] == node:
+            is_first = work.nodes[node].left > 0.0
+            visit += 1
+        credit = credit_of(kinds, node)
+        if is_first or (is_loaded and credit == AT_THIS_DEPOT):
+            goals[n] = node
+            n += 1
+            is_loaded = credit == AT_NEXT_DEPOT or (is_loaded and credit != AT_THIS_DEPOT)
+    if n > 0 and goals[n - 1] == end_of(kinds, graph.base, source):  # where the tour ends anyway
+        n -= 1
     return n
 
 
@@ -184,7 +215,7 @@ def _update_insertion_costs(graph: Graph, routes: Routes, work: Workspace, numbe
 def _evaluate_tour(graph: Graph, work: Workspace, which: int) -> None:
     """Compute with what probability each leg of a tour is begun, and what lies ahead of it."""
     legs, order, nodes = work.legs, work.goals, work.nodes
-    n, alive = 0, 1.0
+    n, alive, carried, kinds = 0, 1.0, 0.0, graph.kinds
     number = work.first[which]
     while number != NONE:
         leg = legs[number]
@@ -192,18 +223,23 @@ def _evaluate_tour(graph: Graph, work: Workspace, which: int) -> None:
         n += 1
         leg.alive = alive
         alive *= leg.survival
+        if has_kinds(kinds):
+            credit = credit_of(kinds, leg.before)
+            carried = 0.0 if credit == AT_THIS_DEPOT else carried
+            carried += nodes[leg.before].left if credit == AT_NEXT_DEPOT else 0.0
+            leg.load = carried
         number = leg.following
-    ahead = carried = 0.0
+    ahead = to_depot = 0.0
     for i in range(n - 1, -1, -1):
         leg = legs[order[i]]
         leg.ahead = ahead * leg.survival
-        ahead = leg.ahead
-        if credit_of(graph.kinds, leg.before) == AT_NEXT_DEPOT:
-            carried += nodes[leg.before].left
-        else:
-            ahead += nodes[leg.before].left
-    if has_kinds(graph.kinds):  # as if it were all credited at the end
-        work.slacks[which].home, work.slacks[which].load = alive, carried * alive
+        worth = nodes[leg.before].left
+        if has_kinds(kinds):
+            is_depot = credit_of(kinds, leg.after) == AT_THIS_DEPOT
+            to_depot = leg.survival if is_depot else leg.survival * to_depot
+            leg.to_depot = to_depot
+            worth *= to_depot if credit_of(kinds, leg.before) == AT_NEXT_DEPOT else 1.0
+        ahead = leg.ahead + worth
 
 
 @helper
@@ -233,12 +269,12 @@ def _find_best_node(graph: Graph, routes: Routes, work: Workspace) -> int:
             danger = max(0.0, cost - routes.per_length * longer)
         if danger > slack.danger + TOLERANCE:
             continue
-        lost = danger / (1.0 + danger)
         gain = leg.alive * (worth[node] / (1.0 + way) - leg.ahead * danger / (1.0 + danger))
-        if credit_of(graph.kinds, node) == AT_NEXT_DEPOT:
-            gain = slack.home * worth[node] / (1.0 + danger) - leg.alive * leg.ahead * lost
         if has_kinds(graph.kinds):
-            gain -= slack.load * lost
+            if credit_of(graph.kinds, node) == AT_NEXT_DEPOT:
+                paid = worth[node] * leg.to_depot / (1.0 + danger)
+                gain = leg.alive * (paid - leg.ahead * danger / (1.0 + danger))
+            gain -= leg.alive * leg.load * leg.to_depot * danger / (1.0 + danger)
         if gain > highest * cost:
             best, highest = node, gain / cost
     return best
@@ -280,7 +316,7 @@ def store_tour(search: Search, which: int) -> int:
 
     Where it does not keep the limits, the robot keeps its trail.
     """
-    graph, store, work, limits = search.graph, search.store, search.work, search.limits
+    graph, store, work = search.graph, search.store, search.work
     draft, legs = work.draft, work.legs
     robot = work.chosen[which]
     source = start_of(graph.kinds, graph.base, robot)
@@ -294,16 +330,8 @@ def store_tour(search: Search, which: int) -> int:
         draft.n_goals += 1
         number = legs[number].following
     connect_child(search, 0, 0)
-    n = write_child(work)
-    length = 0.0
-    if limits.max_length < np.inf:
-        for i in range(n):
-            length += graph.length[work.child[i]]
-    trail = add_trail(graph, store, work, robot, n)
-    least = limit_at(limits.min_survival, limits.floors, source)
-    longest = limit_at(limits.max_length, limits.budgets, source)
-    if store.trails[trail].alive < least or length > longest:
-        discard(store, trail)
-        trail = work.parent[work.chosen[which]]
+    trail = add_within_limits(search, robot, write_child(work))
+    if trail == NOT_STORED:
+        trail = work.parent[robot]
         store.trails[trail].n_users += 1
-    return trail
+    return int(trail)

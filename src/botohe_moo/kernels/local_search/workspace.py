@@ -7,6 +7,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.kernels.fronts.ordered import OrderedFront
 from botohe_moo.kernels.graph.graph import Graph, Limits
+from botohe_moo.kernels.graph.kinds import has_returns
 from botohe_moo.kernels.local_search.routes import Routes
 from botohe_moo.kernels.local_search.trail_store import TrailStore
 from botohe_moo.kernels.plans.evaluate import Team, new_team
@@ -22,8 +23,9 @@ NEVER = np.int64(1) << 40
 N_CHILDREN, N_DRAWN = 24, 2
 # The same while the search is busy: a plan has entered the front within ``BUSY`` evaluations.
 N_CHILDREN_BUSY, N_DRAWN_BUSY, BUSY = 8, 8, 100
-# The search is stuck when no plan has entered the front within as many evaluations.
-PATIENCE = 2_000
+# The search is stuck when no plan has entered the front within as many evaluations; and the same
+# with kinds, or rewards on return, where more fronts are small.
+PATIENCE, PATIENCE_KINDS = 2_000, 500
 
 # How many plans wait until they are refilled, one after another: a short run compiles no refilling.
 REFILLED_AT_ONCE = 32
@@ -49,9 +51,10 @@ _NODE = np.dtype(
 _ARC = np.dtype([(name, np.int64) for name in ("position", "mark", "place")])
 _LEG = np.dtype(
     [(name, np.int64) for name in ("before", "after", "following", "tour")]
-    + [(name, np.float64) for name in ("cost", "length", "danger", "survival", "alive", "ahead")]
+    + [(name, np.float64) for name in ("cost", "length", "danger", "survival")]
+    + [(name, np.float64) for name in ("alive", "ahead", "load", "to_depot")]
 )
-_SLACK = np.dtype([(name, np.float64) for name in ("danger", "length", "home", "load")])
+_SLACK = np.dtype([(name, np.float64) for name in ("danger", "length")])
 
 
 class Workspace(NamedTuple):
@@ -110,7 +113,8 @@ class Workspace(NamedTuple):
     first: OffsetArray
     # Legs of all tours: the stops ``before`` and ``after`` it; the leg that follows; its ``tour``;
     # its ``cost``, ``length``, ``danger`` and ``survival``; with what probability it is begun
-    # (``alive``), and what a robot that begins it collects behind it (``ahead``).
+    # (``alive``), and what a robot that begins it collects behind it (``ahead``). With kinds, what
+    # it carries (``load``), and with what probability it gets to the next depot (``to_depot``).
     legs: RecordArray
     # Of each node, what it is ``worth``, what it costs to insert it where this is cheapest, and
     # the leg where that is (n_nodes).
@@ -143,6 +147,7 @@ def new_workspace(
 ) -> Workspace:
     """Return a workspace of what a search remembers, with new scratch."""
     n_nodes, n_arcs = graph.n_nodes, graph.n_arcs
+    n_stops = 2 * n_nodes if has_returns(graph.kinds) else n_nodes  # of a tour, depots among them
     nodes, arcs = np.zeros(n_nodes, _NODE), np.zeros(n_arcs, _ARC)
     nodes["left"], nodes["unreached"], nodes["met"] = graph.reward, -1.0, NEVER
     if graph.kinds is None:  # all robots collect it, whatever they do
@@ -160,7 +165,7 @@ def new_workspace(
         arcs=arcs.view(np.recarray),
         middle=np.empty(n_arcs, np.int64),
         child=np.empty(n_arcs, np.int64),
-        goals=np.empty(max(MOST_GOALS, n_nodes), np.int64),
+        goals=np.empty(max(MOST_GOALS, n_stops), np.int64),
         piece=np.empty(n_arcs, np.int64),
         touched=np.empty(n_nodes, np.int64),
         team=new_team(n_nodes),
@@ -170,7 +175,7 @@ def new_workspace(
         refilled=np.zeros(n_robots, np.int64),
         slacks=np.zeros(n_robots, _SLACK).view(np.recarray),
         first=np.zeros(n_robots, np.int64),
-        legs=np.zeros(n_nodes * (n_robots + 1), _LEG).view(np.recarray),
+        legs=np.zeros((n_stops + 1) * (n_robots + 1), _LEG).view(np.recarray),
         worth=np.empty(n_nodes),
         insertion_cost=np.empty(n_nodes),
         cheapest_leg=np.zeros(n_nodes, np.int64),
