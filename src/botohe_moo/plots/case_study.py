@@ -32,6 +32,7 @@ _RIGHT = 1.0  # right of them, for the key
 _TITLE = 0.35  # above all lines
 _ABOVE = 0.75  # above each line
 _BELOW = 0.65  # below each line
+_KEYS = 0.55  # the same more, for the keys of kinds of robots
 _CHART = 2.8  # least height of a line
 
 _MOST = 4  # panels of a line
@@ -102,7 +103,8 @@ def plot_case_study(
     draw_front = partial(plot_front, objectives, mission, highlight=rows)
     front = _Panel("the front", draw_front, right=0.3, is_map=False)
     found = [_plan_panel(mission, batch[row], f"plan {row}", row == rows[-1]) for row in rows]
-    lines = [[_Panel("the mission", partial(plot_mission, mission), right=1.4)]]
+    keys = _KEYS if len(mission.kinds) > 1 else 0.0
+    lines = [[_Panel("the mission", partial(plot_mission, mission), right=1.4, keys=keys)]]
     if trace is None:
         lines[0].append(front)
     else:
@@ -130,6 +132,7 @@ class _Panel:
     name: str
     draw: Callable[..., object]  # takes a title and axes
     right: float = 0.1  # inches right of the axes
+    keys: float = 0.0  # inches more below the line
     is_map: bool = True
 
     @property
@@ -144,7 +147,7 @@ def _plan_panel(mission: Mission, plan: TrailPlan, name: str, has_key: bool) -> 
     def draw(*, title: str, ax: Axes) -> None:
         open_axes(node_positions(mission), ax)
         notes = shown.draw_team(ax)
-        title_above(ax, title, "; ".join([shown.objectives, *shown.at_base, *notes]))
+        title_above(ax, title, "; ".join([shown.objectives, *shown.staying, *notes]))
         if has_key:
             add_reach_bar(ax)
 
@@ -156,13 +159,16 @@ def _draw_page(lines: Sequence[Sequence[_Panel]], xy: FloatArray) -> list[Axes]:
     _, half = frame_of(xy)
     aspect = half[1] / half[0]
     highs = []  # of the axes of each line
+    keys = [max(panel.keys for panel in line) for line in lines]
     for line in lines:
         inner = [_WIDTH / len(line) - panel.left - panel.right for panel in line if panel.is_map]
         highs.append(max([_CHART, *(aspect * width for width in inner)]))
-    full = np.array([_WIDTH + _RIGHT, _TITLE + sum(highs) + (_ABOVE + _BELOW) * len(lines)])
+    full = np.array(
+        [_WIDTH + _RIGHT, _TITLE + sum(highs) + (_ABOVE + _BELOW) * len(lines) + sum(keys)]
+    )
     fig, axes, letters = plt.figure(figsize=tuple(full)), [], iter(ascii_lowercase)
     top = full[1] - _TITLE
-    for line, high in zip(lines, highs, strict=True):
+    for line, high, more in zip(lines, highs, keys, strict=True):
         wide = _WIDTH / len(line)
         for i, panel in enumerate(line):
             width = wide - panel.left - panel.right
@@ -171,5 +177,5 @@ def _draw_page(lines: Sequence[Sequence[_Panel]], xy: FloatArray) -> list[Axes]:
             ax = fig.add_axes(tuple(np.divide(place, (*full, *full))))
             panel.draw(title=f"({next(letters)}) {panel.name}", ax=ax)
             axes.append(ax)
-        top -= _ABOVE + high + _BELOW
+        top -= _ABOVE + high + _BELOW + more
     return axes
