@@ -66,8 +66,8 @@ def missions(
 def team_missions(draw, max_nodes=5, max_robots=2, pays=None):
     """Missions of one to three kinds, with starts, ends, shares, depots and forbidden arcs.
 
-    Nodes pay on arrival or on return, unless ``pays`` says when all of them pay. There are up to
-    ``max_robots`` of each kind.
+    Rewards are whole. Nodes pay on arrival or on return, unless ``pays`` says when all of them
+    pay. There are up to ``max_robots`` of each kind.
     """
     graph = draw(missions(max_nodes=max_nodes)).graph.copy()
     names = ["drone", "rover", "lake boat"][: draw(st.integers(1, 3))]
@@ -77,6 +77,7 @@ def team_missions(draw, max_nodes=5, max_robots=2, pays=None):
         return draw(st.one_of(values, st.fixed_dictionaries(dict.fromkeys(names, values))))
 
     for _, node in graph.nodes(data=True):
+        node["reward"] = draw(st.integers(0, 9))
         node["share"] = by_kind(st.sampled_from([0.0, 0.25, 0.75, 1.0, 1.0]))
         if pays is None and draw(st.booleans()):
             node["pays"] = draw(times)
