@@ -15,13 +15,15 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.decide import representatives
 from botohe_moo.decide.fronts import check_row
 from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.plots.draw.algorithms import check_table
 from botohe_moo.plots.draw.canvas import frame_of, open_axes
 from botohe_moo.plots.draw.maps import add_reach_bar
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.draw.texts import title_above
 from botohe_moo.plots.front import plot_front
-from botohe_moo.plots.mission import PheromoneKind, plot_mission, plot_pheromone
+from botohe_moo.plots.mission import plot_mission
+from botohe_moo.plots.pheromone import PheromoneKind, plot_pheromone
 from botohe_moo.plots.plan import DrawnPlan
 from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.trails import Plans, TrailPlan
@@ -61,7 +63,8 @@ def plot_case_study(
         Rows of one mission in a study's trace, as for :func:`plot_curves`: how the area grows.
         Without it that is not drawn.
     pheromone
-        The pheromone of every arc, as for :func:`plot_pheromone`. Without it none is drawn.
+        The pheromone of every arc, as for :func:`plot_pheromone`, but of all kinds of robots.
+        Without it none is drawn.
     title
         Name of the picture. Default: the mission's title.
 
@@ -115,8 +118,13 @@ def plot_case_study(
     parts = np.array_split(np.arange(len(found)), -(-len(found) // _MOST))
     lines += [[found[i] for i in part] for part in parts]
     if pheromone is not None:
-        draws = [partial(plot_pheromone, mission, pheromone, kind=kind) for kind in _KINDS]
-        lines.append([_Panel("pheromone", draw, right=1.4) for draw in draws])
+        tables = [pheromone]
+        if len(mission.kinds) > 1:
+            check_table("pheromone", pheromone, ("kind",))
+            tables = [rows for _, rows in pheromone.groupby("kind", sort=False)]
+        for table in tables:
+            draws = [partial(plot_pheromone, mission, table, kind=kind) for kind in _KINDS]
+            lines.append([_Panel("pheromone", draw, right=1.4) for draw in draws])
     with theme():
         axes = _draw_page(lines, node_positions(mission))
         fig = axes[0].figure.figure
