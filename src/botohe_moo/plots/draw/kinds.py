@@ -8,11 +8,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.path import Path
 
-from botohe_moo._base.types import BoolArray, FloatArray, IntArray
+from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo._base.words import counted
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import Canvas, shifted
-from botohe_moo.plots.draw.site import Site
+from botohe_moo.plots.draw.site import Site, only_some
 from botohe_moo.plots.draw.style import INK, MUTED, tint
 from botohe_moo.plots.draw.trails import kind_inks
 
@@ -35,13 +35,13 @@ def shade_kinds(canvas: Canvas, mission: Mission, site: Site) -> None:
     shades = [tint(ink, _STRENGTH) for ink in kind_inks(mission)]
     points = canvas.curves(site.tail, site.head, site.bowed)
     once = site.bowed | (site.tail < site.head)
-    for kinds, arcs in _only_some(site.survival > 0).items():
+    for kinds, arcs in only_some(site.survival > 0).items():
         width = _BAND * canvas.radius / len(kinds)
         for i, kind in enumerate(kinds):
             aside = (i - (len(kinds) - 1) / 2) * width / canvas.scale
             band, colour = shifted(points[arcs & once], aside), [shades[kind]]
             canvas.draw_lines(band, colors=colour, linewidths=width, zorder=0.5, label="_only")
-    for kinds, nodes in _only_some(site.collects).items():
+    for kinds, nodes in only_some(site.collects).items():
         for i, kind in enumerate(kinds):
             radius = canvas.radius * (1 + (_HALO - 1) * (1 - i / len(kinds)))
             _behind(canvas, np.flatnonzero(nodes), radius, zorder=0.6, color=[shades[kind]])
@@ -103,7 +103,7 @@ def place_handles(mission: Mission, site: Site) -> list[Artist]:
         handles.append(Line2D([], [], label="pays on return", **ring))
     if (np.delete(site.reward, site.base) == 0).any():
         handles.append(Line2D([], [], label="no reward", **circle))
-    for kinds in {**_only_some(site.survival > 0), **_only_some(site.collects)}:
+    for kinds in {**only_some(site.survival > 0), **only_some(site.collects)}:
         names = " and ".join(mission.kinds[kind].name for kind in kinds)
         shade = [tint(inks[kind], _STRENGTH) for kind in kinds]
         hatch: dict[str, Any] = {"hatch": "||", "edgecolor": shade[1]} if len(kinds) > 1 else {}
@@ -131,12 +131,3 @@ def _behind(
     look: dict[str, Any] = {"linewidths": 0, "label": "_behind", "clip_on": False}
     x, y = canvas.xy[nodes].T
     canvas.ax.scatter(x, y, s=(2 * np.asarray(radius)) ** 2, **look | style)
-
-
-def _only_some(can: BoolArray) -> dict[tuple[int, ...], BoolArray]:
-    """Return sets of kinds that can do, as no other kind, some of what is asked (n_kinds, n)."""
-    some = can[:, can.any(axis=0) & ~can.all(axis=0)]
-    return {
-        tuple(np.flatnonzero(column).tolist()): (can == column[:, None]).all(axis=0)
-        for column in np.unique(some, axis=1).T
-    }

@@ -88,6 +88,15 @@ def site_of(mission: Mission, kind: str | None = None) -> Site:
     )
 
 
+def only_some(can: BoolArray) -> dict[tuple[int, ...], BoolArray]:
+    """Return sets of kinds that can do, as no other kind, some of what is asked (n_kinds, n)."""
+    some = can[:, can.any(axis=0) & ~can.all(axis=0)]
+    return {
+        tuple(np.flatnonzero(column).tolist()): (can == column[:, None]).all(axis=0)
+        for column in np.unique(some, axis=1).T
+    }
+
+
 def robot_names(mission: Mission) -> list[str]:
     """Return what each robot is called: "robot 0", or if there are several kinds, "drone 0"."""
     several = len(mission.kinds) > 1
