@@ -3,8 +3,10 @@
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import networkx as nx
+import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.patches import Patch
 
 from botohe_moo import Kind, Mission
 from botohe_moo.plots import plot_case_study, plot_mission, plot_pheromone, plot_plan
@@ -105,6 +107,14 @@ class TestMission:
         bands = drawn(ax, "only")
         assert [len(band.get_segments()) for band in bands] == [4, 4]
         assert len({tuple(band.get_color()[0]) for band in bands}) == 2
+
+    def test_zones_have_none_of_the_colours_of_kinds(self):
+        graph = nx.DiGraph(site().graph)
+        nx.set_node_attributes(graph, {"hall": "in", "pond": "out"}, "zone")
+        handles = plot_mission(Mission(graph, base="dock", kinds=KINDS)).get_legend().legend_handles
+        looks = [handle.get_facecolor()[:3] for handle in handles if isinstance(handle, Patch)]
+        hues = [tuple(np.round((1 - np.array(c)) / (1 - min(c)), 2)) for c in looks]
+        assert len({*hues}) == len(hues) == 3
 
     def test_rings_are_left_out_if_all_pays_on_return(self):
         ax = plot_mission(site(pays="return"))

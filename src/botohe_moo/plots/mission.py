@@ -146,7 +146,9 @@ def _zones(mission: Mission) -> dict[str, Colour]:
     zones = list(dict.fromkeys(str(zone) for _, zone in named if zone is not None))
     if not 2 <= len(zones) <= _MAX_ZONES:
         return {}
-    return {zone: tint(c, 0.17) for zone, c in zip(zones, colours(len(zones)), strict=True)}
+    taken = len(mission.kinds) if len(mission.kinds) > 1 else 0  # by what only some kinds can do
+    free = colours(taken + len(zones))[taken:]
+    return {zone: tint(colour, 0.17) for zone, colour in zip(zones, free, strict=True)}
 
 
 def _shade_zones(canvas: Canvas, mission: Mission, site: Site, zones: dict[str, Colour]) -> None:
