@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
+
 import networkx as nx
 from hypothesis import assume
 from hypothesis import strategies as st
 
-from botohe_moo.mission import Mission
+from botohe_moo.mission import Kind, Mission, MissionError
+from botohe_moo.trails import TrailPlan
 from tests.twins import all_trails
 
 survivals = st.one_of(st.just(1.0), st.floats(0.01, 1.0))
@@ -60,22 +63,62 @@ def missions(
 
 
 @st.composite
-def trails(draw, mission, max_hops=12):
-    """A valid trail as node indices; it may visit nodes and the base several times."""
+def team_missions(draw, max_nodes=5, max_robots=2, pays=None):
+    """Missions of one to three kinds, with starts, ends, shares, depots and forbidden arcs.
+
+    Rewards are whole. Nodes pay on arrival or on return, unless ``pays`` says when all of them
+    pay. There are up to ``max_robots`` of each kind.
+    """
+    graph = draw(missions(max_nodes=max_nodes)).graph.copy()
+    names = ["drone", "rover", "lake boat"][: draw(st.integers(1, 3))]
+    times = st.sampled_from(["arrival", "return"])
+
+    def by_kind(values):
+        return draw(st.one_of(values, st.fixed_dictionaries(dict.fromkeys(names, values))))
+
+    for _, node in graph.nodes(data=True):
+        node["reward"] = draw(st.integers(0, 9))
+        node["share"] = by_kind(st.sampled_from([0.0, 0.25, 0.75, 1.0, 1.0]))
+        if pays is None and draw(st.booleans()):
+            node["pays"] = draw(times)
+        node["depot"] = draw(st.sampled_from([False, False, True]))
+    for _, _, arc in graph.edges(data=True):
+        arc["survival"] = by_kind(st.sampled_from([0.0, 0.25, 0.5, 0.75, 1.0]))
+    ends = st.one_of(st.none(), st.sampled_from(list(graph)))
+    robots = st.integers(1, max_robots)
+    kinds = [Kind(name, draw(robots), start=draw(ends), end=draw(ends)) for name in names]
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*no kind of robots can collect")
+        try:
+            return Mission(graph, base=0, kinds=kinds, pays=pays or draw(times), name="drawn")
+        except MissionError:  # a kind has no way from its start to its end
+            assume(False)
+
+
+@st.composite
+def trails(draw, mission, max_hops=12, robot=0):
+    """A valid trail of a robot as indices of kernels; nodes and base may be visited several times.
+
+    Without kinds they are indices of the mission's nodes.
+    """
     arrays = mission.arrays
     unused = {node: [] for node in range(arrays.n_nodes)}
     for tail, head in zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True):
         unused[tail].append(head)
-    here, trail = arrays.base, [arrays.base]
+    here = end = arrays.base
+    if arrays.kinds is not None:
+        here = int(arrays.kinds.start[robot])
+        end = int(arrays.kinds.end[here])
+    trail = [here]
     for _ in range(draw(st.integers(0, max_hops))):
-        hops = [head for head in unused[here] if way_home(unused, (here, head), arrays.base)]
+        hops = [head for head in unused[here] if way_home(unused, (here, head), end)]
         if not hops:
             break
         head = draw(st.sampled_from(hops))
         unused[here].remove(head)
         trail.append(head)
         here = head
-    return trail + way_home(unused, (None, here), arrays.base)[1:]
+    return trail + way_home(unused, (None, here), end)[1:]
 
 
 def way_home(unused, arc, base):
@@ -98,13 +141,19 @@ def way_home(unused, arc, base):
 @st.composite
 def plans(draw, mission):
     """A valid plan, as a list of one trail of node indices per robot."""
-    return [draw(trails(mission)) for _ in range(mission.robots)]
+    return [draw(trails(mission, robot=robot)) for robot in range(mission.robots)]
 
 
 @st.composite
 def missions_with_plans(draw, **options):
     mission = draw(missions(**options))
     return mission, mission.plan(draw(plans(mission)))  # the nodes' labels are their indices
+
+
+@st.composite
+def team_missions_with_plans(draw, **options):
+    mission = draw(team_missions(**options))
+    return mission, TrailPlan(draw(plans(mission)))
 
 
 @st.composite

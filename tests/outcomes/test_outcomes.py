@@ -18,12 +18,11 @@ from botohe_moo.outcomes.distribution import Distribution
 from botohe_moo.outcomes.outcomes import (
     Outcomes,
     plan_outcomes,
-    reach_probabilities,
     reward_distribution,
     simulate,
     survivors_distribution,
-    team_reach,
 )
+from botohe_moo.outcomes.reaching import reach_probabilities, team_reach
 from tests import twins
 from tests.strategies import missions_with_plans
 

@@ -231,7 +231,7 @@ class TestPlan:
         assert legend_texts(ax) == ["R0 survives with 0.62", "R1 survives with 0.52"]
         assert words(ax) == "R2 stays at base"
         assert arcs_drawn(mission, ax) == arcs_of(*plan.trails)
-        styles = robot_styles(3)
+        styles = robot_styles(mission)
         handles = ax.get_legend().legend_handles
         assert [handle.get_color() for handle in handles] == [s.colour for s in styles[:2]]
 

@@ -79,7 +79,8 @@ def choose_plan(
 
     Wishes: `survivors >= 2` and `reward >= 5` (expected), `P(survivors >= 2) >= 0.9`,
     `P(reward >= 5) >= 0.8`, `CVaR(reward, 0.1) >= 2` (mean of the lowest tenth; of survivors, too),
-    `every robot >= 0.5` (survives), `reach NODE >= 0.9`; several, or joined by ` and `.
+    `every robot >= 0.5` (survives), `reach NODE >= 0.9`; several, or joined by ` and `. Where there
+    are several kinds of robots, also `KIND survivors >= 1`.
 
     Without a wish, some ten plans to look at are listed: the ends of the front, its knee, and plans
     that represent the others.
@@ -171,7 +172,8 @@ def _trails_text(mission: Mission, plan: TrailPlan) -> str:
     for robot, trail in enumerate(mission.labels(plan)):
         nodes = " -> ".join(map(label_text, trail))
         way = f"stays at {nodes}" if len(trail) == 1 else nodes
-        first = f"robot {robot} (survival {probability_text(survivals[robot], 3)}): "
+        kind = f"{mission.kind_of[robot].name}, " if len(mission.kinds) > 1 else ""
+        first = f"robot {robot} ({kind}survival {probability_text(survivals[robot], 3)}): "
         lines.append(paragraph(way, first=first, indent=" " * 4))
     return "\n".join(lines)
 

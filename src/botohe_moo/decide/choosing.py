@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from botohe_moo._base.checks import check_choice, check_number
-from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import SLACK, check_row, scales, short_text
 from botohe_moo.decide.grammar import parse_wishes
 from botohe_moo.decide.judging import N_SAMPLES, Candidates, takes_reward_distribution
 from botohe_moo.decide.tradeoffs import ExchangeRate, Neighbours, exchange_rate, neighbours
-from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish, exact_text
+from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import Plans, TrailPlan
 
@@ -117,8 +116,9 @@ def choose(
     plans
         Its plans, for example ``solution.plans`` or ``result.X``.
     *wishes
-        Texts such as ``"survivors >= 2"`` or ``"P(reward >= 5) >= 0.8"``, see
-        :func:`parse_wishes`, or wishes such as ``EveryRobot(at_least=0.5)``.
+        Texts such as ``"survivors >= 2"``, ``"drone survivors >= 1"`` or
+        ``"P(reward >= 5) >= 0.8"``, see :func:`parse_wishes`, or wishes such as
+        ``EveryRobot(at_least=0.5)``.
     most
         What the plan is to have most of; default: the survivors if all wishes are of the form
         ``reward >= x``, else the reward.
@@ -127,8 +127,8 @@ def choose(
     -------
     Choice
         If no plan meets all wishes, the plan whose largest shortfall is the smallest. Shortfalls
-        are divided by what a plan can have: 1 for probabilities, the number of robots for
-        survivors, the total reward for rewards.
+        are divided by what a plan can have: 1 for probabilities, the number of robots, of the kind,
+        for survivors, the total reward for rewards.
 
     Raises
     ------
@@ -278,13 +278,8 @@ def _choice(front: Candidates, i: int, why: str, wishes: tuple[Wish, ...]) -> Ch
 
 def _no_plan(front: Candidates, wishes: tuple[Wish, ...]) -> str:
     """Write why no plan at all can meet wishes that ask for more than the mission has."""
-    mission = front.mission
-    has = {
-        "reward": f"a total reward of {exact_text(mission.total_reward)}",
-        "survivors": counted(mission.robots, "robot"),
-    }
     beyond = dict.fromkeys(front.beyond(wish) for wish in wishes)
-    why = " and ".join(has[quantity] for quantity in beyond if quantity)
+    why = " and ".join(has for has in beyond if has)
     return f"; no plan can, because the mission has {why}" if why else ""
 
 

@@ -31,6 +31,10 @@ class Change:
     same, stayed, stays
         Whether their trails are the same, whether the first of them stays at base, and whether the
         second does.
+    kind
+        The name of their kind; None if all robots are of one kind.
+    start
+        The node where they start; None for the base.
 
     Examples
     --------
@@ -51,6 +55,8 @@ class Change:
     same: bool
     stayed: bool
     stays: bool
+    kind: str | None = None
+    start: Hashable | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +72,8 @@ class Difference:
     visitors
         Nodes that both plans visit with different numbers of robots, and both numbers.
     at_base
-        Numbers of robots that stay at base in the first and in the second plan.
+        Numbers of robots that stay at base, or where else they start, in the first and in the
+        second plan.
     robots
         The change of each robot, in the order of the first plan.
 
@@ -102,8 +109,9 @@ class Difference:
 def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference:
     """Compare two plans: rewards, survivors, nodes, and the trails of matched robots.
 
-    Robots are identical, so each robot of the first plan is matched with one of the second. The sum
-    of the distances of their trails, ``1 − |A ∩ B| / |A ∪ B|`` of their arcs, is the smallest.
+    Robots of a kind are identical, so each robot of the first plan is matched with one of the
+    second, of its kind. The sum of the distances of their trails, ``1 − |A ∩ B| / |A ∪ B|`` of
+    their arcs, is the smallest.
 
     Parameters
     ----------
@@ -137,7 +145,9 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
         [set(trail) for trail in mission.labels(plan)] for plan in (first, second)
     )
     robots = []
-    for robot, other in _matched(batch, first, second):
+    has_kinds, kind_of = len(mission.kinds) > 1, mission.kind_of
+    for robot, other in _matched(mission, batch, first, second):
+        kind, start = kind_of[robot], kind_of[robot].start
         nodes, other_nodes = visits[robot], other_visits[other]
         trail, other_trail = first.trails[robot], second.trails[other]
         change = Change(
@@ -150,6 +160,8 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
             same=trail == other_trail,
             stayed=len(trail) == 1,
             stays=len(other_trail) == 1,
+            kind=kind.name if has_kinds else None,
+            start=None if start == mission.base else start,
         )
         robots.append(change)
     visited, other_visited = set().union(*visits), set().union(*other_visits)
@@ -173,14 +185,18 @@ def _n_at_base(plan: TrailPlan) -> int:
     return sum(len(trail) == 1 for trail in plan.trails)
 
 
-def _matched(batch: PlanBatch, first: TrailPlan, second: TrailPlan) -> list[tuple[int, int]]:
-    """Match the robots of two plans; equal trails come first, then the nearest ones."""
+def _matched(
+    mission: Mission, batch: PlanBatch, first: TrailPlan, second: TrailPlan
+) -> list[tuple[int, int]]:
+    """Match the robots of two plans, kind by kind; equal trails come first, then the nearest."""
     from scipy.optimize import linear_sum_assignment
 
     counts, other_counts = np.split(arc_counts(batch, per_robot=True), 2)
     # Trails of the same arcs in another order have no distance, but are not equal.
     differ = [[trail != other for other in second.trails] for trail in first.trails]
     apart = distances(counts, other_counts) + 1e-9 * np.array(differ)
+    kind_of = np.repeat(np.arange(len(mission.kinds)), [kind.robots for kind in mission.kinds])
+    apart[kind_of[:, None] != kind_of] = np.inf
     rows, columns = linear_sum_assignment(apart)
     return list(zip(rows.tolist(), columns.tolist(), strict=True))
 
@@ -205,16 +221,20 @@ def _sentences(found: Difference) -> list[str]:
     before, after = found.at_base
     if before != after:
         kind = "More" if after > before else "Fewer"
-        sentences.append(f"{kind} robots stay at base ({after} instead of {before}).")
+        from_base = all(change.start is None for change in found.robots)
+        where = "at base" if from_base else "where they start"
+        sentences.append(f"{kind} robots stay {where} ({after} instead of {before}).")
     return sentences + [_sentence(change) for change in found.robots if not change.same]
 
 
 def _sentence(change: Change) -> str:
-    robot = f"Robot {change.robot}"
+    said = [change.kind] if change.kind is not None else []
     if change.robot != change.other_robot:
-        robot += f" ({change.other_robot} in the second plan)"
+        said.append(f"{change.other_robot} in the second plan")
+    robot = f"Robot {change.robot}" + (f" ({', '.join(said)})" if said else "")
+    start = None if change.start is None else label_text(change.start)
     if change.stays:
-        return f"{robot} stays at base instead of visiting {_named(change.lost)}."
+        return f"{robot} stays at {start or 'base'} instead of visiting {_named(change.lost)}."
     before, after = change.survival, change.other_survival
     as_safe = abs(after - before) <= 1e-9
     survives = f"survives with {' instead of '.join(_apart(after, before))}"
@@ -223,7 +243,7 @@ def _sentence(change: Change) -> str:
             return f"{robot} visits the same nodes by another trail that is as safe."
         kind = "safer" if after > before else "more dangerous"
         return f"{robot} visits the same nodes by a {kind} trail: it {survives}."
-    visits = "leaves the base and visits" if change.stayed else "also visits"
+    visits = f"leaves {start or 'the base'} and visits" if change.stayed else "also visits"
     parts = [f"{visits} {_named(change.gained)}"] if change.gained else []
     parts += [f"no longer visits {_named(change.lost)}"] if change.lost else []
     end = "at the same survival" if as_safe else f"and {survives}"

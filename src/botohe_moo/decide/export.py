@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from botohe_moo._base.files import check_suffix, replace_file
+from botohe_moo.decide.robots import robot_rows
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.graphs import given_places
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes import reach_probabilities, team_reach
+from botohe_moo.outcomes import collect_probabilities, reach_probabilities, team_reach
 from botohe_moo.trails import TrailPlan
 
 WAYPOINT_COLUMNS = ("robot", "step", "node", "x", "y")
@@ -24,7 +25,9 @@ def plan_json(mission: Mission, plan: TrailPlan) -> str:
     """Write a plan as JSON; ``mission.plan(json.loads(text)["trails"])`` gives an equal one.
 
     Keys are ``mission`` (its name), ``robots``, ``reward`` (E[R]), ``survivors`` (E[S]),
-    ``robot_survival``, ``trail_lengths`` and ``trails`` (node labels), of each robot.
+    ``robot_survival``, ``trail_lengths`` and ``trails`` (node labels), of each robot. With several
+    kinds of robots, or rewards on return, also ``robot_kinds`` (names) and ``robot_rewards``, the
+    E[R] of each robot alone.
 
     Parameters
     ----------
@@ -50,6 +53,7 @@ def plan_json(mission: Mission, plan: TrailPlan) -> str:
     True
     """
     ((reward, survivors),) = check_mission(mission).evaluate([plan]).tolist()
+    rows = _more_of_robots(mission, plan)
     content = {
         "mission": mission.name,
         "robots": mission.robots,
@@ -57,6 +61,7 @@ def plan_json(mission: Mission, plan: TrailPlan) -> str:
         "survivors": survivors,
         "robot_survival": mission.robot_survival([plan])[0].tolist(),
         "trail_lengths": mission.trail_lengths([plan])[0].tolist(),
+        **{f"robot_{of}s": [row[of] for row in rows] for of in ("kind", "reward") if of in rows[0]},
         "trails": [[plain_label(node) for node in trail] for trail in mission.labels(plan)],
     }
     return json.dumps(content, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
@@ -65,8 +70,9 @@ def plan_json(mission: Mission, plan: TrailPlan) -> str:
 def plan_csv(mission: Mission, plan: TrailPlan) -> str:
     """Write the waypoints of a plan as CSV: ``robot``, ``step``, ``node``, ``x``, ``y``.
 
-    Robots and steps count from 0; step 0 is the base. Labels that are not text are written as JSON.
-    ``x`` and ``y`` are empty for nodes without a position.
+    Robots and steps count from 0; step 0 is where a robot starts. Labels that are not text are
+    written as JSON. ``x`` and ``y`` are empty for nodes without a position. With several kinds of
+    robots there is also the column ``kind``.
 
     Parameters
     ----------
@@ -89,10 +95,12 @@ def plan_csv(mission: Mission, plan: TrailPlan) -> str:
     text = io.StringIO(newline="")
     # The writer quotes what its end of a line has: with both signs, either of them in a label.
     writer = csv.writer(text, lineterminator="\r\n")
-    writer.writerow(WAYPOINT_COLUMNS)
+    several = len(mission.kinds) > 1
+    writer.writerow([*WAYPOINT_COLUMNS, *(["kind"] if several else [])])
     for robot, trail in enumerate(mission.labels(plan)):
+        kind = [mission.kind_of[robot].name] if several else []
         for step, node in enumerate(trail):
-            writer.writerow([robot, step, _cell(node), *(places[node] or ("", ""))])
+            writer.writerow([robot, step, _cell(node), *(places[node] or ("", "")), *kind])
     return text.getvalue()
 
 
@@ -102,7 +110,9 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
     Coordinates are the nodes' ``pos`` as they are; maps of the world take them for longitude and
     latitude (RFC 7946). A robot that stays at base has a point instead of a line. Lines have the
     properties ``robot``, ``survival`` and ``nodes``, points ``node``, ``reward`` and ``reached``,
-    the probability that some robot reaches the node.
+    the probability that some robot reaches the node. With several kinds of robots, or rewards on
+    return, lines also have ``kind``, ``length`` and ``reward``, the E[R] of the robot alone, and
+    points ``collected``, the probability that the node's reward is collected.
 
     Parameters
     ----------
@@ -122,6 +132,8 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
     """
     survival = check_mission(mission).robot_survival([plan])[0].tolist()
     reached = team_reach(reach_probabilities(mission, plan))
+    collected = team_reach(collect_probabilities(mission, plan))
+    rows = _more_of_robots(mission, plan)
     places = given_places(mission.graph)
     trails = mission.labels(plan)
     visited = sorted({node for trail in trails for node in trail}, key=mission.index)
@@ -133,16 +145,19 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
     features = []
     for robot, trail in enumerate(trails):
         line = [places[node] for node in trail]
-        shape = ("LineString", line) if len(line) > 1 else ("Point", line[0])
+        shape, at = ("LineString", line) if len(line) > 1 else ("Point", line[0])
         nodes = [plain_label(node) for node in trail]
-        features.append(_feature(*shape, robot=robot, survival=survival[robot], nodes=nodes))
+        known = {"robot": robot, "survival": survival[robot], "nodes": nodes, **rows[robot]}
+        features.append(_feature(shape, at, known))
     for node in visited:
         known = {
             "node": plain_label(node),
             "reward": float(mission.graph.nodes[node]["reward"]),
             "reached": float(reached[mission.index(node)]),
         }
-        features.append(_feature("Point", places[node], **known))
+        if mission.arrays.kinds is not None:
+            known["collected"] = float(collected[mission.index(node)])
+        features.append(_feature("Point", places[node], known))
     content = {"type": "FeatureCollection", "features": features}
     return json.dumps(content, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
 
@@ -189,8 +204,16 @@ def write_plan(mission: Mission, plan: TrailPlan, path: str | os.PathLike[str]) 
     replace_file(path, PLAN_FORMATS[path.suffix.lower()](mission, plan).encode())
 
 
-def _feature(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
-    shape = {"type": kind, "coordinates": coordinates}
+def _more_of_robots(mission: Mission, plan: TrailPlan) -> list[dict[str, Any]]:
+    """Return what is written of each robot only if there are kinds, or rewards on return."""
+    if mission.arrays.kinds is None:
+        return [{}] * mission.robots
+    names = ["kind", "length", "reward"][len(mission.kinds) == 1 :]
+    return [{name: row[name] for name in names} for row in robot_rows(mission, plan)]
+
+
+def _feature(shape_type: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+    shape = {"type": shape_type, "coordinates": coordinates}
     return {"type": "Feature", "geometry": shape, "properties": properties}
 
 

@@ -7,7 +7,15 @@ from contextlib import suppress
 from typing import Any
 
 from botohe_moo._base.checks import most_alike, quoted
-from botohe_moo.decide.wishes import Chance, EveryRobot, Expected, Reach, TailMean, Wish
+from botohe_moo.decide.wishes import (
+    Chance,
+    EveryRobot,
+    Expected,
+    Reach,
+    TailMean,
+    Wish,
+    label_text,
+)
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import read_label
 
@@ -21,8 +29,9 @@ FORMS = (
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 _LEVELS = ("at_least", "value", "alpha")
-_QUANTITY = r"(?P<quantity>reward|survivors)"
 _QUOTED = r"\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.)*'"
+_KIND = rf"(?P<kind>{_QUOTED}|[\w.-]+)\s+(?=survivors)"
+_QUANTITY = rf"(?:{_KIND})?(?P<quantity>reward|survivors)"
 _LISTED = rf"[(\[](?:{_QUOTED}|[^\"'])*?[)\]]"  # texts inside may look like the end of a wish
 _SHAPES: dict[str, type[Wish]] = {
     _QUANTITY: Expected,
@@ -48,7 +57,8 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
     """Read wishes as planners write them.
 
     There are five forms, in upper or lower case, ``≥`` for ``>=`` if preferred, where ``Q`` is
-    ``reward`` or ``survivors``; ``and`` joins several::
+    ``reward``, ``survivors``, or ``KIND survivors`` with the name of a kind of robots; ``and``
+    joins several::
 
         Q >= x                 expected reward, expected number of survivors
         P(Q >= x) >= p         probability that it is x or more
@@ -57,7 +67,7 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
         reach NODE >= p        probability that a robot reaches the node
 
     A node is written as its label: a word or a number as it is, any other text in quotes, and a
-    tuple as in Python or, as in mission files, as a list.
+    tuple as in Python or, as in mission files, as a list. So is the name of a kind.
 
     Parameters
     ----------
@@ -70,7 +80,7 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
     ------
     ValueError
         If there is no wish, a text does not have one of the forms, a number is out of its range, or
-        the mission has no such node.
+        the mission has no such node or kind of robots.
 
     Examples
     --------
@@ -78,7 +88,7 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
     >>> from botohe_moo.decide import parse_wishes
     >>> [wish] = parse_wishes(load_mission("toy"), ["P(survivors >= 2) >= 0.9"])
     >>> wish
-    Chance(at_least=0.9, quantity='survivors', value=2.0)
+    Chance(at_least=0.9, quantity='survivors', value=2.0, kind=None)
     >>> print(wish)
     P(survivors >= 2) >= 0.9
     """
@@ -87,13 +97,15 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
         if isinstance(wish, str):
             found += _parse(mission, wish)
         elif not isinstance(wish, Wish):
-            raise _not_a_wish(wish)
+            raise _not_a_wish(mission, wish)
         else:
             if isinstance(wish, Reach):
                 _node(mission, wish.node, [wish.node])
+            elif (kind := getattr(wish, "kind", None)) is not None:
+                _kind(mission, kind, [kind])
             found.append(wish)
     if not found:
-        raise _not_a_wish("")
+        raise _not_a_wish(mission, "")
     return tuple(found)
 
 
@@ -103,7 +115,7 @@ def _parse(mission: Mission, text: str) -> Iterator[Wish]:
         matches = ((pattern.match(text, start), kind) for pattern, kind in _PATTERNS)
         found, kind = next((pair for pair in matches if pair[0]), (None, Wish))
         if found is None:
-            raise _not_a_wish(text[start:])
+            raise _not_a_wish(mission, text[start:])
         try:
             yield _make(mission, kind, found.groupdict())
         except ValueError as error:
@@ -111,11 +123,13 @@ def _parse(mission: Mission, text: str) -> Iterator[Wish]:
         start = found.end()
 
 
-def _not_a_wish(found: object) -> ValueError:
+def _not_a_wish(mission: Mission, found: object) -> ValueError:
     hint = " Write 80 % as 0.8." if "%" in str(found) else ""
+    kind = label_text(mission.kinds[0].name)
+    of_kind = f", or {kind} survivors," if len(mission.kinds) > 1 else ""
     return ValueError(
         f"Expected a wish, got {quoted(found)}. Wishes are {'; '.join(FORMS)}; the first three "
-        f"may have survivors in place of reward. Join several by ' and '.{hint}"
+        f"may have survivors{of_kind} in place of reward. Join several by ' and '.{hint}"
     )
 
 
@@ -123,6 +137,8 @@ def _make(mission: Mission, kind: Any, parts: dict[str, str]) -> Wish:
     given: dict[str, Any] = {key: float(value) for key, value in parts.items() if key in _LEVELS}
     if "quantity" in parts:
         given["quantity"] = parts["quantity"].lower()
+    if parts.get("kind"):
+        given["kind"] = _kind(mission, parts["kind"], _labels(parts["kind"]))
     if "node" in parts:
         given["node"] = _node(mission, parts["node"], _labels(parts["node"]))
     made: Wish = kind(**given)
@@ -130,7 +146,7 @@ def _make(mission: Mission, kind: Any, parts: dict[str, str]) -> Wish:
 
 
 def _labels(text: str) -> Iterator[Hashable]:
-    """List the labels that a text may represent, the likelier one first."""
+    """List the labels, or names of kinds, that a text may represent, the likelier one first."""
     with suppress(ValueError, SyntaxError):
         value = ast.literal_eval(text)
         yield read_label(list(value) if isinstance(value, tuple) else value)
@@ -145,3 +161,13 @@ def _node(mission: Mission, given: object, labels: Iterable[Hashable]) -> Hashab
             return label
     near = most_alike(str(given), map(str, mission.nodes))
     raise ValueError(f"mission {mission.name!r} has no node {quoted(given)}{near}.")
+
+
+def _kind(mission: Mission, given: object, names: Iterable[Hashable]) -> str:
+    """Return the first of some names that a kind of the mission has."""
+    known = [kind.name for kind in mission.kinds]
+    for name in names:
+        if name in known:
+            return str(name)
+    near = most_alike(str(given), known) if len(known) > 1 else "; all its robots are alike"
+    raise ValueError(f"mission {mission.name!r} has no kind of robots {quoted(given)}{near}.")

@@ -12,9 +12,10 @@ import numpy as np
 from botohe_moo._base.checks import check_integer, check_number, quoted
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.decide.judging import Candidates
+from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes import reach_probabilities
+from botohe_moo.outcomes import collect_probabilities
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
 if TYPE_CHECKING:
@@ -36,8 +37,8 @@ def robustness(
 
     In a scenario the survival ω of each arc becomes ω^h. There is one scenario for each factor h,
     the same for all arcs: 2 doubles every hazard, −log ω, and 0.5 halves it. With ``spread`` there
-    are also ``n_scenarios`` in which h is drawn for each arc: log-normal, with a median of 1. The
-    expected case, h = 1, is always among the scenarios.
+    are also ``n_scenarios`` in which h is drawn for each arc, the same for all kinds of robots:
+    log-normal, with a median of 1. The expected case, h = 1, is always among the scenarios.
 
     Parameters
     ----------
@@ -90,10 +91,12 @@ def robustness(
     n_scenarios = check_integer("n_scenarios", n_scenarios, at_least=1)
     rng = np.random.default_rng(check_integer("seed", seed, at_least=0))
     front = Candidates(mission, plans)
-    n_arcs = mission.arrays.n_arcs
-    exponents = [np.full(n_arcs, factor) for factor in factors]
+    arc_of = _mission_arcs(mission)
+    exponents = [np.full(len(arc_of), factor) for factor in factors]
     if spread:
-        exponents += [np.exp(spread * rng.standard_normal(n_arcs)) for _ in range(n_scenarios)]
+        n_arcs = len(mission.graph.edges)
+        drawn = (rng.standard_normal(n_arcs)[arc_of] for _ in range(n_scenarios))
+        exponents += [np.exp(spread * normal) for normal in drawn]
     low, high = front.objectives.copy(), front.objectives.copy()
     regret = _regrets(front.objectives)
     for exponent in exponents:
@@ -106,6 +109,14 @@ def robustness(
         columns[f"{name}_low"], columns[f"{name}_high"] = low[:, column], high[:, column]
         columns[f"{name}_regret"] = regret[:, column]
     return pd.DataFrame(columns)
+
+
+def _mission_arcs(mission: Mission) -> OffsetArray:
+    """Return for each arc of ``mission.arrays`` which arc of the mission it is, of all kinds."""
+    n, (tail, head) = len(mission.nodes), np.array([mission.arrays.tail, mission.arrays.head])
+    arcs = sorted(mission.index(u) * n + mission.index(v) for u, v in mission.graph.edges)
+    found: OffsetArray = np.searchsorted(arcs, tail % n * n + head % n)
+    return found
 
 
 def _evaluate(mission: Mission, batch: PlanBatch, survival: FloatArray) -> FloatArray:
@@ -146,7 +157,8 @@ def after_losses(mission: Mission, plans: Plans, alpha: int = 1) -> pd.DataFrame
     pandas.DataFrame
         A row for each plan: ``plan_id``, ``reward`` as planned, ``reward_left``, the E[R] of the
         other robots on the same trails, and ``lost``, the robots whose loss costs most, a tuple of
-        their numbers from 0. All subsets are compared; of equal ones the first is named.
+        their numbers from 0. All subsets are compared; of equal ones the first is named. A robot
+        that is lost before the start collects only what it has where it starts.
 
     Raises
     ------
@@ -193,10 +205,24 @@ def _rewards_without(mission: Mission, plan: TrailPlan, subsets: OffsetArray) ->
     """Compute E[R] of a plan without the robots of each subset (n_subsets, alpha)."""
     present = np.ones((plan.n_robots, len(subsets)), dtype=bool)
     np.put_along_axis(present, subsets.T, False, axis=0)
-    reached = reach_probabilities(mission, plan)
-    rewards = np.full(len(subsets), mission.arrays.reward[mission.arrays.base])  # lost ones stay
-    for node in np.setdiff1d(plan.nodes, mission.arrays.base):
-        visitors = np.flatnonzero(reached[:, node])
-        missed = 1 - present[visitors] * reached[visitors, node, None]
-        rewards += mission.arrays.reward[node] * (1 - missed.prod(axis=0))
+    collected, n = collect_probabilities(mission, plan), len(mission.nodes)
+    at_start = _collected_at_start(mission)
+    rewards, base = np.zeros(len(subsets)), mission.index(mission.base)
+    for node in [base, *np.setdiff1d(plan.nodes % n, base)]:
+        visitors = np.flatnonzero(collected[:, node])
+        chances = (of[visitors, node, None] for of in (collected, at_start))
+        missed = 1 - np.where(present[visitors], *chances)
+        rewards += mission.rewards[node] * (1 - missed.prod(axis=0))
     return rewards
+
+
+def _collected_at_start(mission: Mission) -> FloatArray:
+    """Compute with what probability robots that never leave collect rewards (robots, n_nodes)."""
+    collected, kinds = np.zeros((mission.robots, len(mission.nodes))), mission.arrays.kinds
+    if kinds is None:
+        collected[:, mission.arrays.base] = 1.0
+    else:
+        paid = kinds.credit[kinds.start] != AT_NEXT_DEPOT
+        where = np.arange(mission.robots), kinds.origin[kinds.start]
+        collected[where] = kinds.share[kinds.start] * paid
+    return collected

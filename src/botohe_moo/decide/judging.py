@@ -1,5 +1,7 @@
 """Plans to choose from, judged by wishes."""
 
+from botohe_moo._base.checks import quoted
+from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import SLACK
 from botohe_moo.decide.wishes import (
     QUANTITIES,
@@ -10,6 +12,7 @@ from botohe_moo.decide.wishes import (
     Reach,
     TailMean,
     Wish,
+    exact_text,
 )
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import (
@@ -36,7 +39,7 @@ class Candidates:
         if not self.plans:
             raise ValueError("Expected at least one plan to choose from, got none.")
         self.objectives = mission.evaluate(self.batch)
-        self._weakest_robot = mission.robot_survival(self.batch).min(axis=1)
+        self._survival = mission.robot_survival(self.batch)
         self._rewards: dict[int, Distribution] = {}
 
     def __len__(self) -> int:
@@ -45,14 +48,17 @@ class Candidates:
     def value(self, wish: Wish, i: int) -> float:
         """Compute the value of plan ``i`` that a wish limits."""
         match wish:
-            case Expected(quantity=quantity):
+            case Expected(quantity=quantity, kind=None):
                 return float(self.objectives[i, QUANTITIES.index(quantity)])
-            case Chance(quantity=quantity, value=value):
-                return self.distribution(quantity, i).at_least(value)
-            case TailMean(quantity=quantity, alpha=alpha):
-                return self.distribution(quantity, i).cvar(alpha)
+            case Expected(kind=kind):
+                counts = [of.name == kind for of in self.mission.kind_of]
+                return float(self._survival[i, counts].sum())
+            case Chance(quantity=quantity, value=value, kind=kind):
+                return self.distribution(quantity, i, kind).at_least(value)
+            case TailMean(quantity=quantity, alpha=alpha, kind=kind):
+                return self.distribution(quantity, i, kind).cvar(alpha)
             case EveryRobot():
-                return float(self._weakest_robot[i])
+                return float(self._survival[i].min())
             case Reach(node=node):
                 reached = team_reach(reach_probabilities(self.mission, self.plans[i]))
                 return float(reached[self.mission.index(node)])
@@ -66,32 +72,39 @@ class Candidates:
     def span(self, wish: Wish) -> float:
         """Return the range of what a plan can have, by which shortfalls are scaled."""
         if isinstance(wish, Expected | TailMean):
-            return self._most(wish.quantity) or 1.0
+            return self._most(wish) or 1.0
         return 1.0
 
-    def beyond(self, wish: Wish) -> Quantity | None:
-        """Return the quantity of which a wish needs more than any plan can have, or None."""
+    def beyond(self, wish: Wish) -> str | None:
+        """Write what the mission has, if a wish needs more than any plan can have; else None."""
         if isinstance(wish, Expected | TailMean):
             needed = wish.at_least
         elif isinstance(wish, Chance) and wish.at_least > SLACK:
             needed = wish.value
         else:
             return None
-        most = self._most(wish.quantity)
-        return wish.quantity if needed > most + SLACK * (most or 1.0) else None
+        most = self._most(wish)
+        if needed <= most + SLACK * (most or 1.0):
+            return None
+        if wish.quantity == "reward":
+            return f"a total reward of {exact_text(most)}"
+        of_kind = "" if wish.kind is None else f" of kind {quoted(wish.kind)}"
+        return counted(int(most), "robot") + of_kind
 
-    def _most(self, quantity: Quantity) -> float:
-        return self.mission.total_reward if quantity == "reward" else float(self.mission.robots)
+    def _most(self, wish: Expected | Chance | TailMean) -> float:
+        if wish.quantity == "reward":
+            return self.mission.total_reward
+        return float(sum(k.robots for k in self.mission.kinds if wish.kind in (None, k.name)))
 
     @property
     def simulated(self) -> bool:
         """Whether some plan's distribution of the reward had to be simulated."""
         return not all(found.exact for found in self._rewards.values())
 
-    def distribution(self, quantity: Quantity, i: int) -> Distribution:
-        """Compute the distribution of the reward or the survivors of plan ``i``."""
+    def distribution(self, quantity: Quantity, i: int, kind: str | None = None) -> Distribution:
+        """Compute the distribution of the reward or the survivors, of a kind, of plan ``i``."""
         if quantity == "survivors":
-            return survivors_distribution(self.mission, self.plans[i])
+            return survivors_distribution(self.mission, self.plans[i], kind=kind)
         if i not in self._rewards:
             limits = {"max_outcomes": MAX_OUTCOMES, "n_samples": N_SAMPLES}
             self._rewards[i] = reward_distribution(

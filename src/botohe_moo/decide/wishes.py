@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from botohe_moo._base.checks import check_choice, check_number
+from botohe_moo._base.checks import ParameterError, check_choice, check_number, quoted
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.validation import read_label
 
@@ -43,6 +43,9 @@ class Wish:
     def __post_init__(self) -> None:
         if hasattr(self, "quantity"):
             check_choice("quantity", self.quantity, QUANTITIES)
+        if vars(self).get("kind") is not None and vars(self)["quantity"] != "survivors":
+            found = quoted(vars(self)["kind"])
+            raise ParameterError(f"Expected no kind of robots for the reward, got {found}.", "kind")
         limits: dict[str, dict[str, float]] = {
             "value": {"at_least": 0},
             "alpha": {"above": 0, "at_most": 1},
@@ -64,6 +67,8 @@ class Expected(Wish):
         Expected reward or number of survivors, at least 0.
     quantity
         ``"reward"`` or ``"survivors"``.
+    kind
+        The kind of robots whose survivors count, by its name; default: all.
 
     Examples
     --------
@@ -73,9 +78,10 @@ class Expected(Wish):
     """
 
     quantity: Quantity
+    kind: str | None = None
 
     def __str__(self) -> str:
-        return f"{self.quantity} >= {exact_text(self.at_least)}"
+        return f"{_subject(self)} >= {exact_text(self.at_least)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +96,8 @@ class Chance(Wish):
         ``"reward"`` or ``"survivors"``.
     value
         What the quantity is to reach, at least 0.
+    kind
+        The kind of robots whose survivors count, by its name; default: all.
 
     Examples
     --------
@@ -100,11 +108,12 @@ class Chance(Wish):
 
     quantity: Quantity
     value: float
+    kind: str | None = None
 
     is_probability = True
 
     def __str__(self) -> str:
-        return f"P({self.quantity} >= {exact_text(self.value)}) >= {exact_text(self.at_least)}"
+        return f"P({_subject(self)} >= {exact_text(self.value)}) >= {exact_text(self.at_least)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +128,8 @@ class TailMean(Wish):
         ``"reward"`` or ``"survivors"``.
     alpha
         Share of the outcomes, in (0, 1], as for :meth:`Distribution.cvar`.
+    kind
+        The kind of robots whose survivors count, by its name; default: all.
 
     Examples
     --------
@@ -129,9 +140,10 @@ class TailMean(Wish):
 
     quantity: Quantity
     alpha: float
+    kind: str | None = None
 
     def __str__(self) -> str:
-        return f"CVaR({self.quantity}, {exact_text(self.alpha)}) >= {exact_text(self.at_least)}"
+        return f"CVaR({_subject(self)}, {exact_text(self.alpha)}) >= {exact_text(self.at_least)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,6 +192,10 @@ class Reach(Wish):
 
     def __str__(self) -> str:
         return f"reach {label_text(self.node)} >= {exact_text(self.at_least)}"
+
+
+def _subject(wish: Expected | Chance | TailMean) -> str:
+    return wish.quantity if wish.kind is None else f"{label_text(wish.kind)} {wish.quantity}"
 
 
 def exact_text(value: float) -> str:

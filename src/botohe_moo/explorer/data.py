@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import suppress
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -16,19 +15,16 @@ from botohe_moo.decide import Choice, compare, knees, representatives
 from botohe_moo.decide.choosing import best
 from botohe_moo.decide.judging import N_SAMPLES, Candidates
 from botohe_moo.decide.wishes import Wish
+from botohe_moo.explorer.site import site_data
 from botohe_moo.explorer.texts import (
     bin_codes,
     bin_edges,
     isolating,
     number_texts,
     probability_codes,
-    shown_names,
 )
-from botohe_moo.mission.formats.nodelink import plain_label
-from botohe_moo.mission.graphs import given_places
 from botohe_moo.mission.model import Mission
-from botohe_moo.outcomes import reach_probabilities, team_reach
-from botohe_moo.plots.draw.places import layout_notes, node_positions
+from botohe_moo.outcomes import collect_probabilities, reach_probabilities, team_reach
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:
@@ -75,7 +71,7 @@ def page_data(
         "thinned": note if len(rows) < n_plans else "",
         "robots": mission.robots,
         "total": mission.total_reward,
-        **_site(mission),
+        **site_data(mission),
         **_trails(mission, plans),
         **_plans(candidates, rows),
         "ids": rows,
@@ -104,38 +100,22 @@ def thinned(objectives: FloatArray, kept: Collection[int], n_plans: int) -> Offs
     return rows
 
 
-def _site(mission: Mission) -> dict[str, Any]:
-    """Return nodes, their places on the map and their positions, and arcs."""
-    places = node_positions(mission)
-    given = given_places(mission.graph)
-    pos = [None if (xy := given[node]) is None else [*xy] for node in mission.nodes]
-    arrays = mission.arrays
-    labels: list[object] | None = None  # what JSON cannot hold is not written to files
-    with suppress(ValueError):
-        labels = list(map(plain_label, mission.nodes))
-    return {
-        "names": shown_names(mission.nodes),
-        "labels": labels,
-        "base": mission.index(mission.base),
-        "rewards": arrays.reward.tolist(),
-        "reward_texts": [f"{reward:g}" for reward in arrays.reward.tolist()],
-        "places": places.tolist(),
-        "pos": None if pos == places.tolist() else pos,  # None: the same as the places
-        "placing": "".join(f"{note[0].upper()}{note[1:]}." for note in layout_notes(mission)),
-        "arcs": [arrays.tail.tolist(), arrays.head.tolist(), probability_codes(arrays.survival)],
-    }
-
-
 def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
-    """Return each trail once, with its survival and length, and which ones each plan has."""
+    """Return each trail once, with what is known of it, and which ones each plan has."""
     trails = [trail for plan in plans for trail in plan.trails]
     survival = dict(zip(trails, mission.robot_survival(plans).ravel().tolist(), strict=True))
     length = dict(zip(trails, mission.trail_lengths(plans).ravel().tolist(), strict=True))
-    number = {trail: i for i, trail in enumerate(survival)}
+    number, n = {trail: i for i, trail in enumerate(survival)}, len(mission.nodes)
+    rewards: list[float] = []  # of each robot alone, where a plan's files have it
+    if mission.arrays.kinds is not None:
+        alone = [collect_probabilities(mission, plan) @ mission.rewards for plan in plans]
+        rewards = [*dict(zip(trails, np.concatenate(alone).tolist(), strict=True)).values()]
     return {
-        "trails": list(survival),
+        "trails": [tuple(node % n for node in trail) for trail in survival],
         "trail_survival": list(survival.values()),
         "trail_lengths": list(length.values()),
+        "trail_rewards": rewards,
+        "trail_reward_texts": number_texts(rewards, mission.total_reward),
         "trail_codes": probability_codes(list(survival.values())),
         "plans": [[number[trail] for trail in plan.trails] for plan in plans],
     }
@@ -150,13 +130,21 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
     team = np.arange(mission.robots + 1.0)
     plans = [candidates.plans[row] for row in rows]
     # Of nodes on trails, in the order of their indices.
-    reach = [team_reach(reach_probabilities(mission, p))[np.unique(p.nodes)] for p in plans]
+    visited = [np.unique(p.nodes % len(mission.nodes)) for p in plans]
+    reach, collected = (
+        [team_reach(chances(mission, p))[v] for p, v in zip(plans, visited, strict=True)]
+        for chances in (reach_probabilities, collect_probabilities)
+    )
+    if mission.arrays.kinds is None:  # it is what is reached
+        collected = []
     total = mission.total_reward
     return {
         "objectives": objectives.tolist(),
         "objective_texts": list(map(number_texts, objectives.T, (total, mission.robots))),
         "reached": [probability_codes(values) for values in reach],
         "reached_values": [np.round(values, 6).tolist() for values in reach],
+        "collected": [probability_codes(values) for values in collected],
+        "collected_values": [np.round(values, 6).tolist() for values in collected],
         "survivors": [
             probability_codes(-np.diff(found.at_least(team), append=0)) for found in survivors
         ],

@@ -7,6 +7,7 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
 from botohe_moo.mission import Mission
 from botohe_moo.outcomes.distribution import ROUNDING
 from botohe_moo.trails import TrailPlan
@@ -15,10 +16,14 @@ from botohe_moo.trails import TrailPlan
 class Followed(NamedTuple):
     """The trails of a valid plan, and what is known of each position on them."""
 
-    nodes: OffsetArray
+    nodes: OffsetArray  # indices of the mission's nodes
     offsets: OffsetArray
     alive: FloatArray  # the probability to reach the position
     pays: FloatArray  # the reward of the node where its trail first visits it, else 0
+    # For first visits: the probability to get to where the reward is credited, 0 if that is
+    # nowhere; and that to collect it, for a robot that does.
+    credited: FloatArray
+    share: FloatArray
 
 
 def follow(mission: Mission, plan: TrailPlan) -> Followed:
@@ -30,9 +35,26 @@ def follow(mission: Mission, plan: TrailPlan) -> Followed:
         alive[start + 1 : stop] = np.cumprod(graph.survival[np.searchsorted(arcs, hops)])
     robots = np.repeat(np.arange(plan.n_robots), np.diff(plan.offsets))
     first = np.unique(robots * graph.n_nodes + nodes, return_index=True)[1]
-    pays = np.zeros(len(nodes))
-    pays[first] = graph.reward[nodes[first]]
-    return Followed(nodes, plan.offsets, alive, pays)
+    pays, credited, share = np.zeros(len(nodes)), alive, np.ones(len(nodes))
+    if graph.kinds is not None:
+        share, credit = graph.kinds.share[nodes], graph.kinds.credit[nodes]
+        credited = _credited(alive, credit, plan.offsets)
+        nodes = graph.kinds.origin[nodes]
+    pays[first] = mission.rewards[nodes[first]]
+    return Followed(nodes, plan.offsets, alive, pays, credited, share)
+
+
+def _credited(alive: FloatArray, credit: OffsetArray, offsets: OffsetArray) -> FloatArray:
+    """Compute the probability to get to where what is paid at each position is credited."""
+    credited = alive.copy()
+    for start, stop in pairwise(offsets.tolist()):
+        at_depot = 0.0  # behind the last depot of the trail
+        for i in reversed(range(start, stop)):
+            if credit[i] == AT_THIS_DEPOT:
+                at_depot = alive[i]
+            elif credit[i] == AT_NEXT_DEPOT:
+                credited[i] = at_depot
+    return credited
 
 
 class TooManyOutcomesError(Exception):
@@ -72,10 +94,12 @@ def merged(
 
 def join_robots(reward: FloatArray, followed: Followed, max_outcomes: int) -> States:
     """Compute the outcomes of all robots exactly; see ``reward_distribution``."""
-    nodes, offsets, alive, pays = followed
-    certain = np.unique(nodes[(alive == 1) & (pays > 0)])
-    uncertain = (pays > 0) & (alive > 0) & ~np.isin(nodes, certain)
+    nodes, offsets, _, pays, credited, share = followed
+    certain = np.unique(nodes[(credited == 1) & (share == 1) & (pays > 0)])
+    uncertain = (pays > 0) & (credited > 0) & (share > 0) & ~np.isin(nodes, certain)
     chains = [i + np.flatnonzero(uncertain[i:j]) for i, j in pairwise(offsets.tolist())]
+    # In the order in which they are credited: what is credited at a depot has one probability.
+    chains = [chain[np.argsort(-credited[chain], kind="stable")] for chain in chains]
     reaching = np.zeros((len(chains), len(reward)), bool)
     for row, chain in zip(reaching, chains, strict=True):
         row[nodes[chain]] = True
@@ -101,7 +125,7 @@ def _join_group(
 ) -> tuple[States, int]:
     """Join robots that share nodes; ``chains`` are the positions on each trail that count.
 
-    Also returns what is left of ``max_outcomes``.
+    They are in the order in which they are credited. Also returns what is left of ``max_outcomes``.
     """
     table = np.unique(followed.nodes[np.concatenate(chains)])
     masks = np.zeros((len(chains) + 1, (len(table) + 63) // 64), np.uint64)
@@ -112,11 +136,45 @@ def _join_group(
 
     states = States(np.zeros(1), np.ones(1), np.zeros((1, masks.shape[1]), np.uint64))
     for robot, chain in enumerate(chains):
-        chances = -np.diff(np.concatenate([[1.0], followed.alive[chain], [0.0]]))
-        max_outcomes = _spend(max_outcomes, len(states.values) * int((chances > 0).sum()))
-        joint = _join(states, bits[robot], reward[followed.nodes[chain]], chances)
+        gains, credited = reward[followed.nodes[chain]], followed.credited[chain]
+        share = followed.share[chain]
+        if (share == 1).all():
+            chances = -np.diff(np.concatenate([[1.0], credited, [0.0]]))
+            max_outcomes = _spend(max_outcomes, len(states.values) * int((chances > 0).sum()))
+            joint = _join(states, bits[robot], gains, chances)
+        else:
+            steps = zip(bits[robot], gains, credited, share, strict=True)
+            joint, max_outcomes = _join_unsure(states, list(steps), later[robot + 1], max_outcomes)
         states = merged(*joint._replace(reached=joint.reached & later[robot + 1]))
     return states, max_outcomes
+
+
+def _join_unsure(
+    states: States,
+    steps: list[tuple[int, float, float, float]],
+    later: SeedArray,
+    max_outcomes: int,
+) -> tuple[States, int]:
+    """Join every state with every fate of a robot that may fail to collect a reward it gets to.
+
+    ``steps`` are bit, reward, probability to get there, and share, of each node that it may
+    collect; ``later`` are the nodes that other robots may collect. Node by node, so that fates that
+    make no difference ahead are merged. Also returns what is left of ``max_outcomes``.
+    """
+    bits = np.array([step[0] for step in steps])
+    ahead = np.zeros((len(steps) + 1, len(later)), np.uint64)
+    ahead[np.arange(len(steps)), bits // 64] = np.uint64(1) << (bits % 64).astype(np.uint64)
+    ahead = later | np.bitwise_or.accumulate(ahead[::-1])[::-1]
+    lost, alive = [], 1.0
+    for (bit, gain, credited, share), kept in zip(steps, ahead[1:], strict=True):
+        max_outcomes = _spend(max_outcomes, 3 * len(states.values))
+        on = credited / alive
+        lost.append(states._replace(probabilities=states.probabilities * (1 - on)))
+        chances = np.array([on * (1 - share), on * share])
+        joint = _join(states, np.array([bit]), np.array([gain]), chances)
+        states = merged(*joint._replace(reached=joint.reached & kept))
+        alive = credited
+    return States(*map(np.concatenate, zip(*lost, states, strict=True))), max_outcomes
 
 
 def _join(states: States, bits: OffsetArray, gains: FloatArray, chances: FloatArray) -> States:

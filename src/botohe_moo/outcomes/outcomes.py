@@ -9,11 +9,17 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from botohe_moo._base.checks import ParameterError, check_integer, quoted
-from botohe_moo._base.types import FloatArray, Rng
+from botohe_moo._base.checks import ParameterError, check_choice, check_integer, quoted
+from botohe_moo._base.types import FloatArray, OffsetArray, Rng
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes.distribution import Distribution
-from botohe_moo.outcomes.joining import TooManyOutcomesError, follow, join_robots, merged
+from botohe_moo.outcomes.joining import (
+    Followed,
+    TooManyOutcomesError,
+    follow,
+    join_robots,
+    merged,
+)
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:
@@ -101,7 +107,9 @@ def plan_outcomes(
     return Outcomes(reward, survivors_distribution(mission, plan))
 
 
-def survivors_distribution(mission: Mission, plan: TrailPlan) -> Distribution:
+def survivors_distribution(
+    mission: Mission, plan: TrailPlan, *, kind: str | None = None
+) -> Distribution:
     """Compute the distribution of the number of surviving robots, always exactly.
 
     Robots survive independently, so it is Poisson-binomial; the robots' own distributions are
@@ -112,6 +120,9 @@ def survivors_distribution(mission: Mission, plan: TrailPlan) -> Distribution:
     ----------
     mission, plan
         As for :func:`reward_distribution`.
+    kind
+        The kind of robots that count, by its name; default: all. A ValueError is raised if there is
+        no such kind.
 
     Examples
     --------
@@ -123,69 +134,13 @@ def survivors_distribution(mission: Mission, plan: TrailPlan) -> Distribution:
     1.6561
     """
     check_mission(mission).evaluate([plan])
-    returns = np.sort(follow(mission, plan).alive[plan.offsets[1:] - 1])
+    if kind is not None:
+        check_choice("kind", kind, [known.name for known in mission.kinds])
+    counts = [kind in (None, of.name) for of in mission.kind_of]
+    returns = np.sort(follow(mission, plan).alive[plan.offsets[1:][counts] - 1])
     shares = reduce(np.convolve, [np.array([1 - p, p]) for p in returns])
     values = np.arange(len(shares), dtype=float)
     return Distribution(values[shares > 0], shares[shares > 0])
-
-
-def reach_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
-    """Compute with what probability each robot reaches each node.
-
-    Parameters
-    ----------
-    mission, plan
-        As for :func:`reward_distribution`.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (robots, n_nodes), robots in the order of the plan, nodes in that of
-        ``mission.nodes``; 1 at the base, 0 at nodes that are not on the robot's trail.
-
-    Examples
-    --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.outcomes import reach_probabilities
-    >>> toy = load_mission("toy")
-    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
-    >>> toy.nodes
-    (1, 2, 3, 4, 5)
-    >>> reach_probabilities(toy, plan).round(3).tolist()
-    [[1.0, 0.81, 0.0, 0.81, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]]
-    """
-    check_mission(mission).evaluate([plan])
-    reached = np.zeros((plan.n_robots, len(mission.nodes)))
-    robots = np.repeat(np.arange(plan.n_robots), np.diff(plan.offsets))
-    # The first visit of a node is its most probable one.
-    np.maximum.at(reached, (robots, plan.nodes), follow(mission, plan).alive)
-    return reached
-
-
-def team_reach(reached: FloatArray) -> FloatArray:
-    """Compute with what probability some robot reaches each node, from :func:`reach_probabilities`.
-
-    Robots are lost independently, so it is 1 − Π_k (1 − p[k, v]) for node v.
-
-    Parameters
-    ----------
-    reached
-        Probabilities p, of shape (robots, n_nodes).
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n_nodes,).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from botohe_moo.outcomes import team_reach
-    >>> team_reach(np.array([[1.0, 0.5], [1.0, 0.5]])).tolist()
-    [1.0, 0.75]
-    """
-    some: FloatArray = 1 - np.prod(1 - reached, axis=0)
-    return some
 
 
 def reward_distribution(
@@ -221,9 +176,11 @@ def reward_distribution(
 
     Notes
     -----
-    A robot's outcome is how many of its rewarding nodes it reaches. The robots are joined one after
-    another; outcomes of the same reward (up to rounding) that agree on the nodes that later robots
-    may reach are merged. Groups of robots without a common node are convolved.
+    A robot's outcome is how many of its rewarding nodes it reaches, or, if they pay on return,
+    brings to a depot, where all that it carries is paid together. Whether it collects a reward of
+    which it has a share is an independent draw for each robot and node. The robots are joined one
+    after another; outcomes of the same reward (up to rounding) that agree on the nodes that later
+    robots may reach are merged. Groups of robots without a common node are convolved.
 
     Examples
     --------
@@ -244,12 +201,12 @@ def reward_distribution(
     n_samples = check_integer("n_samples", n_samples, at_least=1)
     check_mission(mission).evaluate([plan])
     generator = _generator(random_state)
-    # Robots are identical, so the result must not depend on the order of their trails.
-    ordered = TrailPlan(sorted(plan.trails))
+    # Robots of a kind are identical, so the result must not depend on the order of their trails.
+    followed = follow(mission, TrailPlan(sorted(plan.trails)))
     try:
-        found = join_robots(mission.arrays.reward, follow(mission, ordered), max_outcomes)
+        found = join_robots(mission.rewards, followed, max_outcomes)
     except TooManyOutcomesError:
-        rewards = _rewards(mission, ordered, generator.random((n_samples, ordered.n_robots)))
+        rewards = _rewards(mission, followed, _draws(followed, n_samples, generator))
         found = merged(rewards, np.full(n_samples, 1 / n_samples))
         return Distribution(found.values, found.probabilities, n_samples)
     return Distribution(found.values, found.probabilities)
@@ -295,12 +252,13 @@ def simulate(
 
     n_missions = check_integer("n_missions", n_missions, at_least=1)
     check_mission(mission).evaluate([plan])
-    draws = _generator(random_state).random((n_missions, plan.n_robots))
-    alive, hops = follow(mission, plan).alive, np.empty(draws.shape, np.int64)
+    followed = follow(mission, plan)
+    draws = _draws(followed, n_missions, _generator(random_state))
+    alive, hops = followed.alive, np.empty((n_missions, plan.n_robots), np.int64)
     for robot, (start, stop) in enumerate(pairwise(plan.offsets.tolist())):
         hops[:, robot] = np.searchsorted(-alive[start:stop], -draws[:, robot]) - 1
     frame = pd.DataFrame(hops, columns=[f"hops_{k}" for k in range(plan.n_robots)])
-    frame.insert(0, "reward", _rewards(mission, plan, draws))
+    frame.insert(0, "reward", _rewards(mission, followed, draws))
     frame.insert(1, "survivors", (hops == np.diff(plan.offsets) - 1).sum(axis=1))
     return frame
 
@@ -314,14 +272,29 @@ def _generator(random_state: Seed) -> Rng:
         raise ParameterError(f"Expected {expected}, got {found}.", "random_state") from None
 
 
-def _rewards(mission: Mission, plan: TrailPlan, draws: FloatArray) -> FloatArray:
+def _draws(followed: Followed, n_missions: int, generator: Rng) -> FloatArray:
+    """Draw how far each robot gets in each mission, and what it collects of what it has a share."""
+    n_robots = len(followed.offsets) - 1
+    return generator.random((n_missions, n_robots + len(_unsure(followed))))
+
+
+def _unsure(followed: Followed) -> OffsetArray:
+    """Return the first visits where a robot may fail to collect the reward."""
+    return np.flatnonzero((followed.pays > 0) & (followed.share < 1))
+
+
+def _rewards(mission: Mission, followed: Followed, draws: FloatArray) -> FloatArray:
     """Compute the team reward of each mission."""
-    nodes, offsets, alive, pays = follow(mission, plan)
+    nodes, offsets, _, pays, credited, share = followed
     drawn, rewards = np.ascontiguousarray(draws.T), np.zeros(len(draws))
-    robots = np.repeat(np.arange(plan.n_robots), np.diff(offsets))
+    robots = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    unsure = _unsure(followed)
     # In the order of the nodes, so that the same nodes always bring the same floating-point number.
     for node in np.unique(nodes[pays > 0]):
         visits = np.flatnonzero((nodes == node) & (pays > 0))
-        reached = (drawn[robots[visits]] < alive[visits, np.newaxis]).any(axis=0)
-        rewards += reached * mission.arrays.reward[node]
+        collected = drawn[robots[visits]] < credited[visits, np.newaxis]
+        may_fail = share[visits] < 1
+        draw = len(offsets) - 1 + np.searchsorted(unsure, visits[may_fail])
+        collected[may_fail] &= drawn[draw] < share[visits[may_fail], np.newaxis]
+        rewards += collected.any(axis=0) * mission.rewards[node]
     return rewards

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from botohe_moo.plots.draw.style import theme as theme
     from botohe_moo.plots.front import plot_front as plot_front
     from botohe_moo.plots.mission import plot_mission as plot_mission
-    from botohe_moo.plots.mission import plot_pheromone as plot_pheromone
     from botohe_moo.plots.outcomes import plot_outcomes as plot_outcomes
+    from botohe_moo.plots.pheromone import plot_pheromone as plot_pheromone
     from botohe_moo.plots.plan import plot_choices as plot_choices
     from botohe_moo.plots.plan import plot_plan as plot_plan
     from botohe_moo.plots.study.attainment import plot_attainment as plot_attainment

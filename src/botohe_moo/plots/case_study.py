@@ -15,13 +15,15 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.decide import representatives
 from botohe_moo.decide.fronts import check_row
 from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.plots.draw.algorithms import check_table
 from botohe_moo.plots.draw.canvas import frame_of, open_axes
 from botohe_moo.plots.draw.maps import add_reach_bar
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.draw.texts import title_above
 from botohe_moo.plots.front import plot_front
-from botohe_moo.plots.mission import PheromoneKind, plot_mission, plot_pheromone
+from botohe_moo.plots.mission import plot_mission
+from botohe_moo.plots.pheromone import PheromoneKind, plot_pheromone
 from botohe_moo.plots.plan import DrawnPlan
 from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.trails import Plans, TrailPlan
@@ -32,6 +34,7 @@ _RIGHT = 1.0  # right of them, for the key
 _TITLE = 0.35  # above all lines
 _ABOVE = 0.75  # above each line
 _BELOW = 0.65  # below each line
+_KEYS = 0.55  # the same more, for the keys of kinds of robots
 _CHART = 2.8  # least height of a line
 
 _MOST = 4  # panels of a line
@@ -60,7 +63,8 @@ def plot_case_study(
         Rows of one mission in a study's trace, as for :func:`plot_curves`: how the area grows.
         Without it that is not drawn.
     pheromone
-        The pheromone of every arc, as for :func:`plot_pheromone`. Without it none is drawn.
+        The pheromone of every arc, as for :func:`plot_pheromone`, but of all kinds of robots.
+        Without it none is drawn.
     title
         Name of the picture. Default: the mission's title.
 
@@ -102,7 +106,8 @@ def plot_case_study(
     draw_front = partial(plot_front, objectives, mission, highlight=rows)
     front = _Panel("the front", draw_front, right=0.3, is_map=False)
     found = [_plan_panel(mission, batch[row], f"plan {row}", row == rows[-1]) for row in rows]
-    lines = [[_Panel("the mission", partial(plot_mission, mission), right=1.4)]]
+    keys = _KEYS if len(mission.kinds) > 1 else 0.0
+    lines = [[_Panel("the mission", partial(plot_mission, mission), right=1.4, keys=keys)]]
     if trace is None:
         lines[0].append(front)
     else:
@@ -113,8 +118,13 @@ def plot_case_study(
     parts = np.array_split(np.arange(len(found)), -(-len(found) // _MOST))
     lines += [[found[i] for i in part] for part in parts]
     if pheromone is not None:
-        draws = [partial(plot_pheromone, mission, pheromone, kind=kind) for kind in _KINDS]
-        lines.append([_Panel("pheromone", draw, right=1.4) for draw in draws])
+        tables = [pheromone]
+        if len(mission.kinds) > 1:
+            check_table("pheromone", pheromone, ("kind",))
+            tables = [rows for _, rows in pheromone.groupby("kind", sort=False)]
+        for table in tables:
+            draws = [partial(plot_pheromone, mission, table, kind=kind) for kind in _KINDS]
+            lines.append([_Panel("pheromone", draw, right=1.4) for draw in draws])
     with theme():
         axes = _draw_page(lines, node_positions(mission))
         fig = axes[0].figure.figure
@@ -130,6 +140,7 @@ class _Panel:
     name: str
     draw: Callable[..., object]  # takes a title and axes
     right: float = 0.1  # inches right of the axes
+    keys: float = 0.0  # inches more below the line
     is_map: bool = True
 
     @property
@@ -144,7 +155,7 @@ def _plan_panel(mission: Mission, plan: TrailPlan, name: str, has_key: bool) -> 
     def draw(*, title: str, ax: Axes) -> None:
         open_axes(node_positions(mission), ax)
         notes = shown.draw_team(ax)
-        title_above(ax, title, "; ".join([shown.objectives, *shown.at_base, *notes]))
+        title_above(ax, title, "; ".join([shown.objectives, *shown.staying, *notes]))
         if has_key:
             add_reach_bar(ax)
 
@@ -156,13 +167,16 @@ def _draw_page(lines: Sequence[Sequence[_Panel]], xy: FloatArray) -> list[Axes]:
     _, half = frame_of(xy)
     aspect = half[1] / half[0]
     highs = []  # of the axes of each line
+    keys = [max(panel.keys for panel in line) for line in lines]
     for line in lines:
         inner = [_WIDTH / len(line) - panel.left - panel.right for panel in line if panel.is_map]
         highs.append(max([_CHART, *(aspect * width for width in inner)]))
-    full = np.array([_WIDTH + _RIGHT, _TITLE + sum(highs) + (_ABOVE + _BELOW) * len(lines)])
+    full = np.array(
+        [_WIDTH + _RIGHT, _TITLE + sum(highs) + (_ABOVE + _BELOW) * len(lines) + sum(keys)]
+    )
     fig, axes, letters = plt.figure(figsize=tuple(full)), [], iter(ascii_lowercase)
     top = full[1] - _TITLE
-    for line, high in zip(lines, highs, strict=True):
+    for line, high, more in zip(lines, highs, keys, strict=True):
         wide = _WIDTH / len(line)
         for i, panel in enumerate(line):
             width = wide - panel.left - panel.right
@@ -171,5 +185,5 @@ def _draw_page(lines: Sequence[Sequence[_Panel]], xy: FloatArray) -> list[Axes]:
             ax = fig.add_axes(tuple(np.divide(place, (*full, *full))))
             panel.draw(title=f"({next(letters)}) {panel.name}", ax=ax)
             axes.append(ax)
-        top -= _ABOVE + high + _BELOW
+        top -= _ABOVE + high + _BELOW + more
     return axes

@@ -134,9 +134,7 @@ def _mission_of(bound: FrontBound, mission: Mission | None) -> Mission:
     if mission is None:
         return bound.mission
     if numbers_digest(check_mission(mission)) != numbers_digest(bound.mission):
-        wanted, found = (
-            f"{one.name!r} with {counted(one.robots, 'robot')}" for one in (mission, bound.mission)
-        )
+        wanted, found = (f"{one.name!r} with {one.team}" for one in (mission, bound.mission))
         raise ValueError(f"Expected a bound of the mission {wanted}, got one of {found}.")
     return mission
 

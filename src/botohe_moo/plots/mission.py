@@ -1,53 +1,39 @@
-"""Pictures of a mission: rewards, dangers and team, the trails of a plan, and pheromone."""
+"""Picture of a mission: rewards, dangers and team, and the trails of a plan."""
 
 from __future__ import annotations
 
-from collections import Counter
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from collections.abc import Sequence
+from typing import Any
 
 import networkx as nx
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from botohe_moo._base.checks import check_choice
-from botohe_moo._base.types import BoolArray, FloatArray
-from botohe_moo._base.words import counted, probability_text
+from botohe_moo._base.types import FloatArray
+from botohe_moo._base.words import probability_text
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.plots.draw.algorithms import check_table
 from botohe_moo.plots.draw.canvas import Canvas, colour_by_value, open_axes
+from botohe_moo.plots.draw.kinds import ALL_RETURN, place_handles, shade_kinds
 from botohe_moo.plots.draw.maps import draw_named_nodes, key_of
 from botohe_moo.plots.draw.places import layout_notes, node_positions
-from botohe_moo.plots.draw.style import (
-    MUTED,
-    PHEROMONE,
-    REWARD,
-    SURVIVAL,
-    Colour,
-    colours,
-    theme,
-    tint,
-)
+from botohe_moo.plots.draw.site import Site, place_name, robot_names, site_of
+from botohe_moo.plots.draw.style import REWARD, SURVIVAL, Colour, colours, theme, tint
 from botohe_moo.plots.draw.texts import objectives_text, title_above
 from botohe_moo.plots.draw.trails import draw_trails, robot_styles
 from botohe_moo.trails import TrailPlan
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-PheromoneKind = Literal["reward", "survival"]
-
 _MAX_ZONES = 8
-_WIDEST = 5.0  # points: the arc of most pheromone
 
 
 def plot_mission(
     mission: Mission,
     plan: TrailPlan | None = None,
     *,
+    kind: str | None = None,
     title: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
@@ -59,12 +45,21 @@ def plot_mission(
     attribute ``pos``, or in a reproducible layout if any has none. The line under the title says so
     where positions of some nodes are not used, or where there is no room for names of nodes.
 
+    If there are several kinds of robots, the colour of an arc is its survival for the kind that it
+    is safest for. Arcs and nodes that not all kinds can take or collect are shaded in the colours
+    of those that can. A triangle marks where a kind starts, and a hollow one where it ends. Depots
+    are squares, and nodes that pay on return have a ring, unless all do.
+
     Parameters
     ----------
     mission
         Mission to draw.
     plan
-        Plan whose trails to draw, one colour per robot, each keeping to the right of its arcs.
+        Plan whose trails to draw, one colour per robot, each keeping to the right of its arcs. Of
+        several kinds each has a colour, and its robots differ in dash.
+    kind
+        Name of a kind of robots, to draw the arcs that these can take, what they survive and what
+        they can collect, and only their trails.
     title
         Name of the picture. Default: the mission's title.
     ax
@@ -75,7 +70,7 @@ def plot_mission(
     PlanError
         If the mission does not allow ``plan``.
     ValueError
-        If the ``pos`` of a node is not two finite numbers.
+        If the ``pos`` of a node is not two finite numbers, or there is no such kind.
 
     Examples
     --------
@@ -85,36 +80,54 @@ def plot_mission(
     >>> save_plot(plot_mission(toy, toy.plan([[1, 2, 4, 2, 1], [1]])), "mission.png")
     """
     check_mission(mission)
+    if kind is not None:
+        check_choice("kind", kind, [one.name for one in mission.kinds])
     notes = layout_notes(mission)
     if plan is not None:
         notes.insert(0, objectives_text(*mission.evaluate([plan])[0]))
-    xy = node_positions(mission)
+    xy, site = node_positions(mission), site_of(mission, kind)
+    if kind is not None:
+        notes.append(f"arcs and rewards of {kind}")
+    if site.all_return:
+        notes.append(ALL_RETURN)
     with theme():
         ax = open_axes(xy, ax)
-        arrays = mission.arrays
-        # Arcs that differ from their opposites in survival, or have none.
-        bowed = (arrays.reverse < 0) | (arrays.survival[arrays.reverse] != arrays.survival)
-        paid, fills = arrays.reward > 0, np.ones((arrays.n_nodes, 4))
-        fills[paid] = colour_by_value(ax, arrays.reward[paid], REWARD, "reward", slot=0, low=0.0)
+        fills, arc_colours = _colour_site(ax, mission, site, kind)
         zones = _zones(mission)
-        _add_legend(ax, mission, plan, zones)
-        arc_colours = colour_by_value(ax, arrays.survival, SURVIVAL, "survival", slot=1)
+        robots = [i for i, one in enumerate(mission.kind_of) if kind in (None, one.name)]
+        _add_legend(ax, mission, site, zones, _trail_handles(mission, plan, robots))
         canvas = Canvas.measure(ax, xy)
-        _shade_zones(canvas, mission, zones)
-        lines = _draw_arcs(canvas, mission, arc_colours, bowed, faint=plan is not None)
+        _shade_zones(canvas, mission, site, zones)
+        shade_kinds(canvas, mission, site)
+        lines = _draw_arcs(canvas, site, arc_colours, faint=plan is not None)
         if plan is not None:
-            arcs = zip(arrays.tail[bowed].tolist(), arrays.head[bowed].tolist(), strict=True)
-            lines = draw_trails(canvas, plan, robot_styles(plan.n_robots), bowed=set(arcs))
-        notes += draw_named_nodes(canvas, mission, fills, lines)
+            arcs = zip(site.tail[site.bowed].tolist(), site.head[site.bowed].tolist(), strict=True)
+            trails, styles = mission.trails(plan), robot_styles(mission)
+            shown = [trails[i] for i in robots], [styles[i] for i in robots]
+            lines = draw_trails(canvas, *shown, bowed=set(arcs))
+        notes += draw_named_nodes(canvas, mission, site, fills, lines)
         title_above(ax, mission.title if title is None else title, "; ".join(notes))
     return ax
 
 
-def _draw_arcs(
-    canvas: Canvas, mission: Mission, arc_colours: FloatArray, bowed: BoolArray, *, faint: bool
-) -> FloatArray:
+def _colour_site(
+    ax: Axes, mission: Mission, site: Site, kind: str | None
+) -> tuple[FloatArray, FloatArray]:
+    """Add both colour bars, and return the colours of nodes and of arcs (n, 4)."""
+    # The same scales on the maps of all kinds.
+    most, survival = mission.rewards.max(), mission.arrays.survival
+    span = survival.min(initial=1.0), survival.max(initial=0.0)
+    paid, fills = site.reward > 0, np.ones((len(site.reward), 4))
+    fills[paid] = colour_by_value(ax, site.reward[paid], REWARD, "reward", slot=0, span=(0.0, most))
+    label = "survival"
+    if len(mission.kinds) > 1:
+        label += " (safest kind)" if kind is None else f" of {kind}"
+    return fills, colour_by_value(ax, site.safest, SURVIVAL, label, slot=1, span=span)
+
+
+def _draw_arcs(canvas: Canvas, site: Site, arc_colours: FloatArray, *, faint: bool) -> FloatArray:
     """Draw all arcs, and return points on them (n_arcs, n_points, 2)."""
-    tail, head = mission.arrays.tail, mission.arrays.head
+    tail, head, bowed = site.tail, site.head, site.bowed
     once = ~bowed & (tail < head)
     # Hundreds of arrows at full width would merge into a carpet.
     width = (1.0 if faint else 1.8) * min(1.0, max(0.4, 12 / max(len(tail), 1) ** 0.5))
@@ -133,16 +146,18 @@ def _zones(mission: Mission) -> dict[str, Colour]:
     zones = list(dict.fromkeys(str(zone) for _, zone in named if zone is not None))
     if not 2 <= len(zones) <= _MAX_ZONES:
         return {}
-    return {zone: tint(c, 0.17) for zone, c in zip(zones, colours(len(zones)), strict=True)}
+    taken = len(mission.kinds) if len(mission.kinds) > 1 else 0  # by what only some kinds can do
+    free = colours(taken + len(zones))[taken:]
+    return {zone: tint(colour, 0.17) for zone, colour in zip(zones, free, strict=True)}
 
 
-def _shade_zones(canvas: Canvas, mission: Mission, zones: dict[str, Colour]) -> None:
-    arrays, wide = mission.arrays, 4.2 * canvas.radius
+def _shade_zones(canvas: Canvas, mission: Mission, site: Site, zones: dict[str, Colour]) -> None:
+    wide = 4.2 * canvas.radius
     zone_of = np.array([str(mission.graph.nodes[node].get("zone")) for node in mission.nodes])
     for zone, colour in zones.items():
         inside = zone_of == zone
-        within = inside[arrays.tail] & inside[arrays.head]
-        tail, head = arrays.tail[within], arrays.head[within]
+        within = inside[site.tail] & inside[site.head]
+        tail, head = site.tail[within], site.head[within]
         # Hulls of neighbouring floors overlap; a band along a zone's own arcs rarely does.
         bands = canvas.curves(tail, head, bowed=False)
         canvas.draw_lines(bands, colors=[colour], linewidths=wide, zorder=0, label="_zone")
@@ -154,25 +169,18 @@ def _shade_zones(canvas: Canvas, mission: Mission, zones: dict[str, Colour]) -> 
 
 
 def _add_legend(
-    ax: Axes, mission: Mission, plan: TrailPlan | None, zones: dict[str, Colour]
+    ax: Axes, mission: Mission, site: Site, zones: dict[str, Colour], trails: Sequence[Artist]
 ) -> None:
-    hollow: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "white", "markersize": 9}
-    square = {"marker": "s", "markeredgecolor": "black", "markeredgewidth": 2, **hollow}
-    circle = {"marker": "o", "markeredgecolor": MUTED, "markeredgewidth": 1.1, **hollow}
-    base = f"{counted(mission.robots, 'robot')} at base {mission.base}"
-    handles: list[Artist] = [Line2D([], [], label=base, **square)]
-    if (np.delete(mission.arrays.reward, mission.arrays.base) == 0).any():
-        handles.append(Line2D([], [], label="no reward", **circle))
+    handles = place_handles(mission, site)
     handles += [Patch(color=colour, label=zone) for zone, colour in zones.items()]
-    if plan is not None:
-        handles += _trail_handles(mission, plan)
+    handles += trails
     for columns in (4, 3, 2, 1):
         legend = ax.legend(
             handles=handles,
             ncols=columns,
             loc="upper center",
             bbox_to_anchor=(0.55, -0.01),
-            handlelength=1.5,
+            handlelength=2.4 if len(mission.kinds) > 1 else 1.5,  # for dashes
             columnspacing=1.5,
         )
         # Colour bars stand beside the axes, and the legend may reach below them.
@@ -180,94 +188,15 @@ def _add_legend(
             break
 
 
-def _trail_handles(mission: Mission, plan: TrailPlan) -> list[Artist]:
+def _trail_handles(mission: Mission, plan: TrailPlan | None, robots: Sequence[int]) -> list[Artist]:
+    if plan is None:
+        return []
     handles: list[Artist] = []
-    survival = mission.robot_survival([plan])[0].tolist()
-    for robot, style in enumerate(robot_styles(plan.n_robots)):
-        stays = len(plan.trails[robot]) == 1
-        says = "stays at base" if stays else f"survives with {probability_text(survival[robot], 2)}"
-        handles.append(key_of(f"robot {robot}: {says}", style))
+    survival, trails = mission.robot_survival([plan])[0].tolist(), mission.trails(plan)
+    names, styles = robot_names(mission), robot_styles(mission)
+    for i in robots:
+        says = f"survives with {probability_text(survival[i], 2)}"
+        if len(trails[i]) == 1:
+            says = f"stays at {place_name(mission, trails[i][0])}"
+        handles.append(key_of(f"{names[i]}: {says}", styles[i]))
     return handles
-
-
-def plot_pheromone(
-    mission: Mission,
-    pheromone: pd.DataFrame,
-    *,
-    kind: PheromoneKind = "reward",
-    title: str | None = None,
-    ax: Axes | None = None,
-) -> Axes:
-    """Draw every arc as wide and as dark as its pheromone.
-
-    Parameters
-    ----------
-    mission
-        Mission that the pheromone lies on.
-    pheromone
-        One row per arc: node labels ``tail`` and ``head``, and ``reward`` and ``survival``, the
-        pheromone of either kind (finite, at least 0). The base's self-loop is not drawn.
-    kind
-        Which of the two to draw.
-    title
-        Name of the picture. Default: the mission's title.
-    ax
-        Axes to draw on, colour bar included. One will be created if not given.
-
-    Raises
-    ------
-    ValueError
-        If ``kind`` is unknown, a column or an arc of the mission is missing, an arc is there
-        twice, or a value is out of range.
-
-    Examples
-    --------
-    >>> from pymoo.optimize import minimize
-    >>> from botohe_moo import BOACO, BOTOHE, load_mission
-    >>> from botohe_moo.plots import plot_pheromone, save_plot
-    >>> toy = load_mission("toy")
-    >>> colony = minimize(BOTOHE(toy), BOACO(n_ants=20), ("n_gen", 5), seed=1).algorithm
-    >>> save_plot(plot_pheromone(toy, colony.pheromone_maps, kind="survival"), "pheromone.png")
-    """
-    check_choice("kind", kind, get_args(PheromoneKind))
-    check_mission(mission)
-    values = _arc_values(mission, pheromone, kind)
-    xy = node_positions(mission)
-    notes = [f"pheromone for {kind}", *layout_notes(mission)]
-    with theme():
-        ax = open_axes(xy, ax)
-        label, arrays = rf"pheromone $\tau_{kind[0].upper()}$", mission.arrays
-        arc_colours = colour_by_value(ax, values, PHEROMONE, label, slot=0, low=0.0)
-        canvas = Canvas.measure(ax, xy)
-        # What is darkest is drawn last, on top.
-        order = np.argsort(values, kind="stable")
-        share = values[order] / (values.max(initial=0.0) or 1.0)
-        canvas.draw_arrows(
-            arrays.tail[order],
-            arrays.head[order],
-            colours=arc_colours[order],
-            widths=0.3 + share * min(_WIDEST, 0.5 * canvas.radius),
-            zorder=1,
-        )
-        arcs = canvas.curves(arrays.tail, arrays.head, bowed=True)
-        notes += draw_named_nodes(canvas, mission, np.ones((len(xy), 4)), arcs)
-        title_above(ax, mission.title if title is None else title, "; ".join(notes))
-    return ax
-
-
-def _arc_values(mission: Mission, pheromone: pd.DataFrame, kind: PheromoneKind) -> FloatArray:
-    """Return the pheromone of the mission's arcs, in the order of its arrays."""
-    check_table("pheromone", pheromone, ("tail", "head", kind))
-    ends = list(zip(pheromone["tail"].tolist(), pheromone["head"].tolist(), strict=True))
-    for (tail, head), n_rows in Counter(ends).items():
-        if n_rows > 1:
-            raise ValueError(f"Expected one row per arc, got {tail!r} -> {head!r} twice.")
-    found = dict(zip(ends, pheromone[kind].tolist(), strict=True))
-    arrays, nodes = mission.arrays, mission.nodes
-    arcs = [(nodes[u], nodes[v]) for u, v in zip(arrays.tail, arrays.head, strict=True)]
-    if absent := [f"{tail!r} -> {head!r}" for tail, head in arcs if (tail, head) not in found]:
-        raise ValueError(f"Expected a row for every arc, missing: {', '.join(absent)}.")
-    values = np.array([found[arc] for arc in arcs], float)
-    if not (np.isfinite(values) & (values >= 0)).all():
-        raise ValueError(f"Expected finite pheromone of at least 0, got {values.tolist()}.")
-    return values

@@ -9,6 +9,7 @@ from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots.draw.canvas import open_axes
+from botohe_moo.plots.draw.kinds import place_notes
 from botohe_moo.plots.draw.maps import (
     PlanMap,
     add_reach_bar,
@@ -19,6 +20,7 @@ from botohe_moo.plots.draw.maps import (
     title_sheet,
 )
 from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.site import place_name, site_of
 from botohe_moo.plots.draw.style import INK, theme
 from botohe_moo.plots.draw.texts import objectives_text, title_above
 from botohe_moo.plots.draw.trails import robot_styles
@@ -39,8 +41,10 @@ def plot_plan(
     more likely that robot reaches them; on the map of all robots nodes have their names, and are
     the darker the more likely any robot reaches them. Trails keep to the right of their arcs, so
     that both directions are seen. Robots, R0, R1, ... in the order of the plan, differ in colour,
-    dash and label. What would be too small to see is not drawn, and the line under the title says
-    so: arcs off the trails of large missions, and names and numbers without room.
+    dash and label; kinds of robots differ in colour, and the robots of a kind in dash and label. A
+    triangle marks where a kind starts, a hollow one where it ends, and depots are squares. What
+    would be too small to see is not drawn, and the line under the title says so: arcs off the
+    trails of large missions, and names and numbers without room.
 
     Parameters
     ----------
@@ -53,7 +57,7 @@ def plot_plan(
         the plan's objectives.
     ax
         Axes for the map of all robots, which is then the only one, with a legend below. By default
-        a figure with all maps will be created, of at most 24 robots that leave the base.
+        a figure with all maps will be created, of at most 24 robots that leave their place.
 
     Returns
     -------
@@ -84,7 +88,7 @@ def plot_plan(
             open_axes(node_positions(mission), ax)
             add_reach_bar(ax)
             shown.add_legend(ax)
-            title_above(ax, title, "; ".join([*shown.at_base, *shown.draw_team(ax)]))
+            title_above(ax, title, "; ".join([*shown.staying, *shown.draw_team(ax), *shown.marks]))
             return ax
         robots = shown.leaving[:_MAX_MAPS]
         # Between more than three, the map of all robots is larger: trails share its arcs.
@@ -93,7 +97,7 @@ def plot_plan(
         first, *others = open_sheet(mission, len(robots), span, widest=widest, room=room)
         open_axes(node_positions(mission), first)
         add_reach_bar(first, *others)
-        notes = [*shown.at_base, *shown.draw_team(first)]
+        notes = [*shown.staying, *shown.draw_team(first), *shown.marks]
         name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
         for small, robot in zip(others, robots, strict=True):
             shown.draw_robot(small, robot)
@@ -171,9 +175,9 @@ def plot_choices(
         ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
         for row, small in zip(rows, others, strict=False):  # no maps beside given axes
             shown = DrawnPlan(mission, batch[row])
-            notes += shown.draw_team(small)
+            notes += [*shown.draw_team(small), *shown.marks]
             signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
-            parts = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.at_base]
+            parts = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.staying]
             name_map(small, "; ".join(parts))
         title_above(ax, mission.title if title is None else title, "; ".join(dict.fromkeys(notes)))
     return ax
@@ -203,28 +207,39 @@ class DrawnPlan:
 
     def __init__(self, mission: Mission, plan: TrailPlan) -> None:
         check_mission(mission)
-        self.mission, self.plan = mission, plan
+        self.mission = mission
         self.objectives = objectives_text(*mission.evaluate([plan])[0])
         self.survival = mission.robot_survival([plan])[0]  # (n_robots,)
         self.reach = reach_probabilities(mission, plan)  # (n_robots, n_nodes)
-        self.styles = robot_styles(plan.n_robots)
+        self.trails, self.styles = mission.trails(plan), robot_styles(mission)
 
     @property
     def leaving(self) -> list[int]:
-        """Return the robots that leave the base."""
-        return [robot for robot, trail in enumerate(self.plan.trails) if len(trail) > 1]
+        """Return the robots that leave where they start."""
+        return [robot for robot, trail in enumerate(self.trails) if len(trail) > 1]
 
     @property
-    def at_base(self) -> list[str]:
-        """Write which robots stay at base, if any."""
-        home = [style.name for i, style in enumerate(self.styles) if i not in self.leaving]
-        if len(home) == len(self.styles):
-            return [f"all {len(home)} robots stay at base" if len(home) > 1 else "R0 stays at base"]
-        return [f"{', '.join(home)} stay{'s' if len(home) == 1 else ''} at base"] if home else []
+    def staying(self) -> list[str]:
+        """Write which robots stay where they start, if any."""
+        home: dict[str, list[str]] = {}
+        for style, trail in zip(self.styles, self.trails, strict=True):
+            if len(trail) == 1:
+                home.setdefault(place_name(self.mission, trail[0]), []).append(style.name)
+        return [
+            f"all {len(names)} robots stay at {place}"
+            if len(names) == self.mission.robots > 1
+            else f"{', '.join(names)} stay{'s' if len(names) == 1 else ''} at {place}"
+            for place, names in home.items()
+        ]
+
+    @property
+    def marks(self) -> list[str]:
+        """Write what the marks of places on the maps mean."""
+        return place_notes(site_of(self.mission))
 
     def draw_team(self, ax: Axes) -> list[str]:
         """Draw all trails, and return notes on the map."""
-        drawn = PlanMap(ax, self.mission, self.plan, self.styles, team_reach(self.reach))
+        drawn = PlanMap(ax, self.mission, self.trails, self.styles, team_reach(self.reach))
         # Robots first: a trail without a name is worse than a node without one.
         drawn.name_robots()
         drawn.name_nodes()
@@ -232,7 +247,7 @@ class DrawnPlan:
 
     def draw_robot(self, ax: Axes, robot: int) -> None:
         """Draw the trail of one robot, with the numbers of its visits, and name the map."""
-        alone, style = TrailPlan([self.plan.trails[robot]]), self.styles[robot]
+        alone, style = [self.trails[robot]], self.styles[robot]
         drawn = PlanMap(ax, self.mission, alone, [style], self.reach[robot])
         name_map(ax, "; ".join([self._survives(robot), *drawn.number_visits()]), style)
 
@@ -247,6 +262,7 @@ class DrawnPlan:
                 bbox_to_anchor=(0.0, -0.01),
                 borderaxespad=0.0,
                 columnspacing=1.2,
+                handlelength=2.4 if len(self.mission.kinds) > 1 else None,  # for dashes
                 fontsize=9.0,
             )
 

@@ -23,8 +23,12 @@ function share(code) {
 
 const trailsOf = (plan) => data.plans[plan].map((trail) => data.trails[trail]);
 const ascending = (a, b) => a - b;
+const kindOf = (robot) => data.kinds[data.kind_of[robot]]; // undefined where all robots are of one kind
+const robotName = (robot) => (data.kinds.length ? `${kindOf(robot)} ${robot}` : String(robot));
+const robotText = (robot) => (data.kinds.length ? robotName(robot) : `robot ${robot}`);
+const whereStays = (trail) => (trail[0] === data.base ? "base" : isolated(data.names[trail[0]]));
 
-/** Codes of the probability that nodes on the plan's trails are reached, or its values to six decimals. */
+/** Codes of a probability of the nodes on the plan's trails, such as to be reached, or its values to six decimals. */
 function reachOf(plan, as = "reached") {
   const known = (reachOf[as] ??= new Map());
   if (!known.has(plan)) {

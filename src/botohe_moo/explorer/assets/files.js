@@ -19,7 +19,10 @@ function planJson(plan) {
   const content = {
     mission: data.name, robots: data.robots, reward, survivors,
     robot_survival: data.plans[plan].map((trail) => data.trail_survival[trail]),
-    trail_lengths: data.plans[plan].map((trail) => data.trail_lengths[trail]), trails: trailsOf(plan).map(labelsOf),
+    trail_lengths: data.plans[plan].map((trail) => data.trail_lengths[trail]),
+    ...(data.kinds.length ? { robot_kinds: data.kind_of.map((kind) => data.kinds[kind]) } : {}),
+    ...(data.collected.length ? { robot_rewards: data.plans[plan].map((trail) => data.trail_rewards[trail]) } : {}),
+    trails: trailsOf(plan).map(labelsOf),
   };
   return `${JSON.stringify(content, null, 1)}\n`;
 }
@@ -27,10 +30,12 @@ function planJson(plan) {
 function planCsv(plan) {
   const quoted = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
   const name = (label) => (typeof label === "string" ? label : JSON.stringify(label));
+  const kind = (robot) => (data.kinds.length ? [quoted(kindOf(robot))] : []);
   const rows = trailsOf(plan).flatMap((trail, robot) =>
     trail.map((node, step) =>
-      [robot, step, quoted(name(data.labels[node])), ...(positionOf(node) ?? ["", ""])].join(",")));
-  return ["robot,step,node,x,y", ...rows, ""].join("\r\n");
+      [robot, step, quoted(name(data.labels[node])), ...(positionOf(node) ?? ["", ""]),
+        ...kind(robot)].join(",")));
+  return [`robot,step,node,x,y${data.kinds.length ? ",kind" : ""}`, ...rows, ""].join("\r\n");
 }
 
 /** As from Python, but probabilities to be reached have six decimals. */
@@ -39,12 +44,16 @@ function planGeojson(plan) {
     ({ type: "Feature", geometry: { type, coordinates }, properties });
   const lines = trailsOf(plan).map((trail, robot) => {
     const way = trail.map(positionOf);
-    const survival = data.trail_survival[data.plans[plan][robot]];
-    const properties = { robot, survival, nodes: labelsOf(trail) };
+    const number = data.plans[plan][robot];
+    const properties = { robot, survival: data.trail_survival[number], nodes: labelsOf(trail),
+      ...(data.kinds.length ? { kind: kindOf(robot) } : {}),
+      ...(data.collected.length
+        ? { length: data.trail_lengths[number], reward: data.trail_rewards[number] } : {}) };
     return way.length > 1 ? feature("LineString", way, properties) : feature("Point", way[0], properties);
   });
   const points = [...reachOf(plan, "reached_values")].map(([node, reached]) => feature("Point", positionOf(node),
-    { node: data.labels[node], reward: data.rewards[node], reached }));
+    { node: data.labels[node], reward: data.rewards[node], reached,
+      ...(data.collected.length ? { collected: reachOf(plan, "collected_values").get(node) } : {}) }));
   return `${JSON.stringify({ type: "FeatureCollection", features: [...lines, ...points] }, null, 1)}\n`;
 }
 

@@ -171,7 +171,7 @@ function listen() {
   });
   chart.addEventListener("pointermove", (event) => event.pointerType !== "touch" && hover(front.nearest(event)));
   chart.addEventListener("pointerleave", () => hover(null));
-  const onMap = (event) => tellNode(map.nearest(event));
+  const onMap = (event) => tellNode(map.nearest(event), data.kinds.length ? map.nearestArc(event) : null);
   for (const cause of ["pointermove", "pointerdown"]) byId("map").addEventListener(cause, onMap);
   byId("map").addEventListener("pointerleave", (event) => event.pointerType !== "touch" && tellNode(null));
 }
@@ -184,12 +184,28 @@ function hover(plan) {
   hover.frame = requestAnimationFrame(() => render(true));
 }
 
-function tellNode(node) {
+/** Tell what there is to say of a node, or of an arc if there is no node near the pointer. */
+function tellNode(node, arc = null) {
   tellNode.node = node;
   const plan = preview ?? state.plan;
-  if (node === null) return byId("node").replaceChildren();
+  if (node === null) return byId("node").replaceChildren(...(arc === null ? [] : arcText(arc)));
   const reached = probability(reachCode(plan, node));
-  return byId("node").replaceChildren(nodeName(node), `: reward ${data.reward_texts[node]}, reached with ${reached}`);
+  const note = data.node_notes[node] ? `; ${data.node_notes[node]}` : "";
+  return byId("node").replaceChildren(nodeName(node),
+    `: reward ${data.reward_texts[node]}, reached with ${reached}${note}`);
+}
+
+/** What each kind survives of an arc and of its opposite. */
+function arcText(arc) {
+  const [tails, heads] = data.arcs;
+  const survival = (one) => data.kinds.map((kind, i) => {
+    const code = data.arc_codes[i][one];
+    return code ? `${kind} survives with ${probability(code)}` : `not for ${kind}`;
+  }).join(", ");
+  const back = tails.findIndex((tail, i) => tail === heads[arc] && heads[i] === tails[arc]);
+  const same = back >= 0 && survival(back) === survival(arc);
+  const way = (one, sign) => [nodeName(tails[one]), ` ${sign} `, nodeName(heads[one]), `: ${survival(one)}`];
+  return [...way(arc, same ? "–" : "→"), ...(back < 0 || same ? [] : ["; ", ...way(back, "→")])];
 }
 
 function resize() {
@@ -227,6 +243,7 @@ async function start() {
   byId("about").textContent = data.about;
   byId("thinned").textContent = data.thinned;
   byId("placing").textContent = data.placing;
+  byId("kinds").textContent = data.key;
   byId("address").hidden = location.href === "about:srcdoc"; // a frame in a notebook has no history of its own
   byId("filter-node").append(...data.names.map((name, node) =>
     make("option", { value: node, dir: "auto" }, shortened(name, 60))));

@@ -5,12 +5,23 @@ const MANY = 1500; // arcs from which the ground is drawn on a canvas
 const SHADES = 6; // of arcs, by danger
 const FAINTEST = 0.6; // opacity of the safest arcs
 const MOST_PIXELS = 16e6; // of the canvas, which browsers limit
+const ROUND = 15; // the diameter of what a number or a letter is in
+const TRIANGLE = "M0,-1L1,1H-1Z", TURNS = [0, 180, 270, 90]; // of kinds, since several may start at one node
 const HOPS_LAST = 12_000; // milliseconds that an animation takes at most
 
-/** Colour and dash of each robot; those that leave the base come first. */
+const colourOf = (kind) => `var(--robot-${kind % 10})`;
+
+/**
+ * Colour and dash of each robot; those that leave the base come first.
+ * If there are several kinds, each has a colour, and its robots differ in dash.
+ */
 function stylesOf(plan) {
   let leaving = 0;
-  return trailsOf(plan).map((trail) => {
+  return trailsOf(plan).map((trail, robot) => {
+    if (data.kinds.length) {
+      const dash = robot - data.kind_of.indexOf(data.kind_of[robot]);
+      return { colour: colourOf(data.kind_of[robot]), dash: DASHES[dash % DASHES.length] || null };
+    }
     const style = trail.length > 1 ? leaving++ : 0;
     const dash = DASHES[(style + Math.floor(style / 10)) % DASHES.length] || null;
     return { colour: `var(--robot-${style % 10})`, dash };
@@ -21,7 +32,7 @@ class SiteMap {
   constructor(svg, canvas = null) {
     this.svg = d3.select(svg);
     this.canvas = canvas;
-    for (const layer of ["arcs", "trails", "nodes", "names", "badges", "robots"]) {
+    for (const layer of ["shades", "arcs", "ends", "trails", "rings", "nodes", "names", "badges", "robots"]) {
       this[layer] = this.svg.append("g").attr("class", layer);
     }
   }
@@ -46,6 +57,7 @@ class SiteMap {
         : radius * (0.5 + 0.7 * Math.sqrt(reward / most)));
     this.lane = Math.min(Math.max(0.42 * radius, 1.3), 3.4);
     this.drawGround();
+    this.drawKinds();
     this.drawNodes();
     if (!small) this.drawNames();
   }
@@ -94,6 +106,31 @@ class SiteMap {
     }
   }
 
+  /** What only some kinds can take or collect in their colours, where they start and end, and what pays on return. */
+  drawKinds() {
+    const shades = data.only.flatMap(([kinds, arcs, nodes]) => kinds.map((kind, i) => {
+      const wide = 3.4 * this.lane / kinds.length;
+      const aside = (i - (kinds.length - 1) / 2) * wide;
+      const ways = arcs.map((arc) => [data.arcs[0][arc], data.arcs[1][arc]]);
+      const known = new Set(ways.map(String));
+      const once = ways.filter(([tail, head]) => tail < head || !known.has(`${head},${tail}`));
+      const bands = once.map(([tail, head]) => line(this.hop(tail, head, aside)));
+      const spots = nodes.map((node) => disc(this.at[node], this.size[node] + 2.2 * this.lane * (1 - i / kinds.length)));
+      return { kind, wide, bands: bands.join(""), spots: spots.join("") };
+    }));
+    this.shades.selectAll("path.band").data(shades).join("path").attr("class", "band").attr("d", (shade) => shade.bands)
+      .attr("stroke-width", (shade) => shade.wide).style("stroke", (shade) => colourOf(shade.kind));
+    this.shades.selectAll("path.spot").data(shades).join("path").attr("class", "spot").attr("d", (shade) => shade.spots)
+      .style("fill", (shade) => colourOf(shade.kind));
+    const ends = data.ends.flatMap(([start, end], kind) =>
+      (start === end ? [{ node: start, kind }] : [{ node: end, kind, hollow: true }, { node: start, kind }]));
+    this.ends.selectAll("path").data(ends).join("path").attr("d", TRIANGLE).classed("hollow", (one) => one.hollow)
+      .style("--kind", (one) => colourOf(one.kind)).attr("transform", ({ node, kind }) =>
+        `translate(${this.at[node]}) rotate(${TURNS[kind % 4]}) scale(${1.7 * this.size[node] + (this.small ? 1 : 2)})`);
+    this.rings.selectAll("circle").data(data.rings).join("circle").attr("cx", (node) => this.at[node][0])
+      .attr("cy", (node) => this.at[node][1]).attr("r", (node) => this.size[node] + (this.small ? 1.5 : 3));
+  }
+
   /** From one node's edge to the other's, moved to the right of the way. */
   hop(tail, head, aside) {
     const [[x1, y1], [x2, y2]] = [this.at[tail], this.at[head]];
@@ -108,13 +145,16 @@ class SiteMap {
 
   drawNodes() {
     this.nodes.selectAll("*").remove();
-    const others = d3.range(this.at.length).filter((node) => node !== data.base);
+    const others = d3.range(this.at.length).filter((node) => node !== data.base && !data.depots.includes(node));
     this.nodes.selectAll("circle").data(others).join("circle").attr("r", (node) => this.size[node])
       .attr("cx", (node) => this.at[node][0]).attr("cy", (node) => this.at[node][1]);
-    const half = this.size[data.base];
-    this.nodes.append("rect").datum(data.base).attr("class", "base")
-      .attr("x", this.at[data.base][0] - half).attr("y", this.at[data.base][1] - half)
-      .attr("width", 2 * half).attr("height", 2 * half);
+    for (const node of [...data.depots, data.base]) {
+      const half = this.size[node];
+      this.nodes.append("rect").datum(node).attr("class", node === data.base ? "base" : "depot")
+        .classed("bold", node === data.base && data.depots.length > 0)
+        .attr("x", this.at[node][0] - half).attr("y", this.at[node][1] - half)
+        .attr("width", 2 * half).attr("height", 2 * half);
+    }
     this.marked = this.nodes.selectAll("circle, rect").nodes();
   }
 
@@ -122,12 +162,14 @@ class SiteMap {
   drawNames() {
     const pen = document.createElement("canvas").getContext("2d");
     pen.font = "11px sans-serif";
-    const taken = this.at.map((at, node) => box(at, this.size[node], this.size[node]));
+    const marked = new Map([...data.rings.map((node) => [node, 3]), ...data.ends.flat().map((node) => [node, 5])]);
+    const rooms = this.size.map((size, node) => size + (marked.get(node) ?? 0));
+    const taken = this.at.map((at, node) => box(at, rooms[node], rooms[node]));
     const found = [];
     const order = d3.sort(d3.range(taken.length), (node) => (node === data.base ? -Infinity : -data.rewards[node]));
     for (const node of order) {
       const text = shortened(data.names[node], 18);
-      const [half, away, [x, y]] = [pen.measureText(text).width / 2 + 2, this.size[node] + 2, this.at[node]];
+      const [half, away, [x, y]] = [pen.measureText(text).width / 2 + 2, rooms[node] + 2, this.at[node]];
       const around = [[x + away + half, y], [x - away - half, y], [x, y - away - 7], [x, y + away + 7]];
       const free = around.map((at) => ({ text, at, box: box(at, half, 7) })).find((name) =>
         name.box[0] > 0 && name.box[2] < this.width
@@ -152,9 +194,9 @@ class SiteMap {
       mark.classList.toggle("unreached", code === 0);
     }
     const styles = stylesOf(plan);
-    this.ways = this.layOut(trails).map((hops, i) => ({ label: i, hops, ...styles[i] }));
+    this.ways = this.layOut(trails).map((hops, i) => ({ robot: i, label: robotName(i), hops, ...styles[i] }));
     this.ways = this.ways.filter((way) => way.hops.length);
-    const faint = (way) => robot !== null && way.label !== robot;
+    const faint = (way) => robot !== null && way.robot !== robot;
     const wide = this.small ? 1.3 : Math.min(Math.max(this.lane * 0.75, 2), 2.4);
     this.trails.selectAll("path.trail").data(this.ways).join("path").attr("class", "trail")
       .attr("d", (way) => line(way.hops.flat())).attr("stroke-width", wide)
@@ -165,7 +207,7 @@ class SiteMap {
       .style("fill", (way) => way.colour).classed("faint", faint);
     if (!this.small) this.showBadges(this.ways, faint);
     const said = trails.map((trail, i) =>
-      `robot ${i} ${trail.length > 1 ? `visits ${new Set(trail).size - 1} nodes` : "stays at base"}`);
+      `${robotText(i)} ${trail.length > 1 ? `visits ${new Set(trail).size - 1} nodes` : `stays at ${whereStays(trail)}`}`);
     this.svg.attr("aria-label", `Map of ${title(plan)}: ${said.join(", ")}.`);
   }
 
@@ -189,8 +231,9 @@ class SiteMap {
     const badges = drawn.map((way) => {
       const middles = way.hops.map(({ tie, 0: from, 1: to }) => {
         const at = [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2];
-        const own = box(at, 9, 9);
-        const covered = d3.sum([...taken, this.at[data.base]], (other) => apart(other, at) < 17)
+        const own = box(at, labelWidth(way.label) / 2 + 1.5, 9);
+        const flat = ([x, y]) => [x * ROUND / labelWidth(way.label), y];
+        const covered = d3.sum([...taken, this.at[data.base]], (other) => apart(flat(other), flat(at)) < 17)
           + d3.sum(this.named, (name) => overlap(name.box, own));
         return { at, good: apart(from, to) - 10_000 * covered - 100 * this.used.get(tie) };
       });
@@ -224,6 +267,15 @@ class SiteMap {
     return stop;
   }
 
+  /** The arc that the pointer is on, as the places of its nodes. */
+  nearestArc(event) {
+    const at = d3.pointer(event, this.svg.node());
+    const [tails, heads] = data.arcs;
+    const away = (arc) => fromLine(at, this.at[tails[arc]], this.at[heads[arc]]);
+    const arc = d3.least(d3.range(tails.length), away);
+    return arc !== undefined && away(arc) < 9 ? arc : null;
+  }
+
   nearest(event) {
     const at = d3.pointer(event, this.svg.node());
     const node = d3.leastIndex(this.at, (place) => apart(place, at));
@@ -231,23 +283,31 @@ class SiteMap {
   }
 }
 
-/** Circles with a number or a letter: robots in their colours, and pins. */
+/** Circles with a number or a letter, wider for names: robots in their colours, and pins. */
 function markers(layer, labelled, transform) {
   const groups = layer.selectAll("g").data(labelled).join((enter) => {
     const added = enter.append("g");
-    added.append("circle").attr("r", 7.5);
+    added.append("rect").attr("height", ROUND).attr("y", -ROUND / 2).attr("rx", ROUND / 2);
     added.append("text").attr("text-anchor", "middle").attr("dy", "0.35em");
     return added;
   });
   groups.attr("transform", transform);
-  groups.select("circle").style("stroke", (one) => one.colour);
+  groups.select("rect").style("stroke", (one) => one.colour)
+    .attr("width", (one) => labelWidth(one.label)).attr("x", (one) => -labelWidth(one.label) / 2);
   groups.select("text").text((one) => one.label);
   return groups;
 }
 
+const labelWidth = (label) => (label.length > 2 && data.kinds.length ? 6.4 * label.length + 8 : ROUND);
+const disc = ([x, y], r) => `M${x - r},${y}a${r},${r} 0 1,0 ${2 * r},0a${r},${r} 0 1,0 ${-2 * r},0`;
 const line = (points) => `M${points.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join("L")}`;
 const apart = ([a, b], [c, d]) => Math.hypot(a - c, b - d);
 const box = ([x, y], half, high) => [x - half, y - high, x + half, y + high];
+const fromLine = ([x, y], [a, b], [c, d]) => {
+  const part = ((x - a) * (c - a) + (y - b) * (d - b)) / ((c - a) ** 2 + (d - b) ** 2 || 1);
+  const on = Math.min(Math.max(part, 0), 1);
+  return Math.hypot(x - a - on * (c - a), y - b - on * (d - b));
+};
 const overlap = (a, b) => a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
 
 /** A triangle on the way, beyond its middle; none where it would be larger than the way. */

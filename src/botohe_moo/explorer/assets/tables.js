@@ -54,21 +54,24 @@ function showRobots(plan, alone) {
       .attr("stroke-dasharray", styles[robot].dash);
     return svg.node();
   };
-  const head = [columnHead("robot", false), columnHead("survives"), columnHead("nodes"), columnHead("trail", false)];
+  const [several, rewards] = [data.kinds.length > 0, data.trail_reward_texts];
+  const head = [columnHead("robot", false), ...(several ? [columnHead("kind", false)] : []), columnHead("survives"),
+    ...(rewards.length ? [columnHead("brings alone")] : []), columnHead("nodes"), columnHead("trail", false)];
   const rows = trails.map((trail, robot) => {
     const names = trail.map((node) => isolated(data.names[node]));
-    const way = make("td", { class: "way" }, trail.length > 1 ? names.join(" → ") : "stays at base");
-    const code = data.trail_codes[data.plans[plan][robot]];
-    return make("tr", {}, rowHead(make("span", { class: "robot" }, sample(robot), robot)), barCell(code),
-      cell(new Set(trail).size - 1), way);
+    const way = make("td", { class: "way" }, trail.length > 1 ? names.join(" → ") : `stays at ${whereStays(trail)}`);
+    const number = data.plans[plan][robot];
+    return make("tr", {}, rowHead(make("span", { class: "robot" }, sample(robot), robot)),
+      ...(several ? [make("td", {}, kindOf(robot))] : []), barCell(data.trail_codes[number]),
+      ...(rewards.length ? [cell(rewards[number])] : []), cell(new Set(trail).size - 1), way);
   });
   byId("robots").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
   const team = byId("team"); // its buttons stay, since one may have the focus
   if (!team.children.length) team.append(...trails.map((_, robot) => make("button", { type: "button", class: "robot",
-    "data-robot": robot, "aria-label": `robot ${robot} alone`, onclick: () => alone(robot) })));
+    "data-robot": robot, "aria-label": `${robotText(robot)} alone`, onclick: () => alone(robot) })));
   for (const [robot, button] of [...team.children].entries()) {
     button.setAttribute("aria-pressed", String(state.robot === robot));
-    button.replaceChildren(sample(robot), robot);
+    button.replaceChildren(sample(robot), robotName(robot));
   }
 }
 
@@ -99,8 +102,9 @@ function showComparison(plan) {
 }
 
 function survivalTexts(plan) {
-  const codes = data.plans[plan].map((trail) => data.trail_codes[trail]);
-  return d3.sort(codes, (code) => -share(code)).map(probability).join(", ");
+  const robots = data.plans[plan].map((trail, robot) => [data.trail_codes[trail], robot]);
+  const sorted = d3.sort(robots, ([, robot]) => data.kind_of[robot] ?? 0, ([code]) => -share(code));
+  return sorted.map(([code, robot]) => `${data.kinds.length ? `${kindOf(robot)} ` : ""}${probability(code)}`).join(", ");
 }
 
 function simulatedText(plans) {
@@ -152,10 +156,13 @@ function showNodes(plan) {
   byId("nodes-details").firstElementChild.textContent = `${counted}, the base not counted`;
   if (!byId("nodes-details").open) return;
   const visits = trailsOf(plan).flatMap((trail, robot) => [...new Set(trail)].map((node) => [node, robot]));
-  const visitors = d3.rollup(visits, (pairs) => pairs.map((pair) => pair[1]).join(", "), (pair) => pair[0]);
-  const head = [columnHead("node", false), columnHead("reward"), columnHead("reached"), columnHead("by robots", false)];
+  const visitors = d3.rollup(visits, (pairs) => pairs.map((pair) => robotName(pair[1])).join(", "), (pair) => pair[0]);
+  const collected = data.collected.length ? reachOf(plan, "collected") : null;
+  const head = [columnHead("node", false), columnHead("reward"), columnHead("reached"),
+    ...(collected ? [columnHead("collected")] : []), columnHead("by robots", false)];
   const rows = d3.sort(reach, ([, code]) => -share(code)).map(([node, code]) =>
     make("tr", {}, rowHead(nodeName(node)), cell(data.reward_texts[node]), barCell(code),
+      ...(collected ? [data.rewards[node] > 0 ? barCell(collected.get(node)) : cell("")] : []),
       make("td", {}, visitors.get(node))));
   byId("nodes").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
 }

@@ -63,16 +63,16 @@ def colour_by_value(
     label: str,
     *,
     slot: int,
-    low: float | None = None,
+    span: tuple[float, float] | None = None,
 ) -> FloatArray:
     """Add a colour bar for values (n), and return their colours (n, 4).
 
-    The palette begins at ``low``, by default at the smallest value.
+    The palette is for values from ``span[0]`` to ``span[1]``, by default for those that there are.
     """
     if not len(values):
         return np.empty((0, 4))
-    bottom = values.min() if low is None else low
-    colours = ScalarMappable(Normalize(float(bottom), float(values.max())), palette)
+    low, high = (values.min(), values.max()) if span is None else span
+    colours = ScalarMappable(Normalize(float(low), float(high)), palette)
     add_colour_bar(ax, colours, label, slot)  # which widens the range of equal values
     return np.asarray(colours.to_rgba(values))
 
@@ -80,6 +80,14 @@ def colour_by_value(
 def crowding(xy: FloatArray) -> float:
     """Return the distance that four of five nodes keep from the nearest other one."""
     return float(np.percentile(KDTree(xy).query(xy, k=2)[0][:, 1], 20)) if len(xy) > 1 else np.inf
+
+
+def shifted(points: FloatArray, aside: FloatArray | float) -> FloatArray:
+    """Move lines (n, n_points, 2) by ``aside`` to the right of the way from their start to end."""
+    along = points[:, -1] - points[:, 0]
+    right = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    right /= np.maximum(np.hypot(*along.T), 1e-12)[:, None]
+    return np.asarray(points + (right * np.asarray(aside)[..., None])[:, None])
 
 
 @dataclass(frozen=True)
@@ -106,21 +114,35 @@ class Canvas:
         return cls(ax, xy, scale, radius, spacing)
 
     def draw_nodes(
-        self, base: int, fills: FloatArray, *, radii: FloatArray, edges: Sequence[str]
+        self,
+        base: int,
+        fills: FloatArray,
+        *,
+        radii: FloatArray,
+        edges: Sequence[str],
+        depots: IntArray,
     ) -> None:
-        """Draw circles of ``radii`` points, the largest on top, and the base as a square."""
-        order = [i for i in np.argsort(radii, kind="stable") if i != base and radii[i] > 0]
+        """Draw circles of ``radii`` points, the largest on top, and base and depots as squares."""
         x, y = self.xy.T
-        self.ax.scatter(
-            x[order],
-            y[order],
-            s=(2 * radii[order]) ** 2,
-            c=fills[order],
-            edgecolors=[edges[i] for i in order],
-            linewidths=np.minimum(0.7, 0.2 * radii[order]).tolist(),
-            zorder=4,
-            label="_nodes",
-        )
+        by_size = np.argsort(radii, kind="stable")
+        by_size = by_size[(by_size != base) & (radii[by_size] > 0)]
+        is_depot = np.isin(by_size, depots)
+        for order, marker, name in (
+            (by_size[~is_depot], "o", "_nodes"),
+            (by_size[is_depot], "s", "_depots"),
+        ):
+            if len(order) or marker == "o":
+                self.ax.scatter(
+                    x[order],
+                    y[order],
+                    s=(2 * radii[order]) ** 2,
+                    c=fills[order],
+                    marker=marker,
+                    edgecolors=[edges[i] for i in order],
+                    linewidths=np.minimum(0.7, 0.2 * radii[order]).tolist(),
+                    zorder=4,
+                    label=name,
+                )
         self.ax.scatter(
             x[base],
             y[base],

@@ -14,11 +14,12 @@ from matplotlib.lines import Line2D
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, crowding, frame_of, open_axes
+from botohe_moo.plots.draw.kinds import mark_places
 from botohe_moo.plots.draw.places import layout_notes, node_positions
+from botohe_moo.plots.draw.site import Site, site_of
 from botohe_moo.plots.draw.style import INK, MUTED, REACH
 from botohe_moo.plots.draw.texts import Space, text_size, title_above
-from botohe_moo.plots.draw.trails import RobotStyle, draw_trails
-from botohe_moo.trails import TrailPlan
+from botohe_moo.plots.draw.trails import RobotStyle, Trails, draw_trails
 
 _GROUND = "#c9c9c9"
 
@@ -126,37 +127,38 @@ def name_map(ax: Axes, text: str, style: RobotStyle | None = None) -> None:
 class PlanMap:
     """A map of trails, and of nodes shaded by how likely they are reached, on grey ground.
 
-    The plan may have fewer trails than the team has robots, with a style for each, and ``reach``
-    (n_nodes) are the probabilities. ``notes`` are what has to be said about the map.
+    There are trails of some robots, in the mission's node indices, with a style for each, and
+    ``reach`` (n_nodes) are the probabilities. ``notes`` are what has to be said about the map.
     """
 
     def __init__(
         self,
         ax: Axes,
         mission: Mission,
-        plan: TrailPlan,
+        trails: Trails,
         styles: Sequence[RobotStyle],
         reach: FloatArray,
     ) -> None:
-        xy = node_positions(mission)
-        self.mission, self.plan, self.styles = mission, plan, styles
+        xy, site = node_positions(mission), site_of(mission)
+        self.mission, self.trails, self.styles = mission, trails, styles
         self.canvas = canvas = Canvas.measure(ax, xy, smallest=_SMALLEST)
         self.fills = np.asarray(REACH(reach))
         self.notes = layout_notes(mission)
         self.is_legible = canvas.radius >= _LEGIBLE
         if self.is_legible:
             away, edge = 0.8 * canvas.radius, MUTED
-            if _draw_ground(canvas, mission):
+            if _draw_ground(canvas, site):
                 self.notes.append("grey arrows: one way only")
         else:
             away, edge = 0.25 * canvas.spacing if canvas.spacing >= _DOTS else 0.0, _GROUND
             self.fills[reach == 0] = to_rgba(edge)
             missing = "arcs" if away else "nodes and arcs"
             self.notes.append(f"{missing} off the trails are too small to draw")
-        self.points = draw_trails(canvas, plan, styles)  # (n_passages, n_points, 2)
+        self.points = draw_trails(canvas, trails, styles)  # (n_passages, n_points, 2)
         radii = np.where(reach > 0, canvas.radius, away)
+        mark_places(canvas, mission, site, radii)
         edges = [INK if there else edge for there in reach > 0]
-        canvas.draw_nodes(mission.arrays.base, self.fills, radii=radii, edges=edges)
+        canvas.draw_nodes(site.base, self.fills, radii=radii, edges=edges, depots=site.depots)
         drawn = (reach > 0) | self.is_legible
         self.space = Space(ax, xy[drawn], canvas.radius, self.points[:, ::2])
 
@@ -165,7 +167,7 @@ class PlanMap:
 
         Names of many nodes stand close to them, so that it is clear which node each belongs to.
         """
-        visited = np.unique(self.plan.nodes).tolist()
+        visited = sorted({node for trail in self.trails for node in trail})
         order = list(dict.fromkeys([*visited, *range(len(self.fills))]))
         far = _FAR if len(order) <= _MANY else _NEAR if self.is_legible else 0.0
         names = {node: str(self.mission.nodes[node]) for node in order}
@@ -175,7 +177,7 @@ class PlanMap:
         """Write the numbers of the only robot's visits, from 1 after the base; return notes."""
         if not self.is_legible:
             return ["too small to number"]
-        (trail,) = self.plan.trails
+        (trail,) = self.trails
         visits: dict[int, list[str]] = {}
         for i, node in enumerate(trail[1:], start=1):
             visits.setdefault(node, []).append(str(i))
@@ -193,8 +195,9 @@ class PlanMap:
 
     def name_robots(self) -> None:
         """Write the names of robots on their trails, up to three times on long ones."""
-        trails = np.split(self.points, np.cumsum(np.diff(self.plan.offsets) - 1)[:-1])
-        for style, passages in zip(self.styles, trails, strict=True):
+        stops = np.cumsum([len(trail) - 1 for trail in self.trails])
+        parts = np.split(self.points, stops[:-1])
+        for style, passages in zip(self.styles, parts, strict=True):
             for part in np.array_split(passages, min(3, -(-len(passages) // 8)) or 1):
                 if len(part):
                     self._name_robot(style, part)
@@ -253,25 +256,26 @@ def label_nodes(
 
 
 def draw_named_nodes(
-    canvas: Canvas, mission: Mission, fills: FloatArray, arcs: FloatArray
+    canvas: Canvas, mission: Mission, site: Site, fills: FloatArray, arcs: FloatArray
 ) -> list[str]:
     """Draw and name all nodes of a mission, and return notes; ``arcs`` (n, 2) are points of arcs.
 
     A node without reward has a grey rim.
     """
-    edges = [INK if reward > 0 else MUTED for reward in mission.arrays.reward]
+    edges = [INK if reward > 0 else MUTED for reward in site.reward]
     radii = np.full(len(edges), canvas.radius)
-    canvas.draw_nodes(mission.arrays.base, fills, radii=radii, edges=edges)
+    mark_places(canvas, mission, site, radii)
+    canvas.draw_nodes(site.base, fills, radii=radii, edges=edges, depots=site.depots)
     space = Space(canvas.ax, canvas.xy, canvas.radius, arcs)
     names = dict(enumerate(map(str, mission.nodes)))
     return label_nodes(space, canvas.xy, names, fills, reach=_FAR if len(names) <= _MANY else 0.0)
 
 
-def _draw_ground(canvas: Canvas, mission: Mission) -> bool:
+def _draw_ground(canvas: Canvas, site: Site) -> bool:
     """Draw arcs in grey: lines that can be walked both ways, and arrows, if any, for one way."""
-    tail, head, reverse = mission.arrays.tail, mission.arrays.head, mission.arrays.reverse
-    points = canvas.curves(tail, head, bowed=False)
-    both, once = points[(reverse >= 0) & (tail < head)], points[reverse < 0]
+    points = canvas.curves(site.tail, site.head, bowed=False)
+    both = points[(site.reverse >= 0) & (site.tail < site.head)]
+    once = points[site.reverse < 0]
     for points, name in ((both, "both ways"), (once, "one way")):
         canvas.draw_lines(points, colors=_GROUND, linewidths=0.9, zorder=1, label=f"_{name}")
     if len(once):

@@ -8,9 +8,12 @@ from itertools import pairwise
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray
-from botohe_moo.plots.draw.canvas import Canvas
+from botohe_moo.mission import Mission
+from botohe_moo.plots.draw.canvas import Canvas, shifted
+from botohe_moo.plots.draw.site import robot_names
 from botohe_moo.plots.draw.style import Colour, colours, luminance
-from botohe_moo.trails import TrailPlan
+
+Trails = Sequence[Sequence[int]]  # of node indices of a mission
 
 # On and off, in widths of the line. Five differ at a glance; then colours differ, and names.
 _DASHES = ((), (5.0, 1.6), (1.2, 1.2), (6.0, 1.5, 1.2, 1.5), (2.6, 1.3))
@@ -21,19 +24,33 @@ _APART = 24.0  # points walked between arrowheads on arcs that are too short for
 
 @dataclass(frozen=True)
 class RobotStyle:
-    """How a robot is drawn, and what it is called on maps: R0, R1, ..."""
+    """How a robot is drawn, and what it is called on maps."""
 
     name: str
     colour: Colour
     dash: tuple[float, ...]  # empty for a solid line
 
 
-def robot_styles(n_robots: int) -> list[RobotStyle]:
-    """Return a name, a colour and a dash for each robot; fifty pairs of colour and dash differ."""
+def robot_styles(mission: Mission) -> list[RobotStyle]:
+    """Return a name, a colour and a dash for each robot.
+
+    If there are several kinds, each has a colour, and its robots differ in dash: "drone 0". Else
+    fifty pairs of colour and dash differ, and robots are R0, R1, ...
+    """
+    if len(mission.kinds) > 1:
+        inks, names = kind_inks(mission), robot_names(mission)
+        of = [(ink, i) for ink, k in zip(inks, mission.kinds, strict=True) for i in range(k.robots)]
+        looks = [(ink, _DASHES[i % len(_DASHES)]) for ink, i in of]
+        return [RobotStyle(name, *look) for name, look in zip(names, looks, strict=True)]
     return [
         RobotStyle(f"R{i}", _as_ink(colour), _DASHES[(i + i // _CYCLE) % len(_DASHES)])
-        for i, colour in enumerate(colours(n_robots))
+        for i, colour in enumerate(colours(mission.robots))
     ]
+
+
+def kind_inks(mission: Mission) -> list[Colour]:
+    """Return the colour of each kind of robots."""
+    return [_as_ink(colour) for colour in colours(len(mission.kinds))]
 
 
 def _as_ink(colour: Colour) -> Colour:
@@ -43,14 +60,14 @@ def _as_ink(colour: Colour) -> Colour:
     return red, green, blue
 
 
-def lanes(plan: TrailPlan) -> list[tuple[int, int, int, int]]:
+def lanes(trails: Trails) -> list[tuple[int, int, int, int]]:
     """Return robot, tail, head and lane of each passage along an arc, in the order of the trails.
 
     Lanes count from 0 for robots on the same arc; those of the opposite arc lie on the other side.
     """
     taken: Counter[tuple[int, int]] = Counter()
     passages = []
-    for robot, trail in enumerate(plan.trails):
+    for robot, trail in enumerate(trails):
         for arc in pairwise(trail):
             passages.append((robot, *arc, taken[arc]))
             taken[arc] += 1
@@ -59,17 +76,17 @@ def lanes(plan: TrailPlan) -> list[tuple[int, int, int, int]]:
 
 def draw_trails(
     canvas: Canvas,
-    plan: TrailPlan,
+    trails: Trails,
     styles: Sequence[RobotStyle],
     *,
     bowed: Collection[tuple[int, int]] = frozenset(),
 ) -> FloatArray:
-    """Draw the trails of ``plan`` on the right-hand side of their arcs, with arrowheads.
+    """Draw trails on the right-hand side of their arcs, with arrowheads.
 
     Arcs are straight lines, but those in ``bowed``, pairs of node indices, bow to their right.
     Returns the points of each passage (n_passages, n_points, 2), in the order of the trails.
     """
-    passages = lanes(plan)
+    passages = lanes(trails)
     if not passages:
         return np.empty((0, 0, 2))
     robot, tail, head, lane = np.array(passages, dtype=np.int32).T
@@ -79,13 +96,10 @@ def draw_trails(
     width = 0.75 * gap
     points = canvas.curves(tail, head, bows)
     along = points[:, -1] - points[:, 0]
-    length = np.maximum(np.hypot(*along.T), 1e-12)
-    right = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
+    length = np.maximum(np.hypot(*along.T), 1e-12) * canvas.scale
     # A bow keeps clear of the opposite arc by itself.
-    offset = (lane + np.where(bows, 0.0, 0.5)) * gap / canvas.scale
-    points = points + (right * offset[:, None])[:, None]
+    points = shifted(points, (lane + np.where(bows, 0.0, 0.5)) * gap / canvas.scale)
     ink = np.array([style.colour for style in styles])[robot]
-    length *= canvas.scale
     walked = _walked(robot, length)
     dashes = [styles[i].dash for i in robot]
     canvas.draw_lines(points, colors="white", linewidths=width + 1.2, zorder=2, label="_casing")
@@ -102,7 +116,7 @@ def draw_trails(
         label="_trails",
     )
     _draw_directions(canvas, points, length, walked, lane, ink)
-    return np.asarray(points)
+    return points
 
 
 def _walked(robot: IntArray, length: FloatArray) -> FloatArray:

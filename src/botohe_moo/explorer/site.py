@@ -1,0 +1,93 @@
+"""The site on the page: its nodes and arcs, and what kinds of robots do there."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from botohe_moo.explorer.texts import probability_codes, shown_names
+from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.graphs import given_places
+from botohe_moo.mission.model import Mission
+from botohe_moo.plots.draw.places import layout_notes, node_positions
+from botohe_moo.plots.draw.site import Site, only_some, site_of
+
+
+def site_data(mission: Mission) -> dict[str, Any]:
+    """Return nodes, their places on the map and their positions, and arcs."""
+    places, site = node_positions(mission), site_of(mission)
+    given = given_places(mission.graph)
+    pos = [None if (xy := given[node]) is None else [*xy] for node in mission.nodes]
+    labels: list[object] | None = None  # what JSON cannot hold is not written to files
+    with suppress(ValueError):
+        labels = list(map(plain_label, mission.nodes))
+    return {
+        "names": shown_names(mission.nodes),
+        "labels": labels,
+        "base": site.base,
+        "rewards": mission.rewards.tolist(),
+        "reward_texts": [f"{reward:g}" for reward in mission.rewards.tolist()],
+        "places": places.tolist(),
+        "pos": None if pos == places.tolist() else pos,  # None: the same as the places
+        "placing": "".join(f"{note[0].upper()}{note[1:]}." for note in layout_notes(mission)),
+        "arcs": [site.tail.tolist(), site.head.tolist(), probability_codes(site.safest)],
+        **_kinds(mission, site),
+    }
+
+
+def _kinds(mission: Mission, site: Site) -> dict[str, Any]:
+    """Return what the page shows of kinds and of rewards on return; empty for a plain mission."""
+    names = [kind.name for kind in mission.kinds]
+    several = len(names) > 1
+    arcs, nodes = only_some(site.survival > 0), only_some(site.collects)
+    return {
+        "kinds": names if several else [],
+        "kind_of": [names.index(kind.name) for kind in mission.kind_of] if several else [],
+        "ends": site.ends if site.has_ends else [],
+        "depots": site.depots.tolist(),
+        "rings": [] if site.all_return else site.returning.tolist(),
+        # Sets of kinds, and the arcs and nodes that only they can take and collect.
+        "only": [
+            [kinds, *(np.flatnonzero(of.get(kinds, [])).tolist() for of in (arcs, nodes))]
+            for kinds in {**arcs, **nodes}
+        ],
+        "arc_codes": [*map(probability_codes, site.survival)] if several else [],
+        "node_notes": _node_notes(mission, site),
+        "key": " ".join(_key(site)),
+    }
+
+
+def _node_notes(mission: Mission, site: Site) -> list[str]:
+    """Write when each node pays, and for whom not always; nothing for a plain mission."""
+    kinds = mission.arrays.kinds
+    if kinds is None:
+        return []
+    notes: list[list[str]] = [[] for _ in mission.nodes]
+    for node in site.depots:
+        notes[node].append("depot")
+    for node in site.returning:
+        notes[node].append("pays on return")
+    names = [kind.name if len(mission.kinds) > 1 else "a robot" for kind in mission.kinds]
+    for name, share in zip(names, kinds.share.reshape(len(names), -1), strict=True):
+        for node in np.flatnonzero((share < 1) & site.collects.any(axis=0)):
+            chance = f"collects it with {share[node]:g}" if share[node] > 0 else "cannot collect it"
+            notes[node].append(f"{name} {chance}")
+    return [", ".join(of_node) for of_node in notes]
+
+
+def _key(site: Site) -> list[str]:
+    """Write how to read the marks of kinds and of places."""
+    said = []
+    if site.has_ends:
+        hollow = ", a hollow one where it ends" if any(a != b for a, b in site.ends) else ""
+        said.append(f"A triangle is where a kind of robots starts{hollow}.")
+    if len(only_some(site.survival > 0)) + len(only_some(site.collects)):
+        said.append("What not all kinds can take or collect has the colours of those that can.")
+    if len(site.depots):
+        said.append("Thin squares are depots.")
+    if len(site.returning):
+        all_return = "All rewards count on return."
+        said.append(all_return if site.all_return else "Nodes with a ring pay on return.")
+    return said

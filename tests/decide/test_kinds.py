@@ -1,0 +1,252 @@
+"""Choosing where there are several kinds of robots, and rewards on return.
+
+Two drones start and end on the roof, where they deposit, too; a rover leaves the dock. The drones
+collect what is in the cellar with a share of 1/2. All ways back are safe:
+
+    node     reward   survival out: drone   rover
+    attic    4        0.5                   -
+    cellar   6        0.25, by the dock     0.75
+"""
+
+import csv
+import io
+import json
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+
+from botohe_moo import Kind, Mission, TrailPlan, read_solution
+from botohe_moo.cli.choose import _trails_text
+from botohe_moo.decide import (
+    Chance,
+    Expected,
+    TailMean,
+    after_losses,
+    choose,
+    compare,
+    parse_wishes,
+    plan_csv,
+    plan_geojson,
+    plan_json,
+    robot_table,
+    robustness,
+    write_plan,
+)
+from botohe_moo.solution import Solution
+from tests.decide.made import MISSION
+from tests.strategies import team_missions_with_plans
+
+
+def house(rover="rover"):
+    graph = nx.DiGraph(pays="return")
+    for i, (node, reward) in enumerate({"dock": 0, "roof": 0, "attic": 4, "cellar": 6}.items()):
+        graph.add_node(node, reward=reward, depot=node == "roof", pos=[i, 0])
+    graph.nodes["cellar"]["share"] = {"drone": 0.5}
+    for tail, head, drone, by_rover in [
+        ("roof", "attic", 0.5, 0),
+        ("roof", "dock", 1, 0),
+        ("dock", "cellar", 0.25, 0.75),
+    ]:
+        graph.add_edge(tail, head, survival={"drone": drone, rover: by_rover})
+        graph.add_edge(head, tail, survival={"drone": 1, rover: float(by_rover > 0)})
+    kinds = [Kind("drone", 2, start="roof", end="roof"), Kind(rover, 1)]
+    return Mission(graph, base="dock", kinds=kinds, name="house")
+
+
+HOUSE = house()
+ROVER = ["dock", "cellar", "dock"]
+DEEP = ["roof", "dock", "cellar", "dock", "roof"]
+# E[R] is 4 x 0.5 + 6 x 0.75, 6 x 0.75, and 4 x 0.5 + 6 (1 - 0.25 x 0.875).
+ATTIC = HOUSE.plan([["roof", "attic", "roof"], ["roof"], ROVER])
+GROUND = HOUSE.plan([["roof"], ["roof"], ROVER])
+BOTH = HOUSE.plan([DEEP, ["roof", "attic", "roof"], ROVER])
+PLANS = [ATTIC, GROUND, BOTH]
+
+
+def test_objectives():
+    assert HOUSE.evaluate(PLANS).tolist() == [[6.5, 2.25], [4.5, 2.75], [6.6875, 1.5]]
+
+
+def test_survivors_of_a_kind():
+    answers = {
+        "drone survivors >= 0.75": BOTH,
+        "drone survivors >= 1.5": ATTIC,
+        "P(drone survivors >= 2) >= 0.5": ATTIC,
+        "P( drone survivors >= 1 ) >= 0.6": BOTH,  # 1 - 0.75 x 0.5
+        "CVaR(drone survivors, 0.5) >= 1": ATTIC,
+        '"drone" survivors >= 2 and rover survivors >= 0.75': GROUND,
+    }
+    assert {wish: choose(HOUSE, PLANS, wish).plan for wish in answers} == answers
+    choice = choose(HOUSE, PLANS, "drone survivors >= 2.5")
+    assert choice.plan == GROUND
+    assert "no plan can, because the mission has 2 robots of kind 'drone'." in choice.why
+
+
+def test_wishes_of_a_kind_are_written_and_read():
+    mission = house(rover="lake boat")
+    made = [
+        Expected(quantity="survivors", at_least=1, kind="drone"),
+        Chance(quantity="survivors", value=1, at_least=0.5, kind="lake boat"),
+        TailMean(quantity="survivors", alpha=0.5, at_least=1, kind="lake boat"),
+    ]
+    texts = [
+        "drone survivors >= 1",
+        'P("lake boat" survivors >= 1) >= 0.5',
+        'CVaR("lake boat" survivors, 0.5) >= 1',
+    ]
+    assert list(map(str, made)) == texts
+    assert parse_wishes(mission, [" and ".join(texts)]) == tuple(made)
+
+
+def test_kinds_that_there_are_not():
+    for mission, wish, fault in (
+        (
+            HOUSE,
+            "dron survivors >= 1",
+            "has no kind of robots 'dron'; most alike are drone, rover.",
+        ),
+        (HOUSE, "P(boat survivors >= 1) >= 0", "has no kind of robots 'boat'; most alike are"),
+        (MISSION, "drone survivors >= 1", "no kind of robots 'drone'; all its robots are alike."),
+        (HOUSE, Expected(quantity="survivors", at_least=1, kind="x"), "no kind of robots 'x'"),
+        (HOUSE, "drone reward >= 1", "may have survivors, or drone survivors, in place of reward"),
+    ):
+        with pytest.raises(ValueError, match=fault):
+            parse_wishes(mission, [wish])
+    with pytest.raises(ValueError, match="Expected no kind of robots for the reward, got 'drone'"):
+        Expected(quantity="reward", at_least=1, kind="drone")
+
+
+def test_robots_are_compared_within_their_kind():
+    # The trail of the first drone has most in common with that of the second one.
+    swapped = HOUSE.plan([["roof"], ["roof", "attic", "roof"], ["dock"]])
+    assert compare(HOUSE, ATTIC, swapped).sentences == (
+        "The second plan has 4.5 less reward and 0.25 more survivors.",
+        "Only the first plan visits cellar.",
+        "More robots stay where they start (2 instead of 1).",
+        "Robot 2 (rover) stays at base instead of visiting cellar.",
+    )
+    assert compare(HOUSE, GROUND, BOTH).sentences[-2:] == (
+        "Robot 0 (drone) leaves roof and visits dock and cellar, and survives with 0.25 instead of "
+        "1.",
+        "Robot 1 (drone) leaves roof and visits attic, and survives with 0.5 instead of 1.",
+    )
+    found = compare(HOUSE, BOTH, ATTIC).robots
+    assert [(change.robot, change.other_robot) for change in found] == [(0, 1), (1, 0), (2, 2)]
+    assert [(change.kind, change.start) for change in found[1:]] == [
+        ("drone", "roof"),
+        ("rover", None),
+    ]
+
+
+@given(team_missions_with_plans())
+def test_matched_robots_are_of_one_kind(drawn):
+    mission, plan = drawn
+    assert str(compare(mission, plan, plan)) == "The plans are the same."
+    for change in compare(mission, plan, mission.stay_home()).robots:
+        assert mission.kind_of[change.robot] == mission.kind_of[change.other_robot]
+
+
+def test_losses_before_the_start():
+    table = after_losses(HOUSE, PLANS, 1)
+    # Without the rover BOTH keeps 4 x 0.5 + 6 x 0.125; with the rover alone it would be 4.5.
+    assert table["reward_left"].tolist() == [2, 0, 2.75]
+    assert table["lost"].tolist() == [(2,), (2,), (2,)]
+
+
+@given(team_missions_with_plans())
+def test_lost_robots_stay_where_they_start(drawn):
+    mission, plan = drawn
+    found = []
+    for lost in range(mission.robots):
+        left = [trail[: 1 if k == lost else None] for k, trail in enumerate(plan.trails)]
+        found.append(mission.evaluate_drafts([TrailPlan(left)])[0][0, 0])
+    [(left, lost)] = after_losses(mission, [plan], 1)[["reward_left", "lost"]].to_numpy()
+    assert left == pytest.approx(min(found))
+    assert found[lost[0]] == pytest.approx(left)
+
+
+def test_hazards_of_all_kinds():
+    table = robustness(HOUSE, PLANS, factors=[2])
+    # attic 0.25, cellar 0.0625 by drone and 0.5625 by rover
+    rewards = [1 + 3.375, 3.375, 1 + 6 * (1 - 0.4375 * (1 - 0.03125))]
+    assert table["reward_low"].tolist() == pytest.approx(rewards)
+    assert table["survivors_low"].tolist() == pytest.approx([1.8125, 2.5625, 0.875])
+
+
+def test_an_arc_is_as_wrong_for_all_kinds():
+    kinds = [Kind("drone", 1), Kind("rover", 1)]
+    mission = Mission(MISSION.graph, base="dock", kinds=kinds)
+    out = ["dock", "b", "dock"]
+    plans = [mission.plan([out, ["dock"]]), mission.plan([["dock"], out])]
+    table = robustness(mission, plans, factors=(), spread=0.5, n_scenarios=3)
+    assert table["survivors_low"].nunique() == 1
+    assert table["survivors_low"][0] < 1.9
+
+
+def test_robots_of_a_plan():
+    table = robot_table(HOUSE, BOTH)
+    assert table.to_dict("list") == {
+        "robot": [0, 1, 2],
+        "kind": ["drone", "drone", "rover"],
+        "survival": [0.25, 0.5, 0.75],
+        "length": [4, 2, 2],
+        "reward": [0.75, 2, 4.5],
+    }
+
+
+def test_plans_as_files(tmp_path):
+    content = json.loads(plan_json(HOUSE, BOTH))
+    assert content["robot_kinds"] == ["drone", "drone", "rover"]
+    assert content["robot_rewards"] == [0.75, 2, 4.5]
+    assert HOUSE.plan(content["trails"]) == BOTH
+    rows = list(csv.DictReader(io.StringIO(plan_csv(HOUSE, ATTIC))))
+    assert list(rows[0]) == ["robot", "step", "node", "x", "y", "kind"]
+    assert [(row["node"], row["kind"]) for row in rows[2:5]] == [
+        ("roof", "drone"),
+        ("roof", "drone"),
+        ("dock", "rover"),
+    ]
+    shapes = [shape["properties"] for shape in json.loads(plan_geojson(HOUSE, BOTH))["features"]]
+    assert shapes[1] == {
+        "robot": 1,
+        "survival": 0.5,
+        "nodes": ["roof", "attic", "roof"],
+        "kind": "drone",
+        "length": 2,
+        "reward": 2,
+    }
+    assert shapes[-1] == {"node": "cellar", "reward": 6, "reached": 0.8125, "collected": 0.78125}
+    alone = Mission(MISSION.graph, base="dock", robots=1, pays="return")  # one kind, without a name
+    write_plan(alone, alone.plan([["dock", "a", "dock"]]), tmp_path / "plan.json")
+    content = json.loads((tmp_path / "plan.json").read_text())
+    assert content["robot_rewards"] == [2]
+    assert "robot_kinds" not in content
+
+
+def test_a_solution_is_read_back(tmp_path):
+    written = Solution(
+        mission=HOUSE,
+        plans=(BOTH, ATTIC, GROUND),
+        objectives=HOUSE.evaluate([BOTH, ATTIC, GROUND]),
+        algorithm="greedy",
+        parameters={},
+        seed=1,
+        evaluations=3,
+        seconds=None,
+        interrupted=False,
+    )
+    (tmp_path / "plans.json").write_text(written.to_json())
+    again = read_solution(tmp_path, mission=HOUSE)
+    assert again.plans == written.plans
+    assert np.array_equal(again.objectives, written.objectives)
+    assert again.table.columns.tolist() == ["plan_id", "reward", "survivors"]
+
+
+def test_the_text_of_a_choice_names_kinds():
+    assert _trails_text(HOUSE, ATTIC).splitlines() == [
+        "robot 0 (drone, survival 0.500): roof -> attic -> roof",
+        "robot 1 (drone, survival 1.000): stays at roof",
+        "robot 2 (rover, survival 0.750): dock -> cellar -> dock",
+    ]
