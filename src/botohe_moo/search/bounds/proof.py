@@ -141,7 +141,8 @@ class Proof:
         try:
             front = exact_front(
                 mission,
-                **self._limits._asdict(),
+                min_survival=self._limits.min_survival,
+                max_length=self._limits.max_length,
                 time_limit=_EXACT_SHARE * self._seconds,
                 memory_limit=self._memory,
             )
