@@ -98,11 +98,11 @@ class Mission:
     ) -> None:
         attributes = graph.graph if isinstance(graph, nx.Graph) else {}
         base = attributes.get("base") if base is None else base
-        kinds = attributes.get("kinds") if kinds is None else kinds
-        listed, faults = ((), []) if kinds is None else read_kinds(kinds)
-        robots = attributes.get("robots") if robots is None and kinds is None else robots
+        listed, faults = read_kinds(attributes.get("kinds") if kinds is None else kinds)
         if robots is not None and len(listed) == 1:
-            listed = (replace(listed[0], robots=robots),)
+            listed, robots = (replace(listed[0], robots=robots),), None
+        elif robots is None and kinds is None:
+            robots = attributes.get("robots")
         pays = attributes.get("pays", "arrival") if pays is None else pays
         name = attributes.get("name") or attributes.get("title") if name is None else name
         source = f"Mission {quoted(name)}" if name else "The mission"
