@@ -159,8 +159,12 @@ class Mission:
             fault = f"it has {self.team}: expected no number of robots, got {quoted(robots)}"
         if fault:
             raise MissionError(fault, f"Mission {quoted(self.name)}")
-        kinds = [replace(self.kinds[0], robots=index(robots))]
-        return Mission(self.graph, base=self.base, kinds=kinds, pays=self.pays, name=self.name)
+        kinds = (replace(self.kinds[0], robots=index(robots)),)
+        if self.arrays.kinds is not None:  # which have the robots
+            return Mission(self.graph, base=self.base, kinds=kinds, pays=self.pays, name=self.name)
+        other = object.__new__(Mission)
+        other.__dict__.update(self.__dict__, robots=index(robots), kinds=kinds)
+        return other
 
     def with_lengths_from_pos(self) -> Mission:
         """Return the same mission with Euclidean distances between positions as lengths of arcs.
