@@ -42,9 +42,11 @@ class Kind:
     --------
     >>> import networkx as nx
     >>> from botohe_moo import Kind, Mission
-    >>> graph = nx.DiGraph([("dock", "reef"), ("reef", "dock")])
-    >>> nx.set_node_attributes(graph, {"dock": 0, "reef": 5}, "reward")
-    >>> nx.set_edge_attributes(graph, {"boat": 0.9, "diver": 0.5}, "survival")
+    >>> graph = nx.DiGraph()
+    >>> graph.add_node("dock", reward=0)
+    >>> graph.add_node("reef", reward=5)
+    >>> graph.add_edge("dock", "reef", survival={"boat": 0.9, "diver": 0.5})
+    >>> graph.add_edge("reef", "dock", survival={"boat": 0.9, "diver": 0.5})
     >>> mission = Mission(graph, base="dock", kinds=[Kind("boat", 1), Kind("diver", 2)])
     >>> mission.robots
     3
