@@ -11,6 +11,7 @@ from pymoo.core.problem import Problem
 from pymoo.util.display.column import Column
 from pymoo.util.display.output import Output
 
+from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability, TravelBudget
@@ -77,14 +78,32 @@ class BOTOHE(Problem):
         allow_invalid: bool = False,
     ) -> None:
         check_mission(mission)
+        self.limits = mission.limits(min_survival, max_length)  # before what rounding needs
         max_length = mission.max_length if max_length is None else max_length
         max_length = None if max_length == math.inf else max_length
-        n_constraints = int(allow_invalid) + int(min_survival > 0) + int(max_length is not None)
+        n_constraints = int(allow_invalid) + int(self.limits.min_survival > 0)
+        n_constraints += int(self.limits.max_length < math.inf)
         super().__init__(n_var=1, n_obj=2, n_ieq_constr=n_constraints, vtype=object)
         self.mission = mission
         self.min_survival = min_survival
         self.max_length = max_length  # None without a travel budget
         self.allow_invalid = allow_invalid
+        self._check_ways()
+
+    def _check_ways(self) -> None:
+        """Refuse limits that keep robots of a kind from getting to where they have to end."""
+        if self.mission.arrays.kinds is None:
+            return
+        batch = self.mission.batch([self.mission.stay_home(self.planning_limits)])
+        short = self.mission.robot_survival(batch)[0] < self.survival_floors
+        long = self.mission.trail_lengths(batch)[0] > self.travel_budgets
+        if (short | long).any():
+            kind = self.mission.kind_of[int(np.argmax(short | long))]
+            ends = " to ".join(map(quoted, kind.ends(self.mission.base)))
+            raise ValueError(
+                f"Expected limits with which robots of kind {quoted(kind.name)} can get from "
+                f"{ends}: neither the safest way nor the shortest one keeps them."
+            )
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
         """Compute F (n, 2), −E[R] and −E[S]; all algorithms evaluate plans by this method.
@@ -115,14 +134,15 @@ class BOTOHE(Problem):
         columns = []
         if self.allow_invalid:
             columns.append(self.mission.evaluate_drafts(batch)[1])
-        if self.min_survival > 0:
-            least = self.mission.robot_survival(batch).min(axis=1)
-            columns.append(self.survival_floor - least)
-        if self.max_length is not None:
-            longest = self.mission.trail_lengths(batch).max(axis=1)
+        if self.limits.min_survival > 0:
+            missing = self.survival_floors - self.mission.robot_survival(batch)
+            columns.append(missing.max(axis=1))
+        if self.limits.max_length < math.inf:
+            budgets = self._by_robot(self.limits.max_length, self.limits.budgets)
+            unit = np.where((budgets > 0) & (budgets < math.inf), budgets, 1.0)
             with np.errstate(over="ignore"):  # of budgets near 0 or near the largest number
-                beyond = (longest - self.travel_budget) / (self.max_length or 1.0)
-            columns.append(np.nan_to_num(beyond))
+                beyond = (self.mission.trail_lengths(batch) - self.travel_budgets) / unit
+            columns.append(np.nan_to_num(beyond.max(axis=1)))
         return np.column_stack(columns) if columns else np.empty((len(batch), 0))
 
     @property
@@ -161,10 +181,26 @@ class BOTOHE(Problem):
         return math.inf if self.max_length is None else self.max_length * (1.0 + _ROUNDING)
 
     @property
+    def survival_floors(self) -> FloatArray:
+        """The survival floor of each robot, as ``survival_floor`` (robots,)."""
+        floors = self._by_robot(self.limits.min_survival, self.limits.floors)
+        return floors * (1.0 - _ROUNDING)
+
+    @property
+    def travel_budgets(self) -> FloatArray:
+        """The travel budget of each robot, as ``travel_budget`` (robots,)."""
+        return self._by_robot(self.limits.max_length, self.limits.budgets) * (1.0 + _ROUNDING)
+
+    def _by_robot(self, strictest: float, by_node: FloatArray | None) -> FloatArray:
+        kinds = self.mission.arrays.kinds
+        if kinds is None or by_node is None:
+            return np.full(self.mission.robots, strictest)
+        return by_node[kinds.start]
+
+    @property
     def planning_limits(self) -> Limits:
         """The limits for planners: halfway, so that rounding never makes a plan infeasible."""
-        longest = math.inf if self.max_length is None else self.max_length * (1.0 + _ROUNDING / 2)
-        return Limits(self.min_survival * (1.0 - _ROUNDING / 2), longest)
+        return self.limits.loosened(_ROUNDING / 2)
 
     def allowing_invalid(self) -> BOTOHE:
         """Return the same problem with ``allow_invalid``."""

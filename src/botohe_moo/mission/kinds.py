@@ -11,7 +11,7 @@ import numpy as np
 
 from botohe_moo._base.checks import most_alike, quoted
 from botohe_moo._base.types import OffsetArray
-from botohe_moo.kernels.graph.graph import Graph, join_layers, new_graph
+from botohe_moo.kernels.graph.graph import Graph, find_arc, join_layers, new_graph
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
 
 ONLY_KIND = "robot"  # the name of the kind of a mission that lists none
@@ -159,6 +159,32 @@ def uncollected(graph: Graph) -> OffsetArray:
     is_credited[list(nx.ancestors(ways, -1))] = True
     collects = (is_credited & (graph.reward > 0.0)).reshape(-1, len(kinds.reward))
     return np.flatnonzero((kinds.reward > 0.0) & ~collects.any(axis=0))
+
+
+def credited(graph: Graph, trail: Sequence[int]) -> dict[int, float]:
+    """Return with what probability a robot's visit of each node is credited.
+
+    ``trail`` holds nodes of the graph, the result nodes of the mission.
+    """
+    kinds, alive = graph.kinds, 1.0
+    chances: dict[int, float] = {}
+    carried: list[int] = []
+    seen: set[int] = set()
+    for i, node in enumerate(trail):
+        if i > 0:
+            alive *= float(graph.survival[find_arc(graph, trail[i - 1], node)])
+        credit = ON_ARRIVAL if kinds is None else kinds.credit[node]
+        if node not in seen:
+            seen.add(node)
+            carried.append(node)
+            if credit == ON_ARRIVAL:
+                chances[carried.pop()] = alive
+        if credit == AT_THIS_DEPOT:
+            chances.update(dict.fromkeys(carried, alive))
+            carried = []
+    if kinds is None:
+        return chances
+    return {int(kinds.origin[v]): q * float(kinds.share[v]) for v, q in chances.items()}
 
 
 def _credit(node: Mapping[str, Any], pays: str) -> int:

@@ -17,7 +17,8 @@ import numpy as np
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
-from botohe_moo.kernels.graph.graph import Graph, Limits
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Graph, Limits, with_costs
+from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.graphs import frozen_copy, given_places
 from botohe_moo.mission.kinds import ONLY_KIND, Kind, graph_of_kinds, read_kinds, uncollected
@@ -145,6 +146,20 @@ class Mission:
         return None if budget is None else float(budget)
 
     @property
+    def is_plain(self) -> bool:
+        """Whether robots are alike, stay at the base or return there, and nodes pay on arrival.
+
+        Some searches can plan for such missions only.
+        """
+        return self.arrays.kinds is None
+
+    @property
+    def has_returns(self) -> bool:
+        """Whether rewards of some nodes count on return."""
+        kinds = self.arrays.kinds
+        return kinds is not None and bool((kinds.credit == AT_NEXT_DEPOT).any())
+
+    @property
     def balanced(self) -> bool:
         """Whether as many arcs enter every node as leave it, so that no trail meets a dead end."""
         return self.arrays.balanced
@@ -243,10 +258,16 @@ class Mission:
         self.evaluate([plan])
         return plan
 
-    def stay_home(self) -> TrailPlan:
+    def stay_home(self, limits: Limits = NO_LIMITS) -> TrailPlan:
         """Return the plan in which every robot stays where it starts.
 
-        A robot whose trail ends elsewhere takes the safest way there.
+        A robot whose trail ends elsewhere takes the safest way there, or the shortest one if that
+        is too long.
+
+        Parameters
+        ----------
+        limits
+            What decides which ways are too long; none are by default.
 
         Examples
         --------
@@ -258,7 +279,14 @@ class Mission:
         graph, kinds = self.arrays, self.arrays.kinds
         if kinds is None:
             return TrailPlan([[graph.base]] * self.robots)
-        return TrailPlan([_way_home(graph, int(start)) for start in kinds.start])
+        short = None if limits.budgets is None else with_costs(graph, graph.length)
+        trails = []
+        for start in kinds.start.tolist():
+            trail, length = _way_home(graph, start)
+            if limits.budgets is not None and short is not None and length > limits.budgets[start]:
+                trail, length = _way_home(short, start)
+            trails.append(trail)
+        return TrailPlan(trails)
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
         """Return the trails of a plan of this mission as node labels, robot by robot."""
@@ -368,11 +396,13 @@ class Mission:
         )
 
 
-def _way_home(graph: Graph, node: int) -> list[int]:
-    way = [node]
+def _way_home(graph: Graph, node: int) -> tuple[list[int], float]:
+    """Return the nodes of the cheapest way home from a node, and its length."""
+    way, length = [node], 0.0
     while (arc := int(graph.homeward[way[-1]])) >= 0:
         way.append(int(graph.head[arc]))
-    return way
+        length += float(graph.length[arc])
+    return way, length
 
 
 def check_mission(value: object) -> Mission:
@@ -390,6 +420,21 @@ def _numbers(arrays: Graph) -> list[Any]:
     if arrays.kinds is not None:
         numbers += arrays.kinds[1:]  # without ``origin``
     return numbers
+
+
+def check_plain(mission: object, who: str) -> Mission:
+    """Return ``mission`` if it is a plain one; the ValueError names ``who`` needs that.
+
+    Anything but a mission is refused as by `check_mission`.
+    """
+    checked = check_mission(mission)
+    if checked.is_plain:
+        return checked
+    raise ValueError(
+        f"{who} plans only for robots of one kind that start and end at the base, where nodes pay "
+        f"on arrival; mission {quoted(checked.name)} has {checked.team}"
+        f"{', and rewards that count on return' if checked.has_returns else ''}."
+    )
 
 
 def mission_digest(mission: Mission) -> str:

@@ -9,6 +9,7 @@ from pymoo.core.crossover import Crossover
 from botohe_moo._base.types import ObjectArray, OffsetArray, Rng
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability
+from botohe_moo.kernels.graph.kinds import kind_ranges
 from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.plans.vary import EXCHANGE, N_PIECES, SPLICE, cross, join_pieces
 from botohe_moo.kernels.rng import draw_state
@@ -68,6 +69,7 @@ class PlanCrossover(Crossover):
             read_trails(*parents.arrays),
             kinds,
             np.tile(np.arange(n_robots), (2, 1)),
+            *kind_ranges(mission.arrays.kinds, n_robots),
             np.zeros(mission.arrays.n_nodes, np.int64),
             draw_state(random_state),
             pieces,

@@ -197,7 +197,7 @@ class RuinRecreate(PlanMutation):
         pieces = whole_trails(plans.arrays[1])
         via = np.empty((len(plans), self.max_via), np.int32)
         trails, states = read_trails(*plans.arrays), draw_state(rng)
-        ruin(trails, plans.n_robots, mission.arrays.n_nodes, states, via, pieces)
+        ruin(trails, plans.n_robots, len(mission.nodes), states, via, pieces)
         nodes = np.concatenate([plans.nodes, via.ravel()])
         return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
 

@@ -19,6 +19,7 @@ from botohe_moo.kernels.anneal.schedule import (
 )
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.plans.change import MoveRule
+from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
@@ -71,14 +72,16 @@ class Annealing:
     ) -> None:
         self.mission, self.schedule = mission, schedule
         graph, random = mission.arrays, seed_states(random_state, 1)
-        self.state: AnnealState = new_state(graph, mission.robots, random)
+        first = mission.batch([mission.stay_home()])
+        objectives = mission.evaluate(first)[0]
+        self.state: AnnealState = new_state(graph, read_trails(*first.arrays), objectives, random)
         longest = mission.robots * (graph.n_arcs + 1)
         self._records = new_records(mission.robots, _RECORDS, _RECORDS * _NODES_EACH + longest)
         # A sweep is the turns of all weights, in each pass once; ``_turn`` of them have begun.
         self._n_steps, self._n_weights, self._n_turns, self._turn = 0, 1, 0, 0
         self.steps_left = 0
         self.weight = 0.0
-        rewards = graph.reward / (mission.total_reward or 1.0)
+        rewards = mission.rewards / (mission.total_reward or 1.0)
         self._share = float(rewards @ rewards) or 1.0
         returning = schedule.return_probability
         if returning is None:

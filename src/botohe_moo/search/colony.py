@@ -21,6 +21,7 @@ from botohe_moo.kernels.colony.pheromone import (
 )
 from botohe_moo.kernels.colony.weighing import AntScratch, BuildRule, Weights, new_scratch
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Graph, Limits
+from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT
 from botohe_moo.kernels.graph.paths import Paths, new_budget, new_paths
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
@@ -91,9 +92,10 @@ class Colony:
 
     @property
     def pheromone(self) -> FloatArray:
-        """Reward and survival pheromone of the arcs (n_maps, n_arcs + 1, 2).
+        """Reward and survival pheromone of the arcs (n_maps, n_arcs + n_kinds, 2).
 
-        Each robot has a map, or all share one; behind the arcs comes the base's self-loop.
+        Each robot has a map, or all share one; behind the arcs come the self-loops with which
+        trails end, one for each kind of robots.
         """
         self._catch_up()
         return self._pheromone.levels
@@ -117,9 +119,7 @@ class Colony:
         """Build the plans of the ants ``begin`` to ``end``, in the thread with number ``part``."""
         n_robots, rule, graph = self.n_robots, self.rule, self._graph
         concurrent = rule.allocation == "concurrent"
-        build = BuildRule(
-            n_robots, n_ants, concurrent, rule.exploration, self.limits.min_survival, self._budget
-        )
+        build = BuildRule(n_robots, n_ants, concurrent, rule.exploration, self.limits, self._budget)
         if part not in self._rooms:
             plans = new_plans(4096, len(self._states) * n_robots)
             scratch = new_scratch(graph, build, len(self._weights.log_reward), self._states)
@@ -176,7 +176,7 @@ class Colony:
 
 
 def _new_pheromone(mission: Mission, rule: ColonyRule) -> Pheromone:
-    survival = np.append(mission.arrays.survival, 1.0)
+    survival = np.append(mission.arrays.survival, np.ones(len(mission.kinds)))
     shape = (mission.robots if rule.pheromone_per_robot else 1, len(survival), 2)
     levels = np.ones(shape)
     if rule.pheromone:
@@ -201,8 +201,12 @@ def _new_weights(graph: Graph, rule: ColonyRule, pheromone: Pheromone) -> Weight
     """
     gain = np.zeros(pheromone.levels.shape[1])
     if rule.heuristic:
-        reward = graph.reward[np.append(graph.head, graph.base)]
-        survival = np.append(graph.survival, 1.0)
+        reward, ends = graph.reward, [graph.base]
+        if (kinds := graph.kinds) is not None:  # what is paid on return depends on coming home
+            reward = np.where(kinds.credit == AT_NEXT_DEPOT, reward * graph.home, reward)
+            ends = list(dict.fromkeys(kinds.end.tolist()))
+        reward = reward[[*graph.head, *ends]]
+        survival = np.append(graph.survival, np.ones(len(ends)))
         with np.errstate(over="ignore"):
             gain = (rule.unvisited_bonus + survival * reward) / rule.reward_epsilon
     gain = np.minimum(gain, np.exp(LOG_HIGH))
@@ -216,15 +220,20 @@ def tabulate_pheromone(mission: Mission, colony: Colony) -> pd.DataFrame:
     """Return the pheromone of a colony, a row for each arc, as :attr:`BOACO.pheromone_maps`."""
     import pandas as pd  # here, since importing it takes as long as importing all else
 
-    graph, nodes = mission.arrays, mission.nodes
-    tails, heads = (
-        pd.Series([nodes[i] for i in [*ends, graph.base]], dtype=object)
-        for ends in (graph.tail, graph.head)
-    )
-    columns = ["robot", "tail", "head", "reward", "survival"]
+    graph, nodes, kinds = mission.arrays, mission.nodes, mission.kinds
+    loops = [mission.index(kind.ends(mission.base)[1]) for kind in kinds]
+    loops = [k * len(nodes) + end for k, end in enumerate(loops)]
+    tails, heads = (np.array([*ends, *loops]) for ends in (graph.tail, graph.head))
+    labels = [
+        pd.Series([nodes[i] for i in ends % len(nodes)], dtype=object) for ends in (tails, heads)
+    ]
+    names = [kinds[k].name for k in tails // len(nodes)]
+    columns = ["robot", "kind", "tail", "head", "reward", "survival"]
     maps = [
-        pd.DataFrame(dict(zip(columns, [robot, tails, heads, *levels.T], strict=True)))
+        pd.DataFrame(dict(zip(columns, [robot, names, *labels, *levels.T], strict=True)))
         for robot, levels in enumerate(colony.pheromone)
     ]
     table = pd.concat(maps, ignore_index=True)
+    if len(kinds) == 1:
+        table = table.drop(columns="kind")
     return table if colony.rule.pheromone_per_robot else table.drop(columns="robot")

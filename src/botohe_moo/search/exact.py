@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from functools import cache, reduce
 from typing import Annotated, TypeAlias
@@ -16,9 +17,9 @@ from botohe_moo.kernels.exact import tables, teams
 from botohe_moo.kernels.fronts.ordered import best_reward, copy_front, insert, new_front, read_front
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.plans.evaluate import either
-from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.model import Mission, check_plain
 from botohe_moo.search.exact_trails import TrailSearch
-from botohe_moo.search.sequential import SequentialPlanner, limits_of
+from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 __all__ = ["TooLargeError", "exact_front"]
@@ -116,7 +117,8 @@ def exact_front(
     >>> toy.evaluate(exact_front(toy)).round(2).tolist()
     [[7.09, 0.35], [4.14, 0.66], [0.9, 0.81], [0.0, 1.0]]
     """
-    limits = limits_of(min_survival, max_length)
+    longest = math.inf if max_length is None else max_length
+    limits = check_plain(mission, "exact_front").limits(min_survival, longest)
     search = FrontSearch(mission, limits, time_limit=time_limit, memory_limit=memory_limit)
     while search.plans is None:
         search.advance()
@@ -146,7 +148,7 @@ class FrontSearch:
         time_limit: float = TIME_LIMIT,
         memory_limit: float = MEMORY_LIMIT,
     ) -> None:
-        self.mission = check_mission(mission)
+        self.mission = mission
         self.limits = limits
         self.time_limit = time_limit
         self.memory_limit = memory_limit

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from functools import cached_property
+from itertools import permutations
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from pydantic import Field
 
 from botohe_moo._base.checks import check_number
+from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability, TravelBudget
-from botohe_moo.kernels.beam.labels import new_beam
+from botohe_moo.kernels.beam.labels import Beam, new_beam
 from botohe_moo.kernels.beam.prospects import BeamRule, Near, dangers, find_near
 from botohe_moo.kernels.beam.search import MAX_LABELS, best_trail
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
+from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, kind_ranges
 from botohe_moo.kernels.graph.paths import Budget, new_budget
+from botohe_moo.mission.kinds import credited
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import TrailPlan
 
@@ -29,6 +34,10 @@ BeamWidth: TypeAlias = Annotated[int, Field(ge=1, le=MAX_BEAM_WIDTH)]
 
 # Nodes that the search looks ahead to from each node; on 200 nodes as good as all of them.
 _N_NEAR = 64
+
+_ROUNDING = 1e-12  # relative: what rounding may change in the product of survivals
+
+_ALL_ORDERS_UP_TO = 3  # kinds, of which all orders are tried
 
 
 @checked
@@ -92,13 +101,9 @@ def plan_sequentially(
     >>> bool(reward > 10)
     True
     """
-    limits = limits_of(min_survival, max_length)
+    longest = math.inf if max_length is None else max_length
+    limits = check_mission(mission).limits(min_survival, longest)
     return SequentialPlanner(mission, limits, beam_width=beam_width).plan(weight)
-
-
-def limits_of(min_survival: float, max_length: float | None) -> Limits:
-    """Return the limits that users give, where None means no travel budget."""
-    return Limits(min_survival, math.inf if max_length is None else max_length)
 
 
 class SequentialPlanner:
@@ -122,12 +127,16 @@ class SequentialPlanner:
         return find_near(self.mission.arrays, _N_NEAR)
 
     @cached_property
+    def _home(self) -> TrailPlan:
+        return self.mission.stay_home(self.limits)
+
+    @cached_property
     def _budget(self) -> Budget | None:
         return new_budget(self.mission.arrays, self.limits)
 
     def plan(self, weight: float) -> TrailPlan:
         """Plan the whole team, for a weight on reward."""
-        return self._team(self._trails(weight))
+        return self._team(self._best_trails(weight))
 
     def plans(
         self, weight: float, *, n_most: int | None = None, until: float = math.inf
@@ -138,54 +147,100 @@ class SequentialPlanner:
         first robot alone; none is returned twice. Of more than ``n_most``, some in between are
         left out. Robots that are not planned at ``until`` (``time.perf_counter()``) stay at base.
         """
-        trails = self._trails(weight, until)
+        trails = self._best_trails(weight, until)
         n_moving = range(len(trails), 0, -1)
         if n_most is not None and len(n_moving) > n_most:
             chosen = np.linspace(0, len(n_moving) - 1, n_most).astype(int)
             return [self._team(trails[: n_moving[i]]) for i in chosen.tolist()]
         return [self._team(trails[:n]) for n in n_moving] or [self._team([])]
 
-    def _team(self, trails: list[list[int]]) -> TrailPlan:
-        """Return the plan in which the other robots stay at base."""
-        staying = [[self.mission.arrays.base]] * (self.mission.robots - len(trails))
-        return TrailPlan(trails + staying)
+    def _team(self, trails: list[tuple[int, list[int]]]) -> TrailPlan:
+        """Return the plan in which these robots take trails, and the others stay at base."""
+        team = list(self._home.trails)
+        for robot, trail in trails:
+            team[robot] = tuple(trail)
+        return TrailPlan(team)
 
-    def _trails(self, weight: float, until: float = math.inf) -> list[list[int]]:
-        """Plan the trails of those robots that leave the base."""
+    def _best_trails(self, weight: float, until: float = math.inf) -> list[tuple[int, list[int]]]:
+        """Plan the trails of those robots that leave, one kind after another.
+
+        Kinds are planned in the order, of a few, that gives the best plan.
+        """
         weight = check_number("weight", weight, at_least=0, at_most=1)
+        kinds = range(len(self.mission.kinds))
+        orders = list(permutations(kinds)) if len(kinds) <= _ALL_ORDERS_UP_TO else [tuple(kinds)]
+        found = [self._trails(weight, order, until) for order in orders]
+        if len(found) == 1:
+            return found[0]
+        most = self.mission.total_reward or 1.0, self.mission.robots
+        objectives = self.mission.evaluate([self._team(trails) for trails in found]) / most
+        return found[int(np.argmax(objectives @ [weight, 1.0 - weight]))]
+
+    def _trails(
+        self, weight: float, kinds: Sequence[int], until: float
+    ) -> list[tuple[int, list[int]]]:
+        """Plan robots, kind by kind; return the number and the trail of each that leaves."""
         mission, graph = self.mission, self.mission.arrays
-        share = graph.reward / (mission.total_reward or 1.0)
-        least, budget = self.limits.min_survival, self._budget
-        if weight > 0:
-            share, survival_weight = weight * share, (1.0 - weight) / mission.robots
-        else:  # among trails without danger, the most reward decides
-            survival_weight, least = 1.0, 1.0
-            if budget is not None:
-                budget = budget._replace(limits=self.limits._replace(min_survival=least))
-        unreached = np.ones(graph.n_nodes)
-        unreached[graph.base] = 0.0  # every trail collects it, and it may be large
-        danger, beam = dangers(graph, self._near, survival_weight), new_beam(graph)
-        trails: list[list[int]] = []
-        for _ in range(mission.robots):
-            if time.perf_counter() > until:
-                break
-            rule = BeamRule(
-                worth=share * unreached,
-                danger=danger,
-                survival_weight=survival_weight,
-                least=least,
-                budget=budget,
-                width=self.beam_width,
-                max_labels=self._max_labels,
-            )
-            arcs, _, _ = best_trail(graph, self._near, rule, beam)
-            if len(arcs) == 0:  # nor will later robots leave
-                break
-            trails.append([graph.base, *graph.head[arcs].tolist()])
-            nodes, firsts = np.unique(graph.head[arcs], return_index=True)
-            unreached[nodes] *= 1.0 - np.cumprod(graph.survival[arcs])[firsts]
+        unreached = np.ones(len(mission.nodes))
+        if graph.kinds is None:
+            unreached[graph.base] = 0.0  # every trail collects it, and it may be large
+        beam = new_beam(graph)
+        danger = dangers(graph, self._near, (1.0 - weight) / mission.robots if weight > 0 else 1.0)
+        trails: list[tuple[int, list[int]]] = []
+        firsts, stops = kind_ranges(graph.kinds, mission.robots)
+        numbers = dict.fromkeys(zip(firsts.tolist(), stops.tolist(), strict=True))
+        ranges = list(numbers)
+        for first, stop in [ranges[kind] for kind in kinds]:
+            for robot in range(first, stop):
+                if time.perf_counter() > until:
+                    return trails
+                trail = self._trail(weight, robot, unreached, danger, beam)
+                if trail is None:  # nor will later robots of this kind leave
+                    break
+                trails.append((robot, trail))
+                for node, chance in credited(graph, trail).items():
+                    unreached[node] *= 1.0 - chance
         return trails
 
+    def _trail(
+        self, weight: float, robot: int, unreached: FloatArray, danger: FloatArray, beam: Beam
+    ) -> list[int] | None:
+        """Plan one robot's trail; None if it is best where it is, or on the safest way to its end.
+
+        ``unreached`` is the probability that no robot has collected each node of the mission.
+        Rewards that are paid on return count as far as the safest way home is survived.
+        """
+        mission, graph, budget = self.mission, self.mission.arrays, self._budget
+        share = graph.reward / (mission.total_reward or 1.0)
+        start, limits, left = graph.base, self.limits, unreached
+        if (kinds := graph.kinds) is not None:
+            start, n_nodes = int(kinds.start[robot]), len(mission.nodes)
+            left = np.zeros(graph.n_nodes)  # also in the layers of other kinds
+            layer = start - start % n_nodes
+            left[layer : layer + n_nodes] = unreached
+            share = np.where(kinds.credit == AT_NEXT_DEPOT, share * graph.home, share)
+        least = limits.min_survival if limits.floors is None else float(limits.floors[start])
+        survival_weight = (1.0 - weight) / mission.robots
+        if weight > 0:
+            share = weight * share
+        else:  # among the safest trails, the most reward decides
+            survival_weight, least = 1.0, float(graph.home[start])
+            least *= 1.0 if least == 1.0 else 1.0 - _ROUNDING
+            if budget is not None:
+                budget = budget._replace(limits=limits.with_floor(least))
+        rule = BeamRule(
+            start=start,
+            worth=share * left,
+            danger=danger,
+            survival_weight=survival_weight,
+            least=least,
+            budget=budget,
+            width=self.beam_width,
+            max_labels=self._max_labels,
+        )
+        arcs, _, _ = best_trail(graph, self._near, rule, beam)
+        return [start, *graph.head[arcs].tolist()] if len(arcs) else None
+
     def __getstate__(self) -> dict[str, Any]:
-        derived = ("_near", "_budget")  # large, and soon computed
+        derived = ("_near", "_home", "_budget")  # large, and soon computed
         return {key: value for key, value in vars(self).items() if key not in derived}

@@ -8,10 +8,20 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
+from botohe_moo.kernels.graph.kinds import (
+    AT_THIS_DEPOT,
+    chance_at,
+    credit_carried,
+    credit_of,
+    has_kinds,
+    is_listed,
+    layer_of,
+    origin_of,
+)
 from botohe_moo.kernels.plans.change import MoveRule, change_trail
 from botohe_moo.kernels.plans.evaluate import Team, begin_team, combine, new_team, team_reward
 from botohe_moo.kernels.plans.moves import CANNOT, MoveScratch, new_move_scratch
-from botohe_moo.kernels.plans.trails import sort_trails
+from botohe_moo.kernels.plans.trails import Trails, sort_trails
 from botohe_moo.kernels.rng import below, uniform
 from botohe_moo.kernels.sharing import shared
 
@@ -43,10 +53,11 @@ class AnnealState(NamedTuple):
     # Where each trail begins and ends (n_slots).
     starts: OffsetArray
     stops: OffsetArray
-    # The nodes of each trail by first visit (n_slots, n_nodes), and how many there are (n_slots).
+    # The nodes of the mission that each trail visits, in the order of first visits
+    # (n_slots, n_nodes), and how many there are (n_slots).
     met: OffsetArray
     n_met: OffsetArray
-    reach: FloatArray  # probability to reach each of these (n_slots, n_nodes)
+    reach: FloatArray  # with what probability each of these is credited (n_slots, n_nodes)
     alive: FloatArray  # probability to survive each trail (n_slots)
     # The slots of the current plan, of the one that is tried, and of the best one that has been
     # evaluated (n_robots).
@@ -81,14 +92,19 @@ class Records(NamedTuple):
     n_plans: OffsetArray  # how many there are (1)
 
 
-def new_state(graph: Graph, n_robots: int, random: SeedArray) -> AnnealState:
-    """Begin a search with all robots at base."""
+def new_state(graph: Graph, plan: Trails, objectives: FloatArray, random: SeedArray) -> AnnealState:
+    """Begin a search with a plan, of which ``objectives`` (2) are E[R] and E[S]."""
+    n_robots = len(plan.offsets) - 1
     n_nodes, width, n_slots = graph.n_nodes, graph.n_arcs + 1, _N_SLOTS * n_robots
     first, starts = _N_SLOTS * np.arange(n_robots), width * np.arange(n_slots)
+    nodes, stops = np.zeros(n_slots * width, np.int64), starts.copy()
+    for slot, begin, end in zip(first, plan.offsets[:-1], plan.offsets[1:], strict=True):
+        stops[slot] += end - begin
+        nodes[starts[slot] : stops[slot]] = plan.nodes[begin:end]
     return AnnealState(
-        nodes=np.full(n_slots * width, graph.base),
+        nodes=nodes,
         starts=starts,
-        stops=starts + 1,
+        stops=stops,
         met=np.zeros((n_slots, n_nodes), np.int64),
         n_met=np.zeros(n_slots, np.int64),
         reach=np.zeros((n_slots, n_nodes)),
@@ -97,7 +113,7 @@ def new_state(graph: Graph, n_robots: int, random: SeedArray) -> AnnealState:
         tried=first.copy(),
         best=first,
         objectives=np.zeros(2),
-        best_objectives=np.array([graph.reward[graph.base], n_robots]),
+        best_objectives=objectives.copy(),
         best_score=np.full(1, -np.inf),
         to_best=np.ones(1, np.int64),
         temperature=np.ones(1),
@@ -122,23 +138,27 @@ def new_records(n_robots: int, n_plans: int, n_nodes: int) -> Records:
 
 @helper
 def _walk(graph: Graph, state: AnnealState, slot: int) -> None:
-    """List the nodes of a trail by first visit, with the chance to reach each, and to survive."""
-    nodes, met, reach, visited = state.nodes, state.met, state.reach, state.visited
-    start = state.starts[slot]
+    """List what a trail visits, with the chance that each visit is credited, and to survive."""
+    nodes, met, reach, visited = state.nodes, state.met[slot], state.reach[slot], state.visited
+    start, kinds = state.starts[slot], graph.kinds
     state.n_walks[0] += 1
     walk = state.n_walks[0]
     alive = 1.0
     node = nodes[start]
     visited[node] = walk
-    met[slot, 0], reach[slot, 0] = node, 1.0
-    n = 1
+    met[0], reach[0] = origin_of(kinds, node), chance_at(kinds, node, alive)
+    n, uncredited, layer = int(is_listed(kinds, graph.reward, node)), 0, layer_of(kinds, node)
     for i in range(start + 1, state.stops[slot]):
         tail, node = node, nodes[i]
         alive *= graph.survival[find_arc(graph, tail, node)]
         if visited[node] != walk:
             visited[node] = walk
-            met[slot, n], reach[slot, n] = node, alive
-            n += 1
+            met[n], reach[n] = origin_of(kinds, node), chance_at(kinds, node, alive)
+            n += is_listed(kinds, graph.reward, node)
+        if has_kinds(kinds) and credit_of(kinds, node) == AT_THIS_DEPOT:
+            uncredited = credit_carried(kinds, layer, met, reach, uncredited, n, alive)
+    if has_kinds(kinds):  # what is carried at the end is lost
+        credit_carried(kinds, layer, met, reach, uncredited, n, 0.0)
     state.n_met[slot], state.alive[slot] = n, alive
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.beam.labels import Beam
 from botohe_moo.kernels.compile import helper, inlined, kernel
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, limit_at
 from botohe_moo.kernels.graph.paths import (
     ANYWHERE,
     Budget,
@@ -41,6 +41,7 @@ class Near(NamedTuple):
 class BeamRule(NamedTuple):
     """What to search for, and how widely; see ``best_trail``."""
 
+    start: int  # where the trail begins
     worth: FloatArray  # what each node is worth to a robot that surely reaches it (n_nodes)
     # What a robot that is surely alive at a node loses of the worth of surviving when it goes home
     # by a near node, instead of by the safest way (n_nodes, n_near).
@@ -96,7 +97,7 @@ def write_gathered(graph: Graph, worth: FloatArray, gathered: FloatArray) -> Non
     """Write ``Beam.gathered``."""
     for node in range(gathered.shape[0]):
         at, alive, total = node, 1.0, 0.0
-        while at != graph.base:
+        while graph.homeward[at] >= 0:
             arc = graph.homeward[at]
             at = graph.head[arc]
             alive *= graph.survival[arc]
@@ -150,7 +151,8 @@ def _is_too_far(budget: Budget | None, node: int, length: float) -> bool:
     """Return whether a trail of some length cannot visit a node within the travel budget."""
     if budget is None:
         return False
-    return bool(length + budget.short.home[node] > budget.limits.max_length)
+    longest = limit_at(budget.limits.max_length, budget.limits.budgets, node)
+    return bool(length + budget.short.home[node] > longest)
 
 
 @helper

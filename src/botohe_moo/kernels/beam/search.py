@@ -59,7 +59,8 @@ def best_trail(
     number of hops, and with the arcs that leave a node; the search ends when it has kept
     ``max_labels``.
 
-    Returns the arcs of the trail (none for the trail that stays at base), its value, and whether
+    Returns the arcs of the trail (none if none is better than the safest way from start to end, or
+    than staying where both are the same), its value, and whether
     any label was dropped because the beam was too narrow. If none was, and there is no travel
     budget, no trail is better by more than 10⁻¹² of the value, unless 64-bit hashes collide.
     """
@@ -79,7 +80,7 @@ def _search(graph: Graph, near: Near, rule: BeamRule, beam: Beam) -> int:
     graph, near, rule, beam = shared(graph), shared(near), shared(rule), shared(beam)
     state, labels, children = beam.state[0], beam.labels, beam.children
     if state.high == 0:
-        _start_at_base(graph, rule, beam)
+        _begin(graph, rule, beam)
     while state.low < state.high:
         n_most = 0
         for label in range(state.low, state.high):
@@ -102,22 +103,27 @@ def _search(graph: Graph, near: Near, rule: BeamRule, beam: Beam) -> int:
 
 
 @helper
-def _start_at_base(graph: Graph, rule: BeamRule, beam: Beam) -> None:
-    """Put the label of a robot that has not left the base into row 0, and stand there."""
-    state, label, base = beam.state[0], beam.labels[0], graph.base
+def _begin(graph: Graph, rule: BeamRule, beam: Beam) -> None:
+    """Put the label of a robot that has not left its start into row 0, and stand there."""
+    state, label, start = beam.state[0], beam.labels[0], rule.start
     worth, n_nodes, left = rule.worth, rule.worth.shape[0], 0.0
     for arc in range(beam.used.shape[0]):
         beam.used[arc] = 0
     for node in range(n_nodes):
         left += worth[node]
         beam.visits[node], beam.ahead[node] = 0, worth[node]
-    beam.visits[base], beam.ahead[base] = 1, 0.0
+    beam.visits[start], beam.ahead[start] = 1, 0.0
     label.parent = label.arc = -1
-    label.node, label.alive, label.length = base, 1.0, 0.0
-    label.value, label.left = worth[base], left - worth[base]
+    label.node, label.alive, label.length = start, 1.0, 0.0
+    label.value, label.left = worth[start], left - worth[start]
     label.used = label.seen = np.uint64(0)
     state.low, state.high, state.at, state.cut = 0, 1, 0, 0
-    state.value, state.label, state.arc = worth[base] + rule.survival_weight, -1, -1
+    value, alive, node = worth[start], 1.0, start
+    while graph.homeward[node] >= 0:
+        alive *= graph.survival[graph.homeward[node]]
+        node = graph.head[graph.homeward[node]]
+        value += alive * worth[node]
+    state.value, state.label, state.arc = value + alive * rule.survival_weight, -1, -1
     write_gathered(graph, worth, beam.gathered)
 
 

@@ -15,8 +15,9 @@ from botohe_moo.kernels.colony.weighing import (
     tabulate_node,
     weigh,
 )
-from botohe_moo.kernels.compile import inlined, kernel
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo.kernels.graph.graph import Graph, limit_at
+from botohe_moo.kernels.graph.kinds import has_kinds, likely_chance, origin_of, start_of
 from botohe_moo.kernels.graph.paths import Budget, Paths, leads_home, way_within
 from botohe_moo.kernels.rng import uniform
 from botohe_moo.kernels.sharing import shared
@@ -53,7 +54,7 @@ def _choose(
 
     Another arc is drawn where that one leads into a dead end, from which no unused arcs lead home.
     There may be dead ends where some node has more arcs in than out (the graph is not balanced).
-    Another one is also drawn where the whole trail could not survive with ``min_survival``, or
+    Another one is also drawn where the whole trail could not keep the survival floor, or
     where ``way_within`` finds no way home within the travel budget.
     """
     loop = graph.head.shape[0]
@@ -64,7 +65,7 @@ def _choose(
             drawn = uniform(scratch.states, ant.number) * (1.0 + rule.exploration / n)
             arc = draw_arc(graph, rule.exploration, scratch.cumulated, ant, node, n, total, drawn)
         ant.used[arc] = ant.trail
-        if arc == loop or n == 1:
+        if arc >= loop or n == 1:
             break
         length = scratch.length[ant.robot]
         if _leads_home(graph, rule, rule.budget, paths, ant, arc, alive, length):
@@ -98,33 +99,52 @@ def _leads_home(
     # ``budget`` is that of the rule: for an argument that is None numba leaves out what needs it.
     if paths is None:
         return True
-    if budget is None and rule.min_survival == 0.0:
+    if budget is None and rule.limits.min_survival == 0.0:
         return leads_home(graph, paths, ant.used, ant.trail, graph.head[arc])
     if ant.onward[graph.tail[arc]] == arc:
         return True
     node, alive, length = graph.head[arc], alive * graph.survival[arc], length + graph.length[arc]
-    if alive * graph.home[node] < rule.min_survival:
+    least = limit_at(rule.limits.min_survival, rule.limits.floors, node)
+    if alive * graph.home[node] < least:
         return False
     n = way_within(graph, budget, paths, ant.used, ant.trail, node, alive, length)
     for i in range(n):
         alive *= graph.survival[paths.path[i]]
-    if n < 0 or alive < rule.min_survival:
+    if n < 0 or alive < least:
         return False
     for i in range(n):
         ant.onward[graph.tail[paths.path[i]]] = paths.path[i]
     return True
 
 
+@helper
+def _note_first_way(graph: Graph, budget: Budget | None, onward: OffsetArray, source: int) -> None:
+    """Note the way from a start to the end: the safest one, or the shortest if that is too long."""
+    way, head, node, length = graph.homeward, graph.head, source, 0.0
+    while way[node] >= 0:
+        length += graph.length[way[node]]
+        node = head[way[node]]
+    if budget is not None:
+        limits = budget.limits
+        if length > limit_at(limits.max_length, limits.budgets, source):
+            way = budget.short.homeward
+    node = source
+    while way[node] >= 0:
+        onward[node] = way[node]
+        node = head[way[node]]
+
+
 @inlined
-def _visit(scratch: AntScratch, ant: Ant, node: int, alive: float) -> None:
+def _visit(graph: Graph, scratch: AntScratch, ant: Ant, node: int, alive: float) -> None:
     """Note that a robot has got to a node with probability ``alive``."""
     if ant.visited[node] == ant.trail:
         return
     ant.visited[node] = ant.trail
-    before = scratch.unreached[node]
-    scratch.unreached[node] = before * (1.0 - alive)
-    if before == 1.0 and scratch.unreached[node] < 1.0:
-        scratch.touched[scratch.n_touched[0]] = node
+    origin = origin_of(graph.kinds, node)
+    before = scratch.unreached[origin]
+    scratch.unreached[origin] = before * (1.0 - likely_chance(graph.kinds, graph.home, node, alive))
+    if before == 1.0 and scratch.unreached[origin] < 1.0:
+        scratch.touched[scratch.n_touched[0]] = origin
         scratch.n_touched[0] += 1
 
 
@@ -156,22 +176,26 @@ def _walk(
         scratch.seen[which, number - block * BLOCK],
         scratch.fresh[which, number - block * BLOCK],
     )
-    ant.visited[graph.base] = trail
     node, alive, size = scratch.node[robot], scratch.alive[robot], plans.size[0]
+    source = start_of(graph.kinds, graph.base, robot)
+    if has_kinds(graph.kinds) and ant.visited[source] != trail:
+        _note_first_way(graph, rule.budget, ant.onward, source)
+        _visit(graph, scratch, ant, source, 1.0)
+    ant.visited[source] = trail
     while True:
         if scratch.tabulated[which, node] != block:
             tabulate_node(graph, weights, rule, scratch, block, which, node)
         arc = _choose(graph, weights, rule, scratch, paths, ant, node, alive)
         plans.nodes[size], plans.robots[size] = node, robot
         size += 1
-        if arc == graph.head.shape[0]:
+        if arc >= graph.head.shape[0]:
             node = -1
             break
         alive *= graph.survival[arc]
         if rule.budget is not None:
             scratch.length[robot] += graph.length[arc]
         node = graph.head[arc]
-        _visit(scratch, ant, node, alive)
+        _visit(graph, scratch, ant, node, alive)
         if rule.concurrent:
             break
     plans.offsets[trail + 1] += size - plans.size[0]
@@ -181,12 +205,13 @@ def _walk(
 
 @inlined
 def _begin_plan(graph: Graph, rule: BuildRule, scratch: AntScratch, plans: Plans, ant: int) -> None:
-    """Put all robots at the base; until ``_end_plan`` the plan's offsets count their hops."""
+    """Put all robots at their starts; until ``_end_plan`` the plan's offsets count their hops."""
     for i in range(scratch.n_touched[0]):
         scratch.unreached[scratch.touched[i]] = 1.0
     scratch.n_touched[0] = 0
     for robot in range(rule.n_robots):
-        scratch.node[robot], scratch.alive[robot], scratch.length[robot] = graph.base, 1.0, 0.0
+        scratch.node[robot] = start_of(graph.kinds, graph.base, robot)
+        scratch.alive[robot], scratch.length[robot] = 1.0, 0.0
         plans.offsets[ant * rule.n_robots + robot + 1] = 0
 
 

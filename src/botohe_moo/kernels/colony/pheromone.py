@@ -7,6 +7,7 @@ from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.colony.weighing import Weights
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
+from botohe_moo.kernels.graph.kinds import loop_at
 
 # The least pheromone. On arcs that no Pareto set uses pheromone falls by the same factor for
 # thousands of iterations: this is far below any amount that matters, and far above where floats
@@ -31,23 +32,26 @@ class Depositors(NamedTuple):
 class Pheromone(NamedTuple):
     """Pheromone, and the last deposits; each robot has a map, or all robots share one."""
 
-    levels: FloatArray  # reward and survival pheromone, above 0 (n_maps, n_arcs + 1, 2)
+    levels: FloatArray  # reward and survival pheromone, above 0 (n_maps, n_arcs + n_kinds, 2)
     # Sums of what the plans of the iteration's and of the global Pareto set have left
-    # (n_maps, n_arcs + 1, 2).
+    # (n_maps, n_arcs + n_kinds, 2).
     deposits: FloatArray
     archive_deposits: FloatArray
-    # Logarithms of η_R for a node already visited, and of η_S (n_arcs + 1).
+    # Logarithms of η_R for a node already visited, and of η_S (n_arcs + n_kinds).
     log_eta_reward: FloatArray
     log_eta_survival: FloatArray
 
 
 @helper
 def _deposit(graph: Graph, plans: Depositors, amounts: FloatArray) -> None:
-    """Set ``amounts`` to the sum of what the plans leave on each arc (n_maps, n_arcs + 1, 2)."""
-    n_maps, loop = amounts.shape[0], graph.head.shape[0]
+    """Set ``amounts`` to the sum of what the plans leave on each arc.
+
+    It has the shape (n_maps, n_arcs + n_kinds, 2).
+    """
+    n_maps, n_arcs = amounts.shape[0], graph.head.shape[0]
     n_robots = (plans.offsets.shape[0] - 1) // plans.objectives.shape[0]
     for m in range(n_maps):
-        for arc in range(loop + 1):
+        for arc in range(amounts.shape[1]):
             amounts[m, arc, 0] = amounts[m, arc, 1] = 0.0
     for m in range(plans.members.shape[0]):
         plan = plans.members[m]
@@ -57,7 +61,7 @@ def _deposit(graph: Graph, plans: Depositors, amounts: FloatArray) -> None:
             which = robot if n_maps > 1 else 0
             last = plans.offsets[trail + 1] - 1
             for i in range(plans.offsets[trail], last + 1):
-                arc = loop
+                arc = loop_at(graph.kinds, n_arcs, int(plans.nodes[i]))
                 if i < last:
                     arc = find_arc(graph, int(plans.nodes[i]), int(plans.nodes[i + 1]))
                 amounts[which, arc, 0] += reward

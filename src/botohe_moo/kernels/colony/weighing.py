@@ -1,6 +1,7 @@
 """Ants at a node: the weights of the arcs that leave it, and the choice of one of them.
 
-Arcs are numbered as in the graph; behind them comes the base's self-loop, which ends a trail.
+Arcs are numbered as in the graph; behind them comes the base's self-loop, which ends a trail. With
+kinds, each has a self-loop where its trails end.
 """
 
 import math
@@ -10,7 +11,8 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, inlined
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, Limits
+from botohe_moo.kernels.graph.kinds import end_of, loop_at, n_kinds, origin_of
 from botohe_moo.kernels.graph.paths import Budget
 
 # Ants whose weights are tabulated together: enough to share the exponentials, few enough that
@@ -31,8 +33,7 @@ class BuildRule(NamedTuple):
     concurrent: bool
     # Every weight is raised by exploration · (mean weight) / (number of candidates).
     exploration: float
-    # Survival floor: the least probability with which every robot gets home; 0 sets none.
-    min_survival: float
+    limits: Limits
     # Travel budget, with the survival floor; without a budget its code is not compiled.
     budget: Budget | None
 
@@ -41,11 +42,11 @@ class Weights(NamedTuple):
     """What the weights of arcs are computed from."""
 
     # log(τ_R η_R), where η_R is that of a head already in this trail, and log(τ_S η_S)
-    # (n_maps, n_arcs + 1). Each robot has a map, or all robots share one.
+    # (n_maps, n_arcs + n_kinds). Each robot has a map, or all robots share one.
     log_reward: FloatArray
     log_survival: FloatArray
     # Of a head that no robot reaches yet, η_R is 1 + gain times as large. This gain, and
-    # log(1 + gain) (n_arcs + 1).
+    # log(1 + gain) (n_arcs + n_kinds).
     gain: FloatArray
     log_fresh: FloatArray
 
@@ -53,13 +54,13 @@ class Weights(NamedTuple):
 class AntScratch(NamedTuple):
     """Scratch of ants: weights in tables, and where the robots of one ant have been."""
 
-    # Weights of arcs for each ant of a block (n_maps, ``BLOCK``, n_arcs + 1): for a head already in
-    # the trail, and for one that no robot reaches yet.
+    # Weights of arcs for each ant of a block (n_maps, ``BLOCK``, n_arcs + n_kinds): for a head
+    # already in the trail, and for one that no robot reaches yet.
     seen: FloatArray
     fresh: FloatArray
     # The last block for which the arcs that leave each node were tabulated (n_maps, n_nodes).
     tabulated: OffsetArray
-    # The last trail that used each arc (n_rows, n_arcs + 1), and that visited each node
+    # The last trail that used each arc (n_rows, n_arcs + n_kinds), and that visited each node
     # (n_rows, n_nodes); a row for each robot if all take their hops in turn, else one row.
     used: OffsetArray
     visited: OffsetArray
@@ -75,14 +76,14 @@ class AntScratch(NamedTuple):
     # The nodes where that is below 1 (n_nodes), and how many there are (1).
     touched: OffsetArray
     n_touched: OffsetArray
-    cumulated: FloatArray  # weights of the candidates, summed up (n_arcs + 1)
-    rejected: OffsetArray  # arcs that were drawn, but leave no way home (n_arcs + 1)
+    cumulated: FloatArray  # weights of the candidates, summed up (n_arcs + n_kinds)
+    rejected: OffsetArray  # arcs that were drawn, but leave no way home (n_arcs + n_kinds)
     states: SeedArray  # state of each ant's random numbers (n_ants, 2)
 
 
 def new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -> AntScratch:
     """Return scratch for ants; ``states`` are those of their random numbers (n_ants, 2)."""
-    n_nodes, n_arcs = graph.n_nodes, graph.n_arcs + 1
+    n_nodes, n_arcs = graph.n_nodes, graph.n_arcs + n_kinds(graph.kinds)
     n_rows = rule.n_robots if rule.concurrent else 1
     scratch = AntScratch(
         seen=np.empty((n_maps, BLOCK, n_arcs)),
@@ -101,7 +102,7 @@ def new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -
         rejected=np.empty(n_arcs, np.int64),
         states=states,
     )
-    scratch.onward[:, graph.base] = -1
+    scratch.onward[:] = graph.homeward  # −1 where trails end
     return scratch
 
 
@@ -140,8 +141,9 @@ def tabulate_node(
     first = block * BLOCK * step if rule.n_ants > 1 else 0.5
     n_ants = min(BLOCK, rule.n_ants - block * BLOCK)
     low, high = graph.first[node], graph.first[node + 1]
-    for i in range(low, high + 1 if node == graph.base else high):
-        arc = i if i < high else graph.head.shape[0]  # behind the base's arcs comes its self-loop
+    loop = loop_at(graph.kinds, graph.head.shape[0], node)
+    for i in range(low, high + 1 if node == end_of(graph.kinds, graph.base, node) else high):
+        arc = i if i < high else loop  # behind the base's arcs comes its self-loop
         slope = weights.log_survival[which, arc] - weights.log_reward[which, arc]
         weight = math.exp(weights.log_reward[which, arc] + first * slope)
         ratio = math.exp(step * slope)
@@ -162,7 +164,7 @@ def weigh(
 
     Returns how many arcs there are to choose from, the sum of their weights, and the last of them.
     """
-    low, high, loop = graph.first[node], graph.first[node + 1], graph.head.shape[0]
+    low, high, kinds = graph.first[node], graph.first[node + 1], graph.kinds
     unreached, cumulated, head = scratch.unreached, scratch.cumulated, graph.head
     n = 0
     arc = low
@@ -172,16 +174,17 @@ def weigh(
         if ant.used[a] != ant.trail:
             n += 1
             arc = a
-            left = 0.0 if ant.visited[head[a]] == ant.trail else unreached[head[a]]
+            visited = ant.visited[head[a]] == ant.trail
+            left = 0.0 if visited else unreached[origin_of(kinds, head[a])]
             weight = ant.fresh[a] if left == 1.0 else ant.seen[a]
             if 0.0 < left < 1.0:
                 weight *= math.exp(ant.power * math.log(1.0 + weights.gain[a] * left))
         total += weight
         cumulated[a - low] = total
-    if node == graph.base:
+    if node == end_of(kinds, graph.base, node):
         n += 1
-        arc = loop
-        total += float(ant.seen[loop])
+        arc = loop_at(kinds, head.shape[0], node)
+        total += float(ant.seen[arc])
         cumulated[high - low] = total
     return n, total, arc
 
@@ -203,7 +206,7 @@ def draw_arc(
     is what exploration adds to every weight.
     """
     low, n_arcs = graph.first[node], graph.first[node + 1] - graph.first[node]
-    n_listed = n_arcs + 1 if node == graph.base else n_arcs
+    n_listed = n_arcs + 1 if node == end_of(graph.kinds, graph.base, node) else n_arcs
     place = 0
     if drawn < 1.0:
         drawn *= total
@@ -218,4 +221,4 @@ def draw_arc(
         while place < n_arcs and (ant.used[low + place] == ant.trail or skip > 0):
             skip -= ant.used[low + place] != ant.trail
             place += 1
-    return int(low + place if place < n_arcs else graph.head.shape[0])
+    return low + place if place < n_arcs else loop_at(graph.kinds, graph.head.shape[0], node)

@@ -76,6 +76,17 @@ class Limits(NamedTuple):
         """Return whether there is any limit."""
         return self.min_survival > 0.0 or self.max_length < math.inf
 
+    def loosened(self, by: float) -> Limits:
+        """Return limits that allow a little more, by a relative amount."""
+        less, more = 1.0 - by, 1.0 + by
+        floors, budgets = self.floors, self.budgets
+        return Limits(
+            self.min_survival * less,
+            self.max_length * more,
+            None if floors is None else floors * less,
+            None if budgets is None else budgets * more,
+        )
+
     def with_floor(self, least: float) -> Limits:
         """Return the same limits with a survival floor that is at least ``least``."""
         floors = self.floors

@@ -12,12 +12,16 @@ tested is an argument of the function.
 
 from typing import NamedTuple
 
-from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.compile import inlined
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
+from botohe_moo.kernels.compile import helper, inlined
 
 # Where rewards are credited: at the next depot, on arrival, or on arrival at a depot, where all
 # rewards that the robot carries are credited, too.
 AT_NEXT_DEPOT, ON_ARRIVAL, AT_THIS_DEPOT = 0, 1, 2
+
+CARRIED = -1.0  # instead of a probability, of visits that have not been credited yet
 
 
 class Kinds(NamedTuple):
@@ -47,10 +51,10 @@ def origin_of(kinds: Kinds | None, node: int) -> int:
 
 @inlined
 def start_of(kinds: Kinds | None, base: int, robot: int) -> int:
-    """Return the node where a robot's trail begins."""
+    """Return the node where a robot's trail begins; the numbers of trails will do, too."""
     if kinds is None:
         return base
-    return int(kinds.start[robot])
+    return int(kinds.start[robot % kinds.start.shape[0]])
 
 
 @inlined
@@ -84,20 +88,85 @@ def credit_of(kinds: Kinds | None, node: int) -> int:
 
 
 @inlined
-def share_of(kinds: Kinds | None, node: int) -> float:
-    """Return the probability that a robot that gets to a node collects its reward."""
-    if kinds is None:
-        return 1.0
-    return float(kinds.share[node])
+def is_listed(kinds: Kinds | None, reward: FloatArray, node: int) -> bool:
+    """Return whether visits to a node are listed; with kinds, only those that may bring something.
+
+    So every kernel adds up the same numbers in the same order. ``reward`` is that of the graph.
+    """
+    return True if kinds is None else bool(reward[node] > 0.0)
 
 
 @inlined
-def layer_of(kinds: Kinds | None, robot: int) -> int:
-    """Return the first node of the layer of a robot's kind."""
+def chance_at(kinds: Kinds | None, node: int, alive: float) -> float:
+    """Return with what probability a visit is credited, or ``CARRIED`` if that is not known yet.
+
+    The robot is the first time at the node, with probability ``alive``.
+    """
+    if kinds is None:
+        return alive
+    return CARRIED if kinds.credit[node] == AT_NEXT_DEPOT else alive * kinds.share[node]
+
+
+@helper
+def credit_carried(
+    kinds: Kinds | None,
+    layer: int,
+    nodes: IntArray | OffsetArray,
+    chances: FloatArray,
+    first: int,
+    stop: int,
+    alive: float,
+) -> int:
+    """Credit what is carried of the visits from ``first`` to ``stop``, which is returned.
+
+    The robot is at a depot with probability ``alive``; 0 at the end, where the rest is lost.
+    ``nodes`` are those of the mission, ``layer`` the first node of the robot's kind.
+    """
+    if kinds is not None:
+        for i in range(first, stop):
+            if chances[i] == CARRIED:
+                chances[i] = alive * kinds.share[layer + nodes[i]]
+    return stop
+
+
+def kind_ranges(kinds: Kinds | None, n_robots: int) -> tuple[OffsetArray, OffsetArray]:
+    """Return the first robot of each robot's kind, and the one behind the last (n_robots)."""
+    if kinds is None:
+        return np.zeros(n_robots, np.int64), np.full(n_robots, n_robots)
+    return kinds.first, kinds.stop
+
+
+def n_kinds(kinds: Kinds | None) -> int:
+    """Return how many kinds there are."""
+    return 1 if kinds is None else len(kinds.origin) // len(kinds.reward)
+
+
+@inlined
+def likely_chance(kinds: Kinds | None, home: FloatArray, node: int, alive: float) -> float:
+    """Return with what probability a visit is credited if the robot then goes straight home.
+
+    ``home`` is that of the graph.
+    """
+    if kinds is None:
+        return alive
+    credited = alive * kinds.share[node]
+    return float(credited * home[node] if kinds.credit[node] == AT_NEXT_DEPOT else credited)
+
+
+@inlined
+def layer_of(kinds: Kinds | None, node: int) -> int:
+    """Return the first node of the layer of a node."""
     if kinds is None:
         return 0
-    start = kinds.start[robot]
-    return int(start - kinds.origin[start])
+    return int(node - kinds.origin[node])
+
+
+@inlined
+def loop_at(kinds: Kinds | None, n_arcs: int, node: int) -> int:
+    """Return the self-loop at the end of trails that visit a node: behind all arcs, by kind."""
+    if kinds is None:
+        return n_arcs
+    return int(n_arcs + node // kinds.reward.shape[0])
 
 
 @inlined

@@ -12,7 +12,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.compile import helper
-from botohe_moo.kernels.graph.graph import Graph, Limits, with_costs
+from botohe_moo.kernels.graph.graph import Graph, Limits, limit_at, with_costs
 from botohe_moo.kernels.graph.kinds import end_of
 
 ANYWHERE = -1  # instead of a node
@@ -228,24 +228,27 @@ def way_within(
         return way_home(graph, paths, used, trail, node)
     short, limits = budget.short, budget.limits
     # Even if every arc were free:
-    if length + short.home[node] > limits.max_length:
+    if length + short.home[node] > limit_at(limits.max_length, limits.budgets, node):
         return -1
-    if alive * graph.home[node] < limits.min_survival:
+    if alive * graph.home[node] < limit_at(limits.min_survival, limits.floors, node):
         return -1
     n = way_home(graph, paths, used, trail, node)
-    if n < 0 or _keeps(graph, paths, n, alive, length, limits):
+    if n < 0 or _keeps(graph, paths, n, node, alive, length, limits):
         return n
     n = way_home(short, paths, used, trail, node)
-    return n if _keeps(graph, paths, n, alive, length, limits) else -1
+    return n if _keeps(graph, paths, n, node, alive, length, limits) else -1
 
 
 @helper
-def _keeps(graph: Graph, paths: Paths, n: int, alive: float, length: float, limits: Limits) -> bool:
-    """Return whether a trail that goes on by ``n`` arcs of ``paths.path`` keeps limits."""
+def _keeps(
+    graph: Graph, paths: Paths, n: int, node: int, alive: float, length: float, limits: Limits
+) -> bool:
+    """Return whether a trail that goes on from a node by ``paths.path`` keeps limits."""
     for i in range(n):
         alive *= graph.survival[paths.path[i]]
         length += graph.length[paths.path[i]]
-    return alive >= limits.min_survival and length <= limits.max_length
+    is_safe = alive >= limit_at(limits.min_survival, limits.floors, node)
+    return is_safe and length <= limit_at(limits.max_length, limits.budgets, node)
 
 
 @helper

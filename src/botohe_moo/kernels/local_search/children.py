@@ -8,7 +8,7 @@ import numpy as np
 
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.fronts.ordered import best_reward
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, limit_at
 from botohe_moo.kernels.graph.kinds import (
     AT_NEXT_DEPOT,
     AT_THIS_DEPOT,
@@ -217,13 +217,14 @@ def evaluate_child(search: Search) -> float:
             carried = 0.0
     ratio = alive / steps[suffix].alive
     home = steps[length].alive * ratio
-    if home < limits.min_survival:
+    source = steps[0].node
+    if home < limit_at(limits.min_survival, limits.floors, source):
         return -1.0
     if limits.max_length < np.inf:
         walked = steps[prefix].walked + steps[length].walked - steps[suffix].walked
         for i in range(draft.n_middle):
             walked += graph.length[work.middle[i]]
-        if walked > limits.max_length:
+        if walked > limit_at(limits.max_length, limits.budgets, source):
             return -1.0
     needed = best_reward(front, (draft.survivors + home) * (1.0 - TOLERANCE))
     ahead = steps[suffix].ahead

@@ -24,12 +24,13 @@ from botohe_moo.kernels.graph.kinds import (
     AT_NEXT_DEPOT,
     AT_THIS_DEPOT,
     behind_kind,
+    chance_at,
+    credit_carried,
     credit_of,
     has_kinds,
     layer_of,
     origin_of,
     reward_at,
-    share_of,
     start_of,
 )
 from botohe_moo.kernels.local_search.trail_store import TrailStore, release
@@ -37,8 +38,6 @@ from botohe_moo.kernels.local_search.workspace import NEVER, TOLERANCE, Search, 
 from botohe_moo.kernels.plans.evaluate import begin_team, combine, team_reward
 from botohe_moo.kernels.plans.trails import sort_trails
 from botohe_moo.kernels.rng import below, uniform
-
-_CARRIED = -1.0  # instead of a probability, of visits that have not been credited yet
 
 # The probability that the next parent is the plan that has just entered the front.
 P_NEWEST = 0.9
@@ -86,7 +85,7 @@ def evaluate_others(graph: Graph, store: TrailStore, work: Workspace) -> None:
     kinds = graph.kinds
     draft.n_touched, draft.survivors = 0, 0.0
     draft.others = 0.0 if has_kinds(kinds) else graph.reward[graph.base]
-    draft.layer = layer_of(kinds, draft.robot)
+    draft.layer = layer_of(kinds, start_of(kinds, graph.base, draft.robot))
     for k in range(work.parent.shape[0]):
         is_changed = k == draft.robot
         for i in range(1, draft.n_chosen):
@@ -195,16 +194,6 @@ def clear_trail(work: Workspace) -> None:
 
 
 @helper
-def _credit(graph: Graph, store: TrailStore, source: int, first: int, alive: float) -> int:
-    """Credit what is carried, of the visits from ``first`` on; return how many visits there are."""
-    layer = source - origin_of(graph.kinds, source)
-    for i in range(first, store.n.visits):
-        if store.reach[i] == _CARRIED:
-            store.reach[i] = alive * share_of(graph.kinds, layer + store.node[i])
-    return int(store.n.visits)
-
-
-@helper
 def add_trail(graph: Graph, store: TrailStore, work: Workspace, robot: int, length: int) -> int:
     """Store a robot's trail of the first ``length`` arcs in ``work.child``; return its number.
 
@@ -220,28 +209,27 @@ def add_trail(graph: Graph, store: TrailStore, work: Workspace, robot: int, leng
     kinds = graph.kinds
     source = start_of(kinds, graph.base, robot)
     nodes[source].seen = mark
-    alive, uncredited = 1.0, n.visits
+    alive, uncredited, layer = 1.0, n.visits, layer_of(kinds, source)
     if has_kinds(kinds) and graph.reward[source] > 0.0:
-        is_carried = credit_of(kinds, source) == AT_NEXT_DEPOT
         store.node[n.visits] = origin_of(kinds, source)
-        store.reach[n.visits] = _CARRIED if is_carried else share_of(kinds, source)
+        store.reach[n.visits] = chance_at(kinds, source, alive)
         n.visits += 1
     for i in range(length):
         arc = work.child[i]
         store.arc[n.arcs + i] = arc
         alive *= graph.survival[arc]
         node = graph.head[arc]
-        credit = credit_of(kinds, node)
         if graph.reward[node] > 0.0 and nodes[node].seen != mark:
             nodes[node].seen = mark
             store.node[n.visits] = origin_of(kinds, node)
-            is_carried = credit == AT_NEXT_DEPOT
-            store.reach[n.visits] = _CARRIED if is_carried else alive * share_of(kinds, node)
+            store.reach[n.visits] = chance_at(kinds, node, alive)
             n.visits += 1
-        if credit == AT_THIS_DEPOT:
-            uncredited = _credit(graph, store, source, uncredited, alive)
+        if has_kinds(kinds) and credit_of(kinds, node) == AT_THIS_DEPOT:
+            uncredited = credit_carried(
+                kinds, layer, store.node, store.reach, uncredited, n.visits, alive
+            )
     if has_kinds(kinds):  # what is carried at the end is lost
-        _credit(graph, store, source, uncredited, 0.0)
+        credit_carried(kinds, layer, store.node, store.reach, uncredited, n.visits, 0.0)
     n.arcs += length
     added.end_arc, added.n_visits = n.arcs, n.visits - added.first_visit
     added.alive, added.n_users = alive, 1

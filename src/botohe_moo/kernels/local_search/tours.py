@@ -7,7 +7,7 @@ leads from each stop to the next, along the cheapest path.
 import numpy as np
 
 from botohe_moo.kernels.compile import helper
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, limit_at
 from botohe_moo.kernels.graph.kinds import (
     AT_NEXT_DEPOT,
     credit_of,
@@ -76,17 +76,20 @@ def _draw_slack(search: Search, which: int) -> None:
         slack.danger = uniform(states, 0)
     slack.danger *= np.exp(SPREAD * (2.0 * uniform(states, 0) - 1.0))
     is_full = uniform(states, 0) < P_FULL
-    if limits.max_length < np.inf:
+    source = start_of(graph.kinds, graph.base, work.chosen[which])
+    longest = limit_at(limits.max_length, limits.budgets, source)
+    least = limit_at(limits.min_survival, limits.floors, source)
+    if longest < np.inf:
         length = 0.0
         for i in range(trail.first_arc, trail.end_arc):
             length += graph.length[store.arc[i]]
-        slack.length = min(limits.max_length, length * (1.0 + SPREAD))
+        slack.length = min(longest, length * (1.0 + SPREAD))
         if is_full:
-            slack.length = limits.max_length
+            slack.length = longest
             # By a finite factor, so that a danger of 0 stays 0.
-            slack.danger *= min(limits.max_length / max(length, _LEAST_COST), 1.0 / _LEAST_COST)
-    if limits.min_survival > 0.0:
-        most = -np.log(limits.min_survival)
+            slack.danger *= min(longest / max(length, _LEAST_COST), 1.0 / _LEAST_COST)
+    if least > 0.0:
+        most = -np.log(least)
         slack.danger = most if is_full else min(slack.danger, most)
 
 
@@ -297,7 +300,9 @@ def store_tour(search: Search, which: int) -> int:
         for i in range(n):
             length += graph.length[work.child[i]]
     trail = add_trail(graph, store, work, robot, n)
-    if store.trails[trail].alive < limits.min_survival or length > limits.max_length:
+    least = limit_at(limits.min_survival, limits.floors, source)
+    longest = limit_at(limits.max_length, limits.budgets, source)
+    if store.trails[trail].alive < least or length > longest:
         discard(store, trail)
         trail = work.parent[work.chosen[which]]
         store.trails[trail].n_users += 1

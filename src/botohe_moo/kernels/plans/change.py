@@ -12,7 +12,8 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.graph.graph import Graph, Limits, find_arc
+from botohe_moo.kernels.graph.graph import Graph, Limits, find_arc, limit_at
+from botohe_moo.kernels.graph.kinds import end_of, layer_of, n_origins
 from botohe_moo.kernels.graph.paths import safest_path
 from botohe_moo.kernels.plans.moves import (
     CANNOT,
@@ -85,16 +86,16 @@ def _take_detour(
 
     Returns ``CANNOT`` where there is no path, or only the one that the trail takes.
     """
-    used, mark, way = scratch.used, scratch.mark[0], scratch.way
+    used, mark, way, kinds = scratch.used, scratch.mark[0], scratch.way, graph.kinds
     start = below(states, length)
     room = length - start
     stop = start + min(room, int((room + 1) ** uniform(states, 0))) - 1
-    via = below(states, graph.reward.shape[0])
     source, target = nodes[start], nodes[stop]
+    via = layer_of(kinds, source) + below(states, n_origins(kinds, graph.reward.shape[0]))
     for i in range(start, stop):
         used[find_arc(graph, nodes[i], nodes[i + 1])] = -1
     n_out = 0
-    if via not in (graph.base, source, target):
+    if via not in (end_of(kinds, graph.base, source), source, target):
         way[0] = find_arc(graph, source, via)
         n_out = 1
         if way[0] < 0 or used[way[0]] == mark:
@@ -138,7 +139,8 @@ def keeps_limits(graph: Graph, limits: Limits, nodes: OffsetArray, n: int) -> bo
         arc = find_arc(graph, nodes[i], nodes[i + 1])
         alive *= graph.survival[arc]
         length += graph.length[arc]
-    return alive >= limits.min_survival and length <= limits.max_length
+    is_safe = alive >= limit_at(limits.min_survival, limits.floors, nodes[0])
+    return is_safe and length <= limit_at(limits.max_length, limits.budgets, nodes[0])
 
 
 @helper

@@ -8,10 +8,15 @@ from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.compile import array_maker, helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.graph.kinds import (
-    AT_NEXT_DEPOT,
     AT_THIS_DEPOT,
-    Kinds,
+    chance_at,
+    credit_carried,
+    credit_of,
     end_of,
+    has_kinds,
+    is_listed,
+    layer_of,
+    origin_of,
     reward_at,
     start_of,
 )
@@ -67,9 +72,10 @@ class _Scratch(NamedTuple):
     used: OffsetArray
     visited: OffsetArray
     team: Team
-    # Nodes whose rewards the robot carries (n_nodes), and how many there are (1).
-    carried: OffsetArray
-    n_carried: OffsetArray
+    # With kinds, which nodes of the mission a trail visits, in the order of first visits, and with
+    # what probability each is credited (n_nodes).
+    node: OffsetArray
+    chance: FloatArray
 
 
 @array_maker
@@ -122,25 +128,25 @@ def either(one: Chance, other: Chance) -> Chance:
 
 
 @inlined
-def _reach(kinds: Kinds | None, scratch: _Scratch, trail: int, node: int, alive: float) -> None:
-    """Note that a robot gets to a node with probability ``alive``."""
-    if kinds is None:
-        if scratch.visited[node] != trail:
-            scratch.visited[node] = trail
+def _reach(graph: Graph, scratch: _Scratch, trail: int, node: int, alive: float, n: int) -> int:
+    """Note that a robot gets to a node with probability ``alive``; return how many visits it made.
+
+    ``n`` is how many they were before. Without kinds they are not counted.
+    """
+    is_first = scratch.visited[node] != trail
+    scratch.visited[node] = trail
+    if not has_kinds(graph.kinds):
+        if is_first:
             combine(scratch.team, node, alive)
-        return
-    carried, n_carried = scratch.carried, scratch.n_carried
-    if scratch.visited[node] != trail:
-        scratch.visited[node] = trail
-        if kinds.credit[node] == AT_NEXT_DEPOT:
-            carried[n_carried[0]] = node
-            n_carried[0] += 1
-        else:
-            combine(scratch.team, kinds.origin[node], kinds.share[node] * alive)
-    if kinds.credit[node] == AT_THIS_DEPOT:
-        for i in range(n_carried[0]):
-            combine(scratch.team, kinds.origin[carried[i]], kinds.share[carried[i]] * alive)
-        n_carried[0] = 0
+        return 0
+    kinds = graph.kinds
+    if is_first and is_listed(kinds, graph.reward, node):
+        scratch.node[n] = origin_of(kinds, node)
+        scratch.chance[n] = chance_at(kinds, node, alive)
+        n += 1
+    if credit_of(kinds, node) == AT_THIS_DEPOT:
+        credit_carried(kinds, layer_of(kinds, node), scratch.node, scratch.chance, 0, n, alive)
+    return n
 
 
 @inlined
@@ -176,13 +182,13 @@ def _walk(
     position of the first fault.
     """
     node = int(nodes[start]) if stop > start else -1
-    kind = position = n_faults = scratch.n_carried[0] = 0
+    kind = position = n_faults = n = 0
     if node != source:
         n_faults = 1
         known = 0 <= node < graph.reward.shape[0]
         kind = EMPTY_TRAIL if stop <= start else NOT_FROM_BASE if known else UNKNOWN_NODE
     else:
-        _reach(graph.kinds, scratch, trail, node, 1.0)
+        n = _reach(graph, scratch, trail, node, 1.0, n)
     alive, length = 1.0, 0.0
     i = start + 1
     while kind == VALID and i < stop:
@@ -191,11 +197,17 @@ def _walk(
         if kind == VALID:
             alive *= graph.survival[arc]
             length += graph.length[arc]
-            _reach(graph.kinds, scratch, trail, head, alive)
+            n = _reach(graph, scratch, trail, head, alive, n)
             node = head
             i += 1
         else:
             position = i - start
+    if has_kinds(graph.kinds):
+        credit_carried(
+            graph.kinds, layer_of(graph.kinds, source), scratch.node, scratch.chance, 0, n, 0.0
+        )
+        for j in range(n):
+            combine(scratch.team, scratch.node[j], scratch.chance[j])
     for j in range(i, stop):
         head = int(nodes[j])
         n_faults += _hop(graph, scratch, trail, node, head)[1] != VALID
@@ -231,8 +243,8 @@ def evaluate(
     """
     graph, values, n_nodes = shared(graph), shared(values), graph.reward.shape[0]
     used, visited = np.full(graph.head.shape[0], -1), np.full(n_nodes, -1)
-    carried, n_carried = np.empty(n_nodes, np.int64), np.zeros(1, np.int64)
-    scratch = _Scratch(used, visited, new_team(n_nodes), carried, n_carried)
+    node, chance = np.empty(n_nodes, np.int64), np.empty(n_nodes)
+    scratch = _Scratch(used, visited, new_team(n_nodes), node, chance)
     order = np.empty(n_robots, np.int64)
     for plan in range(values.objectives.shape[0]):
         for k in range(n_robots):
@@ -248,7 +260,7 @@ def evaluate(
         for k in range(n_robots):
             trail = order[k]
             start, stop = offsets[trail], offsets[trail + 1]
-            source = start_of(graph.kinds, graph.base, trail - plan * n_robots)
+            source = start_of(graph.kinds, graph.base, trail)
             alive, length, n, kind, at = _walk(graph, scratch, nodes, start, stop, trail, source)
             if strict and kind != VALID:
                 return kind, plan, trail - plan * n_robots, at

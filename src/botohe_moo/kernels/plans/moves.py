@@ -13,6 +13,7 @@ import numpy as np
 from botohe_moo._base.types import OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph, find_arc
+from botohe_moo.kernels.graph.kinds import end_of
 from botohe_moo.kernels.graph.paths import Paths, new_paths
 from botohe_moo.kernels.rng import below, uniform
 
@@ -66,14 +67,14 @@ def mark_trail(graph: Graph, scratch: MoveScratch, nodes: OffsetArray, length: i
 def _between(graph: Graph, scratch: MoveScratch, tail: int, head: int, states: SeedArray) -> int:
     """Draw a node between two others, joined to them by unused arcs; −1 where there is none.
 
-    It is not the base.
+    It is not the base, where trails end.
     """
     used, mark = scratch.used, scratch.mark[0]
     n = 0
     drawn = -1
     for arc in range(graph.first[tail], graph.first[tail + 1]):
         node = graph.head[arc]
-        if used[arc] == mark or node == graph.base:
+        if used[arc] == mark or node == end_of(graph.kinds, graph.base, node):
             continue
         onward = find_arc(graph, node, head)
         if onward < 0 or used[onward] == mark:
@@ -187,7 +188,9 @@ def _swap(
 
 @helper
 def _reverse(graph: Graph, nodes: OffsetArray, length: int) -> int:
-    """Reverse the trail."""
+    """Reverse the trail, if it is closed."""
+    if nodes[0] != nodes[length - 1]:
+        return CANNOT
     for i in range(length - 1):
         if find_arc(graph, nodes[i + 1], nodes[i]) < 0:
             return CANNOT

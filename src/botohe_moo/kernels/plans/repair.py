@@ -7,6 +7,7 @@ import numpy as np
 from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
+from botohe_moo.kernels.graph.kinds import layer_of, origin_of, start_of
 from botohe_moo.kernels.graph.paths import Paths, leads_home, new_paths, safest_path, way_home
 from botohe_moo.kernels.plans.trails import Trails, write_trails
 from botohe_moo.kernels.sharing import shared
@@ -47,10 +48,13 @@ def _bridge_gaps(
 ) -> int:
     """Visit the nodes of a draft in order, by safest paths over gaps; return the new size."""
     used, paths, nodes = scratch.used, scratch.paths, out.nodes
-    node = graph.base
+    node, kinds = start_of(graph.kinds, graph.base, trail), graph.kinds
     for i in range(drafts.offsets[trail], drafts.offsets[trail + 1]):
         head = drafts.nodes[i]
-        if head == node or head < 0 or head >= graph.reward.shape[0]:
+        if head < 0 or head >= graph.reward.shape[0]:
+            continue
+        head = layer_of(kinds, node) + origin_of(kinds, head)  # whichever kind it was meant for
+        if head == node:
             continue
         arc = find_arc(graph, node, head)
         if arc >= 0 and used[arc] == trail:
@@ -82,9 +86,9 @@ def _keep_prefix(
     """Take the longest valid prefix of a draft from which a way leads home; return the new size."""
     used, nodes = scratch.used, out.nodes
     start, stop = drafts.offsets[trail], drafts.offsets[trail + 1]
-    if start == stop or drafts.nodes[start] != graph.base:
+    node, homely = start_of(graph.kinds, graph.base, trail), size
+    if start == stop or drafts.nodes[start] != node:
         return size
-    node, homely = graph.base, size
     for i in range(start + 1, stop):
         head = drafts.nodes[i]
         known = 0 <= head < graph.reward.shape[0]
@@ -145,7 +149,7 @@ def _repair(
         size = out.offsets[trail]
         if size + graph.head.shape[0] + 1 > out.nodes.shape[0]:
             return trail
-        out.nodes[size] = graph.base
+        out.nodes[size] = start_of(graph.kinds, graph.base, trail)
         if kind == SAFEST_PATH:
             size = _bridge_gaps(graph, scratch, drafts, trail, out, size + 1)
         else:
@@ -168,7 +172,8 @@ def repair(graph: Graph, kind: int, drafts: Trails) -> tuple[IntArray, OffsetArr
     With ``TRUNCATE`` the longest valid prefix of each draft is kept. It begins at base, takes no
     missing arc and no arc twice, and leaves a way home over unused arcs.
 
-    Both end with the safest way home. Changes are arcs added and hops dropped.
+    With kinds, nodes of a draft count as those of the kind of the robot whose trail it is. Both end
+    with the safest way home. Changes are arcs added and hops dropped.
     """
     used, n_trails = np.full(graph.n_arcs, -1, np.int64), len(drafts.offsets) - 1
     scratch = RepairScratch(used, used.copy(), new_paths(graph))

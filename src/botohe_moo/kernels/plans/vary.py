@@ -38,10 +38,14 @@ def join_pieces(nodes: IntArray, pieces: OffsetArray) -> tuple[IntArray, OffsetA
 
 
 @helper
-def _shuffle(states: SeedArray, items: OffsetArray) -> None:
-    for i in range(items.shape[0] - 1, 0, -1):
-        j = below(states, i + 1)
-        items[i], items[j] = items[j], items[i]
+def _shuffle(states: SeedArray, items: OffsetArray, stops: OffsetArray) -> None:
+    """Shuffle the numbers of robots, those of each kind among themselves."""
+    first = 0
+    while first < items.shape[0]:
+        for i in range(stops[first] - 1, first, -1):
+            j = first + below(states, i - first + 1)
+            items[i], items[j] = items[j], items[i]
+        first = stops[first]
 
 
 @helper
@@ -82,15 +86,15 @@ def _draw_shared_place(
 
 
 @helper
-def _draw_robot_out(offsets: OffsetArray, plan: int, n_robots: int, states: SeedArray) -> int:
-    """Draw a robot that leaves the base, any robot where none does; return its trail."""
+def _draw_robot_out(offsets: OffsetArray, first: int, stop: int, states: SeedArray) -> int:
+    """Draw a trail that leaves the base, of those from ``first`` to ``stop``; any if none does."""
     n = 0
-    for trail in range(plan * n_robots, (plan + 1) * n_robots):
+    for trail in range(first, stop):
         n += offsets[trail + 1] - offsets[trail] > 1
     if n == 0:
-        return plan * n_robots + below(states, n_robots)
+        return first + below(states, stop - first)
     left = below(states, n)
-    for trail in range(plan * n_robots, (plan + 1) * n_robots):
+    for trail in range(first, stop):
         if offsets[trail + 1] - offsets[trail] > 1:
             if left == 0:
                 return trail
@@ -117,6 +121,8 @@ def cross(
     trails: Trails,
     kinds: OffsetArray,
     orders: OffsetArray,
+    firsts: OffsetArray,
+    stops: OffsetArray,
     counts: OffsetArray,
     states: SeedArray,
     pieces: OffsetArray,
@@ -126,7 +132,8 @@ def cross(
     ``trails`` are all first parents, then all second ones. With ``EXCHANGE`` each child has whole
     trails: a random part of one parent's, and the rest from the other parent. With ``SPLICE`` one
     trail of each parent goes on as the other's from a node that both visit; where there is none the
-    two trails change places.
+    two trails change places. Robots of a kind, from ``firsts`` to ``stops`` of each of them
+    (n_robots), get trails of this kind.
 
     ``orders``, twice the numbers of the robots (2, n_robots), and ``counts``, zeros (n_nodes), are
     scratch. ``states`` (1, 2) are advanced; ``pieces`` are 0 before.
@@ -136,8 +143,8 @@ def cross(
         mine, others = pair * n_robots, (n_pairs + pair) * n_robots
         child, other_child = 2 * mine, 2 * mine + n_robots
         if kinds[pair] == EXCHANGE:
-            _shuffle(states, orders[0])
-            _shuffle(states, orders[1])
+            _shuffle(states, orders[0], stops)
+            _shuffle(states, orders[1], stops)
             cut = 1 + below(states, n_robots - 1)
             for k in range(n_robots):
                 one, other = mine + orders[0, k], others + orders[1, k]
@@ -146,8 +153,9 @@ def cross(
                 _copy_trail(offsets, one, pieces, child + k)
                 _copy_trail(offsets, other, pieces, other_child + k)
             continue
-        s = _draw_robot_out(offsets, pair, n_robots, states)
-        t = _draw_robot_out(offsets, n_pairs + pair, n_robots, states)
+        s = _draw_robot_out(offsets, mine, mine + n_robots, states)
+        first, stop = others + firsts[s - mine], others + stops[s - mine]
+        t = _draw_robot_out(offsets, first, stop, states)
         p, q = _draw_shared_place(trails, s, t, counts, states)
         if p < 0:
             p, q = offsets[s], offsets[t]
@@ -206,7 +214,7 @@ def share(
     """
     offsets = trails.offsets
     for plan in range(pieces.shape[0] // n_robots):
-        one = _draw_robot_out(offsets, plan, n_robots, states)
+        one = _draw_robot_out(offsets, plan * n_robots, (plan + 1) * n_robots, states)
         other = plan * n_robots + below(states, n_robots - 1)
         other += other >= one
         if uniform(states, 0) < prob_copy:

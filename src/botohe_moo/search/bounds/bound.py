@@ -12,11 +12,10 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive, Probability, TravelBudget
 from botohe_moo.indicators import check_objectives
-from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.model import Mission, check_plain
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.proof import Proof
 from botohe_moo.search.exact import MemoryLimit
-from botohe_moo.search.sequential import limits_of
 
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 1024.0
@@ -95,7 +94,7 @@ def bound_front(
     >>> bound_front(toy).bound([0.3, 0.6, 0.9]).round(2).tolist()
     [7.09, 4.14, 0.0]
     """
-    check_mission(mission)
+    check_plain(mission, "bound_front")
     if mission.robots > MOST_ROBOTS:
         raise ValueError(
             f"Expected a mission of at most {MOST_ROBOTS:,} robots, got {mission.robots:,}: bounds "
@@ -103,7 +102,7 @@ def bound_front(
         )
     proof = Proof(
         mission,
-        limits_of(min_survival, mission.max_length if max_length is None else max_length),
+        mission.limits(min_survival, max_length),
         seed=seed,
         seconds=time_limit,
         memory=memory_limit,
