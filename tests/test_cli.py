@@ -25,7 +25,7 @@ import numba
 import pytest
 
 import botohe_moo.kernels.compile  # noqa: F401
-from botohe_moo import FrontBound, Mission, load_mission, read_solution, save_mission
+from botohe_moo import FrontBound, Kind, Mission, load_mission, read_solution, save_mission
 from botohe_moo.cli.progress import showing
 from tests.forked import run_forked
 
@@ -935,6 +935,82 @@ class TestImport:
         message = refused("missions", "import", *self.ARGS, "--both-ways", "--out", "site.json")
         for word in words:
             assert word in message
+
+    KINDS = ("--nodes", "nodes.csv", "--arcs", "arcs.csv", "--base", "dock", "--both-ways")
+
+    @pytest.fixture
+    def pads(self, tmp_path):
+        """A dock, a roof that only drones get to, and a lab with a sample."""
+        nodes = 'label,reward,share:drone,pays\ndock,0,,\n"roof, east",2,,\nlab,5,0.5,return\n'
+        arcs = 'tail,head,Survival:drone,survival:rover\ndock,lab,0.8,0.9\nlab,"roof, east",0.7,\n'
+        (tmp_path / "nodes.csv").write_text(nodes)
+        (tmp_path / "arcs.csv").write_text(arcs)
+
+    @pytest.mark.usefixtures("pads")
+    def test_kinds_of_robots(self, botohe, tmp_path):
+        kinds = [
+            *("--kind", "drone=2,start=roof, east,max_length=4"),
+            *("--kind", "rover = 1, min_survival=0.5"),
+        ]
+        ended = botohe("missions", "import", *self.KINDS, *kinds, "--out", "site.json")
+        brief = "3 nodes, 4 arcs, 3 robots (2 drone, 1 rover), total reward 7"
+        assert ended == (0, f"wrote site.json: {brief}\n", "")
+        assert load_mission(tmp_path / "site.json").kinds == (
+            Kind("drone", 2, start="roof, east", max_length=4),
+            Kind("rover", 1, min_survival=0.5),
+        )
+        checked = botohe("missions", "check", "site.json")
+        assert checked.out == f"site.json: a valid mission, {brief}\n"
+        shown = botohe("missions", "show", "site.json")
+        assert shown.out == (
+            "site: site\n"
+            "  nodes         3 (2 with a reward)\n"
+            "  arcs          4, dead ends possible\n"
+            "  team          3 robots (2 drone, 1 rover) at base 'dock'\n"
+            "  total reward  7\n"
+            "  drone         2 robots from 'roof, east' to 'dock', can take 4 arcs, collects at 2 "
+            "of 2 paying nodes, max_length 4\n"
+            "  rover         1 robot from 'dock' to 'dock', can take 2 arcs, collects at 1 of 2 "
+            "paying nodes, min_survival 0.5\n"
+            "  on return     1 of 2 paying nodes\n"
+            "  depots        'dock'\n"
+            "  survival      0.7 to 0.9\n"
+        )
+
+    @pytest.mark.usefixtures("pads")
+    @pytest.mark.parametrize(
+        ("given", "words"),
+        [
+            ([], ["Expected --robots K, or --kind NAME=K for each kind, found neither."]),
+            (["--kind", "drone"], ["Expected a kind as NAME=ROBOTS or", "got 'drone'."]),
+            (["--kind", "drone=1,stat=lab"], ["kinds[0]: there is no 'stat' of a kind"]),
+            (
+                ["--kind", "drone=x,max_length=2,5", "--kind", "rover=1,end=la", "--pays", "home"],
+                [
+                    "has 4 faults",
+                    "kind 'drone': expected robots to be an integer >= 1, got 'x'",
+                    "kind 'drone': expected a finite max_length >= 0, got '2,5'",
+                    "kind 'rover': end 'la': there is no such node; most alike are lab, ",
+                    "expected pays to be 'arrival' or 'return', got 'home'",
+                ],
+            ),
+            (
+                ["--robots", 2],
+                [
+                    "nodes.csv: column 'share:drone': there is no kind 'drone'; the mission lists",
+                    "arcs.csv: column 'survival:rover': there is no kind 'rover'; the mission li",
+                ],
+            ),
+        ],
+    )
+    def test_bad_kinds(self, refused, given, words):
+        message = refused("missions", "import", *self.KINDS, *given, "--out", "site.json")
+        for word in words:
+            assert word in message
+
+    def test_a_number_of_robots_of_several_kinds(self, refused):
+        message = refused("solve", "drones_and_rovers", "--robots", 3)
+        assert "it has 4 robots (2 drone, 2 rover): expected no number of robots, got 3" in message
 
     @pytest.mark.usefixtures("site")
     def test_the_mission_and_its_file(self, refused):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.mission import generators, save_mission
+from botohe_moo.mission import generators, save_mission, sites
 
 ALL = [generators.two_communities, generators.random, generators.complete, generators.terrain]
 seeds = st.integers(0, 2**64)
@@ -179,3 +179,34 @@ class TestTerrain:
         mission = generators.terrain()
         pos = dict(mission.graph.nodes(data="pos"))
         assert mission.base == min(pos, key=lambda node: math.dist(pos[node], (0.5, 0.5)))
+
+
+class TestDronesAndRovers:
+    @given(seeds, st.integers(1, 9), st.integers(1, 9))
+    def test_what_each_can_do(self, seed, drones, rovers):
+        mission = sites.drones_and_rovers(seed=seed, drones=drones, rovers=rovers)
+        assert [(kind.name, kind.robots) for kind in mission.kinds] == [
+            ("drone", drones),
+            ("rover", rovers),
+        ]
+        assert mission.balanced
+        graph, n = mission.graph, len(mission.nodes)
+        zones = dict(graph.nodes(data="zone"))
+        rewards = dict(zip(mission.nodes, mission.arrays.reward[n:].tolist(), strict=True))
+        reached = {node for node, reward in rewards.items() if reward > 0}
+        assert reached == {node for node, zone in zones.items() if zone in ("yard", "lab")}
+        for arc in graph.edges.values():
+            drone, rover = arc["survival"]["drone"], arc["survival"]["rover"]
+            assert rover > drone if arc["way"] in ("ground", "indoors") else rover == 0
+
+    def test_same_seed_same_mission(self, tmp_path):
+        for number in "12":
+            save_mission(sites.drones_and_rovers(seed=7), tmp_path / f"{number}.json")
+        assert (tmp_path / "1.json").read_bytes() == (tmp_path / "2.json").read_bytes()
+        assert sites.drones_and_rovers(seed=7) != sites.drones_and_rovers(seed=8)
+
+    def test_seed_zero(self):
+        mission = sites.drones_and_rovers()
+        sums = mission.total_reward, mission.arrays.survival.sum(), mission.arrays.length.sum()
+        assert (len(mission.nodes), len(mission.graph.edges), mission.robots) == (34, 102, 4)
+        assert [round(float(number), 4) for number in sums] == [100, 156.0656, 2248]

@@ -22,11 +22,12 @@ DATA = Path(__file__).parents[1] / "data"
 # name, nodes, arcs, robots, total reward: case-studies/README.md
 SIZES = [
     ("art_museum", 27, 74, 3, 13.0667),
+    ("art_museum_return", 27, 74, 3, 13.0667),
     ("power_plant", 73, 144, 2, 8.70),
     ("terrain_200", 200, 1348, 5, 103.949),
     ("toy", 5, 12, 2, 10),
 ]
-GENERATORS = ["complete", "random", "terrain", "two_communities"]
+GENERATORS = ["complete", "drones_and_rovers", "random", "terrain", "two_communities"]
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from botohe_moo.cli.options import (
     mission_source,
     out_option,
     path_option,
+    read_kind,
 )
 from botohe_moo.cli.shell import (
     BAD_INPUT,
@@ -85,14 +86,16 @@ def show_mission(
 
 def _describe(mission: Mission) -> str:
     """Describe a mission, a line for each of its traits."""
-    arrays = mission.arrays
+    arrays, n_arcs = mission.arrays, len(mission.graph.edges)
     lines = [
         f"{mission.name}: {mission.title}",
-        f"  nodes         {arrays.n_nodes} ({(arrays.reward > 0).sum()} with a reward)",
-        f"  arcs          {arrays.n_arcs}{'' if mission.balanced else ', dead ends possible'}",
-        f"  team          {counted(mission.robots, 'robot')} at base {mission.base!r}",
+        f"  nodes         {len(mission.nodes)} ({(mission.rewards > 0).sum()} with a reward)",
+        f"  arcs          {n_arcs}{'' if mission.balanced else ', dead ends possible'}",
+        f"  team          {mission.team} at base {mission.base!r}",
         f"  total reward  {mission.total_reward:g}",
     ]
+    if arrays.kinds is not None:
+        lines += _describe_kinds(mission, arrays.kinds.credit.tolist())
     if arrays.n_arcs:
         lines.append(f"  survival      {arrays.survival.min():g} to {arrays.survival.max():g}")
         if any("length" in arc for *_, arc in mission.graph.edges(data=True)):
@@ -100,6 +103,37 @@ def _describe(mission: Mission) -> str:
     if mission.max_length is not None:
         lines.append(f"  max_length    {mission.max_length:g}, the travel budget of every robot")
     return "\n".join(lines)
+
+
+def _describe_kinds(mission: Mission, credit: list[int]) -> list[str]:
+    """Describe each kind of robots in a line, and what is credited on return, and where."""
+    from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
+    from botohe_moo.mission.kinds import ONLY_KIND, Kind
+
+    n, paying = len(mission.nodes), (mission.rewards > 0).tolist()
+    arcs = (mission.arrays.tail // n).tolist()
+    collects = (mission.arrays.reward > 0).reshape(-1, n)
+    lines = []
+    for k, kind in enumerate(mission.kinds):
+        if kind == Kind(ONLY_KIND, kind.robots):
+            continue
+        start, end = kind.ends(mission.base)
+        traits = [
+            f"{counted(kind.robots, 'robot')} from {start!r} to {end!r}",
+            f"can take {counted(arcs.count(k), 'arc')}",
+            f"collects at {collects[k].sum()} of {sum(paying)} paying nodes",
+        ]
+        if kind.min_survival:
+            traits.append(f"min_survival {kind.min_survival:g}")
+        if kind.max_length is not None:
+            traits.append(f"max_length {kind.max_length:g}")
+        lines.append(f"  {kind.name:12}  {', '.join(traits)}")
+    of_nodes = list(zip(mission.nodes, credit, paying, strict=False))
+    if on_return := sum(pays and when == AT_NEXT_DEPOT for _, when, pays in of_nodes):
+        depots = [repr(node) for node, when, _ in of_nodes if when == AT_THIS_DEPOT]
+        lines.append(f"  on return     {on_return} of {sum(paying)} paying nodes")
+        lines.append(f"  depots        {', '.join(depots)}")
+    return lines
 
 
 @missions_app.command("check")
@@ -129,7 +163,8 @@ def import_mission(
         typer.Option(
             "--nodes",
             metavar="FILE",
-            help="CSV with the columns label and reward; optional: x and y, zone.",
+            help="CSV with the columns label and reward; optional: x and y, zone; share, or "
+            "share:NAME for kinds of robots; pays (arrival, return); depot (yes, no).",
         ),
     ],
     arcs: Annotated[
@@ -137,15 +172,38 @@ def import_mission(
         typer.Option(
             "--arcs",
             metavar="FILE",
-            help="CSV with the columns tail, head and survival; optional: length.",
+            help="CSV with the columns tail, head and survival; optional: length; survival:NAME "
+            "for kinds of robots: a kind whose cell is empty cannot take the arc, unless there is "
+            "a number in the column survival.",
         ),
     ],
     base: Annotated[str, typer.Option("--base", metavar="LABEL", help="Label of the base.")],
-    robots: Annotated[int, typer.Option("--robots", metavar="K", help="Number of robots.")],
     out: Annotated[
         Path,
         out_option("FILE", "Mission file to write: .json, .graphml."),
     ],
+    robots: Annotated[
+        int | None,
+        typer.Option("--robots", metavar="K", help="Number of robots, if all are alike."),
+    ] = None,
+    kind: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--kind",
+            metavar="NAME=K,...",
+            help="K robots of a kind, such as drone=2 or drone=2,start=roof,end=gate,"
+            "min_survival=0.5,max_length=300. Repeatable, instead of --robots.",
+        ),
+    ] = None,
+    pays: Annotated[
+        str | None,
+        typer.Option(
+            "--pays",
+            metavar="WHEN",
+            help="When nodes pay that the table does not say it of: on arrival (the default), or "
+            "on return, when a robot that has been there gets to a depot, such as the base.",
+        ),
+    ] = None,
     both_ways: Annotated[
         bool, typer.Option("--both-ways", help="Every row of arcs is an arc in both directions.")
     ] = False,
@@ -176,11 +234,15 @@ def import_mission(
     from botohe_moo.mission.formats.tables import read_table
 
     with failing():
+        if robots is None and not kind:
+            raise ValueError("Expected --robots K, or --kind NAME=K for each kind, found neither.")
         loaded = mission_from_tables(
             read_table(nodes),
             read_table(arcs),
             base=base,
             robots=robots,
+            kinds=[read_kind(text) for text in kind] if kind else None,
+            pays=pays,
             both_ways=both_ways,
             max_length=max_length,
             name=out.stem,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -80,6 +81,25 @@ def read_parameters(pairs: Iterable[str] | None) -> dict[str, Any]:
             raise ValueError(f"Expected a parameter as NAME=VALUE, got {pair!r}.")
         found[name] = _value(name, value)
     return found
+
+
+def read_kind(text: str) -> Any:
+    """Read a kind of robots, written as NAME=ROBOTS or NAME=ROBOTS,start=LABEL,...
+
+    Labels may have commas in them. What should be a number and is none stays text.
+    """
+    name, equals, rest = text.partition("=")
+    if not equals:
+        raise ValueError(f"Expected a kind as NAME=ROBOTS or NAME=ROBOTS,start=..., got {text!r}.")
+    robots, *pairs = re.split(r",(?=\s*\w+\s*=)", rest)
+    kind: dict[str, Any] = {"name": name.strip(), "robots": robots.strip()}
+    for pair in pairs:
+        key, _, value = pair.partition("=")
+        kind[key.strip()] = value.strip()
+    for key, number in (("robots", int), ("min_survival", float), ("max_length", float)):
+        with suppress(KeyError, ValueError):
+            kind[key] = number(kind[key])
+    return kind
 
 
 def _value(name: str, text: str) -> Any:

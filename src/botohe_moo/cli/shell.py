@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, NoReturn, TextIO
 import typer
 
 from botohe_moo._base.signals import hold_signals
-from botohe_moo._base.words import counted
 
 if TYPE_CHECKING:
     from botohe_moo._plugins.stated import Parameter
@@ -155,10 +154,9 @@ def stoppable(answer: str) -> Iterator[threading.Event]:
 
 def brief(mission: Mission, max_length: float | None) -> str:
     """Describe the size of a mission and the travel budget, if there is one, in a line."""
-    team = counted(mission.robots, "robot")
     limit = "" if max_length in (None, math.inf) else f", travel budget {max_length:g}"
     return (
-        f"{len(mission.nodes)} nodes, {mission.arrays.n_arcs} arcs, {team}, "
+        f"{len(mission.nodes)} nodes, {len(mission.graph.edges)} arcs, {mission.team}, "
         f"total reward {mission.total_reward:g}{limit}"
     )
 

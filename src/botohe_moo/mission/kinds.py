@@ -27,7 +27,8 @@ class Kind:
     Parameters
     ----------
     name
-        By which survivals, shares, tables and pictures refer to the kind.
+        By which survivals, shares, tables and pictures refer to the kind: without ``:``, ``,`` and
+        ``=``, and without blanks around it.
     robots
         How many robots of this kind there are, at least 1.
     start, end
@@ -41,9 +42,11 @@ class Kind:
     --------
     >>> import networkx as nx
     >>> from botohe_moo import Kind, Mission
-    >>> graph = nx.DiGraph([("dock", "reef"), ("reef", "dock")])
-    >>> nx.set_node_attributes(graph, {"dock": 0, "reef": 5}, "reward")
-    >>> nx.set_edge_attributes(graph, {"boat": 0.9, "diver": 0.5}, "survival")
+    >>> graph = nx.DiGraph()
+    >>> graph.add_node("dock", reward=0)
+    >>> graph.add_node("reef", reward=5)
+    >>> graph.add_edge("dock", "reef", survival={"boat": 0.9, "diver": 0.5})
+    >>> graph.add_edge("reef", "dock", survival={"boat": 0.9, "diver": 0.5})
     >>> mission = Mission(graph, base="dock", kinds=[Kind("boat", 1), Kind("diver", 2)])
     >>> mission.robots
     3
@@ -62,7 +65,12 @@ class Kind:
 
 
 def read_kinds(kinds: Any) -> tuple[tuple[Kind, ...], list[str]]:
-    """Return kinds, which files hold as mappings, and the faults of what is not a kind."""
+    """Return kinds, which files hold as mappings, and the faults of what is not a kind.
+
+    None lists no kinds.
+    """
+    if kinds is None:
+        return (), []
     if isinstance(kinds, str | Mapping | Kind) or not isinstance(kinds, Iterable):
         return (), [f"expected kinds to be a list of kinds, got {quoted(kinds)}"]
     read, faults, known = [], [], [field.name for field in fields(Kind)]
@@ -109,7 +117,8 @@ def graph_of_kinds(
     reward = np.array([node["reward"] for node in nodes.values()], np.float64)
     share = np.array([by_kind(node.get("share", 1.0), kinds) for node in nodes.values()])
     ends = [tuple(index[label] for label in kind.ends(base)) for kind in kinds]
-    credit = np.array([_credit(node, label == base, pays) for label, node in nodes.items()])
+    credit = np.array([_credit(node, pays) for node in nodes.values()])
+    credit[index[base]] = AT_THIS_DEPOT
     is_plain = len(kinds) == 1 and ends[0] == (index[base],) * 2 and bool((share == 1.0).all())
     if is_plain and (survival > 0.0).all() and (credit != AT_NEXT_DEPOT).all():
         return new_graph(tail, head, survival[:, 0], length, reward, index[base])
@@ -137,12 +146,20 @@ def graph_of_kinds(
 
 
 def uncollected(graph: Graph) -> OffsetArray:
-    """Return the nodes of a mission that pay, though no kind can collect their reward."""
+    """Return the nodes of a mission that pay, though no kind can collect their reward.
+
+    A reward on return needs a way on to a depot.
+    """
     kinds = graph.kinds
     if kinds is None:
         return np.empty(0, np.int64)
-    expected = graph.reward.reshape(-1, len(kinds.reward))
-    return np.flatnonzero((kinds.reward > 0.0) & (expected == 0.0).all(axis=0))
+    ways = nx.DiGraph(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
+    depots = np.flatnonzero(kinds.credit == AT_THIS_DEPOT).tolist()
+    ways.add_edges_from((depot, -1) for depot in depots)  # to one node behind all depots
+    is_credited = kinds.credit != AT_NEXT_DEPOT
+    is_credited[list(nx.ancestors(ways, -1))] = True
+    collects = (is_credited & (graph.reward > 0.0)).reshape(-1, len(kinds.reward))
+    return np.flatnonzero((kinds.reward > 0.0) & ~collects.any(axis=0))
 
 
 def credited(graph: Graph, trail: Sequence[int]) -> dict[int, float]:
@@ -171,8 +188,8 @@ def credited(graph: Graph, trail: Sequence[int]) -> dict[int, float]:
     return {int(kinds.origin[v]): q * float(kinds.share[v]) for v, q in chances.items()}
 
 
-def _credit(node: Mapping[str, Any], is_base: bool, pays: str) -> int:
-    if is_base or node.get("depot", False):
+def _credit(node: Mapping[str, Any], pays: str) -> int:
+    if node.get("depot", False):
         return AT_THIS_DEPOT
     return AT_NEXT_DEPOT if node.get("pays", pays) == "return" else ON_ARRIVAL
 

@@ -35,6 +35,15 @@ def art_museum(*, robots: Robots | None = None) -> Mission:
 
 
 @checked
+def art_museum_return(*, robots: Robots | None = None) -> Mission:
+    """The museum of ``art_museum``, whose rewards count when robots come back to the base."""
+    museum = _packaged("art_museum", robots)
+    graph = museum.graph.copy()
+    graph.graph["title"] = f"{museum.title}, rewards on return"
+    return Mission(graph, robots=museum.robots, pays="return", name="art_museum_return")
+
+
+@checked
 def power_plant(*, robots: Robots | None = None) -> Mission:
     """The Satsop nuclear power plant: a tree of 73 zones, 144 arcs, 2 robots.
 

@@ -98,11 +98,11 @@ class Mission:
     ) -> None:
         attributes = graph.graph if isinstance(graph, nx.Graph) else {}
         base = attributes.get("base") if base is None else base
-        kinds = attributes.get("kinds") if kinds is None else kinds
-        listed, faults = ((), []) if kinds is None else read_kinds(kinds)
-        robots = attributes.get("robots") if robots is None and kinds is None else robots
+        listed, faults = read_kinds(attributes.get("kinds") if kinds is None else kinds)
         if robots is not None and len(listed) == 1:
-            listed = (replace(listed[0], robots=robots),)
+            listed, robots = (replace(listed[0], robots=robots),), None
+        elif robots is None and kinds is None:
+            robots = attributes.get("robots")
         pays = attributes.get("pays", "arrival") if pays is None else pays
         name = attributes.get("name") or attributes.get("title") if name is None else name
         source = f"Mission {quoted(name)}" if name else "The mission"
@@ -173,8 +173,12 @@ class Mission:
             fault = f"it has {self.team}: expected no number of robots, got {quoted(robots)}"
         if fault:
             raise MissionError(fault, f"Mission {quoted(self.name)}")
-        kinds = [replace(self.kinds[0], robots=index(robots))]
-        return Mission(self.graph, base=self.base, kinds=kinds, pays=self.pays, name=self.name)
+        kinds = (replace(self.kinds[0], robots=index(robots)),)
+        if self.arrays.kinds is not None:  # which have the robots
+            return Mission(self.graph, base=self.base, kinds=kinds, pays=self.pays, name=self.name)
+        other = object.__new__(Mission)
+        other.__dict__.update(self.__dict__, robots=index(robots), kinds=kinds)
+        return other
 
     def with_lengths_from_pos(self) -> Mission:
         """Return the same mission with Euclidean distances between positions as lengths of arcs.

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from operator import index
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import as_float, most_alike, quoted
 from botohe_moo.kernels.plans import evaluate as kernels
+from botohe_moo.mission.attributes import PAYS, attribute_faults, is_amount
 from botohe_moo.mission.kinds import Kind, by_kind
 from botohe_moo.trails import PlanBatch
 
-if TYPE_CHECKING:
-    from botohe_moo.mission.model import Mission
-
+_SEPARATORS = frozenset(":,=")  # of the name of a kind from what follows it
+_ROUNDING = 1e-12  # relative: what rounding may change along a way
 _MAX_SHOWN = 100  # a file may have a million faults
 _FAULTS = {
     kernels.BAD_OFFSETS: "expected the batch's offsets to cut its nodes into trails",
@@ -86,13 +86,14 @@ def graph_faults(
     if kinds:
         n_robots = sum(kind.robots for kind in kinds if team_size_fault(kind.robots) is None)
         if robots is not None and robots != n_robots and not faults:
-            faults.append(f"expected no robots beside kinds, which have {n_robots}, got {robots!r}")
+            found = f"which have {n_robots}, got {quoted(robots)}"
+            faults.append(f"expected no number of robots beside kinds, {found}")
     elif robots is None:
         faults.append("expected robots to be an integer >= 1, found no graph attribute 'robots'")
     elif fault := team_size_fault(robots):
         faults.append(fault)
     budget = graph.graph.get("max_length")
-    if budget is not None and not _is_amount(budget):
+    if budget is not None and not is_amount(budget):
         faults.append(f"expected a finite max_length >= 0, got {quoted(budget)}")
     faults += attribute_faults(graph, kinds)
     for node in nx.nodes_with_selfloops(graph):
@@ -115,13 +116,16 @@ def _kind_faults(kinds: Sequence[Kind], graph: nx.DiGraph[Any]) -> Iterator[str]
         who = f"kind {quoted(kind.name)}"
         if not isinstance(kind.name, str) or not kind.name.strip():
             yield f"{who}: expected a name, a text that is not blank"
+        elif kind.name != kind.name.strip() or not _SEPARATORS.isdisjoint(kind.name):
+            where = "stand in columns survival:NAME and in --kind NAME=ROBOTS,..."
+            yield f"{who}: expected a name without : , = and blanks around it, as names {where}"
         elif kind.name in [other.name for other in kinds[:i]]:
             yield f"{who}: there are two kinds of this name"
         if fault := team_size_fault(kind.robots):
             yield f"{who}: {fault}"
         if not 0 <= as_float(kind.min_survival) <= 1:
             yield f"{who}: expected min_survival in [0, 1], got {quoted(kind.min_survival)}"
-        if kind.max_length is not None and not _is_amount(kind.max_length):
+        if kind.max_length is not None and not is_amount(kind.max_length):
             yield f"{who}: expected a finite max_length >= 0, got {quoted(kind.max_length)}"
         for name, label in (("start", kind.start), ("end", kind.end)):
             if label is not None and label not in graph:
@@ -134,15 +138,26 @@ def _kind_way_faults(
 ) -> Iterator[str]:
     for kind in kinds:
         start, end = kind.ends(base)
-        arcs: Any = graph.edges(data="survival")
         taken: nx.DiGraph[Any] = nx.DiGraph()
         taken.add_nodes_from(graph)
-        taken.add_edges_from((u, v) for u, v, survival in arcs if by_kind(survival, [kind])[0] > 0)
+        for tail, head, arc in graph.edges(data=True):
+            if (survival := by_kind(arc["survival"], [kind])[0]) > 0:
+                taken.add_edge(tail, head, danger=-math.log(survival), length=arc.get("length", 1))
+        who = f"kind {quoted(kind.name)}"
+        way = f"way from its start {quoted(start)} to its end {quoted(end)}"
         if start == end == base and len(kinds) == 1:
             yield from _way_faults(taken, base)
         elif not nx.has_path(taken, start, end):
-            ways = f"has no way from its start {quoted(start)} to its end {quoted(end)}"
-            yield f"kind {quoted(kind.name)}: {ways}"
+            yield f"{who}: has no {way}"
+        else:
+            safest = math.exp(-nx.dijkstra_path_length(taken, start, end, "danger"))
+            if safest < kind.min_survival * (1 - _ROUNDING):
+                expected = f"min_survival to be at most {safest:.6g}, that of the safest {way}"
+                yield f"{who}: expected {expected}, got {quoted(kind.min_survival)}"
+            shortest = nx.dijkstra_path_length(taken, start, end, "length")
+            if kind.max_length is not None and shortest > kind.max_length * (1 + _ROUNDING):
+                expected = f"max_length to be at least {shortest:.6g}, that of the shortest {way}"
+                yield f"{who}: expected {expected}, got {quoted(kind.max_length)}"
 
 
 def team_size_fault(robots: object) -> str | None:
@@ -165,82 +180,6 @@ def _not_a_digraph(graph: Any) -> str:
             "graph.to_directed() makes every edge passable both ways"
         )
     return f"expected an nx.DiGraph, got {quoted(graph)}"
-
-
-def _is_amount(value: object) -> bool:
-    return 0 <= as_float(value) < math.inf
-
-
-def _is_place(value: Any) -> bool:
-    try:
-        x, y = map(as_float, value)
-    except (TypeError, ValueError):
-        return value is None
-    return math.isfinite(x) and math.isfinite(y)
-
-
-_Rules = dict[str, tuple[str, Callable[[Any], bool]]]
-PAYS = ("arrival", "return")
-_OF_NODES: _Rules = {
-    "reward": ("a finite reward >= 0", _is_amount),
-    "pos": ("pos [x, y], two finite numbers", _is_place),
-    "share": ("share in [0, 1]", lambda value: 0 <= as_float(value) <= 1),
-    "pays": ("pays to be 'arrival' or 'return'", lambda value: value in PAYS),
-    "depot": ("depot to be true or false", lambda value: isinstance(value, bool | np.bool_)),
-}
-_OF_ARCS: _Rules = {
-    "survival": ("survival in (0, 1]", lambda value: 0 < as_float(value) <= 1),
-    "length": ("a finite length >= 0", _is_amount),
-}
-_OPTIONAL = ("pos", "length", "share", "pays", "depot")
-# Attributes with a number for each kind, and what the number may be then.
-_BY_KIND: _Rules = {
-    "survival": ("survival in [0, 1]", lambda value: 0 <= as_float(value) <= 1),
-    "share": _OF_NODES["share"],
-}
-
-
-def attribute_faults(graph: nx.DiGraph[Any], kinds: Sequence[Kind] = ()) -> Iterator[str]:
-    """List the attributes of nodes and arcs that are missing or wrong."""
-    for node, attributes in graph.nodes(data=True):
-        for fault in _faults_of(attributes, _OF_NODES, kinds):
-            yield f"node {quoted(node)}: {fault}"
-    for tail, head, attributes in graph.edges(data=True):
-        for fault in _faults_of(attributes, _OF_ARCS, kinds):
-            yield f"arc {quoted(tail)} -> {quoted(head)}: {fault}"
-
-
-def _faults_by_kind(name: str, value: Mapping[Any, Any], kinds: Sequence[Kind]) -> Iterator[str]:
-    """List the faults of an attribute that has a number for each kind."""
-    names = [kind.name for kind in kinds]
-    expected, is_valid = _BY_KIND[name]
-    for kind, number in value.items():
-        if kind not in names:
-            yield f"{name} of kind {quoted(kind)}: there is no such kind"
-        elif not is_valid(number):
-            yield f"expected {expected} of kind {quoted(kind)}, got {quoted(number)}"
-    if name == "survival":
-        for kind in names:
-            if kind not in value:
-                yield f"expected {expected} of kind {quoted(kind)}, found none"
-
-
-def _faults_of(
-    attributes: Mapping[str, Any], rules: _Rules, kinds: Sequence[Kind]
-) -> Iterator[str]:
-    for name, (expected, is_valid) in rules.items():
-        if name not in attributes:
-            if name not in _OPTIONAL:
-                yield f"expected {expected}, found no attribute {name!r}"
-        elif kinds and name in _BY_KIND and isinstance(attributes[name], Mapping):
-            yield from _faults_by_kind(name, attributes[name], kinds)
-        elif not is_valid(value := attributes[name]):
-            hint = ""
-            if isinstance(value, str) and "," in value:
-                hint = "; write numbers with a point"
-            elif isinstance(value, Mapping) and name in _BY_KIND:
-                hint = "; the mission lists no kinds"
-            yield f"expected {expected}, got {quoted(value)}{hint}"
 
 
 def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> Iterator[str]:
@@ -298,8 +237,11 @@ def read_label(value: object) -> Hashable:
     return value
 
 
-def fault_text(mission: Mission, batch: PlanBatch, fault: Sequence[int]) -> str:
-    """Describe a fault that the kernel ``evaluate`` found: its kind, plan, robot and position."""
+def fault_text(mission: Any, batch: PlanBatch, fault: Sequence[int]) -> str:
+    """Describe a fault that the kernel ``evaluate`` found: its kind, plan, robot and position.
+
+    ``mission`` is the `Mission`, whose module imports this one.
+    """
     what, plan, robot, position = fault
     nodes, kind = mission.nodes, mission.kind_of[robot]
     where = f"Robot {robot}" if len(batch) == 1 else f"Plan {plan}, robot {robot}"

@@ -36,9 +36,12 @@ def read_mission(
         - ``.json``: networkx node-link JSON (``nx.node_link_data(graph, edges="edges")``) in UTF-8,
           with the graph attributes ``base`` and ``robots``, optionally ``name`` and ``title``, the
           node attribute ``reward`` and the arc attribute ``survival``, optionally the arc attribute
-          ``length`` and the graph attribute ``max_length``. Lists as labels become tuples.
+          ``length`` and the graph attribute ``max_length``. Lists as labels become tuples. The
+          graph attribute ``kinds``, in the place of ``robots``, lists kinds of robots as objects
+          with the parameters of `Kind`; other attributes of `Mission` are as there.
         - ``.graphml``: the same attributes; node labels are strings, and the node attributes ``x``
-          and ``y`` become ``pos`` [x, y].
+          and ``y`` become ``pos`` [x, y]. Numbers for one kind are in attributes such as
+          ``survival:drone``, and ``kinds`` is a text, the list as JSON.
         - ``.txt``: the team-orienteering benchmark of Chao, Golden and Wasil, made into a
           nearest-neighbours mission whose arcs are as long as points are apart, and whose
           ``max_length`` is tmax; see ``options``.
@@ -96,7 +99,7 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
         The mission.
     path
         Ends in ``.json`` or ``.graphml``. In GraphML labels are strings, attributes are numbers,
-        booleans and strings, and ``pos`` becomes ``x`` and ``y``.
+        booleans and strings, and ``pos`` becomes ``x`` and ``y``; kinds are as for `read_mission`.
 
     Raises
     ------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterator
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -10,7 +11,9 @@ from xml.etree import ElementTree as ET
 import networkx as nx
 
 from botohe_moo._base.checks import quoted
-from botohe_moo.mission.formats.nodelink import graph_of
+from botohe_moo.mission.formats.columns import column_faults, join_columns, split_columns
+from botohe_moo.mission.formats.nodelink import Entry, convert_ends, graph_of
+from botohe_moo.mission.kinds import read_kinds
 from botohe_moo.mission.validation import MissionError
 
 # What its reader raises for wrong values and types is not declared.
@@ -23,8 +26,9 @@ def read_graphml(data: bytes, /) -> nx.Graph[Any]:
     """Read GraphML with networkx.
 
     Node labels are the nodes' ids, hence strings, and so is the base, whatever its declared type.
-    The node attributes ``x`` and ``y`` become ``pos``. A MissionError is raised for what is not
-    GraphML of one graph, for values that are not of their type, and as in `graph_of`.
+    The node attributes ``x`` and ``y`` become ``pos``, those of one kind as in `join_columns`;
+    ``kinds`` are JSON. A MissionError is raised for what is not GraphML of one graph, for values
+    that are not of their type, and as in `graph_of`.
     """
     try:
         root = ET.fromstring(data)
@@ -44,18 +48,36 @@ def read_graphml(data: bytes, /) -> nx.Graph[Any]:
     graph_attributes = {key: value for key, value in found.graph.items() if key not in _DEFAULTS}
     if "base" in graph_attributes:
         graph_attributes["base"] = str(graph_attributes["base"])
+    kinds = _read_kinds(graph_attributes)
     of_nodes, of_arcs = (found.graph.get(key, {}) for key in _DEFAULTS)
-    return graph_of(
-        graph_attributes,
-        [
-            ("the GraphML", (label,), _with_pos({**of_nodes, **attributes}))
-            for label, attributes in found.nodes(data=True)
-        ],
-        [
-            ("the GraphML", (tail, head), {**of_arcs, **attributes})
-            for tail, head, attributes in found.edges(data=True)
-        ],
-    )
+    nodes: list[Entry] = [
+        ("the GraphML", (label,), _with_pos({**of_nodes, **attributes}))
+        for label, attributes in found.nodes(data=True)
+    ]
+    arcs: list[Entry] = [
+        ("the GraphML", (tail, head), {**of_arcs, **attributes})
+        for tail, head, attributes in found.edges(data=True)
+    ]
+    columns = dict.fromkeys(column for *_, row in (*nodes, *arcs) for column in row)
+    if faults := column_faults(columns, kinds):
+        raise MissionError(faults)
+    join_columns(nodes, kinds)
+    join_columns(arcs, kinds)
+    return graph_of(graph_attributes, nodes, arcs)
+
+
+def _read_kinds(graph_attributes: dict[str, Any]) -> list[str]:
+    """Read the attribute ``kinds``, and return the names of the kinds."""
+    if (text := graph_attributes.get("kinds")) is not None:
+        try:
+            graph_attributes["kinds"] = json.loads(text)
+        except (TypeError, ValueError) as error:
+            raise MissionError(f"expected kinds as JSON, got {quoted(text)}: {error}") from None
+        convert_ends(graph_attributes["kinds"], str)
+    kinds, faults = read_kinds(graph_attributes.get("kinds"))
+    if faults:
+        raise MissionError(faults)
+    return [kind.name for kind in kinds]
 
 
 def _remove_drawings(root: ET.Element) -> None:
@@ -99,7 +121,10 @@ def _with_pos(attributes: dict[str, Any]) -> dict[str, Any]:
 
 def write_graphml(content: dict[str, Any]) -> bytes:
     """Write node-link data as GraphML; a ValueError names what GraphML cannot hold."""
-    graph: nx.DiGraph[Any] = nx.DiGraph(**_writable("the graph", content["graph"]))
+    of_mission = content["graph"]
+    if "kinds" in of_mission:
+        of_mission = {**of_mission, "kinds": json.dumps(of_mission["kinds"], ensure_ascii=False)}
+    graph: nx.DiGraph[Any] = nx.DiGraph(**_writable("the graph", of_mission))
     for node in content["nodes"]:
         label = node.pop("id")
         if not isinstance(label, str):
@@ -126,6 +151,7 @@ def _with_coordinates(node: dict[str, Any]) -> dict[str, Any]:
 
 
 def _writable(owner: str, attributes: dict[str, Any]) -> dict[str, Any]:
+    attributes = split_columns(attributes)
     for name, value in attributes.items():
         if name not in _DEFAULTS and not isinstance(value, bool | int | float | str):
             raise ValueError(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from dataclasses import fields
 from numbers import Real
 from typing import Any
 
@@ -11,8 +12,10 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import quoted
+from botohe_moo.mission.attributes import attribute_faults
+from botohe_moo.mission.kinds import ONLY_KIND, Kind, read_kinds
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.validation import MissionError, attribute_faults, read_label
+from botohe_moo.mission.validation import MissionError, read_label
 
 _KEYS = {
     "directed": (bool, "true or false"),
@@ -54,7 +57,16 @@ def read_node_link(data: bytes, /) -> nx.Graph[Any]:
     ]
     if "base" in graph_attributes:
         graph_attributes["base"] = read_label(graph_attributes["base"])
+    convert_ends(graph_attributes.get("kinds"), read_label)
     return graph_of(graph_attributes, nodes, arcs)
+
+
+def convert_ends(kinds: object, convert: Callable[[Any], object]) -> None:
+    """Convert the labels in a file's kinds; what is not a kind is left to `read_kinds`."""
+    for kind in kinds if isinstance(kinds, list) else ():
+        for key in ("start", "end"):
+            if isinstance(kind, dict) and kind.get(key) is not None:
+                kind[key] = convert(kind[key])
 
 
 def _entry(where: str, entry: object, *keys: str) -> Entry:
@@ -96,15 +108,23 @@ def graph_of(
         if not unknown:
             graph.add_edges_from([(tail, head, attributes)])
     if faults:
-        raise MissionError([*faults, *attribute_faults(graph)])
+        kinds, wrong = read_kinds(graph.graph.get("kinds"))
+        raise MissionError([*faults, *(wrong or attribute_faults(graph, kinds))])
     return graph
 
 
 def mission_content(mission: Mission) -> dict[str, Any]:
     """Convert a mission to node-link data; a ValueError names what JSON cannot hold."""
     graph = mission.graph
-    given = {"name": None, **graph.graph, "base": None}
-    given.update(name=mission.name, robots=mission.robots)  # the graph's may differ
+    given = {"name": None, **graph.graph, "base": None, "robots": mission.robots}
+    given["name"] = mission.name  # the graph's attributes may differ
+    if _lists_kinds(mission):
+        given["kinds"] = [_kind_content(kind) for kind in mission.kinds]
+        del given["robots"]
+    else:
+        given.pop("kinds", None)
+    if "pays" in given or mission.pays != "arrival":
+        given["pays"] = mission.pays
     of_mission = _attributes("the graph", (), given) | {"base": plain_label(mission.base)}
     labels = {node: plain_label(node) for node in graph}
     nodes, arcs = [], []
@@ -121,6 +141,24 @@ def mission_content(mission: Mission) -> dict[str, Any]:
         "nodes": nodes,
         "edges": arcs,
     }
+
+
+def _lists_kinds(mission: Mission) -> bool:
+    """Return whether a mission has kinds, and not a number of robots only."""
+    if mission.kinds != (Kind(ONLY_KIND, mission.robots),):
+        return True
+    values: Any = (*mission.graph.nodes(data="share"), *mission.graph.edges(data="survival"))
+    return any(isinstance(value, Mapping) for *_, value in values)
+
+
+def _kind_content(kind: Kind) -> dict[str, object]:
+    """Return what is not the default of a kind."""
+    content = {
+        field.name: value
+        for field in fields(kind)
+        if (value := getattr(kind, field.name)) != field.default
+    }
+    return content | {end: plain_label(content[end]) for end in ("start", "end") if end in content}
 
 
 def write_node_link(content: dict[str, Any]) -> bytes:

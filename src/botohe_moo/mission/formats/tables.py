@@ -6,13 +6,15 @@ import contextlib
 import csv
 import io
 import os
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from botohe_moo._base.checks import check_frame, quoted
+from botohe_moo.mission.formats.columns import attribute_of, column_faults, join_columns
 from botohe_moo.mission.formats.files import file_content
 from botohe_moo.mission.formats.nodelink import Entry, graph_of
+from botohe_moo.mission.kinds import Kind, read_kinds
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 
@@ -20,7 +22,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _SEPARATORS = ",;\t"
-_NUMBERS = ("reward", "x", "y", "survival", "length")  # columns whose texts are read as numbers
+# Columns whose texts are read as numbers, and texts that are read as true and false.
+_NUMBERS = ("reward", "x", "y", "share", "survival", "length")
+_FLAGS = dict.fromkeys(("true", "yes", "1", "1.0"), True)
+_FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
 _FILE, _FAULTS = "botohe_moo file", "botohe_moo faults"  # attributes of tables read from files
 
 
@@ -29,7 +34,9 @@ def mission_from_tables(
     arcs: pd.DataFrame,
     *,
     base: Hashable,
-    robots: int,
+    robots: int | None = None,
+    kinds: Iterable[Kind] | None = None,
+    pays: str | None = None,
     both_ways: bool = False,
     max_length: float | None = None,
     name: str | None = None,
@@ -41,7 +48,8 @@ def mission_from_tables(
     ----------
     nodes
         Columns ``label`` and ``reward`` (at least 0), optionally both ``x`` and ``y``, the
-        position, where a node may have neither. Further columns become attributes of the nodes.
+        position, where a node may have neither. ``share``, ``pays`` and ``depot`` (true or false,
+        yes or no, 1 or 0) are as for `Mission`. Further columns become attributes of the nodes.
     arcs
         Columns ``tail`` and ``head``, labels of nodes, and ``survival`` (in (0, 1]), optionally
         ``length`` (at least 0; an arc without one is 1 long). Further columns become attributes of
@@ -49,7 +57,15 @@ def mission_from_tables(
     base
         Label of the base.
     robots
-        Team size, at least 1.
+        Team size, at least 1, if all robots are alike.
+    kinds
+        Kinds of robots, instead of ``robots``. A column such as ``survival:drone`` or
+        ``share:drone`` is for the kind of this name only. In a row in which one of these columns of
+        survivals is filled, a kind whose cell is empty has the survival in the column ``survival``;
+        if that is empty, too, it cannot take the arc. Likewise for shares, which are 1 then.
+    pays
+        When nodes pay whose cell in the column ``pays`` is empty: on ``"arrival"`` (the default) or
+        on ``"return"``.
     both_ways
         Whether every row is an arc in both directions.
     max_length
@@ -66,8 +82,9 @@ def mission_from_tables(
     Raises
     ------
     MissionError
-        If a column is missing or there twice, a row has no label, a node or an arc is there twice,
-        or the mission is not valid. Lists all faults; rows are named by the table and their index.
+        If a column is missing, there twice or for an unknown kind, a row has no label, a node or an
+        arc is there twice, or the mission is not valid. Lists all faults; rows are named by the
+        table and their index.
     TypeError
         If ``nodes`` or ``arcs`` is not a DataFrame.
 
@@ -80,12 +97,17 @@ def mission_from_tables(
     >>> mission_from_tables(nodes, arcs, base="dock", robots=2, both_ways=True)
     <Mission 'mission': 2 nodes, 2 arcs, 2 robots at base 'dock', total reward 5>
     """
-    node_rows, faults = _rows("nodes", nodes, ("label",), ("reward",))
-    arc_rows, others = _rows("arcs", arcs, ("tail", "head"), ("survival",))
+    listed, wrong = read_kinds(kinds)
+    if wrong:
+        raise MissionError(wrong)
+    names = [kind.name for kind in listed]
+    node_rows, faults = _rows("nodes", nodes, ("label",), "reward", names)
+    arc_rows, others = _rows("arcs", arcs, ("tail", "head"), "survival", names)
     if not (node_rows and arc_rows) and (faults := faults + others):
         raise MissionError(faults)
     base = base.strip() if isinstance(base, str) else base
-    given = {"base": base, "robots": robots, "title": title or None, "max_length": max_length}
+    given: dict[str, Any] = {"base": base, "robots": robots, "kinds": listed or None, "pays": pays}
+    given |= {"title": title or None, "max_length": max_length}
     graph_attributes = {key: value for key, value in given.items() if value is not None}
     if both_ways:
         arc_rows = [
@@ -135,17 +157,19 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
 
 
 def _rows(
-    table: str, frame: pd.DataFrame, labels: tuple[str, ...], needed: tuple[str, ...]
+    table: str, frame: pd.DataFrame, labels: tuple[str, ...], needed: str, kinds: Sequence[str]
 ) -> tuple[list[Entry], list[str]]:
     """Return the rows that have their labels, and the faults of the table."""
     check_frame(table, frame)
     table = frame.attrs.get(_FILE, table)
-    names = [str(column).strip().lower() for column in frame.columns]
-    wrong = [name for name in (*labels, *needed) if name not in names]
+    names = [_column_name(str(column)) for column in frame.columns]
+    known = {*names, *map(attribute_of, names)}
+    wrong = [name for name in (*labels, needed) if name not in known]
     wrong += [name for name in dict.fromkeys(names) if name and names.count(name) > 1]
-    if wrong:
-        found = quoted(", ".join(map(str, frame.columns)))
-        return [], [f"{table}: expected one column {quoted(name)}, found {found}" for name in wrong]
+    found = quoted(", ".join(map(str, frame.columns)))
+    faults = [f"{table}: expected one column {quoted(name)}, found {found}" for name in wrong]
+    if faults := [*faults, *(f"{table}: {fault}" for fault in column_faults(names, kinds))]:
+        return [], faults
     rows: list[Entry] = []
     faults = list(frame.attrs.get(_FAULTS, ()))
     cells = frame.astype(object).where(frame.notna(), None)
@@ -158,11 +182,23 @@ def _rows(
             faults.append(f"{where}: expected {missing[0]}, found nothing")
             continue
         ends = tuple(row.pop(key) for key in labels)
-        for key in _NUMBERS:
-            if isinstance(row.get(key), str):
+        for key, value in row.items():
+            if isinstance(value, str) and (key in _NUMBERS or attribute_of(key)):
                 with contextlib.suppress(ValueError):  # what stays text is a fault of the mission
-                    row[key] = float(row[key])
+                    row[key] = float(value)
+        if "depot" in row:
+            row["depot"] = _FLAGS.get(str(row["depot"]).lower(), row["depot"])
+        if isinstance(row.get("pays"), str):
+            row["pays"] = row["pays"].lower()
         if "x" in row or "y" in row:
             row["pos"] = [row.pop("x", None), row.pop("y", None)]
         rows.append((where, ends, row))
+    join_columns(rows, kinds)
     return rows, faults
+
+
+def _column_name(column: str) -> str:
+    """Return a column's name in lower case, apart from the name of a kind."""
+    name, colon, kind = column.partition(":")
+    name = name.strip().lower()
+    return f"{name}:{kind.strip()}" if attribute_of(f"{name}{colon}") else column.strip().lower()
