@@ -16,9 +16,11 @@ from pymoo.core.termination import TerminateIfAll, Termination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
+from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import check_keywords, checked
 from botohe_moo.algorithms.individuals import PopulationArchive
+from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE, FrontOutput, overrides
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
@@ -33,12 +35,35 @@ class BudgetedAlgorithm(Algorithm):
     deterministic = False
     """Whether every seed gives the same result."""
 
+    @classmethod
+    def supports(cls, mission: Mission) -> bool:  # noqa: ARG003
+        """Return whether the algorithm can plan for a mission; ``setup`` refuses others by name.
+
+        An algorithm that takes all robots to be alike, or all rewards to count on arrival, gives
+        ``mission.is_plain``.
+
+        Examples
+        --------
+        >>> from botohe_moo import BOACO, Exact, load_mission
+        >>> mission = load_mission("drones_and_rovers")
+        >>> BOACO.supports(mission), Exact.supports(mission)
+        (True, False)
+        """
+        return True
+
     def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
         """Prepare to solve ``problem``; without any termination, for 100 000 evaluations.
 
         pymoo's default looks for convergence of the variables, which are numbers there. A
-        ValueError is raised for a termination that allows no evaluation.
+        ValueError is raised for a termination that allows no evaluation, and for a mission that the
+        algorithm does not support.
         """
+        mission = problem.mission
+        if not self.supports(mission):
+            raise ValueError(
+                f"{type(self).__name__} does not support mission {quoted(mission.name)}, which has "
+                f"{mission.specialities}."
+            )
         if self.termination is None and kwargs.get("termination") is None:
             kwargs["termination"] = ("n_eval", 100_000)
         super().setup(problem, **kwargs)

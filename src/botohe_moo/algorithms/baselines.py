@@ -12,6 +12,7 @@ from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, Positive
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
 from botohe_moo.algorithms.bo_aco import BOACO, Threads
+from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.exact import MEMORY_LIMIT, TIME_LIMIT, FrontSearch, MemoryLimit
 from botohe_moo.search.sequential import BEAM_WIDTH, BeamWidth, SequentialPlanner
@@ -225,6 +226,11 @@ class Exact(ArchiveAlgorithm):
 
     evaluates_in_kernels = True
     deterministic = True
+
+    @classmethod
+    def supports(cls, mission: Mission) -> bool:
+        """Return whether robots are alike, start and end at the base, and are paid on arrival."""
+        return mission.is_plain
 
     @checked
     def __init__(

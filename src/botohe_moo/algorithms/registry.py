@@ -11,6 +11,7 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, is_path
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
+from botohe_moo.mission.library import load_mission
 
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
 # Options of a run: the caller of ``minimize`` sets them.
@@ -106,6 +107,20 @@ def algorithm_parameters(name: str) -> tuple[Parameter, ...]:
 def describe_algorithm(name: str) -> str:
     """Return the summary at the beginning of an algorithm's docstring, which may be empty."""
     return summary_of(find_algorithm(name))
+
+
+def plans_for_kinds(name: str) -> bool:
+    """Return whether an algorithm supports missions with kinds of robots and rewards on return.
+
+    Algorithms that do not say are taken to do so.
+
+    Examples
+    --------
+    >>> plans_for_kinds("bo-aco"), plans_for_kinds("exact")
+    (True, False)
+    """
+    supports = getattr(find_algorithm(name), "supports", None)
+    return supports is None or supports(load_mission("drones_and_rovers"))
 
 
 def _make(

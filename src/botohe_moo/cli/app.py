@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from botohe_moo.solution import Solution
 
 _STARTED = time.perf_counter()
+_PLAIN_ONLY = " Not for kinds of robots, nor for rewards that count on return."
 _STOPPING = "stopping; what was found will be written. Press Ctrl-C again to break off."
 
 app = typer.Typer(
@@ -237,17 +238,24 @@ def algorithms(
 ) -> None:
     """List the algorithms, or the parameters of one."""
     from botohe_moo.algorithms import algorithm_names
-    from botohe_moo.algorithms.registry import algorithm_parameters, describe_algorithm
+    from botohe_moo.algorithms.registry import (
+        algorithm_parameters,
+        describe_algorithm,
+        plans_for_kinds,
+    )
 
     if name is None:
         names = algorithm_names()
-        tell(listing((known, describe_algorithm(known)) for known in names))
+        plain = {known: "" if plans_for_kinds(known) else _PLAIN_ONLY for known in names}
+        tell(listing((known, f"{describe_algorithm(known)}{plain[known]}") for known in names))
         tell(f"\n{paragraph('`botohe algorithms NAME` shows the parameters of one.')}")
         return
     with failing():
         parameters = algorithm_parameters(name)
         summary = describe_algorithm(name)
     tell(paragraph(f"{name}: {summary}" if summary else name))
+    if not plans_for_kinds(name):
+        tell(paragraph(_PLAIN_ONLY.strip()))
     for parameter in parameters:
         tell(f"\n{parameter_text(parameter)}")
     if given := next((known for known in parameters if known.plain), None):

@@ -153,6 +153,14 @@ class Mission:
         return self.arrays.kinds is None
 
     @property
+    def specialities(self) -> str:
+        """What a mission has that a plain one has not, in words."""
+        several = ["kinds of robots"] if len(self.kinds) > 1 else []
+        if self.has_returns:
+            return " and ".join([*several, "rewards that count on return"])
+        return several[0] if several else "starts, ends or shares of its own"
+
+    @property
     def has_returns(self) -> bool:
         """Whether rewards of some nodes count on return."""
         kinds = self.arrays.kinds
@@ -430,9 +438,7 @@ def check_plain(mission: object, who: str) -> Mission:
     if checked.is_plain:
         return checked
     raise ValueError(
-        f"{who} plans only for robots of one kind that start and end at the base, where nodes pay "
-        f"on arrival; mission {quoted(checked.name)} has {checked.team}"
-        f"{', and rewards that count on return' if checked.has_returns else ''}."
+        f"{who} does not support mission {quoted(checked.name)}, which has {checked.specialities}."
     )
 
 
