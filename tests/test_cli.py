@@ -1008,6 +1008,14 @@ class TestImport:
         for word in words:
             assert word in message
 
+    @pytest.mark.usefixtures("pads")
+    def test_columns_without_the_name_of_what_they_hold(self, refused, tmp_path):
+        (tmp_path / "arcs.csv").write_text("tail,head,drone\ndock,lab,0.8\n")
+        message = refused(
+            "missions", "import", *self.KINDS, "--kind", "drone=1", "--out", "site.json"
+        )
+        assert "column 'survival', or columns such as 'survival:drone', found 'tail" in message
+
     def test_a_number_of_robots_of_several_kinds(self, refused):
         message = refused("solve", "drones_and_rovers", "--robots", 3)
         assert "it has 4 robots (2 drone, 2 rover): expected no number of robots, got 3" in message

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pandas as pd
@@ -15,6 +16,8 @@ from tests.docs.guides import DOCS, GUIDES, ROOT, blocks, links, printed_by, wor
 
 # Read from top to bottom in one session; every block of the others stands alone.
 SESSIONS = {"model", "studies", "tour"}
+# Blocks that are tables, by what they begin with: commands below them read these files.
+TABLES = {"label,": "nodes.csv", "tail,": "arcs.csv"}
 # Their commands need the packages that these pages make: see test_examples.py.
 OF_PACKAGES = {
     "adding-a-mission",
@@ -55,9 +58,11 @@ def run_page(page):
         elif language == "text" and page.stem in SESSIONS:
             assert words(printed) == words(text)
         elif language == "console" and page.stem not in OF_PACKAGES:
-            for line in text.splitlines():
+            for line in text.replace("\\\n", "").splitlines():
                 done = CliRunner().invoke(app, shlex.split(line.removeprefix("$ botohe ")))
-                assert done.exit_code == 0, line
+                assert done.exit_code == 0, (line, done.output)
+        elif name := next((TABLES[start] for start in TABLES if text.startswith(start)), None):
+            Path(name).write_text(text, "utf-8")
 
 
 def test_code_is_shown_without_scrolling():
