@@ -95,14 +95,17 @@ class BOTOHE(Problem):
         if self.mission.arrays.kinds is None:
             return
         batch = self.mission.batch([self.mission.stay_home(self.planning_limits)])
-        short = self.mission.robot_survival(batch)[0] < self.survival_floors
-        long = self.mission.trail_lengths(batch)[0] > self.travel_budgets
-        if (short | long).any():
-            kind = self.mission.kind_of[int(np.argmax(short | long))]
+        survival = self.mission.robot_survival(batch)[0]
+        length = self.mission.trail_lengths(batch)[0]
+        is_refused = (survival < self.survival_floors) | (length > self.travel_budgets)
+        if is_refused.any():
+            robot = int(np.argmax(is_refused))
+            kind = self.mission.kind_of[robot]
             ends = " to ".join(map(quoted, kind.ends(self.mission.base)))
             raise ValueError(
                 f"Expected limits with which robots of kind {quoted(kind.name)} can get from "
-                f"{ends}: neither the safest way nor the shortest one keeps them."
+                f"{ends}. The safest way, or the shortest one if that is too long, is survived "
+                f"with {survival[robot]:.4g} and {length[robot]:g} long."
             )
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from botohe_moo._base.checks import check_frame, quoted
+from botohe_moo.mission.attributes import BY_KIND
 from botohe_moo.mission.formats.columns import attribute_of, column_faults, join_columns
 from botohe_moo.mission.formats.files import file_content
 from botohe_moo.mission.formats.nodelink import Entry, graph_of
@@ -167,7 +168,11 @@ def _rows(
     wrong = [name for name in (*labels, needed) if name not in known]
     wrong += [name for name in dict.fromkeys(names) if name and names.count(name) > 1]
     found = quoted(", ".join(map(str, frame.columns)))
-    faults = [f"{table}: expected one column {quoted(name)}, found {found}" for name in wrong]
+    by_kind = {name: f", or columns such as '{name}:{kinds[0]}'" for name in BY_KIND if kinds}
+    faults = [
+        f"{table}: expected one column {quoted(name)}{by_kind.get(name, '')}, found {found}"
+        for name in wrong
+    ]
     if faults := [*faults, *(f"{table}: {fault}" for fault in column_faults(names, kinds))]:
         return [], faults
     rows: list[Entry] = []
