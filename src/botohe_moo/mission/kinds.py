@@ -11,7 +11,14 @@ import numpy as np
 
 from botohe_moo._base.checks import most_alike, quoted
 from botohe_moo._base.types import OffsetArray
-from botohe_moo.kernels.graph.graph import Graph, find_arc, join_layers, new_graph
+from botohe_moo.kernels.graph.graph import (
+    Graph,
+    Limits,
+    find_arc,
+    join_layers,
+    new_graph,
+    with_costs,
+)
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
 
 ONLY_KIND = "robot"  # the name of the kind of a mission that lists none
@@ -160,6 +167,31 @@ def uncollected(graph: Graph) -> OffsetArray:
     is_credited[list(nx.ancestors(ways, -1))] = True
     collects = (is_credited & (graph.reward > 0.0)).reshape(-1, len(kinds.reward))
     return np.flatnonzero((kinds.reward > 0.0) & ~collects.any(axis=0))
+
+
+def ways_to_ends(graph: Graph, limits: Limits) -> list[list[int]]:
+    """Return each robot's safest way from its start to its end, or the shortest if it is too long.
+
+    ``graph`` has kinds.
+    """
+    if graph.kinds is None:
+        raise TypeError("Expected a graph with kinds.")
+    ways = []
+    for start in graph.kinds.start.tolist():
+        way, length = _way_home(graph, start)
+        if limits.budgets is not None and length > limits.budgets[start]:
+            way, _ = _way_home(with_costs(graph, graph.length), start)
+        ways.append(way)
+    return ways
+
+
+def _way_home(graph: Graph, node: int) -> tuple[list[int], float]:
+    """Return the nodes of the cheapest way home from a node, and its length."""
+    way, length = [node], 0.0
+    while (arc := int(graph.homeward[way[-1]])) >= 0:
+        way.append(int(graph.head[arc]))
+        length += float(graph.length[arc])
+    return way, length
 
 
 def credited(graph: Graph, trail: Sequence[int]) -> dict[int, float]:
