@@ -14,7 +14,6 @@ from botohe_moo._base.types import OffsetArray
 from botohe_moo.kernels.graph.graph import (
     Graph,
     Limits,
-    find_arc,
     join_layers,
     new_graph,
     with_costs,
@@ -192,32 +191,6 @@ def _way_home(graph: Graph, node: int) -> tuple[list[int], float]:
         way.append(int(graph.head[arc]))
         length += float(graph.length[arc])
     return way, length
-
-
-def credited(graph: Graph, trail: Sequence[int]) -> dict[int, float]:
-    """Return with what probability a robot's visit of each node is credited.
-
-    ``trail`` holds nodes of the graph, the result nodes of the mission.
-    """
-    kinds, alive = graph.kinds, 1.0
-    chances: dict[int, float] = {}
-    carried: list[int] = []
-    seen: set[int] = set()
-    for i, node in enumerate(trail):
-        if i > 0:
-            alive *= float(graph.survival[find_arc(graph, trail[i - 1], node)])
-        credit = ON_ARRIVAL if kinds is None else kinds.credit[node]
-        if node not in seen:
-            seen.add(node)
-            carried.append(node)
-            if credit == ON_ARRIVAL:
-                chances[carried.pop()] = alive
-        if credit == AT_THIS_DEPOT:
-            chances.update(dict.fromkeys(carried, alive))
-            carried = []
-    if kinds is None:
-        return chances
-    return {int(kinds.origin[v]): q * float(kinds.share[v]) for v, q in chances.items()}
 
 
 def _credit(node: Mapping[str, Any], pays: str) -> int:
