@@ -146,7 +146,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         problem: BOTOHE = self.problem
         mission = problem.mission
         plans = [*self.sampling, mission.stay_home()]
-        if self.greedy_start and mission.arrays.kinds is None and len(plans) < self._n_left():
+        if self.greedy_start and len(plans) < self._n_left():
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
             planner = SequentialPlanner(
                 mission,

@@ -11,7 +11,13 @@ import numpy as np
 
 from botohe_moo._base.checks import most_alike, quoted
 from botohe_moo._base.types import OffsetArray
-from botohe_moo.kernels.graph.graph import Graph, find_arc, join_layers, new_graph
+from botohe_moo.kernels.graph.graph import (
+    Graph,
+    Limits,
+    join_layers,
+    new_graph,
+    with_costs,
+)
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
 
 ONLY_KIND = "robot"  # the name of the kind of a mission that lists none
@@ -162,30 +168,29 @@ def uncollected(graph: Graph) -> OffsetArray:
     return np.flatnonzero((kinds.reward > 0.0) & ~collects.any(axis=0))
 
 
-def credited(graph: Graph, trail: Sequence[int]) -> dict[int, float]:
-    """Return with what probability a robot's visit of each node is credited.
+def ways_to_ends(graph: Graph, limits: Limits) -> list[list[int]]:
+    """Return each robot's safest way from its start to its end, or the shortest if it is too long.
 
-    ``trail`` holds nodes of the graph, the result nodes of the mission.
+    ``graph`` has kinds.
     """
-    kinds, alive = graph.kinds, 1.0
-    chances: dict[int, float] = {}
-    carried: list[int] = []
-    seen: set[int] = set()
-    for i, node in enumerate(trail):
-        if i > 0:
-            alive *= float(graph.survival[find_arc(graph, trail[i - 1], node)])
-        credit = ON_ARRIVAL if kinds is None else kinds.credit[node]
-        if node not in seen:
-            seen.add(node)
-            carried.append(node)
-            if credit == ON_ARRIVAL:
-                chances[carried.pop()] = alive
-        if credit == AT_THIS_DEPOT:
-            chances.update(dict.fromkeys(carried, alive))
-            carried = []
-    if kinds is None:
-        return chances
-    return {int(kinds.origin[v]): q * float(kinds.share[v]) for v, q in chances.items()}
+    if graph.kinds is None:
+        raise TypeError("Expected a graph with kinds.")
+    ways = []
+    for start in graph.kinds.start.tolist():
+        way, length = _way_home(graph, start)
+        if limits.budgets is not None and length > limits.budgets[start]:
+            way, _ = _way_home(with_costs(graph, graph.length), start)
+        ways.append(way)
+    return ways
+
+
+def _way_home(graph: Graph, node: int) -> tuple[list[int], float]:
+    """Return the nodes of the cheapest way home from a node, and its length."""
+    way, length = [node], 0.0
+    while (arc := int(graph.homeward[way[-1]])) >= 0:
+        way.append(int(graph.head[arc]))
+        length += float(graph.length[arc])
+    return way, length
 
 
 def _credit(node: Mapping[str, Any], pays: str) -> int:

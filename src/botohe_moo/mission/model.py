@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import warnings
 from collections.abc import Hashable, Iterable, Sequence
@@ -17,10 +15,17 @@ import numpy as np
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Graph, Limits, with_costs
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Graph, Limits
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.graphs import frozen_copy, given_places
-from botohe_moo.mission.kinds import ONLY_KIND, Kind, graph_of_kinds, read_kinds, uncollected
+from botohe_moo.mission.kinds import (
+    ONLY_KIND,
+    Kind,
+    graph_of_kinds,
+    read_kinds,
+    uncollected,
+    ways_to_ends,
+)
 from botohe_moo.mission.validation import (
     MissionError,
     PlanError,
@@ -228,16 +233,13 @@ class Mission:
             Travel budget of every robot; a kind may have a lower one. Default: that of the kind,
             or of the mission.
         """
+        longest = math.inf if self.max_length is None else self.max_length
         floors = [max(min_survival, kind.min_survival) for kind in self.kinds]
-        budgets = []
-        for kind in self.kinds:
-            of_kind = math.inf if kind.max_length is None else kind.max_length
-            if max_length is not None:
-                of_kind = min(of_kind, max_length)
-            elif kind.max_length is None and self.max_length is not None:
-                of_kind = self.max_length
-            budgets.append(of_kind)
-        if self.arrays.kinds is None:
+        budgets = [longest if kind.max_length is None else kind.max_length for kind in self.kinds]
+        if max_length is not None:
+            own = (math.inf if k.max_length is None else k.max_length for k in self.kinds)
+            budgets = [min(max_length, longest) for longest in own]
+        if self.is_plain:
             return Limits(floors[0], budgets[0])
         by_node = (np.repeat(np.array(of, np.float64), len(self.nodes)) for of in (floors, budgets))
         return Limits(max(floors), min(budgets), *by_node)
@@ -283,17 +285,9 @@ class Mission:
         >>> toy.labels(toy.stay_home())
         ((1,), (1,))
         """
-        graph, kinds = self.arrays, self.arrays.kinds
-        if kinds is None:
-            return TrailPlan([[graph.base]] * self.robots)
-        short = None if limits.budgets is None else with_costs(graph, graph.length)
-        trails = []
-        for start in kinds.start.tolist():
-            trail, length = _way_home(graph, start)
-            if limits.budgets is not None and short is not None and length > limits.budgets[start]:
-                trail, length = _way_home(short, start)
-            trails.append(trail)
-        return TrailPlan(trails)
+        if self.is_plain:
+            return TrailPlan([[self.arrays.base]] * self.robots)
+        return TrailPlan(ways_to_ends(self.arrays, limits))
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
         """Return the trails of a plan of this mission as node labels, robot by robot."""
@@ -385,6 +379,7 @@ class Mission:
         return self is other or (
             (self.nodes, self.base, self.kinds, self.max_length)
             == (other.nodes, other.base, other.kinds, other.max_length)
+            and self.is_plain == other.is_plain
             and all(map(np.array_equal, _numbers(self.arrays), _numbers(other.arrays)))
         )
 
@@ -401,15 +396,6 @@ class Mission:
             f"{self.team} at base {self.base!r}, total reward {self.total_reward:g}"
             f"{limit}>"
         )
-
-
-def _way_home(graph: Graph, node: int) -> tuple[list[int], float]:
-    """Return the nodes of the cheapest way home from a node, and its length."""
-    way, length = [node], 0.0
-    while (arc := int(graph.homeward[way[-1]])) >= 0:
-        way.append(int(graph.head[arc]))
-        length += float(graph.length[arc])
-    return way, length
 
 
 def check_mission(value: object) -> Mission:
@@ -440,31 +426,3 @@ def check_plain(mission: object, who: str) -> Mission:
     raise ValueError(
         f"{who} does not support mission {quoted(checked.name)}, which has {checked.specialities}."
     )
-
-
-def mission_digest(mission: Mission) -> str:
-    """Return the digest of all that results depend on: not of names and positions."""
-    return _digest(mission, [[repr(node) for node in mission.nodes], repr(mission.base)])
-
-
-def numbers_digest(mission: Mission) -> str:
-    """Return the digest without labels, whose types may change when they are read from a file."""
-    return _digest(mission, [mission.arrays.base])
-
-
-def _digest(mission: Mission, first: list[object]) -> str:
-    limits: list[object] = [] if mission.max_length is None else [mission.max_length]
-    of_kinds = [[kind.min_survival, kind.max_length] for kind in mission.kinds]
-    if of_kinds != [[0.0, None]]:
-        limits += [of_kinds]
-    text = json.dumps([*first, mission.robots, *limits], separators=(",", ":"))
-    hashed = hashlib.sha256(text.encode())
-    arrays = mission.arrays
-    numbers = [arrays.tail, arrays.head, arrays.survival, arrays.reward]
-    if (arrays.length != 1.0).any():  # without lengths every hop is one long
-        numbers.append(arrays.length)
-    if arrays.kinds is not None:
-        numbers += arrays.kinds[:-1]
-    for values in numbers:
-        hashed.update(np.ascontiguousarray(values, f"<{values.dtype.kind}8").tobytes())
-    return hashed.hexdigest()[:16]

@@ -79,7 +79,8 @@ class LocalSearch:
         self.max_size = max_size
         n_nodes = mission.arrays.n_nodes
         if p_refill is None:
-            p_refill = _P_REFILL if n_nodes * mission.robots <= _REFILLED_UP_TO else 0.0
+            size = len(mission.nodes) * mission.robots
+            p_refill = _P_REFILL if size <= _REFILLED_UP_TO else 0.0
         self._p_refill = p_refill if n_nodes <= FULL_UP_TO else 0.0
         self._weights: FloatArray = np.cumsum([float(moves.get(name, 0.0)) for name in MOVES])
         self._states: SeedArray = draw_state(random_state)

@@ -8,8 +8,9 @@ import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, ValidationError
 
 from botohe_moo._plugins.faults import wrong_value
+from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.formats.files import file_content, read_mission
-from botohe_moo.mission.model import Mission, numbers_digest
+from botohe_moo.mission.model import Mission
 from botohe_moo.solution.model import Solution, as_json
 
 _REMEDY = "Solve the mission again, or put back what was written."

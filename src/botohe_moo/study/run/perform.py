@@ -17,7 +17,9 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
+from botohe_moo.mission.kinds import Kind
 from botohe_moo.mission.library import load_mission
+from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study.file.code import check_objectives, problem_on
@@ -194,15 +196,19 @@ def verify(run: Run, plans: PlanBatch, claimed: FloatArray) -> None:
             f"plan {plan} of the final front is claimed to bring {claimed[plan]}, and brings "
             f"{objectives[plan]}"
         )
-    least = mission.robot_survival(plans).min(initial=1.0)
-    if least < problem.survival_floor:
+    alive, floors = mission.robot_survival(plans), problem.survival_floors
+    if (below := alive < floors).any():
+        plan, robot = np.argwhere(below)[0]
         raise ValueError(
-            f"a robot of the final front survives with {least:g}, below {problem.min_survival:g}"
+            f"a robot of the final front survives with {alive[plan, robot]:g}, below "
+            f"{floors[robot]:g}"
         )
-    longest = mission.trail_lengths(plans).max(initial=0.0)
-    if longest > problem.travel_budget:
+    lengths, budgets = mission.trail_lengths(plans), problem.travel_budgets
+    if (beyond := lengths > budgets).any():
+        plan, robot = np.argwhere(beyond)[0]
         raise ValueError(
-            f"a trail of the final front is {longest:g} long, beyond {problem.max_length:g}"
+            f"a trail of the final front is {lengths[plan, robot]:g} long, beyond "
+            f"{budgets[robot]:g}"
         )
 
 
@@ -225,12 +231,16 @@ def warm_up(run: Run) -> None:
     Other packages' algorithms and problems are not called: they may have side effects.
     """
     mission, algorithm = run.mission, run.algorithm
+    toy, longest = load_mission("toy"), mission.max_length
+    if not mission.mission.is_plain:
+        toy = Mission(toy.graph, base=toy.base, kinds=[Kind("one", 1), Kind("other", 1)])
+    limits = mission.mission.limits(mission.min_survival, math.inf if longest is None else longest)
     small = replace(
         mission,
-        mission=load_mission("toy"),
+        mission=toy,
         # Missions with limits, however loose, need further kernels.
-        min_survival=min(mission.min_survival, WARM_UP_SURVIVAL),
-        max_length=None if mission.max_length is None else WARM_UP_LENGTH,
+        min_survival=min(limits.min_survival, WARM_UP_SURVIVAL),
+        max_length=None if limits.max_length == math.inf else WARM_UP_LENGTH,
         budget=Budget(evaluations=_WARM_UP_EVALUATIONS),
     )
     trusted = replace(algorithm, origin={**algorithm.origin, "problem": None})
