@@ -63,35 +63,47 @@ def missions(
 
 
 @st.composite
-def team_missions(draw, max_nodes=5, max_robots=2, pays=None):
-    """Missions of one to three kinds, with starts, ends, shares, depots and forbidden arcs.
+def team_missions(draw, max_nodes=5, max_robots=2, pays=None, labels=None, **options):
+    """Missions of one to three kinds, with all that a file may say of them.
 
-    Rewards are whole. Nodes pay on arrival or on return, unless ``pays`` says when all of them
-    pay. There are up to ``max_robots`` of each kind.
+    Kinds may be unable to reach some nodes, or to come back from them. Rewards are whole. Nodes
+    pay on arrival or on return, unless ``pays`` says when all of them pay. There are up to
+    ``max_robots`` of each kind. Nodes are numbered, unless ``labels`` draws what they are called.
     """
-    graph = draw(missions(max_nodes=max_nodes)).graph.copy()
-    names = ["drone", "rover", "lake boat"][: draw(st.integers(1, 3))]
+    graph = draw(missions(max_nodes=max_nodes, **options)).graph.copy()
+    if labels is not None:
+        drawn = draw(st.lists(labels, min_size=len(graph), max_size=len(graph), unique=True))
+        graph = nx.relabel_nodes(graph, dict(enumerate(drawn)))
+    names = draw(st.lists(st.sampled_from(["robot", "drone", "lac é"]), min_size=1, unique=True))
     times = st.sampled_from(["arrival", "return"])
-
-    def by_kind(values):
-        return draw(st.one_of(values, st.fixed_dictionaries(dict.fromkeys(names, values))))
-
+    shares = st.sampled_from([0.0, 0.25, 1.0, 1.0])
+    survivals = st.sampled_from([0.0, 0.25, 0.5, 0.75, 1.0])
+    extras = {
+        "share": shares | st.fixed_dictionaries({}, optional=dict.fromkeys(names, shares)),
+        "depot": st.sampled_from([False, False, True]),
+    }
+    if pays is None:
+        extras["pays"] = times
     for _, node in graph.nodes(data=True):
         node["reward"] = draw(st.integers(0, 9))
-        node["share"] = by_kind(st.sampled_from([0.0, 0.25, 0.75, 1.0, 1.0]))
-        if pays is None and draw(st.booleans()):
-            node["pays"] = draw(times)
-        node["depot"] = draw(st.sampled_from([False, False, True]))
-    for _, _, arc in graph.edges(data=True):
-        arc["survival"] = by_kind(st.sampled_from([0.0, 0.25, 0.5, 0.75, 1.0]))
-    ends = st.one_of(st.none(), st.sampled_from(list(graph)))
-    robots = st.integers(1, max_robots)
-    kinds = [Kind(name, draw(robots), start=draw(ends), end=draw(ends)) for name in names]
+        node.update(draw(st.fixed_dictionaries({}, optional=extras)))
+    by_kind = st.fixed_dictionaries(dict.fromkeys(names, survivals))
+    for *_, arc in graph.edges(data=True):
+        arc["survival"] = draw(st.just(0.5) | by_kind)
+    kind = {
+        "robots": st.integers(1, max_robots),
+        "start": st.none() | st.sampled_from(list(graph)),
+        "end": st.none() | st.sampled_from(list(graph)),
+        "min_survival": st.sampled_from([0.0, 0.0, 0.25]),
+        "max_length": st.sampled_from([None, None, 4, 99.5]),
+    }
+    kinds = [Kind(name, **draw(st.fixed_dictionaries(kind))) for name in names]
+    base, pays = next(iter(graph)), pays or draw(st.none() | times)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*no kind of robots can collect")
         try:
-            return Mission(graph, base=0, kinds=kinds, pays=pays or draw(times), name="drawn")
-        except MissionError:  # a kind has no way from its start to its end
+            return Mission(graph, base=base, kinds=kinds, pays=pays, name="drawn")
+        except MissionError:  # a kind has no way from its start to its end, or none within limits
             assume(False)
 
 

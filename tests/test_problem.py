@@ -18,6 +18,7 @@ from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
 from pymoo.optimize import minimize
 
+from botohe_moo.kernels.graph.graph import NO_LIMITS
 from botohe_moo.mission import Mission, load_mission
 from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -312,7 +313,7 @@ class TestTravelBudget:
     def test_no_budget_is_no_constraint(self, toy):
         for problem in (BOTOHE(toy), BOTOHE(toy, max_length=math.inf)):
             assert (problem.n_ieq_constr, problem.max_length) == (0, None)
-            assert problem.planning_limits == (0.0, math.inf)
+            assert problem.planning_limits == NO_LIMITS
             assert not problem.planning_limits.bind
         lifted = BOTOHE(there_and_back(3, max_length=2.5), max_length=math.inf)
         assert (lifted.n_ieq_constr, lifted.max_length) == (0, None)

@@ -17,23 +17,58 @@ from botohe_moo.kernels import local_search
 from botohe_moo.kernels.graph.graph import NO_LIMITS
 
 
-def evaluate(mission, trails):
-    """E[R] and E[S] of one plan, given as label trails, straight from the formulas."""
-    survival = {(u, v): s for u, v, s in mission.graph.edges(data="survival")}
-    reward = dict(mission.graph.nodes(data="reward"))
+def of_kind(value, kind):
+    """What an attribute is to a kind: one number for all kinds, or a number by name, or 1."""
+    return value.get(kind.name, 1.0) if isinstance(value, dict) else value
 
-    def reaches(trail, node):
-        """Probability that the robot reaches the node: survivals up to its first visit."""
-        if node not in trail:
-            return 0.0
-        until = trail.index(node)
-        return prod(survival[arc] for arc in pairwise(trail[: until + 1]))
 
+def survivals(mission, kind):
+    """The survival of each arc that a kind can take on a way from its start to its end."""
+    arcs = {(u, v): of_kind(s, kind) for u, v, s in mission.graph.edges(data="survival")}
+    start, end = kind.ends(mission.base)
+    ways = nx.DiGraph(arc for arc, survival in arcs.items() if survival > 0)
+    ways.add_nodes_from([start, end])
+    useful = (nx.descendants(ways, start) | {start}) & (nx.ancestors(ways, end) | {end})
+    return {arc: arcs[arc] for arc in ways.edges if useful.issuperset(arc)}
+
+
+def alive_along(mission, kind, trail):
+    """The probability that a robot of a kind is alive at each position of a label trail."""
+    hops = [mission.graph.edges[arc]["survival"] for arc in pairwise(trail)]
+    return [prod(of_kind(s, kind) for s in hops[:i]) for i in range(len(trail))]
+
+
+def credited(mission, trail):
+    """Every node of a label trail whose reward is credited, with the position where it is."""
+    nodes, first_visits = mission.graph.nodes, {v: trail.index(v) for v in trail}
+    depots = [i for i, v in enumerate(trail) if v == mission.base or nodes[v].get("depot")]
+    for node, visit in first_visits.items():
+        returns = visit not in depots and nodes[node].get("pays", mission.pays) == "return"
+        at = min((i for i in depots if i > visit), default=None) if returns else visit
+        if at is not None:
+            yield node, at
+
+
+def collects(mission, kind, trail):
+    """With what probability a robot of a kind collects the reward of each node."""
+    nodes, alive = mission.graph.nodes, alive_along(mission, kind, trail)
+    shares = {node: of_kind(nodes[node].get("share", 1.0), kind) for node in trail}
+    return {node: shares[node] * alive[at] for node, at in credited(mission, trail)}
+
+
+def evaluate(mission, trails, kinds=None):
+    """E[R] and E[S] of label trails of robots of these kinds, straight from the formulas.
+
+    Without kinds the trails are those of the mission's robots, in order.
+    """
+    robots = list(zip(kinds or mission.kind_of, trails, strict=False))
+    chances = [collects(mission, kind, trail) for kind, trail in robots]
     expected_reward = sum(
-        reward[node] * (1 - prod(1 - reaches(trail, node) for trail in trails)) for node in reward
+        reward * (1 - prod(1 - chance.get(node, 0.0) for chance in chances))
+        for node, reward in mission.graph.nodes(data="reward")
     )
-    expected_survivors = sum(prod(survival[arc] for arc in pairwise(trail)) for trail in trails)
-    return expected_reward, expected_survivors
+    survives = (alive_along(mission, kind, trail)[-1] for kind, trail in robots if trail)
+    return expected_reward, sum(survives)
 
 
 def trail_lengths(mission, trails):
@@ -60,25 +95,39 @@ def exact_figures(mission, trails):
     return reward, survivors
 
 
-def fates(mission, trail):
-    """Every fate of one robot: (probability, set of nodes reached, whether it survives)."""
-    alive = 1.0
-    for hop, arc in enumerate(pairwise(trail), start=1):
-        survival = mission.graph.edges[arc]["survival"]
-        yield alive * (1 - survival), set(trail[:hop]), False
+def fates(mission, kind, trail):
+    """Every fate of a robot of a kind: (probability, nodes that it is credited with, survives).
+
+    It is lost on one of its arcs, or on none.
+    """
+    nodes, alive = mission.graph.nodes, 1.0
+    for i, hop in enumerate([*pairwise(trail), None]):
+        survival = of_kind(mission.graph.edges[hop]["survival"], kind) if hop else 0.0
+        paid, carried = [], []
+        for j, node in enumerate(trail[: i + 1]):  # the arcs before were survived
+            if node not in trail[:j]:
+                carried.append(node)
+                if nodes[node].get("pays", mission.pays) == "arrival":
+                    paid.append(carried.pop())
+            if node == mission.base or nodes[node].get("depot"):
+                paid, carried = paid + carried, []
+        yield alive * (1 - survival), set(paid), hop is None
         alive *= survival
-    yield alive, set(trail), True
 
 
 def enumerate_outcomes(mission, trails):
-    """Every joint outcome of a plan: (probability, team reward, number of survivors)."""
-    reward = dict(mission.graph.nodes(data="reward"))
-    for joint in product(*(list(fates(mission, trail)) for trail in trails)):
-        reached = set().union(*(nodes for _, nodes, _ in joint))
+    """Every joint fate of a plan: (probability, expected team reward, number of survivors)."""
+    nodes, robots = mission.graph.nodes, list(zip(mission.kind_of, trails, strict=True))
+    for joint in product(*(list(fates(mission, kind, trail)) for kind, trail in robots)):
+        missed = {}
+        for (kind, _), (_, paid, _) in zip(robots, joint, strict=True):
+            for node in paid:
+                share = of_kind(nodes[node].get("share", 1.0), kind)
+                missed[node] = missed.get(node, 1.0) * (1 - share)
         yield (
             prod(probability for probability, _, _ in joint),
-            sum(reward[node] for node in reached),
-            sum(survives for _, _, survives in joint),
+            sum(nodes[node]["reward"] * (1 - chance) for node, chance in missed.items()),
+            sum(survives for *_, survives in joint),
         )
 
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from botohe_moo.kernels.anneal.schedule import AnnealRule, anneal, new_records, new_state
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.plans.change import MoveRule
+from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import load_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -39,7 +40,10 @@ class Search:
             **options,
         }
         random = seed_states(np.random.default_rng(seed), 1)
-        self.state = new_state(mission.arrays, mission.robots, random)
+        home = mission.batch([mission.stay_home()])
+        objectives = mission.evaluate(home)[0]
+        plan = read_trails(*home.arrays)
+        self.state = new_state(mission.arrays, plan, objectives, random)
         self.state.temperature[0] = temperature
         self.state.best_score[0] = self.score(self.state.best_objectives)
         self.records = new_records(mission.robots, 2_000, 100_000)

@@ -38,7 +38,8 @@ def best_trail(
     near = find_near(graph, n_near)
     danger, worth = dangers(graph, near, survival_weight), np.array(worth, np.float64)
     budget = new_budget(graph, Limits(least, longest))
-    rule = BeamRule(worth, danger, survival_weight, least, budget, width, max_labels)
+    base = graph.base
+    rule = BeamRule(base, worth, danger, survival_weight, least, budget, width, max_labels)
     arcs, value, cut = beam.best_trail(graph, near, rule, new_beam(graph))
     if len(arcs):
         assert graph.tail[arcs[0]] == graph.base
@@ -241,7 +242,7 @@ class Beam:
             return None
         for weight in ("cost", "length"):
             way = nx.dijkstra_path(graph, trail[-1], self.base, weight=weight)
-            if within(self.mission, [closed := trail + tuple(way[1:])], *self.limits):
+            if within(self.mission, [closed := trail + tuple(way[1:])], *self.limits[:2]):
                 return closed
         return None
 
@@ -359,7 +360,8 @@ def test_a_search_gets_the_room_that_it_needs():
     museum = load_mission("art_museum")
     worth, graph = museum.arrays.reward / museum.total_reward, museum.arrays
     near = find_near(graph, 64)
-    rule = BeamRule(worth, dangers(graph, near, 0.1), 0.1, 0.0, None, 30, beam.MAX_LABELS)
+    danger = dangers(graph, near, 0.1)
+    rule = BeamRule(graph.base, worth, danger, 0.1, 0.0, None, 30, beam.MAX_LABELS)
     usual, small = new_beam(graph), new_beam(graph)
     small = small._replace(labels=small.labels[:2], children=small.children[:1])
     arcs, value, cut = beam.best_trail(graph, near, rule, usual)

@@ -9,12 +9,19 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from botohe_moo.mission import Mission, PlanError, load_mission
+from botohe_moo.mission import Kind, Mission, PlanError, load_mission
 from botohe_moo.outcomes.outcomes import plan_outcomes
+from botohe_moo.search.sequential import plan_sequentially
 from botohe_moo.trails import PlanBatch, TrailPlan
-from tests import twins
+from tests import strategies, twins
 from tests.examples import examples
-from tests.strategies import missions, missions_with_plans, plans
+from tests.strategies import (
+    missions,
+    missions_with_plans,
+    plans,
+    team_missions,
+    team_missions_with_plans,
+)
 
 
 def test_by_hand():
@@ -58,7 +65,17 @@ def large_and_small():
 @examples(400)
 @given(missions_with_plans())
 def test_kernel_twin_and_enumeration_agree(drawn):
-    mission, plan = drawn
+    assert_objectives(*drawn)
+
+
+@examples(600)
+@given(team_missions_with_plans())
+def test_kernel_twin_and_enumeration_agree_with_kinds(drawn):
+    assert_objectives(*drawn)
+
+
+def assert_objectives(mission, plan):
+    """Whether a plan has the objectives of the formulas, and of all that may happen to robots."""
     trails = mission.labels(plan)
     reward, survivors = mission.evaluate([plan])[0]
     assert (reward, survivors) == pytest.approx(twins.evaluate(mission, trails), abs=1e-12)
@@ -66,6 +83,17 @@ def test_kernel_twin_and_enumeration_agree(drawn):
     assert sum(p for p, _, _ in outcomes) == pytest.approx(1.0, abs=1e-12)
     assert reward == pytest.approx(sum(p * r for p, r, _ in outcomes), abs=1e-12)
     assert survivors == pytest.approx(sum(p * s for p, _, s in outcomes), abs=1e-12)
+
+
+def test_one_kind_that_is_paid_on_arrival_is_nothing_special():
+    museum = load_mission("art_museum")
+    some = [plan_sequentially(museum, weight) for weight in (0.8, 0.9)]
+    for name in ("robot", "drone"):
+        mission = Mission(museum.graph, kinds=[Kind(name, 3)])
+        assert mission.arrays.kinds is None
+        for one, other in zip(mission.arrays, museum.arrays, strict=True):
+            assert np.array_equal(one, other)
+        assert mission.evaluate(some).tobytes() == museum.evaluate(some).tobytes()
 
 
 ULP = 2.0**-52
@@ -95,16 +123,20 @@ def test_small_chances_keep_their_digits(drawn):
             assert error <= Fraction(slack) * expected + Fraction(floor), (name, value, expected)
 
 
-@given(missions(max_robots=4), st.data())
+@given(missions(max_robots=4) | team_missions(max_robots=3), st.data())
 def test_equal_plans_get_equal_bits(mission, data):
     trails = data.draw(plans(mission))
-    shuffled = data.draw(st.permutations(trails))
+    of_kinds, n = [], 0
+    for kind in mission.kinds:
+        of_kinds.append(trails[n : n + kind.robots])
+        n += kind.robots
+    shuffled = [trail for some in of_kinds for trail in data.draw(st.permutations(some))]
     one, other = mission.evaluate([TrailPlan(trails), TrailPlan(shuffled)])
     assert one.tobytes() == other.tobytes()
     assert mission.evaluate_drafts([TrailPlan(trails)])[0].tolist() == [one.tolist()]
 
 
-@given(missions(), st.data())
+@given(missions() | team_missions(), st.data())
 def test_a_batch_is_its_plans_one_by_one(mission, data):
     drawn = [TrailPlan(data.draw(plans(mission))) for _ in range(data.draw(st.integers(0, 4)))]
     together = mission.evaluate(drawn)
@@ -147,11 +179,20 @@ def test_faults_name_the_plan_the_robot_the_position_and_the_arc():
 
 
 def drafted(mission, trails):
-    """The readable twin of drafts: (E[R], E[S], faults, survival of each robot)."""
-    arcs = {(u, v): s for u, v, s in mission.graph.edges(data="survival")}
-    faults, walked, alive = 0, [], []
-    for trail in trails:
-        good, used, lost = [], set(), trail[0] != mission.base
+    """The readable twin of drafts: (E[R], E[S], faults, survival and length of each robot).
+
+    Nodes are numbered as in ``arrays``, those of each kind behind those of the kind before.
+    """
+    faults, walked, alive, n_nodes = 0, [], [], len(mission.nodes)
+    arcs = {
+        (u + k * n_nodes, v + k * n_nodes): survival
+        for k, kind in enumerate(mission.kinds)
+        for (u, v), survival in twins.survivals(mission, kind).items()
+    }
+    for kind, trail in zip(mission.kind_of, trails, strict=True):
+        layer = n_nodes * mission.kinds.index(kind)
+        start, end = (layer + label for label in kind.ends(mission.base))
+        good, used, lost = [], set(), trail[0] != start
         faults += lost
         if not lost:
             good.append(trail[0])
@@ -162,20 +203,26 @@ def drafted(mission, trails):
             used.add(hop)
             if not lost:
                 good.append(hop[1])
-        if trail[-1] != mission.base:
+        if trail[-1] != end:
             faults += 1
             lost = True
-        walked.append(good)
+        walked.append([node - layer for node in good])
         alive.append(0.0 if lost else np.prod([arcs[hop] for hop in pairwise(good)]))
     reward, _ = twins.evaluate(mission, walked)
     return reward, sum(alive), faults, alive, twins.trail_lengths(mission, walked)
 
 
 @examples(300)
-@given(missions(max_nodes=6), st.data())
+@given(missions(max_nodes=6) | team_missions(max_nodes=4), st.data())
 def test_drafts_are_their_readable_twin(mission, data):
-    node = st.integers(0, len(mission.nodes) + 1)
-    drawn = [data.draw(st.lists(node, min_size=1, max_size=8)) for _ in range(mission.robots)]
+    node = st.integers(0, mission.arrays.n_nodes + 1)
+    some = st.lists(node, max_size=3)
+    drawn = [
+        data.draw(some)
+        + data.draw(strategies.trails(mission, robot=robot, max_hops=4))
+        + data.draw(some)
+        for robot in range(mission.robots)
+    ]
     plan = TrailPlan(drawn)
     objectives, faults = mission.evaluate_drafts([plan])
     reward, survivors, expected_faults, alive, lengths = drafted(mission, drawn)

@@ -275,7 +275,7 @@ def test_what_lies_ahead(case):
                     collected.setdefault(arc[1], graph.reward[arc[1]] * alive)
                 expected = pytest.approx(sum(collected.values()), rel=1e-12, abs=1e-14)
                 assert work.steps[i].ahead == expected
-            kernels.clear_trail(graph, work)
+            kernels.clear_trail(work)
 
 
 @pytest.mark.compiled_only

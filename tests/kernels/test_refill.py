@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from botohe_moo import Mission, TrailPlan
 from botohe_moo.kernels.fronts.ordered import read_front
 from botohe_moo.kernels.graph.graph import Limits, find_arc
+from botohe_moo.kernels.local_search import plans
 from botohe_moo.kernels.local_search import refill as kernels
 from botohe_moo.kernels.local_search import tours as filling
-from botohe_moo.kernels.local_search.plans import add_trail, evaluate_others
 from botohe_moo.kernels.local_search.trail_store import new_store
 from botohe_moo.kernels.local_search.workspace import NEVER
 from botohe_moo.kernels.rng import uniform
@@ -34,7 +34,7 @@ BUDGETS = st.sampled_from([inf, inf, 9.0, 4.0, 0.0])
 def plain():
     """The search in plain Python, always stuck: a refill may be a walk."""
     with plain_local_search() as patch:
-        patch.setattr(kernels, "PATIENCE", -1)
+        patch.setattr(plans, "PATIENCE", -1)
         patch.setattr(kernels, "P_WALK", 0.0)
         yield patch
 
@@ -46,10 +46,10 @@ def holding(mission, plan, chosen, *, seed=0, **limits):
     for robot, trail in enumerate(plan):
         arcs = [find_arc(graph, *hop) for hop in pairwise(trail)]
         work.child[: len(arcs)] = arcs
-        work.parent[robot] = add_trail(graph, store, work, len(arcs))
+        work.parent[robot] = plans.add_trail(graph, store, work, robot, len(arcs))
     work.chosen[:] = [*chosen, *(k for k in range(mission.robots) if k not in chosen)]
     work.draft.n_chosen, work.draft.robot = len(chosen), chosen[0]
-    evaluate_others(graph, store, work)
+    plans.evaluate_others(graph, store, work)
     return search
 
 
@@ -97,10 +97,11 @@ class TestChoosing:
         plan = [(0,)] * robots
         for p_pair in (0.0, 0.5, 1.0):
             plain.setattr(kernels, "P_PAIR", p_pair)
-            work = holding(mission, plan, [0])._work
+            search = holding(mission, plan, [0])
+            work = search._work
             for trial in range(200):
                 work.draft.robot = trial % robots
-                kernels._draw_robots(work)
+                kernels._draw_robots(search._parts)
                 assert sorted(work.chosen.tolist()) == list(range(robots))
                 assert work.chosen[0] == work.draft.robot
                 seen[p_pair, int(work.draft.n_chosen)] += 1
@@ -180,7 +181,7 @@ def test_stops_that_stay_are_some_of_those_there_were(case, data):
         if node != 0 and work.nodes[node].left > 0
     ]
     for _ in range(20):
-        n = filling._draw_stops(store, work, 0)
+        n = filling._draw_stops(mission.arrays, store, work, 0, 0)
         kept = work.goals[:n].tolist()
         assert n == 0 if len(stops) <= 1 else 0 < n < len(stops)
         rest = iter(stops)
@@ -506,7 +507,7 @@ def test_room_that_is_used_up_ends_a_walk(plain):
 
 @pytest.mark.parametrize(("patience", "p_walk"), [(10**6, 1.0), (-1, 0.0), (-1, 1.0)])
 def test_walks_begin_once_the_search_is_stuck(plain, patience, p_walk):
-    plain.setattr(kernels, "PATIENCE", patience)
+    plain.setattr(plans, "PATIENCE", patience)
     plain.setattr(kernels, "P_WALK", p_walk)
     mission = complete(8, 3, robots=2)
     search = refilling(mission, [TrailPlan([[0]] * 2)], n_waiting=1)

@@ -32,11 +32,11 @@ class Stored:
             weights=None,
         )
 
-    def add(self, nodes):
+    def add(self, nodes, robot=0):
         arcs = [find_arc(self.mission.arrays, u, v) for u, v in pairwise(nodes)]
         self.work.child[: len(arcs)] = arcs
         self.work.child[len(arcs) :] = -1  # there is room for more than is used
-        trail = plans.add_trail(self.mission.arrays, self.store, self.work, len(arcs))
+        trail = plans.add_trail(self.mission.arrays, self.store, self.work, robot, len(arcs))
         self.nodes[trail] = tuple(nodes)
         return trail
 

@@ -9,12 +9,12 @@ import networkx as nx
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Kind, Mission, MissionError, load_mission, mission_from_tables, save_mission
 from botohe_moo.mission import read_mission
-from tests.strategies import missions
+from tests.strategies import team_missions
 
 DRONE, ROVER = Kind("drone", 2, start="roof", end="roof"), Kind("rover", 1)
 BOTH = (DRONE, ROVER)
@@ -216,40 +216,11 @@ class TestBadInput:
 
 texts = st.text("abé", max_size=3)
 labels = texts | st.tuples(st.integers(0, 9), texts)
-numbers = st.sampled_from([0.0, 0.25, 1.0])
-
-
-@st.composite
-def missions_of_kinds(draw, labels):
-    """Missions of one to three kinds, with all that a file may say of them."""
-    graph = draw(missions(max_nodes=5)).graph.copy()
-    new = draw(st.lists(labels, min_size=len(graph), max_size=len(graph), unique=True))
-    graph = nx.relabel_nodes(graph, dict(enumerate(new)))
-    names = draw(st.lists(st.sampled_from(["robot", "drone", "lac é"]), min_size=1, unique=True))
-    whens = st.sampled_from(["arrival", "return"])
-    by_kind = dict.fromkeys(names, numbers)
-    more = {
-        "share": numbers | st.fixed_dictionaries({}, optional=by_kind),
-        "pays": whens,
-        "depot": st.booleans(),
-    }
-    for _, attributes in graph.nodes(data=True):
-        attributes.update(draw(st.fixed_dictionaries({}, optional=more)))
-    for *_, attributes in graph.edges(data=True):
-        attributes["survival"] = draw(st.just(0.5) | st.fixed_dictionaries(by_kind))
-    ends, longest = st.none() | st.sampled_from(new), st.sampled_from([None, 99, 99.5])
-    kinds = [Kind(name, 2, draw(ends), draw(ends), 0, draw(longest)) for name in names]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        try:
-            return Mission(graph, base=new[0], kinds=kinds, pays=draw(st.none() | whens))
-        except MissionError:  # a kind that cannot get home
-            assume(False)
 
 
 @pytest.mark.filterwarnings("ignore:.*no kind of robots can collect")
 class TestFiles:
-    @given(missions_of_kinds(labels))
+    @given(team_missions(labels=labels))
     def test_json(self, tmp_path_factory, mission):
         path = tmp_path_factory.getbasetemp() / "kinds.json"
         save_mission(mission, path)
@@ -261,7 +232,7 @@ class TestFiles:
         save_mission(read, path)
         assert path.read_bytes() == written
 
-    @given(missions_of_kinds(texts))
+    @given(team_missions(labels=texts))
     def test_graphml(self, tmp_path_factory, mission):
         path = tmp_path_factory.getbasetemp() / "kinds.graphml"
         save_mission(mission, path)

@@ -1,7 +1,7 @@
 """Outcomes of plans with kinds of robots and rewards on return, by hand and by enumeration."""
 
 from collections import defaultdict
-from itertools import pairwise, product
+from itertools import product
 
 import networkx as nx
 import numpy as np
@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from botohe_moo import Kind, Mission
 from botohe_moo.outcomes.outcomes import reward_distribution, simulate, survivors_distribution
 from botohe_moo.outcomes.reaching import collect_probabilities, reach_probabilities, team_reach
+from tests import twins
 from tests.strategies import team_missions_with_plans
 
 
@@ -91,27 +92,10 @@ def test_simulation_agrees_with_the_exact_distribution():
 
 def collected_sets(mission, kind, trail):
     """With what probability a robot collects each set of nodes."""
-    nodes, found = mission.graph.nodes, defaultdict(float)
-    alive, fates = 1.0, []
-    for hop, arc in enumerate(pairwise(trail), start=1):
-        survival = mission.graph.edges[arc]["survival"]
-        survival = survival[kind.name] if isinstance(survival, dict) else survival
-        fates.append((alive * (1 - survival), trail[:hop]))
-        alive *= survival
-    for chance, walked in [*fates, (alive, trail)]:
-        paid, carried = [], []
-        for i, node in enumerate(walked):
-            if node not in walked[:i]:
-                carried.append(node)
-            if node == mission.base or nodes[node].get("depot"):
-                paid, carried = paid + carried, []
-            elif node in carried and nodes[node].get("pays", mission.pays) == "arrival":
-                carried.remove(node)
-                paid.append(node)
-        shares = [nodes[node].get("share", 1.0) for node in paid]
-        shares = [
-            share.get(kind.name, 1.0) if isinstance(share, dict) else share for share in shares
-        ]
+    nodes, found, alive = mission.graph.nodes, defaultdict(float), 0.0
+    for chance, paid, survives in twins.fates(mission, kind, trail):
+        alive += chance * survives
+        shares = [twins.of_kind(nodes[node].get("share", 1.0), kind) for node in paid]
         for takes in product([False, True], repeat=len(paid)):
             p = np.prod([q if take else 1 - q for q, take in zip(shares, takes, strict=True)])
             found[frozenset(node for node, take in zip(paid, takes, strict=True) if take)] += (

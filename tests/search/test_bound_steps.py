@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission
+from botohe_moo.kernels.graph.graph import NO_LIMITS
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.proof import Proof
 from botohe_moo.search.bounds.record import Line, Step
@@ -22,7 +23,6 @@ from botohe_moo.search.bounds.steps import (
     stairs_of,
 )
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
-from botohe_moo.search.sequential import limits_of
 from tests import twins
 from tests.search.test_bounds import random_mission
 
@@ -159,7 +159,7 @@ def test_no_team_of_all_trails_exceeds_a_step(short_search, seeds):
     n_steps = n_tight = 0
     for seed in seeds:
         mission, given = random_mission(seed)
-        limits, rng = limits_of(**given), np.random.default_rng(seed)
+        limits, rng = mission.limits(**given), np.random.default_rng(seed)
         every = twins.all_trails(mission, 2_000)
         if every is None or len(every) ** mission.robots > MOST_TEAMS:
             continue
@@ -198,7 +198,7 @@ def test_steps_of_large_teams_are_rounded_upwards():
         graph.edges[0, 1]["survival"] = there = rng.uniform(0.2, 2) / robots
         graph.edges[1, 0]["survival"] = rng.uniform(0.1, 0.9)
         mission = Mission(graph, base=0, robots=robots)
-        proof = Proof(mission, limits_of(0.0, None), **_AT_EASE)
+        proof = Proof(mission, NO_LIMITS, **_AT_EASE)
         proof._prepare(8, 10, 1, 1 << 10)
         steps = proof._steps[robots - 1]
         assert steps.tighten(0.0, 0.0, 8, time.monotonic() + 100)
@@ -214,7 +214,7 @@ def test_what_a_trail_has_to_be_worth_by_hand():
     A trail on the second step, from 0.2 to 0.4, leaves at least 0.6 to the other, which is then
     worth 7 at most: of a goal of 8 there is 1 left.
     """
-    proof = Proof(load_mission("toy", robots=2), limits_of(0.0, None), **_AT_EASE)
+    proof = Proof(load_mission("toy", robots=2), NO_LIMITS, **_AT_EASE)
     steps = Steps(proof._lines[1], 0.8, n_steps=4, n_heights=4)
     line = SimpleNamespace(most=10.0, worth=SimpleNamespace(mu=5.0))
     assert steps._needed(1.0, 8.0, [line], None) == pytest.approx([2.0, 1.0, 0.0, -1.0], abs=1e-6)

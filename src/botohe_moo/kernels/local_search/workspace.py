@@ -159,7 +159,7 @@ def new_workspace(
         states=states,
         weights=weights,
         draft=np.zeros(1, _DRAFT).view(np.recarray)[0],
-        steps=np.zeros(n_arcs + 1, _STEP).view(np.recarray),
+        steps=np.zeros(max(2, n_arcs + 1), _STEP).view(np.recarray),  # two for ``store_tour``
         loads=np.zeros(n_arcs + 1, _LOAD).view(np.recarray),
         nodes=nodes.view(np.recarray),
         arcs=arcs.view(np.recarray),
