@@ -23,7 +23,7 @@ from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, kind_ranges
 from botohe_moo.kernels.graph.paths import Budget, new_budget
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes import collect_probabilities
+from botohe_moo.outcomes.reaching import collected
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["plan_sequentially"]
@@ -198,7 +198,7 @@ class SequentialPlanner:
                 if trail is None:  # nor will later robots of this kind leave
                     break
                 trails.append((robot, trail))
-                unreached *= 1.0 - collect_probabilities(mission, self._team(trails))[robot]
+                unreached *= 1.0 - collected(mission, TrailPlan([trail]))[0]
         return trails
 
     def _trail(
