@@ -192,9 +192,7 @@ def limits_of(kind, floor, budget):
 
 def test_exact_refuses_kinds_by_name():
     mission = load_mission("drones_and_rovers")
-    told = (
-        "does not support mission 'drones_and_rovers', which has kinds of robots and rewards that"
-    )
+    told = "does not support mission 'drones_and_rovers', which has kinds of robots and rewards"
     with pytest.raises(ValueError, match=f"^Exact {told}"):
         minimize(BOTOHE(mission), make_algorithm("exact"), ("n_eval", 90))
     for refuses in (exact_front, bound_front):
