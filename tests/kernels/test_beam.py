@@ -14,7 +14,7 @@ from botohe_moo.kernels.beam.labels import larger_beam, new_beam
 from botohe_moo.kernels.beam.prospects import BeamRule, dangers, find_near
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.graph.paths import new_budget
-from botohe_moo.mission import Mission, load_mission
+from botohe_moo.mission import Kind, Mission, load_mission
 from tests.examples import examples
 from tests.strategies import lengths, missions, team_missions
 from tests.twins import all_trails, arc_survivals, ends_of, length_of, survival_of, within
@@ -109,6 +109,21 @@ class TestKinds:
             assert value == pytest.approx(expected, rel=1e-9)
         else:  # the safest way, which keeps no limits
             assert value == -1.0 or survival_of(mission, trail) < least
+
+
+    def test_where_the_safest_way_is_too_long(self):
+        """It is worth most, by node 2; by 3 there is a shorter one."""
+        graph = nx.DiGraph()
+        graph.add_nodes_from(range(4), reward=1.0)
+        graph.add_edges_from([(2, 1), (0, 3), (3, 1), (0, 1)], survival=0.5)
+        graph.add_edge(0, 2, survival=1.0, length=3.0)
+        graph.add_edge(0, 1, survival=0.375)
+        mission = Mission(graph, base=0, kinds=[Kind("drone", 1, end=1)])
+        found = [
+            best_trail(mission, [0.0, 0.0, 9.0, 2.0], 1.0, longest=longest)[:2]
+            for longest in (9.0, 2.0, 1.0, 0.5)
+        ]
+        assert found == [([0, 2, 1], 9.5), ([0, 3, 1], 1.25), ([0, 1], 0.375), ([0, 2, 1], -1.0)]
 
 
 class TestExact:
