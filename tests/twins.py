@@ -289,34 +289,42 @@ class ConcurrentAnt(Ant):
 
 
 class Repairer:
-    """Both repairs, one rule a line; missions whose safest paths are unique give the same plans."""
+    """Both repairs, one rule a line; missions whose safest paths are unique give the same plans.
 
-    def __init__(self, mission):
-        self.mission = mission
-        self.arcs = set(mission.graph.edges)
+    Trails are those of a robot, and nodes are indices of kernels.
+    """
+
+    def __init__(self, mission, robot=0):
+        self.start, self.end = ends_of(mission, robot)
+        self.n_nodes, self.layer = len(mission.nodes), self.start - self.start % len(mission.nodes)
+        self.nodes = range(self.layer, self.layer + self.n_nodes)
+        self.n_known = self.n_nodes * len(mission.kinds)
+        survival = arc_survivals(mission).items()
+        self.arcs = {arc: s for arc, s in survival if arc[0] in self.nodes}
 
     def free(self, trail):
         """The mission without the arcs that a trail has used."""
         left = nx.DiGraph()
-        left.add_nodes_from(self.mission.graph)
-        for arc in self.arcs - set(pairwise(trail)):
-            left.add_edge(*arc, cost=-log(self.mission.graph.edges[arc]["survival"]))
+        left.add_nodes_from(self.nodes)
+        for arc in self.arcs.keys() - set(pairwise(trail)):
+            left.add_edge(*arc, cost=-log(self.arcs[arc]))
         return left
 
     def leads_home(self, trail):
-        return nx.has_path(self.free(trail), trail[-1], self.mission.base)
+        return nx.has_path(self.free(trail), trail[-1], self.end)
 
     def home(self, trail):
-        return trail + self.path(trail, self.mission.base)
+        return trail + self.path(trail, self.end)
 
     def path(self, trail, target):
         """The safest way on to a node over unused arcs, without the trail's last node."""
         return nx.dijkstra_path(self.free(trail), trail[-1], target, weight="cost")[1:]
 
     def safest(self, draft):
-        trail = [self.mission.base]
-        for node in draft:
-            if node == trail[-1] or node not in self.mission.graph:
+        trail = [self.start]
+        for drafted in draft:
+            node = self.layer + drafted % self.n_nodes  # whichever kind it was meant for
+            if node == trail[-1] or not 0 <= drafted < self.n_known:
                 continue
             hop = (trail[-1], node)
             if hop in set(pairwise(trail)):
@@ -331,11 +339,11 @@ class Repairer:
         return longer if self.leads_home(longer) else trail
 
     def truncate(self, draft):
-        prefixes = [[self.mission.base]]
+        prefixes = [[self.start]]
         for position in range(1, len(draft) + 1):
             prefix = list(draft[:position])
             hops = list(pairwise(prefix))
-            if prefix[0] != self.mission.base or not set(hops) <= self.arcs:
+            if prefix[0] != self.start or not set(hops) <= self.arcs.keys():
                 break
             if len(set(hops)) < len(hops):
                 break

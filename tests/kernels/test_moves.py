@@ -7,7 +7,7 @@ from math import log
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.compile import kernel
@@ -17,11 +17,18 @@ from botohe_moo.kernels.plans.change import MoveRule, _take_detour, change_plans
 from botohe_moo.kernels.plans.moves import DETOUR, mark_trail, move_trail, new_move_scratch
 from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.rng import seed_states
-from botohe_moo.mission import Mission, load_mission
+from botohe_moo.mission import Kind, Mission, load_mission
 from botohe_moo.trails import PlanBatch
 from tests import twins
 from tests.examples import examples
-from tests.strategies import lengths, missions_with_plans, plans, small_missions
+from tests.strategies import (
+    lengths,
+    missions_with_plans,
+    plans,
+    small_missions,
+    team_missions,
+    team_missions_with_plans,
+)
 
 KINDS = {
     "insert": moves.INSERT,
@@ -38,15 +45,19 @@ PUBLISHED = np.array([1, 1, 1, 1, 1, 1, 0.1])
 
 
 class Moves:
-    """Every outcome of a move, one rule a line; None stands for a move that cannot be made."""
+    """Every outcome of a move, one rule a line; None stands for a move that cannot be made.
 
-    def __init__(self, mission):
-        self.arcs, self.base, self.graph = set(mission.graph.edges), mission.base, mission.graph
-        self.repairer = twins.Repairer(mission)
+    Trails are those of a robot, of indices of kernels.
+    """
+
+    def __init__(self, mission, robot=0):
+        self.repairer = twins.Repairer(mission, robot)
+        self.arcs, self.nodes = set(self.repairer.arcs), self.repairer.nodes
+        self.start, self.end = twins.ends_of(mission, robot)
 
     def is_trail(self, trail):
         hops = list(pairwise(trail))
-        ends = trail[0] == trail[-1] == self.base
+        ends = trail[0] == self.start and trail[-1] == self.end
         return ends and set(hops) <= self.arcs and len(set(hops)) == len(hops)
 
     def evenly(self, outcomes):
@@ -66,14 +77,14 @@ class Moves:
     def outcomes(self, kind, trail):
         last = len(trail) - 1
         inner = range(1, last)
-        others = [node for node in self.graph if node != self.base]
+        others = [node for node in self.nodes if node != self.end]
         pairs = [(i, j) for i in inner for j in inner if i < j]
         match kind:
             case "insert":
                 return self.at_positions(
                     range(last + 1),
                     lambda i: [
-                        (*trail[: i + 1], v, *(trail[i + 1 :] or (self.base,))) for v in others
+                        (*trail[: i + 1], v, *(trail[i + 1 :] or (self.end,))) for v in others
                     ],
                 )
             case "delete":
@@ -120,7 +131,7 @@ class Moves:
         free = self.repairer.free(trail[: start + 1])
         free.remove_edges_from(pairwise(trail[stop:]))
         way = [trail[start]]
-        if via not in (self.base, trail[start], trail[stop]):
+        if via not in (self.end, trail[start], trail[stop]):
             way = self.by_arc(free, trail[start], via) or self.safest(free, trail[start], via)
             free.remove_edges_from(list(pairwise(way or [])))
         back = self.safest(free, way[-1], trail[stop]) if way else None
@@ -139,12 +150,12 @@ class Moves:
     def detours(self, trail):
         """Short spans are drawn as often as long ones: evenly in their logarithms."""
         chances, n = defaultdict(float), len(trail)
-        for start, via in product(range(n), self.graph):
+        for start, via in product(range(n), self.nodes):
             room = n - start
             for span in range(room):
                 chance = log((span + 2) / (span + 1)) / log(room + 1)
                 outcome = self.detour(trail, start, start + span, via)
-                chances[outcome] += chance / n / len(self.graph)
+                chances[outcome] += chance / n / len(self.nodes)
         return dict(chances)
 
     def drawn(self, weights, trail):
@@ -208,16 +219,29 @@ def move(graph, scratch, nodes, length, kind, states):
     return move_trail(graph, scratch, nodes, length, kind, states)
 
 
+def crossroads_of_kinds():
+    """The same for a rover, which goes from 0 to 3, and must not go from 1 to 2."""
+    graph = crossroads().graph.copy()
+    for arc, attributes in graph.edges.items():
+        attributes["survival"] = {"drone": 0.5, "rover": attributes["survival"] * (arc != (1, 2))}
+    return Mission(graph, base=0, kinds=[Kind("drone", 1), Kind("rover", 1, end=3)])
+
+
+# Behind the nodes of the drone.
+ROVERS = [(5, 6, 8), (5, 7, 8, 6, 8), (5, 7, 6, 5, 9, 8), (5, 9, 8, 7, 5, 6, 8)]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_one_move_has_the_outcomes_of_the_twin(kind):
-    mission = crossroads()
+@pytest.mark.parametrize(("robot", "trails"), [(0, TRAILS), (1, ROVERS)])
+def test_one_move_has_the_outcomes_of_the_twin(kind, robot, trails):
+    mission = crossroads_of_kinds() if robot else crossroads()
     graph, n_times = mission.arrays, 3_000
     states = seed_states(np.random.default_rng(1), 1)
     scratch = new_move_scratch(graph)
     makeable = 0
-    for trail in TRAILS:
-        expected = Moves(mission).outcomes(kind, trail)
+    for trail in trails:
+        expected = Moves(mission, robot).outcomes(kind, trail)
         assert sum(expected.values()) == pytest.approx(1)
         makeable += set(expected) != {None}
         counted = Counter()
@@ -232,7 +256,7 @@ def test_one_move_has_the_outcomes_of_the_twin(kind):
             counted[None if length == moves.CANNOT else tuple(nodes[:length].tolist())] += 1
         assert np.array_equal(scratch.used == scratch.mark, marked)
         agree(counted, expected, n_times)
-    assert makeable >= 2
+    assert makeable >= (0 if robot and kind == "reverse" else 2)
 
 
 @pytest.mark.slow
@@ -261,7 +285,11 @@ def change(
 
 
 @examples(150)
-@given(missions_with_plans(max_nodes=8, one_way=True), st.booleans(), st.integers(0, 2**31))
+@given(
+    missions_with_plans(max_nodes=8, one_way=True) | team_missions_with_plans(),
+    st.booleans(),
+    st.integers(0, 2**31),
+)
 def test_trails_stay_trails_on_one_way_missions(mission_and_plan, every_robot, seed):
     mission, plan = mission_and_plan
     batch = mission.batch([plan] * 20)
@@ -287,6 +315,24 @@ def test_no_move_leaves_the_limits(mission_and_plan, floor, budget, data):
     for seed in range(3):
         changed = change(mission, batch, limits=Limits(least, longest), seed=seed, tries=20)
         batch = PlanBatch(*changed, mission.robots)
+        assert (mission.robot_survival(batch) >= least).all()
+        assert (mission.trail_lengths(batch) <= longest).all()
+
+
+@examples(100)
+@given(team_missions(lengths=lengths), st.integers(0, 2**31))
+def test_no_move_leaves_the_limits_of_a_kind(mission, seed):
+    limits = mission.limits()
+    batch = mission.batch([mission.stay_home(limits)] * 30)
+    least, longest = np.transpose(
+        [(k.min_survival, k.max_length or np.inf) for k in mission.kind_of]
+    )
+    assume((mission.robot_survival(batch) >= least).all())  # no way that compromises
+    for _ in range(3):
+        batch = PlanBatch(
+            *change(mission, batch, limits=limits, seed=seed, tries=20), mission.robots
+        )
+        mission.evaluate(batch)
         assert (mission.robot_survival(batch) >= least).all()
         assert (mission.trail_lengths(batch) <= longest).all()
 

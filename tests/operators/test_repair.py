@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
 
-from botohe_moo import BOTOHE, Mission, TrailPlan, load_mission
+from botohe_moo import BOTOHE, Kind, Mission, TrailPlan, load_mission
 from botohe_moo.operators import (
     MixedCrossover,
     PenaltyOnly,
@@ -20,8 +20,8 @@ from botohe_moo.operators import (
 )
 from botohe_moo.trails import PlanBatch
 from tests.examples import examples
-from tests.strategies import missions, missions_with_plans
-from tests.twins import Repairer
+from tests.strategies import missions, missions_with_plans, team_missions, team_missions_with_plans
+from tests.twins import Repairer, ends_of
 
 REPAIRS = [SafestPathRepair, TruncateRepair]
 
@@ -102,7 +102,7 @@ class TestTruncate:
 @st.composite
 def drafts(draw, mission):
     """Any sequences of node indices, some of them unknown."""
-    nodes = st.integers(0, len(mission.nodes) + 1)
+    nodes = st.integers(0, mission.arrays.n_nodes + 1)
     trails = st.lists(nodes, min_size=1, max_size=10)
     return TrailPlan([draw(trails) for _ in range(mission.robots)])
 
@@ -111,7 +111,7 @@ def drafts(draw, mission):
 @examples(300)
 @given(data=st.data())
 def test_any_draft_becomes_valid_and_stays_as_it_is(repair, data):
-    mission = data.draw(missions(max_nodes=8))
+    mission = data.draw(missions(max_nodes=8) | team_missions())
     plan = data.draw(drafts(mission))
     batch = PlanBatch.from_plans([plan], mission.robots)
     once = repair().repair_batch(mission, batch)
@@ -123,7 +123,7 @@ def test_any_draft_becomes_valid_and_stays_as_it_is(repair, data):
 
 @pytest.mark.parametrize("repair", [*REPAIRS, PenaltyOnly])
 @examples(200)
-@given(drawn=missions_with_plans(max_nodes=8))
+@given(drawn=missions_with_plans(max_nodes=8) | team_missions_with_plans())
 def test_a_valid_plan_passes_unchanged(repair, drawn):
     mission, plan = drawn
     made = repair()
@@ -131,9 +131,9 @@ def test_a_valid_plan_passes_unchanged(repair, drawn):
     assert (made.counts.plans, made.counts.repaired, made.counts.arcs_changed) == (1, 0, 0)
 
 
-@examples(12)
-@given(st.integers(0, 2**32))
-def test_repairs_are_their_readable_twins(seed):
+@examples(24)
+@given(st.integers(0, 2**32), st.booleans())
+def test_repairs_are_their_readable_twins(seed, has_kinds):
     # Survivals that are drawn from a continuum leave no two paths equally safe.
     rng = np.random.default_rng(seed)
     graph = nx.DiGraph()
@@ -146,16 +146,29 @@ def test_repairs_are_their_readable_twins(seed):
             arcs.add((u, v))
             if seed % 2:
                 arcs.add((v, u))
+    kinds = [Kind("robot", 1)]
+    if has_kinds:
+        start, end = rng.integers(7, size=2).tolist()
+        kinds = [Kind("drone", 1, start=start, end=end), Kind("rover", 1)]
     for arc in sorted(arcs):
-        graph.add_edge(*arc, survival=rng.uniform(0.3, 1.0))
-    mission = Mission(graph, base=0, robots=1)
-    twin = Repairer(mission)
+        by_kind = rng.uniform(0.3, 1.0, 3)
+        by_kind[2] *= rng.random() < 0.8
+        survival = dict(zip(("robot", "drone", "rover"), by_kind.tolist(), strict=True))
+        graph.add_edge(*arc, survival={kind.name: survival[kind.name] for kind in kinds})
+    mission = Mission(graph, base=0, kinds=kinds)
     for _ in range(30):
-        draft = rng.integers(8, size=rng.integers(1, 12)).tolist()
-        if rng.random() < 0.5:
-            draft = [0, *draft, 0]
-        assert repaired(SafestPathRepair(), mission, draft) == [twin.safest(draft)]
-        assert repaired(TruncateRepair(), mission, draft) == [twin.truncate(draft)]
+        plan = []
+        for robot in range(mission.robots):
+            draft = rng.integers(mission.arrays.n_nodes + 1, size=rng.integers(1, 12)).tolist()
+            start, end = ends_of(mission, robot)
+            plan.append([start, *draft, end] if rng.random() < 0.5 else draft)
+        batch = PlanBatch.from_plans([TrailPlan(plan)], mission.robots)
+        for repair, twin in (
+            (SafestPathRepair, Repairer.safest),
+            (TruncateRepair, Repairer.truncate),
+        ):
+            expected = [tuple(twin(Repairer(mission, k), draft)) for k, draft in enumerate(plan)]
+            assert list(repair().repair_batch(mission, batch)[0].trails) == expected
 
 
 class TestCounts:
