@@ -1,16 +1,13 @@
 """Moves, bounds and the whole search, in plain Python, which finds what the kernels find."""
 
-from itertools import pairwise
-
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, load_mission
 from botohe_moo.kernels.fronts.ordered import best_reward
-from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.local_search import children, plans, routes
 from botohe_moo.kernels.local_search import moves as kernels_of_moves
 from botohe_moo.kernels.local_search import search as kernels
@@ -20,7 +17,7 @@ from botohe_moo.search.sequential import plan_sequentially
 from botohe_moo.trails import PlanBatch
 from tests import twins
 from tests.examples import examples
-from tests.strategies import missions_with_plans
+from tests.strategies import missions_with_plans, team_missions_with_plans
 from tests.twins import plain_local_search
 
 # In plain Python ten thousand fruitless parents would take their time.
@@ -28,14 +25,11 @@ FEW = 50
 
 
 def local_search(mission, start=(), *, seed=0, min_survival=0.0, max_length=np.inf, **options):
-    """A search that has been started with everybody at base, and with given plans."""
-    search = LocalSearch(
-        mission,
-        Limits(min_survival, max_length),
-        random_state=np.random.default_rng(seed),
-        **options,
-    )
-    home = TrailPlan([[mission.arrays.base]] * mission.robots)
+    """A search that has been started with everybody at home, and with given plans."""
+    limits = mission.limits(min_survival, max_length)
+    random_state = np.random.default_rng(seed)
+    search = LocalSearch(mission, limits, random_state=random_state, **options)
+    home = mission.stay_home(limits)
     search.insert(PlanBatch.from_plans([home, *start], mission.robots))
     return search
 
@@ -53,11 +47,11 @@ def outcome(search):
     )
 
 
-def trail_of(search, trail):
-    """A stored trail as node indices."""
+def trail_of(search, trail, robot=0):
+    """A stored trail of a robot as node indices."""
     store, graph = search._store, search.mission.arrays
     arcs = store.arc[store.trails[trail].first_arc :][: store.trails[trail].n_arcs]
-    return (graph.base, *graph.head[arcs].tolist())
+    return (twins.ends_of(search.mission, robot)[0], *graph.head[arcs].tolist())
 
 
 class Child:
@@ -70,10 +64,10 @@ class Child:
 
     def __init__(self, search, gained):
         front, work, graph = search._front, search._work, search.mission.arrays
-        base, draft = (graph.base,), work.draft
-        parent = enumerate(work.parent)
-        self.others = [trail_of(search, trail) for k, trail in parent if k != draft.robot]
-        trail = work.steps["arc"].tolist()
+        draft, self.robot = work.draft, int(work.draft.robot)
+        parent = [trail_of(search, trail, robot) for robot, trail in enumerate(work.parent)]
+        self.others = [trail for robot, trail in enumerate(parent) if robot != draft.robot]
+        trail, base = work.steps["arc"].tolist(), parent[self.robot][:1]
         self.parent = (*base, *graph.head[trail[: draft.length]].tolist())
         self.fixed, self.gained = float(draft.others), gained
         self.arcs = [
@@ -90,16 +84,20 @@ class Child:
 
     def check(self, mission, floor, budget=np.inf):
         """Whether it is a trail, another one, and its figures are those of the formulas."""
-        base = mission.arrays.base
-        assert [base, *self.heads] == [*self.tails, base]
+        start, end = twins.ends_of(mission, self.robot)
+        assert [start, *self.heads] == [*self.tails, end]
         assert len(set(self.arcs)) == len(self.arcs)
         assert self.trail != self.parent
-        gains = np.subtract(
-            *(
-                twins.evaluate(mission, trails)[0]
-                for trails in ([*self.others, self.trail], self.others or [(base,)])
-            )
-        )
+        kind, others = mission.kind_of[self.robot], list(mission.kind_of)
+        del others[self.robot]
+        floor = max(floor, kind.min_survival)
+        budget = min(budget, kind.max_length or np.inf)
+        named = [[node % len(mission.nodes) for node in trail] for trail in self.others]
+        trail = [node % len(mission.nodes) for node in self.trail]
+        before = twins.evaluate(mission, named, others)[0]
+        if mission.is_plain:  # what all robots collect anyway
+            before = twins.evaluate(mission, [*named, (start,)], [*others, kind])[0]
+        gains = twins.evaluate(mission, [*named, trail], [*others, kind])[0] - before
         near = {"rel": 1e-12, "abs": 1e-13 * (mission.total_reward + mission.robots)}
         gained, alive = self.gained, twins.survival_of(mission, self.trail)
         walked = twins.length_of(mission, self.trail)
@@ -140,7 +138,7 @@ def watched(
 
 @examples(120)
 @given(
-    missions_with_plans(min_nodes=2),
+    missions_with_plans(min_nodes=2) | team_missions_with_plans(),
     st.sampled_from([*MOVES, "all"]),
     st.sampled_from([0.0, 0.0, 0.3, 1.0]),
     st.sampled_from([np.inf, np.inf, 7.0, 3.0, 0.0]),
@@ -154,21 +152,38 @@ def test_every_child_is_a_trail_and_is_appraised_right(
 ):
     """One-way missions, safe arcs, nodes without reward; paths known from all nodes or few."""
     mission, plan = case
-    too_long = mission.trail_lengths([plan]).max() > budget
-    if too_long or mission.robot_survival([plan]).min() < floor:
-        plan = TrailPlan([[0]] * mission.robots)
+    plan, home = (
+        each if keeps_limits(mission, each, floor, budget) else None
+        for each in (plan, mission.stay_home(mission.limits(floor, budget)))
+    )
+    assume(home)
     moves = DEFAULT_MOVES if move == "all" else {move: 1.0}
     options = {"moves": moves, "seed": seed, "max_length": budget, "p_refill": p_refill}
     options["constants"] = [(kernels_of_moves, "P_DETOUR", p_detour)]
-    search, made = watched(mission, [plan], 60, floor, full_up_to, **options)
+    search, made = watched(mission, [plan] if plan else [], 60, floor, full_up_to, **options)
     for child in made:
         child.check(mission, floor, budget)
     batch, objectives, _ = search.plans()
     assert np.array_equal(mission.evaluate(batch), objectives)
     assert (np.diff(objectives[:, 0]) < 0).all()
     assert (np.diff(objectives[:, 1]) > 0).all()
-    assert mission.robot_survival(batch).min() >= floor * (1 - 1e-12)
-    assert mission.trail_lengths(batch).max() <= budget * (1 + 1e-12)
+    for found in batch:
+        assert keeps_limits(mission, found, floor, budget)
+
+
+def keeps_limits(mission, plan, floor, budget):
+    """Whether all robots of a plan keep limits, and those of their kinds, to rounding."""
+    robots = zip(
+        mission.kind_of,
+        mission.robot_survival([plan])[0],
+        mission.trail_lengths([plan])[0],
+        strict=True,
+    )
+    return all(
+        alive >= max(floor, kind.min_survival) * (1 - 1e-12)
+        and length <= min(budget, kind.max_length or np.inf) * (1 + 1e-12)
+        for kind, alive, length in robots
+    )
 
 
 def test_small_chances_of_the_others_keep_their_digits():
@@ -256,25 +271,58 @@ class TestMovesByHand:
         assert all(len(trail) <= 5 for trail in found)
 
 
-@examples(60)
-@given(missions_with_plans(max_robots=2))
+class Laid:
+    """What the search notes of each position of a trail, straight from the formulas."""
+
+    def __init__(self, mission, kind, nodes):
+        self.mission, self.kind = mission, kind
+        self.trail = [node % len(mission.nodes) for node in nodes]
+        self.reward = dict(mission.graph.nodes(data="reward"))
+        if mission.is_plain:
+            self.reward[mission.base] = 0.0  # which all robots collect, whatever they do
+
+    def brings(self, trail):
+        chances = twins.collects(self.mission, self.kind, trail)
+        return sum(self.reward[node] * chance for node, chance in chances.items())
+
+    def at(self, i):
+        """What lies ahead, what is banked and what is carried, and the chance to bring that."""
+        before, after = self.trail[: i + 1], self.trail[i + 1 :]
+        alive = twins.alive_along(self.mission, self.kind, self.trail)
+        ahead = alive[i + 1] / alive[i] * self.brings(after) if after else 0.0
+        banked = dict(twins.credited(self.mission, before))
+        nodes = self.mission.graph.nodes
+        carried = sum(
+            self.reward[v] * twins.of_kind(nodes[v].get("share", 1.0), self.kind)
+            for v in set(before) - set(banked)
+        )
+        depots = [j for j, v in enumerate(self.trail) if v == 0 or nodes[v].get("depot")]
+        to_depot = next((alive[j] / alive[i] for j in depots if j > i), 0.0)
+        return [ahead, self.brings(before), carried, to_depot]
+
+
+@examples(120)
+@given(missions_with_plans(max_robots=2) | team_missions_with_plans())
 def test_what_lies_ahead(case):
-    """What a robot with empty hands would collect that is sure to be at each position."""
+    """What a robot with empty hands would collect that is sure to be at each position.
+
+    And what it has collected and carries there, and the chance to bring that to a depot.
+    """
     mission, plan = case
-    survival = twins.arc_survivals(mission)
     with plain_local_search():
         search = local_search(mission, [plan])
-        graph, store, work = mission.arrays, search._store, search._work
-        for trail in np.flatnonzero(store.trails["n_users"]).tolist():
-            kernels.lay_out(graph, store, work, trail)
-            nodes = trail_of(search, trail)
-            for i in range(len(nodes)):
-                collected, alive = {graph.base: 0.0}, 1.0
-                for arc in pairwise(nodes[i:]):
-                    alive *= survival[arc]
-                    collected.setdefault(arc[1], graph.reward[arc[1]] * alive)
-                expected = pytest.approx(sum(collected.values()), rel=1e-12, abs=1e-14)
-                assert work.steps[i].ahead == expected
+        store, work = search._store, search._work
+        for robot, trail in enumerate(search._front.plan[0].tolist()):
+            work.draft.robot = robot
+            kernels.lay_out(mission.arrays, store, work, trail)
+            nodes = trail_of(search, trail, robot)
+            laid_out = Laid(mission, mission.kind_of[robot], nodes)
+            for i, step in enumerate(work.steps[: len(nodes)]):
+                found = [step.ahead, step.gained]
+                if not mission.is_plain:
+                    found += [work.loads[i].carried, work.loads[i].to_depot]
+                expected = laid_out.at(i)[: len(found)]
+                assert found == pytest.approx(expected, rel=1e-12, abs=1e-14)
             kernels.clear_trail(work)
 
 
