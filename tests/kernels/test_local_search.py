@@ -327,8 +327,9 @@ def test_what_lies_ahead(case):
 
 
 @pytest.mark.compiled_only
-def test_the_bound_changes_nothing_but_the_time_it_takes():
-    mission = load_mission("toy")
+@pytest.mark.parametrize("pays", ["arrival", "return"])
+def test_the_bound_changes_nothing_but_the_time_it_takes(pays):
+    mission = Mission(load_mission("toy").graph, pays=pays)
     outcomes = []
     for bounded in (True, False):
         with plain_local_search() as patch:
