@@ -7,7 +7,7 @@ from math import exp, inf, log
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
@@ -23,7 +23,8 @@ from botohe_moo.search.local_search import LocalSearch
 from botohe_moo.trails import PlanBatch
 from tests import twins
 from tests.examples import examples
-from tests.strategies import missions_with_plans
+from tests.kernels.test_local_search import keeps_limits
+from tests.strategies import missions_with_plans, team_missions_with_plans
 from tests.twins import plain_local_search
 
 FLOORS = st.sampled_from([0.0, 0.0, 0.2, 0.7, 1.0])
@@ -54,7 +55,7 @@ def holding(mission, plan, chosen, *, seed=0, **limits):
 
 
 def nodes_of(search, trail):
-    """A stored trail as node indices."""
+    """A stored trail as node indices, from the base."""
     store, graph = search._store, search._graph
     arcs = store.arc[store.trails[trail].first_arc :][: store.trails[trail].n_arcs]
     return (graph.base, *graph.head[arcs].tolist())
@@ -188,11 +189,17 @@ def test_stops_that_stay_are_some_of_those_there_were(case, data):
         assert all(node in rest for node in kept)  # in this order
 
 
-def complete(n_nodes, seed, *, robots, scale=0.1):
-    """A mission with all arcs, of which the direct one is always the cheapest path."""
+def complete(n_nodes, seed, *, robots, scale=0.1, returns=False):
+    """A mission with all arcs, of which the direct one is always the cheapest path.
+
+    Where there are returns most nodes pay on return, and some are depots.
+    """
     rng, graph = np.random.default_rng(seed), nx.complete_graph(n_nodes, nx.DiGraph)
     for node in graph:
         graph.nodes[node]["reward"] = 10 * rng.random() * (rng.random() < 0.8)
+        if returns:
+            graph.nodes[node]["pays"] = "return" if rng.random() < 0.7 else "arrival"
+            graph.nodes[node]["depot"] = bool(rng.random() < 0.2)
     for arc in graph.edges:
         danger, length = rng.uniform(1, 1.9, 2)
         graph.edges[arc].update(survival=exp(-scale * danger), length=length)
@@ -229,6 +236,9 @@ class Filler:
         self.length[graph.tail, graph.head] = graph.length
         self.cost = self.danger + per_length * self.length
         self.left, self.worth = left, worth
+        nodes = mission.graph.nodes
+        self.depots = {v for v in nodes if v == mission.base or nodes[v].get("depot")}
+        self.returns = {v for v in nodes if nodes[v].get("pays") == "return"} - self.depots
 
     @staticmethod
     def more(of, before, node, after):
@@ -236,15 +246,27 @@ class Filler:
         return of[before, node] + of[node, after] - of[before, after]
 
     def gain(self, stops, i, node):
-        """What a node gains between stops i and i + 1: before it is reached, and behind it."""
-        alive = exp(-sum(self.danger[hop] for hop in pairwise(stops[: i + 1])))
-        ahead, there = 0.0, 1.0
-        for hop in pairwise(stops[i:]):
-            there *= exp(-self.danger[hop])
-            ahead += there * self.left[hop[1]]
+        """What a node gains between stops i and i + 1, less what that takes from other stops.
+
+        These are the stops behind it, and those whose reward is carried to a depot behind it.
+        """
+        dangers = [self.danger[hop] for hop in pairwise(stops)]
+        alive = [exp(-sum(dangers[:j])) for j in range(len(stops))]
+        paid_at = [
+            next(k for k in range(j, len(stops)) if k > j and stops[k] in self.depots)
+            if stops[j] in self.returns
+            else j
+            for j in range(len(stops) - 1)
+        ]
+        at_stake = sum(
+            self.left[stop] * alive[at] for stop, at in zip(stops, paid_at, strict=False) if at > i
+        )
         danger = self.more(self.danger, stops[i], node, stops[i + 1])
-        reached = self.worth[node] / (1 + self.danger[stops[i], node])
-        return alive * (reached - ahead * danger / (1 + danger))
+        reached = self.worth[node] * alive[i] / (1 + self.danger[stops[i], node])
+        if node in self.returns:
+            depot = next(k for k in range(i + 1, len(stops)) if stops[k] in self.depots)
+            reached = self.worth[node] * alive[depot] / (1 + danger)
+        return reached - at_stake * danger / (1 + danger)
 
     def choices(self, tours, rooms):
         """Each node that gains something where it costs least, if there is room."""
@@ -281,9 +303,10 @@ class Filler:
     st.sampled_from([0.0, 0.3]),
     st.sampled_from([inf, inf, 6.0, 15.0]),
     st.integers(0, 999),
+    st.booleans(),
 )
-def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget, seed):
-    mission = complete(n_nodes, seed, robots=robots, scale=scale)
+def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget, seed, returns):
+    mission = complete(n_nodes, seed, robots=robots, scale=scale, returns=returns)
     limits = {"min_survival": floor, "max_length": budget}
     chosen = np.random.default_rng(seed).permutation(robots)[: 1 + seed % robots].tolist()
     search = holding(mission, random_tours(mission, seed), chosen, seed=seed, **limits)
@@ -306,12 +329,9 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
 
 
 def limited(mission, plan, floor, budget):
-    """The plan, or everybody at base where it does not keep the limits."""
-    kept = all(
-        twins.survival_of(mission, trail) >= floor and twins.length_of(mission, trail) <= budget
-        for trail in plan.trails
-    )
-    return plan.trails if kept else ((0,),) * mission.robots
+    """The plan, or everybody at home where it does not keep the limits."""
+    home = mission.stay_home(mission.limits(floor, budget))
+    return plan.trails if keeps_limits(mission, plan, floor, budget) else home.trails
 
 
 @examples(150)
@@ -407,7 +427,8 @@ def assert_clean(search):
     """Whether the workspace holds nothing of a parent."""
     work, graph = search._work, search._graph
     left = graph.reward.copy()
-    left[graph.base] = 0.0
+    if graph.kinds is None:
+        left[graph.base] = 0.0
     assert work.nodes["left"].tolist() == left.tolist()
     assert (work.nodes["unreached"] == -1.0).all()
     assert (work.nodes["met"] == NEVER).all()
@@ -418,7 +439,8 @@ def assert_clean(search):
 def refilling(mission, plans, *, n_waiting=3, seed=0, **limits):
     """A search in which plans wait to be refilled."""
     random_state = np.random.default_rng(seed)
-    search = LocalSearch(mission, Limits(**limits), p_refill=1.0, random_state=random_state)
+    limits = mission.limits(**limits)
+    search = LocalSearch(mission, limits, p_refill=1.0, random_state=random_state)
     search._store = new_store(3_000, 100_000, 100_000)  # room for all children
     search.insert(PlanBatch.from_plans(plans, mission.robots))
     front = search._front
@@ -435,7 +457,7 @@ def refill(search, n_most):
 
 @examples(100)
 @given(
-    missions_with_plans(max_nodes=8, max_robots=4),
+    missions_with_plans(max_nodes=8, max_robots=4) | team_missions_with_plans(max_robots=3),
     FLOORS,
     BUDGETS,
     st.booleans(),
@@ -443,7 +465,9 @@ def refill(search, n_most):
 )
 def test_refills_keep_the_books(case, floor, budget, is_walk, seed):
     mission, plan = case
-    start = [TrailPlan(limited(mission, plan, floor, budget)), TrailPlan([[0]] * mission.robots)]
+    start = [TrailPlan(limited(mission, plan, floor, budget))]
+    assume(keeps_limits(mission, start[0], floor, budget))
+    start.append(mission.stay_home(mission.limits(floor, budget)))
     limits = {"min_survival": floor, "max_length": budget}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernels, "P_WALK", float(is_walk))
@@ -457,11 +481,7 @@ def test_refills_keep_the_books(case, floor, budget, is_walk, seed):
             assert_books(search)
     batch, objectives, _ = search.plans()
     assert np.array_equal(mission.evaluate(batch), objectives)
-    for found in batch:
-        for trail in found.trails:
-            assert_trail(mission, trail)
-            assert twins.survival_of(mission, trail) >= floor * (1 - 1e-12)
-            assert twins.length_of(mission, trail) <= budget * (1 + 1e-12)
+    assert all(keeps_limits(mission, found, floor, budget) for found in batch)
 
 
 def assert_books(search):
