@@ -134,32 +134,51 @@ def enumerate_outcomes(mission, trails):
 class Ant:
     """An ant of the colony, one rule a line.
 
-    ``rule`` is a ColonyRule, ``pheromone`` holds one dict a robot from arcs (the base's self-loop
-    among them) to (τ_R, τ_S), ``weight`` is the ant's λ, and ``limits`` are what trails keep.
+    ``rule`` is a ColonyRule, ``pheromone`` holds one dict a robot from arcs (self-loops at the ends
+    of trails among them) to (τ_R, τ_S), ``weight`` is the ant's λ, and ``limits`` are what trails
+    keep. Nodes are indices of kernels.
     """
 
     def __init__(self, mission, rule, pheromone, weight, limits=NO_LIMITS):
         self.mission, self.rule, self.pheromone, self.weight = mission, rule, pheromone, weight
-        self.limits = limits
-        self.survival = {(u, v): s for u, v, s in mission.graph.edges(data="survival")}
-        self.length = {(u, v): d for u, v, d in mission.graph.edges(data="length", default=1.0)}
-        self.reward = dict(mission.graph.nodes(data="reward"))
-        self.loop = (mission.base, mission.base)
+        self.limits, self.n_nodes = limits, len(mission.nodes)
+        self.ends = [ends_of(mission, robot) for robot in range(mission.robots)]
+        self.survival, self.length = _ARCS.of(mission).survival, _ARCS.of(mission).length
+        self.expected = {node: self.expect(node) for node in range(mission.arrays.n_nodes)}
 
-    def leads_back(self, used, node):
+    def expect(self, node):
+        """With what probability a robot that gets to a node and then goes home is paid there."""
+        kind, label = (
+            self.mission.kinds[node // self.n_nodes],
+            self.mission.nodes[node % self.n_nodes],
+        )
+        attributes = self.mission.graph.nodes[label]
+        share = of_kind(attributes.get("share", 1.0), kind)
+        if label == self.mission.base or attributes.get("depot"):
+            return share
+        pays = attributes.get("pays", self.mission.pays)
+        return share * self.mission.arrays.home[node] if pays == "return" else share
+
+    def worth(self, node):
+        return self.mission.rewards[node % self.n_nodes] * self.expected[node]
+
+    def leads_back(self, used, node, end):
         """Whether the safest or the shortest way over unused arcs leads home within the limits."""
-        left = nx.DiGraph(arc for arc in self.mission.graph.edges if arc not in used)
-        left.add_nodes_from(self.mission.graph)
-        if not nx.has_path(left, node, self.mission.base):
+        left = nx.DiGraph(arc for arc in self.survival if arc not in used)
+        left.add_nodes_from([node, end])
+        if not nx.has_path(left, node, end):
             return False
         for arc in left.edges:
             left.edges[arc].update(cost=-log(self.survival[arc]), length=self.length[arc])
+        floors, budgets = self.limits.floors, self.limits.budgets
+        least = self.limits.min_survival if floors is None else floors[node]
+        longest = self.limits.max_length if budgets is None else budgets[node]
         for weight in ("cost", "length"):
-            way = nx.dijkstra_path(left, node, self.mission.base, weight=weight)
+            way = nx.dijkstra_path(left, node, end, weight=weight)
             trail = [*used, *pairwise(way)]
             alive = prod(self.survival[arc] for arc in trail)
             length = sum(self.length[arc] for arc in trail)
-            if alive >= self.limits.min_survival and length <= self.limits.max_length:
+            if alive >= least and length <= longest:
                 return True
         return False
 
@@ -167,8 +186,8 @@ class Ant:
         survival = self.survival.get(arc, 1.0)
         eta_reward, eta_survival = self.rule.reward_epsilon, self.rule.survival_epsilon + survival
         if arc[1] not in trail:
-            gained = self.rule.unvisited_bonus + survival * self.reward[arc[1]]
-            eta_reward += gained * unreached[arc[1]]
+            gained = self.rule.unvisited_bonus + survival * self.worth(arc[1])
+            eta_reward += gained * unreached[arc[1] % self.n_nodes]
         if not self.rule.heuristic:
             eta_reward = eta_survival = 1.0
         tau_reward, tau_survival = self.pheromone[robot][arc]
@@ -176,38 +195,42 @@ class Ant:
         return reward ** (1 - self.weight) * survivors**self.weight
 
     def hops(self, trail, unreached, robot):
-        """Every hop that may extend the trail, with its probability."""
-        here, used = trail[-1], set(pairwise(trail))
-        free = [(here, head) for head in self.mission.graph[here] if (here, head) not in used]
-        loop = [self.loop] if here == self.mission.base else []
+        """Every hop that may extend the trail, with its probability; the loop ends it."""
+        here, used, end = trail[-1], set(pairwise(trail)), self.ends[robot][1]
+        free = [arc for arc in self.survival if arc[0] == here and arc not in used]
+        loop = [(end, end)] if here == end else []
         attractions = [self.attraction(arc, trail, unreached, robot) for arc in free + loop]
         floor = self.rule.exploration * sum(attractions) / len(attractions) ** 2
         weights = dict(zip(free + loop, [a + floor for a in attractions], strict=True))
         if self.limits.bind or not self.mission.balanced:
-            home = [arc for arc in free if self.leads_back(used | {arc}, arc[1])]
+            home = [arc for arc in free if self.leads_back(used | {arc}, arc[1], end)]
             weights = {arc: weights[arc] for arc in home + loop}
         total = sum(weights.values())
         return {arc: weight / total for arc, weight in weights.items()}
 
-    def after(self, trail, unreached):
-        """For each node the probability that no robot so far reaches it, this trail included."""
-        after, alive = dict(unreached), 1.0
+    def chances(self, trail):
+        """For each node of the mission the probability that the robot is paid there."""
+        chances, alive = dict.fromkeys(range(self.n_nodes), 0.0), 1.0
         for position, node in enumerate(trail):
             if position:
                 alive *= self.survival[trail[position - 1], node]
             if node not in trail[:position]:
-                after[node] *= 1 - alive
-        return after
+                chances[node % self.n_nodes] = alive * self.expected[node]
+        return chances
+
+    def after(self, trail, unreached):
+        """For each node the probability that no robot so far is paid there, this one included."""
+        return {node: unreached[node] * (1 - p) for node, p in self.chances(trail).items()}
 
     def build(self, rng):
         """Build one plan; ``rng`` is a random.Random."""
-        trails, unreached = [], dict.fromkeys(self.mission.graph, 1.0)
-        for robot in range(self.mission.robots):
-            trail = [self.mission.base]
+        trails, unreached = [], dict.fromkeys(range(self.n_nodes), 1.0)
+        for robot, (start, end) in enumerate(self.ends):
+            trail = [start]
             while True:
                 hops = self.hops(trail, unreached, robot)
                 (arc,) = rng.choices(list(hops), list(hops.values()))
-                if arc == self.loop:
+                if arc == (end, end):
                     break
                 trail.append(arc[1])
             trails.append(trail)
@@ -219,7 +242,7 @@ class Ant:
 
         def complete(trail, unreached, robot):
             for arc, probability in self.hops(trail, unreached, robot).items():
-                if arc == self.loop:
+                if arc[0] == arc[1]:
                     yield probability, trail
                 else:
                     for rest, done in complete([*trail, arc[1]], unreached, robot):
@@ -229,12 +252,12 @@ class Ant:
             if robot == self.mission.robots:
                 yield 1.0, ()
                 return
-            for probability, trail in complete([self.mission.base], unreached, robot):
+            for probability, trail in complete([self.ends[robot][0]], unreached, robot):
                 for rest, others in robots(robot + 1, self.after(trail, unreached)):
                     yield probability * rest, (tuple(trail), *others)
 
         found = {}
-        for probability, plan in robots(0, dict.fromkeys(self.mission.graph, 1.0)):
+        for probability, plan in robots(0, dict.fromkeys(range(self.n_nodes), 1.0)):
             found[plan] = found.get(plan, 0.0) + probability
         return found
 
@@ -245,19 +268,11 @@ class ConcurrentAnt(Ant):
     ``out`` lists the robots that have not ended their trails, whose turn it is first.
     """
 
-    def reaches(self, trail, node):
-        """Probability that a robot reaches the node by its trail so far."""
-        if node not in trail:
-            return 0.0
-        until = trail.index(node)
-        return prod(self.survival[arc] for arc in pairwise(trail[: until + 1]))
-
     def unreached_by_others(self, trails, robot):
-        others = [trail for other, trail in enumerate(trails) if other != robot]
-        return {
-            node: prod(1 - self.reaches(trail, node) for trail in others)
-            for node in self.mission.graph
-        }
+        """What the others leave, of whom some have not begun before the robot's second turn."""
+        begun = trails if len(trails[robot]) > 1 else trails[:robot]
+        others = [self.chances(trail) for other, trail in enumerate(begun) if other != robot]
+        return {node: prod(1 - p[node] for p in others) for node in range(self.n_nodes)}
 
     def next_hops(self, trails, out):
         """Every hop of the robot whose turn it is: (probability, trails and robots out then)."""
@@ -266,15 +281,14 @@ class ConcurrentAnt(Ant):
         for arc, probability in self.hops(
             trail, self.unreached_by_others(trails, robot), robot
         ).items():
-            if arc == self.loop:
+            if arc[0] == arc[1]:
                 yield probability, trails, later
             else:
                 longer = [*trails[:robot], (*trail, arc[1]), *trails[robot + 1 :]]
                 yield probability, longer, [*later, robot]
 
     def start(self):
-        robots = range(self.mission.robots)
-        return [(self.mission.base,) for _ in robots], list(robots)
+        return [(start,) for start, _ in self.ends], list(range(self.mission.robots))
 
     def plan_probabilities(self):
         """Every plan the ant may build, with its probability."""

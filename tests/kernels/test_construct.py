@@ -5,15 +5,16 @@ from collections import Counter
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
-from botohe_moo.mission import Mission, load_mission
+from botohe_moo.mission import Kind, Mission, load_mission
+from botohe_moo.problem import BOTOHE
 from botohe_moo.search.colony import Colony, ColonyRule, _new_weights
 from tests import twins
 from tests.examples import examples
-from tests.strategies import lengths, missions
+from tests.strategies import lengths, missions, team_missions
 
 
 def rule(**changes):
@@ -65,7 +66,7 @@ allocations = pytest.mark.parametrize("allocation", ALLOCATIONS)
 
 
 @examples(300)
-@given(missions(max_nodes=9, one_way=True), rules, st.integers(0, 2**32))
+@given(missions(max_nodes=9, one_way=True) | team_missions(), rules, st.integers(0, 2**32))
 def test_no_dead_ends_on_one_way_missions(mission, changes, seed):
     ants = colony(mission, n_ants=7, seed=seed, **changes)
     for _ in range(5):
@@ -137,6 +138,42 @@ def assert_frequencies(ants, twin, n_times=20_000):
     return possible
 
 
+def crossing_of_kinds():
+    """The same for a drone, and a rover that goes from 3 to 2 and cannot get from 1 to 3.
+
+    A depot, where the rover gets half of what there is, and a node that pays on return.
+    """
+    graph = crossing(2).graph.copy()
+    for arc, attributes in graph.edges.items():
+        survival = attributes["survival"]
+        attributes["survival"] = {"drone": survival, "rover": (1 - survival / 3) * (arc != (1, 3))}
+    graph.nodes[1].update(share={"rover": 0.5}, depot=True)
+    graph.nodes[2].update(share={"drone": 0.8}, pays="return")
+    kinds = [Kind("drone", 1), Kind("rover", 1, start=3, end=2, min_survival=0.4, max_length=6.5)]
+    return Mission(graph, base=0, kinds=kinds)
+
+
+def levels_of(mission, pheromone):
+    """Pheromone of each robot, by arc."""
+    graph = mission.arrays
+    loops = dict.fromkeys(twins.ends_of(mission, robot)[1] for robot in range(mission.robots))
+    arcs = [*zip(graph.tail.tolist(), graph.head.tolist(), strict=True), *((v, v) for v in loops)]
+    levels = [dict(zip(arcs, map(tuple, one.tolist()), strict=True)) for one in pheromone]
+    return levels * mission.robots if len(levels) == 1 else levels
+
+
+@pytest.mark.compiled_only
+@pytest.mark.parametrize("has_limits", [False, True])
+@pytest.mark.parametrize("allocation", ALLOCATIONS)
+def test_ants_of_kinds_choose_by_what_each_kind_expects(allocation, has_limits):
+    mission, twin = crossing_of_kinds(), ALLOCATIONS[allocation]
+    limits = mission.limits() if has_limits else NO_LIMITS
+    ants = colony(mission, n_ants=3, seed=5, allocation=allocation, limits=limits, exploration=0.5)
+    lay_pheromone(ants, np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape))
+    levels = levels_of(mission, ants.pheromone)
+    assert_frequencies(ants, lambda weight: twin(mission, ants.rule, levels, weight, limits))
+
+
 @pytest.mark.compiled_only
 @pytest.mark.parametrize(
     ("robots", "allocation", "changes"),
@@ -154,11 +191,7 @@ def test_ants_choose_as_the_paper_says(robots, changes, allocation):
     assert not mission.balanced
     ants = colony(mission, n_ants=3, seed=5, allocation=allocation, **changes)
     lay_pheromone(ants, np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape))
-    graph = mission.arrays
-    arcs = [*zip(graph.tail.tolist(), graph.head.tolist(), strict=True), (graph.base,) * 2]
-    levels = [dict(zip(arcs, map(tuple, one.tolist()), strict=True)) for one in ants.pheromone]
-    pheromone = levels * robots if len(levels) == 1 else levels
-    twin = ALLOCATIONS[allocation]
+    pheromone, twin = levels_of(mission, ants.pheromone), ALLOCATIONS[allocation]
     assert_frequencies(ants, lambda weight: twin(mission, ants.rule, pheromone, weight))
 
 
@@ -218,7 +251,7 @@ def test_what_the_first_robot_knows_of_the_second(allocation, ends):
 
 @examples(200)
 @given(
-    missions(max_nodes=8, lengths=lengths),
+    missions(max_nodes=8, lengths=lengths) | team_missions(lengths=lengths),
     st.sampled_from([0.0, 0.05, 0.3, 0.7, 1.0]),
     st.sampled_from([np.inf, 9.0, 5.0, 2.0, 0.0]),
     st.sampled_from(list(ALLOCATIONS)),
@@ -227,12 +260,16 @@ def test_what_the_first_robot_knows_of_the_second(allocation, ends):
 def test_limits_are_kept_everywhere(mission, least, longest, allocation, seed):
     """Safe arcs and arcs without length among them, so that ways home tie."""
     changes = {"exploration": 0.5, "allocation": allocation}
-    limits = Limits(least * (1 - 5e-13), longest * (1 + 5e-13))
+    try:
+        problem = BOTOHE(mission, min_survival=least, max_length=longest)
+    except ValueError:  # a kind has no way to its end that is within them
+        assume(False)
+    limits = problem.planning_limits
     ants = colony(mission, n_ants=7, seed=seed, limits=limits, **changes)
     batch = ants.construct(7)
     mission.evaluate(batch)
-    assert (mission.robot_survival(batch) >= least * (1 - 1e-12)).all()
-    assert (mission.trail_lengths(batch) <= longest * (1 + 1e-12)).all()
+    assert (mission.robot_survival(batch) >= problem.survival_floors).all()
+    assert (mission.trail_lengths(batch) <= problem.travel_budgets).all()
 
 
 def tied_ways(seed):
