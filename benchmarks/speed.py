@@ -75,14 +75,15 @@ def _row(name: str) -> dict[str, object]:
 def _twin_seconds_per_plan(algorithm: BOACO) -> float:
     """Let the readable ants build plans where the colony stands at the end of its run."""
     mission, rule = algorithm.problem.mission, algorithm.colony.rule
-    arcs = [*sorted(mission.graph.edges, key=lambda arc: [mission.index(v) for v in arc])]
-    arcs.append((mission.base, mission.base))
+    graph = mission.arrays
+    arcs = [*zip(graph.tail.tolist(), graph.head.tolist(), strict=True), (graph.base, graph.base)]
     levels = dict(zip(arcs, map(tuple, algorithm.colony.pheromone[0].tolist()), strict=True))
     rng = random.Random(1)
     started = time.perf_counter()
     for i in range(TWIN_PLANS):
         ant = twins.Ant(mission, rule, [levels] * mission.robots, (i % 100) / 99)
-        twins.evaluate(mission, ant.build(rng))
+        plan = [[mission.nodes[node] for node in trail] for trail in ant.build(rng)]
+        twins.evaluate(mission, plan)
     return (time.perf_counter() - started) / TWIN_PLANS
 
 

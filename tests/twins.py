@@ -145,6 +145,9 @@ class Ant:
         self.ends = [ends_of(mission, robot) for robot in range(mission.robots)]
         self.survival, self.length = _ARCS.of(mission).survival, _ARCS.of(mission).length
         self.expected = {node: self.expect(node) for node in range(mission.arrays.n_nodes)}
+        self.leaving = {node: [] for node in self.expected}
+        for arc in self.survival:
+            self.leaving[arc[0]].append(arc)
 
     def expect(self, node):
         """With what probability a robot that gets to a node and then goes home is paid there."""
@@ -197,7 +200,7 @@ class Ant:
     def hops(self, trail, unreached, robot):
         """Every hop that may extend the trail, with its probability; the loop ends it."""
         here, used, end = trail[-1], set(pairwise(trail)), self.ends[robot][1]
-        free = [arc for arc in self.survival if arc[0] == here and arc not in used]
+        free = [arc for arc in self.leaving[here] if arc not in used]
         loop = [(end, end)] if here == end else []
         attractions = [self.attraction(arc, trail, unreached, robot) for arc in free + loop]
         floor = self.rule.exploration * sum(attractions) / len(attractions) ** 2
