@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import load_mission
+from botohe_moo import Kind, Mission, load_mission
 from botohe_moo.kernels.colony.pheromone import (
     LEAST,
     Depositors,
@@ -108,6 +108,25 @@ def test_what_the_archive_deposits_is_kept_as_long_as_it_is_the_same():
         archive = archive._replace(objectives=np.full((1, 2), 9.0))
     assert np.array_equal(pheromone.levels[0, :-1], levels[0, :-1])
     assert pheromone.levels[0, -1] == pytest.approx(levels[0, -1] + 3 * 2 * np.array([2.0, 1.0]))
+
+
+def test_each_kind_has_a_loop_where_its_trails_end():
+    graph = load_mission("complete", nodes=3).graph
+    kinds = [Kind("drone", 1, end=1), Kind("rover", 2)]
+    arrays = Mission(graph, base=0, kinds=kinds).arrays
+    # Behind the drone's three nodes come the rovers'.
+    plan = depositors([((2.0, 5.0), [[0, 2, 1], [3, 5, 3], [3]])])
+    levels = np.ones((1, arrays.n_arcs + 2, 2))
+    shape, etas = levels.shape, np.zeros(levels.shape[1])
+    pheromone = Pheromone(levels, np.zeros(shape), np.zeros(shape), etas, etas)
+    weights = Weights(*np.empty((2, *shape[:2])), etas, etas)
+    learn(arrays, plan, plan, True, 0.0, True, pheromone, weights)
+    arcs = [*zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True), "drone", "rover"]
+    deposits = dict(zip(arcs, (levels[0] - 1).tolist(), strict=True))
+    once = {(0, 2), (2, 1), "drone", (3, 5), (5, 3)}
+    assert {arc for arc, deposit in deposits.items() if deposit == [2.0, 5.0]} == once
+    assert deposits.pop("rover") == [4.0, 10.0]
+    assert all(deposits[arc] == [0.0, 0.0] for arc in deposits.keys() - once)
 
 
 def test_pheromone_never_vanishes():

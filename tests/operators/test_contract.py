@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from pymoo.core.population import Population
 
@@ -29,7 +29,7 @@ from botohe_moo.operators import (
 )
 from botohe_moo.trails import PlanBatch
 from tests.examples import examples
-from tests.strategies import lengths, missions, plans
+from tests.strategies import lengths, missions, plans, team_missions
 
 pytestmark = pytest.mark.slow
 
@@ -83,21 +83,29 @@ def trails_of(pop):
 @st.composite
 def situations(draw, n_plans):
     """A problem, one-way missions among them, and some valid plans for it."""
-    mission = draw(missions(max_nodes=8))
-    made = [mission.plan(draw(plans(mission))) for _ in range(n_plans)]
-    return BOTOHE(mission), made
+    mission = draw(missions(max_nodes=8) | team_missions())
+    made = [TrailPlan(draw(plans(mission))) for _ in range(n_plans)]
+    return problem_of(mission), made
+
+
+def problem_of(mission, **limits):
+    """A problem, if every kind has a way to its end within the limits."""
+    try:
+        return BOTOHE(mission, **limits)
+    except ValueError:
+        assume(False)
 
 
 @pytest.mark.parametrize("name", SAMPLINGS)
 @examples(60)
 @given(
-    mission=missions(max_nodes=8, lengths=lengths),
+    mission=missions(max_nodes=8, lengths=lengths) | team_missions(lengths=lengths),
     floor=st.sampled_from([0.0, 0.5, 0.9]),
     budget=st.sampled_from([None, 0.0, 3.0, 7.0]),
     n=st.integers(1, 7),
 )
 def test_samplings(name, mission, floor, budget, n):
-    problem = BOTOHE(mission, min_survival=floor, max_length=budget)
+    problem = problem_of(mission, min_survival=floor, max_length=budget)
     pop = SAMPLINGS[name]()(problem, n, random_state=generator(n))
     assert len(pop) == n
     batch = mission.batch(pop.get("X"))

@@ -5,6 +5,8 @@ from itertools import product
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from botohe_moo import BOTOHE, TrailPlan, area_indicator, load_mission
 from botohe_moo.operators import (
@@ -21,6 +23,9 @@ from botohe_moo.operators import (
     TrailSplice,
 )
 from botohe_moo.trails import PlanBatch
+from tests.examples import examples
+from tests.strategies import plans, team_missions
+from tests.twins import ends_of
 
 N = 6_000
 
@@ -80,6 +85,24 @@ class TestExchange:
         alone = toy.with_robots(1)
         found = crossed(TrailExchange, alone, [A], [C], n=50)
         assert found == crossed(TrailSplice, alone, [A], [C], n=50)
+
+
+@examples(100)
+@given(team_missions(max_robots=3), st.sampled_from([TrailExchange, TrailSplice]), st.data())
+def test_robots_get_trails_of_their_kind(mission, crossover, data):
+    parents = [TrailPlan(data.draw(plans(mission))) for _ in range(2)]
+    X = np.array(parents, dtype=object).reshape(2, 1, 1).repeat(20, axis=1)
+    rng = np.random.default_rng(data.draw(st.integers(0, 99)))
+    children = crossover(repair=PenaltyOnly())._do(BOTOHE(mission), X, random_state=rng)
+    n_robots = mission.robots
+    for pair in zip(*children[..., 0].tolist(), strict=True):
+        for robot in range(n_robots):
+            for trail in (plan.trails[robot] for plan in pair):
+                assert (trail[0], trail[-1]) == ends_of(mission, robot)
+                assert len({node // len(mission.nodes) for node in trail}) == 1
+        if crossover is TrailExchange and n_robots > 1:
+            both, given = ([t for plan in some for t in plan.trails] for some in (pair, parents))
+            assert Counter(both) == Counter(given)
 
 
 def permutations3(items):
