@@ -377,6 +377,9 @@ def one_way():
         pytest.param(load_mission("terrain", nodes=30, robots=4), 300, {}, marks=pytest.mark.slow),
         (one_way(), 1_000, {"p_refill": 0.0}),
         pytest.param(
+            load_mission("drones_and_rovers"), 300, {"p_refill": 0.5}, marks=pytest.mark.slow
+        ),
+        pytest.param(
             load_mission("two_communities"),
             800,
             {"p_refill": 0.5, "max_length": 12.0},
