@@ -172,6 +172,7 @@ def fill_tours(search: Search) -> None:
     draft, nodes, worth, legs = work.draft, work.nodes, work.worth, work.legs
     states, first = work.states, draft.layer
     behind = first + n_origins(graph.kinds, graph.reward.shape[0])
+    cheapest = work.cheapest_leg[first:behind]
     noise = uniform(states, 0)
     for node in range(first, behind):
         work.insertion_cost[node], worth[node] = np.inf, 0.0
@@ -189,9 +190,8 @@ def fill_tours(search: Search) -> None:
         number = work.cheapest_leg[best]
         _insert_node(routes, work, number, best)
         worth[best] = 0.0
-        for node in range(first, behind):
-            is_split = work.cheapest_leg[node] == number
-            work.cheapest_leg[node] = UNKNOWN if is_split else work.cheapest_leg[node]
+        for i in range(cheapest.shape[0]):
+            cheapest[i] = UNKNOWN if cheapest[i] == number else cheapest[i]
         _update_insertion_costs(graph, routes, work, number)
         _update_insertion_costs(graph, routes, work, draft.n_legs - 1)
         _evaluate_tour(graph, work, legs[number].tour)
@@ -200,11 +200,14 @@ def fill_tours(search: Search) -> None:
 @helper
 def _update_insertion_costs(graph: Graph, routes: Routes, work: Workspace, number: int) -> None:
     """Compute what it costs to insert each node into a leg, and note whether that is least."""
-    costs, cheapest, leg = work.insertion_cost, work.cheapest_leg, work.legs[number]
-    leaving, coming = routes.leaving[leg.before], routes.coming[leg.after]
+    n, first = n_origins(graph.kinds, graph.reward.shape[0]), work.draft.layer
+    leg = work.legs[number]
+    # The part of each array that belongs to the layer: indices that begin at 0 are faster.
+    costs, cheapest = work.insertion_cost[first : first + n], work.cheapest_leg[first : first + n]
+    leaving = routes.leaving[leg.before][first : first + n]
+    coming = routes.coming[leg.after][first : first + n]
     leg_cost = leg.cost
-    first = work.draft.layer
-    for node in range(first, first + n_origins(graph.kinds, graph.reward.shape[0])):
+    for node in range(n):
         cost = leaving[node] + coming[node] - leg_cost
         is_less = cost < costs[node]
         costs[node] = cost if is_less else costs[node]
@@ -214,7 +217,7 @@ def _update_insertion_costs(graph: Graph, routes: Routes, work: Workspace, numbe
 @helper
 def _evaluate_tour(graph: Graph, work: Workspace, which: int) -> None:
     """Compute with what probability each leg of a tour is begun, and what lies ahead of it."""
-    legs, order, nodes = work.legs, work.goals, work.nodes
+    legs, loads, order, nodes = work.legs, work.leg_loads, work.goals, work.nodes
     n, alive, carried, kinds = 0, 1.0, 0.0, graph.kinds
     number = work.first[which]
     while number != NONE:
@@ -227,7 +230,7 @@ def _evaluate_tour(graph: Graph, work: Workspace, which: int) -> None:
             credit = credit_of(kinds, leg.before)
             carried = 0.0 if credit == AT_THIS_DEPOT else carried
             carried += nodes[leg.before].left if credit == AT_NEXT_DEPOT else 0.0
-            leg.load = carried
+            loads[order[n - 1]].carried = carried
         number = leg.following
     ahead = to_depot = 0.0
     for i in range(n - 1, -1, -1):
@@ -237,7 +240,7 @@ def _evaluate_tour(graph: Graph, work: Workspace, which: int) -> None:
         if has_kinds(kinds):
             is_depot = credit_of(kinds, leg.after) == AT_THIS_DEPOT
             to_depot = leg.survival if is_depot else leg.survival * to_depot
-            leg.to_depot = to_depot
+            loads[order[i]].to_depot = to_depot
             worth *= to_depot if credit_of(kinds, leg.before) == AT_NEXT_DEPOT else 1.0
         ahead = leg.ahead + worth
 
@@ -249,15 +252,17 @@ def _find_best_node(graph: Graph, routes: Routes, work: Workspace) -> int:
     A node gains its worth, less what the danger of the detour takes from the stops after it. For
     small costs c, 1 / (1 + c) takes the place of exp(−c).
     """
-    costs, worth, cheapest, legs = work.insertion_cost, work.worth, work.cheapest_leg, work.legs
+    cheapest, legs, loads = work.cheapest_leg, work.legs, work.leg_loads
     best, highest = NONE, 0.0
-    first = work.draft.layer
-    for node in range(first, first + n_origins(graph.kinds, graph.reward.shape[0])):
-        if worth[node] <= 0.0 or worth[node] <= highest * costs[node]:
+    n, first = n_origins(graph.kinds, graph.reward.shape[0]), work.draft.layer
+    costs, worth = work.insertion_cost[first : first + n], work.worth[first : first + n]
+    for i in range(n):
+        if worth[i] <= highest * costs[i]:
             continue
+        node = first + i
         if cheapest[node] == UNKNOWN:
             _find_cheapest_leg(graph, routes, work, node)
-        leg, cost = legs[cheapest[node]], max(costs[node], _LEAST_COST)
+        leg, cost = legs[cheapest[node]], max(costs[i], _LEAST_COST)
         slack, way = work.slacks[leg.tour], routes.leaving[leg.before, node]
         danger = cost
         if routes.per_length > 0.0:
@@ -269,12 +274,13 @@ def _find_best_node(graph: Graph, routes: Routes, work: Workspace) -> int:
             danger = max(0.0, cost - routes.per_length * longer)
         if danger > slack.danger + TOLERANCE:
             continue
-        gain = leg.alive * (worth[node] / (1.0 + way) - leg.ahead * danger / (1.0 + danger))
+        gain = leg.alive * (worth[i] / (1.0 + way) - leg.ahead * danger / (1.0 + danger))
         if has_kinds(graph.kinds):
+            load = loads[cheapest[node]]
             if credit_of(graph.kinds, node) == AT_NEXT_DEPOT:
-                paid = worth[node] * leg.to_depot / (1.0 + danger)
+                paid = worth[i] * load.to_depot / (1.0 + danger)
                 gain = leg.alive * (paid - leg.ahead * danger / (1.0 + danger))
-            gain -= leg.alive * leg.load * leg.to_depot * danger / (1.0 + danger)
+            gain -= leg.alive * load.carried * load.to_depot * danger / (1.0 + danger)
         if gain > highest * cost:
             best, highest = node, gain / cost
     return best
