@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import permutations
 from typing import Annotated, Any, TypeAlias
 
@@ -23,7 +23,7 @@ from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, kind_ranges
 from botohe_moo.kernels.graph.paths import Budget, new_budget
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes import collect_probabilities
+from botohe_moo.outcomes.reaching import collected_by_robots, team_reach
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["plan_sequentially"]
@@ -170,11 +170,15 @@ class SequentialPlanner:
         kinds = range(len(self.mission.kinds))
         orders = list(permutations(kinds)) if len(kinds) <= _ALL_ORDERS_UP_TO else [tuple(kinds)]
         found = [self._trails(weight, order, until) for order in orders]
-        if len(found) == 1:
-            return found[0]
-        most = self.mission.total_reward or 1.0, self.mission.robots
-        objectives = self.mission.evaluate([self._team(trails) for trails in found]) / most
-        return found[int(np.argmax(objectives @ [weight, 1.0 - weight]))]
+        return found[0] if len(found) == 1 else max(found, key=partial(self._worth, weight))
+
+    def _worth(self, weight: float, trails: list[tuple[int, list[int]]]) -> float:
+        """Return what a plan is worth, which is not evaluated: budgets count evaluations."""
+        mission, plan = self.mission, self._team(trails)
+        reward = mission.rewards @ team_reach(collected_by_robots(mission, plan))
+        survivors = mission.robot_survival([plan]).sum()
+        share = reward / (mission.total_reward or 1.0)
+        return float(weight * share + (1.0 - weight) * survivors / mission.robots)
 
     def _trails(
         self, weight: float, kinds: Sequence[int], until: float
@@ -198,7 +202,7 @@ class SequentialPlanner:
                 if trail is None:  # nor will later robots of this kind leave
                     break
                 trails.append((robot, trail))
-                unreached *= 1.0 - collect_probabilities(mission, self._team(trails))[robot]
+                unreached *= 1.0 - collected_by_robots(mission, self._team(trails))[robot]
         return trails
 
     def _trail(
