@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from math import comb, prod
 
 import networkx as nx
 from hypothesis import assume
@@ -176,3 +177,18 @@ def small_missions(draw, max_robots=3, max_trails=40, **options):
     trails = all_trails(mission, 1000)
     assume(trails is not None and len(trails) <= max_trails)
     return mission, trails
+
+
+@st.composite
+def small_team_missions(draw, max_teams=2_000, **options):
+    """A mission of kinds of robots with few trails, and all of them, kind by kind."""
+    mission = draw(team_missions(**options))
+    firsts = [mission.kind_of.index(kind) for kind in mission.kinds]
+    trails = [all_trails(mission, 1000, robot) for robot in firsts]
+    assume(None not in trails)
+    assume(prod(map(n_teams, trails, mission.kinds)) <= max_teams)
+    return mission, trails
+
+
+def n_teams(trails, kind):
+    return comb(len(trails) + kind.robots - 1, kind.robots)

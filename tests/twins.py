@@ -366,16 +366,24 @@ def arc_survivals(mission):
     return _ARCS.of(mission).survival
 
 
-def all_trails(mission, max_steps=20_000):
-    """Every closed trail as node indices; None where there are too many to look at."""
-    survival, base = arc_survivals(mission), mission.arrays.base
-    found, open_trails, steps = [], [(base,)], 0
+def ends_of(mission, robot=0):
+    """Where a robot's trails begin and end, as indices of kernels; without kinds, of nodes."""
+    kind = mission.kind_of[robot]
+    layer = len(mission.nodes) * mission.kinds.index(kind)
+    start, end = map(mission.index, kind.ends(mission.base))
+    return layer + start, layer + end
+
+
+def all_trails(mission, max_steps=20_000, robot=0):
+    """Every trail of a robot as indices of kernels; None where there are too many to look at."""
+    survival, (start, end) = arc_survivals(mission), ends_of(mission, robot)
+    found, open_trails, steps = [], [(start,)], 0
     while open_trails:
         trail = open_trails.pop()
         steps += 1
         if steps > max_steps:
             return None
-        if trail[-1] == base:
+        if trail[-1] == end:
             found.append(trail)
         used = set(pairwise(trail))
         open_trails += [(*trail, v) for u, v in survival if u == trail[-1] and (u, v) not in used]
@@ -417,16 +425,20 @@ def worth(mission, objectives, weight):
     return weight * share + (1 - weight) * survivors / mission.robots
 
 
-def all_objectives(mission, trails):
-    """E[R] and E[S] of every multiset of trails."""
-    reach = np.zeros((len(trails), len(mission.nodes)))
-    for row, trail in enumerate(trails):
-        for node in set(trail):
-            reach[row, node] = survival_of(mission, trail[: trail.index(node) + 1])
-    survives = np.array([survival_of(mission, trail) for trail in trails])
-    teams = np.array(list(combinations_with_replacement(range(len(trails)), mission.robots)))
-    reward = (1 - np.prod(1 - reach[teams], axis=1)) @ mission.arrays.reward
-    return np.column_stack([reward, survives[teams].sum(axis=1)])
+def all_objectives(mission, *trails):
+    """E[R] and E[S] of every team, from the trails of each kind of robots."""
+    missed, survivors = np.ones((1, len(mission.nodes))), np.zeros(1)
+    for kind, of_kind in zip(mission.kinds, trails, strict=True):
+        misses = np.ones((len(of_kind), len(mission.nodes)))
+        labels = [[mission.nodes[i % len(mission.nodes)] for i in trail] for trail in of_kind]
+        for row, trail in zip(misses, labels, strict=True):
+            for node, chance in collects(mission, kind, trail).items():
+                row[mission.index(node)] = 1 - chance
+        alive = np.array([alive_along(mission, kind, trail)[-1] for trail in labels])
+        teams = np.array(list(combinations_with_replacement(range(len(labels)), kind.robots)))
+        missed = (missed[:, None] * np.prod(misses[teams], axis=1)).reshape(-1, missed.shape[1])
+        survivors = np.add.outer(survivors, alive[teams].sum(axis=1)).ravel()
+    return np.column_stack([(1 - missed) @ mission.rewards, survivors])
 
 
 @contextmanager

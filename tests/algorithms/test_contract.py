@@ -4,12 +4,13 @@ That they conform is tested in tests/testing: here are small populations, drawn 
 this package's algorithms promise beyond that.
 """
 
+import math
 from importlib.metadata import distribution
 
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from pymoo.core.callback import Callback
 from pymoo.core.termination import TerminateIfAny
@@ -19,11 +20,19 @@ from pymoo.termination.default import DefaultMultiObjectiveTermination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
-from botohe_moo import BOTOHE, Mission, area_indicator, load_mission, make_algorithm
+from botohe_moo import (
+    BOTOHE,
+    Kind,
+    Mission,
+    area_indicator,
+    bound_front,
+    load_mission,
+    make_algorithm,
+)
 from botohe_moo.algorithms.registry import algorithm_parameters
 from botohe_moo.search.exact import exact_front
 from tests.examples import examples
-from tests.strategies import lengths, small_missions
+from tests.strategies import lengths, small_missions, small_team_missions
 from tests.twins import all_objectives, within
 
 pytestmark = pytest.mark.slow
@@ -140,6 +149,75 @@ def test_results_keep_both_limits_and_are_not_above_the_truth(name, case, floor,
     assert_nothing_lies_above(-result.F, truth, mission)
     if name == "exact":
         assert_nothing_lies_above(truth, -result.F, mission)
+
+
+@pytest.mark.parametrize("name", [name for name in WITH_BUDGET if name != "exact"])
+@FEW_EXAMPLES
+@given(
+    case=small_team_missions(),
+    floor=st.sampled_from([0.0, 0.0, 0.3]),
+    budget=BUDGETS,
+    seed=st.integers(0, 9),
+)
+def test_kinds_keep_their_limits_and_are_not_above_the_truth(name, case, floor, budget, seed):
+    """Kinds that cannot get everywhere among them, and rewards on return."""
+    mission, trails = case
+    try:
+        problem = BOTOHE(mission, min_survival=floor, max_length=budget)
+    except ValueError:  # no way to the end keeps the limits
+        assume(False)
+    algorithms = small(name), small(name)
+    algorithms[1].n_threads = 2  # which only ants know of
+    results = [minimize(problem, each, ("n_eval", 90), seed=seed) for each in algorithms]
+    plans = mission.batch(results[0].X)
+    assert [plan.trails for plan in plans] == [plan.trails for (plan,) in results[1].X]
+    assert np.array_equal(-results[0].F, mission.evaluate(plans))
+    robots = zip(mission.robot_survival(plans).T, mission.trail_lengths(plans).T, strict=True)
+    for kind, (alive, length) in zip(mission.kind_of, robots, strict=True):
+        least, longest = limits_of(kind, floor, budget)
+        assert (alive >= least).all()
+        assert (length <= longest).all()
+    allowed = [
+        within(mission, every, *limits_of(kind, floor, budget))
+        for kind, every in zip(mission.kinds, trails, strict=True)
+    ]
+    assert_nothing_lies_above(-results[0].F, all_objectives(mission, *allowed), mission)
+
+
+def limits_of(kind, floor, budget):
+    """What a robot has to keep, to rounding."""
+    longest = min(x for x in (kind.max_length, budget, math.inf) if x is not None)
+    return max(kind.min_survival, floor) * (1 - 1e-12), longest * (1 + 1e-12)
+
+
+def test_exact_refuses_kinds_by_name():
+    mission = load_mission("drones_and_rovers")
+    told = "does not support mission 'drones_and_rovers', which has kinds of robots and rewards"
+    with pytest.raises(ValueError, match=f"^Exact {told}"):
+        minimize(BOTOHE(mission), make_algorithm("exact"), ("n_eval", 90))
+    for refuses in (exact_front, bound_front):
+        with pytest.raises(ValueError, match=f"^{refuses.__name__} {told}"):
+            refuses(mission)
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("exact", "random")])
+def test_kinds_are_planned_better_than_at_random(name):
+    """On a site, on it from elsewhere, and in the museum on return, all in all."""
+    site = load_mission("drones_and_rovers")
+    walled = site.graph.copy()
+    for node in ("lab 1", "office 3"):  # nobody gets to one, and drones not to the other
+        for arc in walled.in_edges(node):
+            walled.edges[arc]["survival"] = {"drone": 0, "rover": float(node == "lab 1")}
+    with pytest.warns(UserWarning, match="no kind of robots can collect the reward of 'office 3'"):
+        walled = Mission(
+            walled, kinds=[Kind("rover", 2, start="lab 4"), Kind("drone", 1, end="roof")]
+        )
+    areas = {name: 0.0, "random": 0.0}
+    for mission in (site, walled, load_mission("art_museum_return")):
+        for each in areas:
+            result = minimize(BOTOHE(mission), make_algorithm(each), ("n_eval", 1_000), seed=1)
+            areas[each] += area_indicator(-result.F, mission)
+    assert areas[name] > 1.1 * areas["random"]
 
 
 @pytest.mark.parametrize("name", NAMES)

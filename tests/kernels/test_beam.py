@@ -14,10 +14,10 @@ from botohe_moo.kernels.beam.labels import larger_beam, new_beam
 from botohe_moo.kernels.beam.prospects import BeamRule, dangers, find_near
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.graph.paths import new_budget
-from botohe_moo.mission import Mission, load_mission
+from botohe_moo.mission import Kind, Mission, load_mission
 from tests.examples import examples
-from tests.strategies import lengths, missions
-from tests.twins import all_trails, arc_survivals, length_of, survival_of, within
+from tests.strategies import lengths, missions, team_missions
+from tests.twins import all_trails, arc_survivals, ends_of, length_of, survival_of, within
 
 WIDE = 100_000
 
@@ -32,19 +32,23 @@ def best_trail(
     longest=inf,
     n_near=64,
     max_labels=beam.MAX_LABELS,
+    robot=0,
 ):
     """The trail as nodes, its value, and whether the beam was cut."""
-    graph = mission.arrays
+    graph, (start, end) = mission.arrays, ends_of(mission, robot)
     near = find_near(graph, n_near)
     danger, worth = dangers(graph, near, survival_weight), np.array(worth, np.float64)
     budget = new_budget(graph, Limits(least, longest))
-    base = graph.base
-    rule = BeamRule(base, worth, danger, survival_weight, least, budget, width, max_labels)
+    rule = BeamRule(start, worth, danger, survival_weight, least, budget, width, max_labels)
     arcs, value, cut = beam.best_trail(graph, near, rule, new_beam(graph))
     if len(arcs):
-        assert graph.tail[arcs[0]] == graph.base
+        assert graph.tail[arcs[0]] == start
         assert np.array_equal(graph.head[arcs[:-1]], graph.tail[arcs[1:]])
-    return [graph.base, *graph.head[arcs].tolist()], value, cut
+        return [start, *graph.head[arcs].tolist()], value, cut
+    trail = [start]
+    while trail[-1] != end:  # the safest way
+        trail.append(int(graph.head[graph.homeward[trail[-1]]]))
+    return trail, value, cut
 
 
 def value_of(mission, trail, worth, survival_weight):
@@ -72,6 +76,54 @@ def tasks(draw, **options):
     assume(found is not None)
     worth = [draw(st.one_of(st.just(0.0), st.floats(0.01, 1.0))) for _ in mission.nodes]
     return mission, found, worth, draw(st.sampled_from([0.0, 0.05, 0.3, 1.0]))
+
+
+@st.composite
+def tasks_of_kinds(draw):
+    """A mission of kinds, a robot, all of its trails, and what nodes and surviving are worth."""
+    mission = draw(team_missions(max_nodes=6, max_robots=1))
+    robot = draw(st.integers(0, mission.robots - 1))
+    found = all_trails(mission, robot=robot)
+    assume(found is not None)
+    values = st.one_of(st.just(0.0), st.floats(0.01, 1.0))
+    worth = [draw(values) for _ in range(mission.arrays.n_nodes)]
+    return mission, robot, found, worth, draw(st.sampled_from([0.0, 0.05, 0.3, 1.0]))
+
+
+class TestKinds:
+    @examples(300)
+    @given(tasks_of_kinds(), st.sampled_from([0.0, 0.2]), st.sampled_from([inf, inf, 3.0, 5.0]))
+    def test_a_wide_beam_finds_the_best_trail_from_start_to_end(self, task, least, longest):
+        mission, robot, found, worth, survival_weight = task
+        limits = {"least": least, "longest": longest, "robot": robot}
+        kept = within(mission, found, least, longest)
+        trail, value, cut = best_trail(mission, worth, survival_weight, **limits)
+        assert not cut
+        sure = kept
+        if longest < inf:
+            sure = [t for t in kept if has_simple_prefixes(mission, t, found, least, longest)]
+        best = max([value_of(mission, t, worth, survival_weight) for t in sure], default=-1.0)
+        assert value >= best - 1e-9 * abs(best)
+        if tuple(trail) in kept:
+            expected = value_of(mission, trail, worth, survival_weight)
+            assert value == pytest.approx(expected, rel=1e-9)
+        else:  # the safest way, which keeps no limits
+            assert value == -1.0 or survival_of(mission, trail) < least
+
+
+    def test_where_the_safest_way_is_too_long(self):
+        """It is worth most, by node 2; by 3 there is a shorter one."""
+        graph = nx.DiGraph()
+        graph.add_nodes_from(range(4), reward=1.0)
+        graph.add_edges_from([(2, 1), (0, 3), (3, 1), (0, 1)], survival=0.5)
+        graph.add_edge(0, 2, survival=1.0, length=3.0)
+        graph.add_edge(0, 1, survival=0.375)
+        mission = Mission(graph, base=0, kinds=[Kind("drone", 1, end=1)])
+        found = [
+            best_trail(mission, [0.0, 0.0, 9.0, 2.0], 1.0, longest=longest)[:2]
+            for longest in (9.0, 2.0, 1.0, 0.5)
+        ]
+        assert found == [([0, 2, 1], 9.5), ([0, 3, 1], 1.25), ([0, 1], 0.375), ([0, 2, 1], -1.0)]
 
 
 class TestExact:

@@ -1,17 +1,31 @@
 """The search and its front: plans come in, room grows, and a pickled search goes on."""
 
 import pickle
+from itertools import count, islice, permutations
+from math import prod
 
 import networkx as nx
 import numpy as np
 import pytest
+from pymoo.optimize import minimize
 
-from botohe_moo import BOTOHE, Mission, TrailPlan, load_mission
+from botohe_moo import (
+    BOTOHE,
+    Kind,
+    Mission,
+    MissionError,
+    TrailPlan,
+    area_indicator,
+    load_mission,
+    make_algorithm,
+)
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.operators import RandomTrailSampling
 from botohe_moo.search import local_search
 from botohe_moo.search.local_search import LocalSearch
 from botohe_moo.trails import PlanBatch
+from tests import twins
+from tests.strategies import n_teams
 
 
 @pytest.fixture(scope="module")
@@ -246,3 +260,39 @@ def test_a_pickled_search_starts_again_as_the_other(museum):
         each.insert(home)
         each.run(60)
     assert same(search, other)
+
+
+def random_teams(pays):
+    """Small missions of kinds, of which some cannot get everywhere, and their true area."""
+    for seed in count():
+        rng, graph, names = np.random.default_rng(seed), nx.DiGraph(), ["drone", "rover", "boat"]
+        names = names[: rng.integers(2, 4)]
+        n_nodes = int(rng.integers(4, 7))
+        for node in range(n_nodes):
+            share = dict(zip(names, rng.choice([0, 0.3, 1, 1], len(names)), strict=True))
+            depot = bool(rng.random() < 0.15)
+            graph.add_node(node, reward=int(rng.integers(0, 5)), share=share, depot=depot)
+        for arc in permutations(range(n_nodes), 2):
+            survival = dict(zip(names, rng.choice([0, 0.5, 0.8, 1], len(names)), strict=True))
+            if rng.random() < 0.5:
+                graph.add_edge(*arc, survival=survival)
+        ends = [int(rng.integers(n_nodes)) if rng.random() < 0.3 else None for _ in range(6)]
+        kinds = [Kind(name, 1 + seed % 2, ends.pop(), ends.pop()) for name in names]
+        try:
+            mission = Mission(graph, base=0, kinds=kinds, pays=pays)
+        except MissionError:  # a kind cannot get to its end
+            continue
+        robots = map(mission.kind_of.index, kinds)
+        trails = [twins.all_trails(mission, 2_000, robot) for robot in robots]
+        if None not in trails and 50 <= prod(map(n_teams, trails, kinds)) <= 60_000:
+            yield mission, area_indicator(twins.all_objectives(mission, *trails), mission)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pays", ["arrival", "return"])
+@pytest.mark.filterwarnings("ignore:.*no kind of robots can collect")
+def test_small_missions_of_kinds_are_solved(pays):
+    for mission, area in islice(random_teams(pays), 40):
+        algorithm = make_algorithm("pareto-local-search")
+        result = minimize(BOTOHE(mission), algorithm, ("n_eval", 10_000), seed=1)
+        assert area - 0.002 <= area_indicator(-result.F, mission) <= area + 1e-9

@@ -1,5 +1,6 @@
 """An algorithm that keeps all promises, and others of which each breaks some."""
 
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -7,7 +8,7 @@ from pydantic import Field
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.population import Population
 
-from botohe_moo import BOTOHE, TrailPlan
+from botohe_moo import BOTOHE, Mission, TrailPlan
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.operators import RandomTrailSampling
 from botohe_moo.trails import PlanBatch
@@ -190,6 +191,22 @@ class Pairs(Walks):
         return walks
 
 
+class Alike(Walks):
+    """Takes all robots to be alike: they go where the first one goes."""
+
+    def walks(self, n):
+        plans = [TrailPlan([plan.trails[0]] * plan.n_robots) for plan in super().walks(n)]
+        return PlanBatch.from_plans(plans, self.problem.mission.robots)
+
+
+class AlikeAndSaysSo(Alike):
+    """Keeps all promises, since it makes none for kinds of robots."""
+
+    @classmethod
+    def supports(cls, mission):
+        return mission.is_plain
+
+
 class Reckless(Walks):
     """Does not look at constraints."""
 
@@ -199,7 +216,9 @@ class Reckless(Walks):
         return objectives, self.archive.insert(batch, objectives)
 
     def walks(self, n):
-        free = BOTOHE(self.problem.mission, max_length=np.inf)
+        mission = self.problem.mission
+        kinds = [replace(kind, min_survival=0.0, max_length=None) for kind in mission.kinds]
+        free = BOTOHE(Mission(mission.graph, base=mission.base, kinds=kinds), max_length=np.inf)
         return RandomTrailSampling().sample_batch(free, n, self.random_state)
 
 

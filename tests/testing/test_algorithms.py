@@ -27,7 +27,7 @@ NAMES = [
 ]
 
 
-@pytest.mark.parametrize("algorithm", [*NAMES, broken.Plain])
+@pytest.mark.parametrize("algorithm", [*NAMES, broken.Plain, broken.AlikeAndSaysSo])
 def test_conforms(algorithm):
     assert [each for each in check_algorithm(algorithm) if each.status != "passed"] == []
 
@@ -40,7 +40,14 @@ def test_each_rule_is_a_test(check):
 
 RESUMES = "resumes_when_pickled"
 # Each with the rules that it breaks, and what is said of the first.
-CLAIMS = ("own_objectives", "one_way_mission", "one_robot", "survival_floor", "travel_budget")
+CLAIMS = (
+    "own_objectives",
+    "one_way_mission",
+    "one_robot",
+    "survival_floor",
+    "travel_budget",
+    "kinds",
+)
 BROKEN = {
     broken.MakesNothing: ("not a pymoo Algorithm", "can_be_made"),
     broken.Idle: ("no evaluation in 1,000 generations", "runs_end"),
@@ -57,9 +64,15 @@ BROKEN = {
     broken.SaysDeterministic: ("says that it is deterministic", "other_seed_other_front"),
     broken.Lambda: ("Can't pickle", RESUMES),
     broken.LosesItsState: ("pickled after 8 of 17 generations differs", RESUMES),
-    broken.BackTheSameWay: ("arc 4 -> 0 is missing", "same_seed_same_front", "one_way_mission"),
+    broken.BackTheSameWay: (
+        "arc 4 -> 0 is missing",
+        "same_seed_same_front",
+        "one_way_mission",
+        "kinds",
+    ),
     broken.Pairs: ("IndexError: tuple index out of range (broken.py, line", "one_robot"),
-    broken.Reckless: ("a robot survives with", "survival_floor", "travel_budget"),
+    broken.Alike: ("got 5 of kind 'drone'", "kinds"),
+    broken.Reckless: ("a robot survives with", "survival_floor", "travel_budget", "kinds"),
 }
 
 

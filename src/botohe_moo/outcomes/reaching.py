@@ -69,11 +69,11 @@ def collect_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
     [[1.0, 0.656, 0.0, 0.656, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]]
     """
     check_mission(mission).evaluate([plan])
-    return collected_by_robots(mission, plan)
+    return collected(mission, plan)
 
 
-def collected_by_robots(mission: Mission, plan: TrailPlan) -> FloatArray:
-    """Compute what `collect_probabilities` does, of a plan that is known to be valid."""
+def collected(mission: Mission, plan: TrailPlan) -> FloatArray:
+    """Compute :func:`collect_probabilities` of valid trails, of any number of robots."""
     followed = follow(mission, plan)
     return _by_node(mission, followed, followed.share * followed.credited)
 

@@ -23,7 +23,7 @@ from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, kind_ranges
 from botohe_moo.kernels.graph.paths import Budget, new_budget
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes.reaching import collected_by_robots, team_reach
+from botohe_moo.outcomes.reaching import collected, team_reach
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["plan_sequentially"]
@@ -175,7 +175,7 @@ class SequentialPlanner:
     def _worth(self, weight: float, trails: list[tuple[int, list[int]]]) -> float:
         """Return what a plan is worth, which is not evaluated: budgets count evaluations."""
         mission, plan = self.mission, self._team(trails)
-        reward = mission.rewards @ team_reach(collected_by_robots(mission, plan))
+        reward = mission.rewards @ team_reach(collected(mission, plan))
         survivors = mission.robot_survival([plan]).sum()
         share = reward / (mission.total_reward or 1.0)
         return float(weight * share + (1.0 - weight) * survivors / mission.robots)
@@ -202,7 +202,7 @@ class SequentialPlanner:
                 if trail is None:  # nor will later robots of this kind leave
                     break
                 trails.append((robot, trail))
-                unreached *= 1.0 - collected_by_robots(mission, self._team(trails))[robot]
+                unreached *= 1.0 - collected(mission, TrailPlan([trail]))[0]
         return trails
 
     def _trail(

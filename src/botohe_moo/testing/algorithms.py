@@ -16,6 +16,7 @@ from botohe_moo.testing.watching import (
     Halved,
     Run,
     Watched,
+    kinds_of_robots,
     measured,
     missing,
     one_way,
@@ -211,6 +212,27 @@ def travel_budget(subject: Subject) -> None:
             longest <= problem.travel_budget,
             f"with a budget of {budget:g} a trail is {longest:.6g} long",
         )
+
+
+@RULES.add(
+    "Plan with `mission.arrays`, in which each kind has nodes of its own, from "
+    "`arrays.kinds.start` to `arrays.kinds.end`; or let `supports(mission)` be `mission.is_plain`."
+)
+def kinds(subject: Subject) -> None:
+    """Kinds of robots start, end and keep limits as theirs, unless `supports` leaves them out."""
+    mission = kinds_of_robots()
+    supports = getattr(subject.make(), "supports", None)
+    if supports is not None and not supports(mission):
+        return
+    problem = BOTOHE(mission)
+    found = _true_run(subject, problem)
+    expect(found.plans, "its result holds no plan for kinds of robots")
+    too_long = mission.trail_lengths(found.plans) > problem.travel_budgets
+    in_danger = mission.robot_survival(found.plans) < problem.survival_floors
+    beyond = np.flatnonzero((too_long | in_danger).any(axis=0))
+    if len(beyond):
+        kind = mission.kind_of[int(beyond[0])]
+        expect(False, f"a robot of kind {kind.name} does not keep the limits of its kind")
 
 
 def _run(subject: Subject, problem: BOTOHE, evaluations: int = _EVALUATIONS, **how: int) -> Run:

@@ -65,8 +65,9 @@ def can_be_pickled(subject: Subject) -> None:
 
 @RULES.add("Let an arc leave the base from which ways lead on to a reward, and home.")
 def something_to_gain(subject: Subject) -> None:
-    """A robot that leaves the base can collect a reward and come home."""
+    """A robot that leaves its start can collect a reward and come home."""
     mission = subject.make()
     plan = SequentialPlanner(mission).plan(1.0)
-    gained = mission.evaluate([plan])[0, 0] - mission.arrays.reward[mission.arrays.base]
+    reward, at_home = mission.evaluate([plan, mission.stay_home()])[:, 0]
+    gained = reward - at_home
     expect(np.isfinite(gained) and gained > 0.0, "no robot can collect anything and come home")

@@ -12,6 +12,7 @@ from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.generators import random
+from botohe_moo.mission.kinds import Kind
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.testing.rules import expect
@@ -41,6 +42,23 @@ def measured() -> Mission:
     lengths = {arc: float(rng.uniform(0.5, 1.5)) for arc in sorted(graph.edges)}
     nx.set_edge_attributes(graph, lengths, "length")
     return Mission(graph, base=plain.base, robots=2, name="measured")
+
+
+def kinds_of_robots() -> Mission:
+    """Make the mission of streets for drones and a rover, whose rewards count on return.
+
+    Drones leave from a depot and end at the base. Each kind has a node that it cannot get to.
+    """
+    plain = streets()
+    graph: nx.DiGraph[Any] = nx.DiGraph(plain.graph)
+    for _, head, arc in graph.edges(data=True):
+        drone, rover = 0.0 if head == 2 else arc["survival"], 0.0 if head == 6 else 0.9
+        arc["survival"] = {"drone": drone, "rover": rover}
+    graph.nodes[5]["depot"] = True
+    graph.nodes[3]["share"] = {"drone": 0.5}
+    drones = Kind("drone", 2, start=5, min_survival=0.3)
+    kinds = [drones, Kind("rover", 1, max_length=6)]
+    return Mission(graph, base=plain.base, kinds=kinds, pays="return", name="kinds")
 
 
 # Generations in a row without an evaluation, after which an algorithm is taken for endless.

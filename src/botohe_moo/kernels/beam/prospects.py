@@ -120,7 +120,7 @@ def judge(near: Near, rule: BeamRule, ahead: FloatArray, child: Any, stay: float
         there = near.nodes[node, i]
         worth = ahead[there]
         nearby += worth
-        if _is_too_far(rule.budget, there, child.length):
+        if is_too_far(rule.budget, there, child.length):
             continue
         brings = near.reach[node, i] * worth
         most += brings
@@ -140,14 +140,14 @@ def has_no_limits(rule: BeamRule) -> bool:
 @inlined
 def is_hopeless(graph: Graph, rule: BeamRule, child: Any, stay: float, enough: float) -> bool:
     """Return whether a cheap test shows that a label breaks limits or is not worth ``enough``."""
-    if _is_too_far(rule.budget, child.node, child.length):
+    if is_too_far(rule.budget, child.node, child.length):
         return True
     most = child.value + child.alive * child.left + stay
     return bool(child.alive * graph.home[child.node] < rule.least or most <= enough)
 
 
 @inlined
-def _is_too_far(budget: Budget | None, node: int, length: float) -> bool:
+def is_too_far(budget: Budget | None, node: int, length: float) -> bool:
     """Return whether a trail of some length cannot visit a node within the travel budget."""
     if budget is None:
         return False

@@ -14,6 +14,7 @@ from botohe_moo.kernels.beam.prospects import (
     close,
     has_no_limits,
     is_hopeless,
+    is_too_far,
     judge,
     write_gathered,
 )
@@ -60,9 +61,10 @@ def best_trail(
     ``max_labels``.
 
     Returns the arcs of the trail (none if none is better than the safest way from start to end, or
-    than staying where both are the same), its value, and whether
-    any label was dropped because the beam was too narrow. If none was, and there is no travel
-    budget, no trail is better by more than 10⁻¹² of the value, unless 64-bit hashes collide.
+    than staying where both are the same), its value, and whether any label was dropped because the
+    beam was too narrow. If none was, and there is no travel budget, no trail is better by more than
+    10⁻¹² of the value, unless 64-bit hashes collide. The value is −1 where even the safest way is
+    too long, and none is found that is not.
     """
     state = beam.state[0]
     state["high"] = 0
@@ -118,12 +120,16 @@ def _begin(graph: Graph, rule: BeamRule, beam: Beam) -> None:
     label.value, label.left = worth[start], left - worth[start]
     label.used = label.seen = np.uint64(0)
     state.low, state.high, state.at, state.cut = 0, 1, 0, 0
-    value, alive, node = worth[start], 1.0, start
+    value, alive, length, node = worth[start], 1.0, 0.0, start
     while graph.homeward[node] >= 0:
-        alive *= graph.survival[graph.homeward[node]]
-        node = graph.head[graph.homeward[node]]
+        arc = graph.homeward[node]
+        alive *= graph.survival[arc]
+        length += graph.length[arc]
+        node = graph.head[arc]
         value += alive * worth[node]
-    state.value, state.label, state.arc = value + alive * rule.survival_weight, -1, -1
+    value += alive * rule.survival_weight
+    state.value = -1.0 if is_too_far(rule.budget, node, length) else value
+    state.label = state.arc = -1
     write_gathered(graph, worth, beam.gathered)
 
 
