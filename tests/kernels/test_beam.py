@@ -110,7 +110,6 @@ class TestKinds:
         else:  # the safest way, which keeps no limits
             assert value == -1.0 or survival_of(mission, trail) < least
 
-
     def test_where_the_safest_way_is_too_long(self):
         """It is worth most, by node 2; by 3 there is a shorter one."""
         graph = nx.DiGraph()
