@@ -374,6 +374,12 @@ def ends_of(mission, robot=0):
     return layer + start, layer + end
 
 
+def end_at(mission, node):
+    """Where trails end that visit a node, as indices of kernels."""
+    kind, n_nodes = mission.kinds[node // len(mission.nodes)], len(mission.nodes)
+    return node - node % n_nodes + mission.index(kind.ends(mission.base)[1])
+
+
 def all_trails(mission, max_steps=20_000, robot=0):
     """Every trail of a robot as indices of kernels; None where there are too many to look at."""
     survival, (start, end) = arc_survivals(mission), ends_of(mission, robot)

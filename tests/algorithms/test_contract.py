@@ -6,6 +6,7 @@ this package's algorithms promise beyond that.
 
 import math
 from importlib.metadata import distribution
+from itertools import product
 
 import networkx as nx
 import numpy as np
@@ -188,6 +189,23 @@ def limits_of(kind, floor, budget):
     """What a robot has to keep, to rounding."""
     longest = min(x for x in (kind.max_length, budget, math.inf) if x is not None)
     return max(kind.min_survival, floor) * (1 - 1e-12), longest * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("evaluations", [1, 40])
+@pytest.mark.parametrize("name", [name for name in WITH_BUDGET if name != "exact"])
+def test_where_the_safest_way_to_the_end_is_too_long(name, evaluations):
+    graph = nx.DiGraph()
+    graph.add_nodes_from(range(4), reward=1.0)
+    graph.add_edges_from([(0, 3), (3, 1), (0, 1)], survival=0.5, length=2.0)
+    graph.add_edges_from([(0, 2), (2, 1)], survival=0.9, length=9.0)
+    mission = Mission(graph, base=0, kinds=[Kind("drone", 2, end=1)])
+    problem = BOTOHE(mission, max_length=4.5)
+    result = minimize(problem, small(name), ("n_eval", evaluations), seed=1)
+    found = {frozenset(mission.labels(plan)) for (plan,) in result.X}
+    assert found <= {frozenset(trails) for trails in product([(0, 1), (0, 3, 1)], repeat=2)}
+    assert found
+    if evaluations > 1 and name != "greedy":
+        assert result.F[:, 1].min() == -1.0
 
 
 def test_exact_refuses_kinds_by_name():

@@ -7,11 +7,11 @@ from math import exp, prod
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.anneal.schedule import AnnealRule, anneal, new_records, new_state
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
+from botohe_moo.kernels.graph.graph import NO_LIMITS
 from botohe_moo.kernels.plans.change import MoveRule
 from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.rng import seed_states
@@ -20,7 +20,7 @@ from botohe_moo.trails import PlanBatch, TrailPlan
 from tests import twins
 from tests.examples import examples
 from tests.kernels.test_moves import PUBLISHED, Moves, agree, crossroads
-from tests.strategies import lengths, missions
+from tests.strategies import lengths, missions, team_missions
 
 COOLED = np.array([1, 1, 1, 1, 1, 1, 0.1, 0.1])
 
@@ -40,7 +40,7 @@ class Search:
             **options,
         }
         random = seed_states(np.random.default_rng(seed), 1)
-        home = mission.batch([mission.stay_home()])
+        home = mission.batch([mission.stay_home(self.options["limits"])])
         objectives = mission.evaluate(home)[0]
         plan = read_trails(*home.arrays)
         self.state = new_state(mission.arrays, plan, objectives, random)
@@ -223,7 +223,7 @@ def test_a_cold_search_climbs():
 
 @examples(120)
 @given(
-    missions(min_nodes=1, max_nodes=8, max_robots=4),
+    missions(min_nodes=1, max_nodes=8, max_robots=4) | team_missions(),
     st.booleans(),
     st.sampled_from([0.0, 0.3, 1.0]),
     st.sampled_from([0.0, 0.2]),
@@ -244,7 +244,7 @@ def test_figures_and_records_are_those_of_evaluate(mission, every_robot, weight,
         assert len(batch) == len(objectives) <= n_steps
         assert objectives.tolist() == mission.evaluate(batch).tolist()
         at_hand = PlanBatch.from_plans(
-            [mission.plan(search.trails), mission.plan(search.best_trails)], mission.robots
+            [TrailPlan(search.trails), TrailPlan(search.best_trails)], mission.robots
         )
         found = [search.objectives.tolist(), search.state.best_objectives.tolist()]
         assert found == mission.evaluate(at_hand).tolist()
@@ -298,16 +298,21 @@ def test_rejected_plans_are_recorded_too():
 
 @examples(60)
 @given(
-    missions(max_nodes=7, lengths=lengths),
+    missions(max_nodes=7, lengths=lengths) | team_missions(lengths=lengths),
     st.sampled_from([0.0, 0.3, 0.7, 1.0]),
     st.sampled_from([np.inf, 8.0, 3.0, 0.0]),
     st.integers(0, 2**31),
 )
 def test_no_plan_leaves_the_limits(mission, least, longest, seed):
-    limits = Limits(least, longest)
+    limits = mission.limits(least, longest)
+    least = np.array([max(least, kind.min_survival) for kind in mission.kind_of])
+    longest = np.array([min(longest, kind.max_length or np.inf) for kind in mission.kind_of])
+    home = mission.batch([mission.stay_home(limits)])
+    assume((mission.robot_survival(home) >= least).all())
+    assume((mission.trail_lengths(home) <= longest).all())
     search = Search(mission, seed=seed, limits=limits, temperature=0.5, weight=0.9)
     batch, _ = search.run(60)
-    current = mission.batch([mission.plan(search.trails), mission.plan(search.best_trails)])
+    current = mission.batch([TrailPlan(search.trails), TrailPlan(search.best_trails)])
     for plans in (batch, current):
         assert (mission.robot_survival(plans) >= least).all()
         assert (mission.trail_lengths(plans) <= longest).all()

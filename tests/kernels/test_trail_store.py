@@ -14,7 +14,7 @@ from botohe_moo.kernels.local_search import plans, workspace
 from botohe_moo.kernels.local_search import trail_store as kernels
 from botohe_moo.kernels.plans.trails import sort_trails
 from tests.examples import examples
-from tests.strategies import missions, missions_with_plans, trails
+from tests.strategies import missions, missions_with_plans, team_missions_with_plans, trails
 
 
 class Stored:
@@ -95,14 +95,15 @@ def test_trails_are_kept_as_long_as_somebody_has_them(data):
     stored.check()
 
 
-@examples(100)
-@given(missions_with_plans(min_nodes=1, max_robots=5), st.randoms())
+@examples(200)
+@given(missions_with_plans(min_nodes=1, max_robots=5) | team_missions_with_plans(), st.randoms())
 def test_objectives_have_the_bits_of_evaluate(case, random):
     mission, plan = case
     stored = Stored(mission)
-    nodes = list(plan.trails)
-    random.shuffle(nodes)
-    stored.work.trails[:] = sorted(map(stored.add, nodes), key=stored.nodes.get)
+    robots, nodes = list(range(mission.robots)), plan.trails
+    random.shuffle(robots)
+    trails = [stored.add(nodes[robot], robot) for robot in robots]
+    stored.work.trails[:] = sorted(trails, key=stored.nodes.get)
     for _ in range(2):
         objectives = plans.evaluate_trails(mission.arrays, stored.store, stored.work)
         assert list(objectives) == mission.evaluate([TrailPlan(nodes)])[0].tolist()

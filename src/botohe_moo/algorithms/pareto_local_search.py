@@ -146,7 +146,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     def _initialize_advance(self, **_: Any) -> None:
         problem: BOTOHE = self.problem
         mission = problem.mission
-        plans = [*self.sampling, mission.stay_home()]
+        plans = [*self.sampling, mission.stay_home(problem.planning_limits)]
         if self.greedy_start and not mission.has_returns and len(plans) < self._n_left():
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
             planner = SequentialPlanner(

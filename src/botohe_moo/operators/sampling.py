@@ -146,9 +146,9 @@ class CornerSampling(_FilledSampling):
     """
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
-        mission = problem.mission
-        home = mission.stay_home()
-        greedy = SequentialPlanner(mission, problem.planning_limits).plan(1.0)
+        mission, limits = problem.mission, problem.planning_limits
+        home = mission.stay_home(limits)
+        greedy = SequentialPlanner(mission, limits).plan(1.0)
         corners = PlanBatch.from_plans([home, greedy], mission.robots)
         return self._fill(corners[:n_samples], problem, n_samples, rng)
 

@@ -72,7 +72,7 @@ class Annealing:
     ) -> None:
         self.mission, self.schedule = mission, schedule
         graph, random = mission.arrays, seed_states(random_state, 1)
-        first = mission.batch([mission.stay_home()])
+        first = mission.batch([mission.stay_home(limits)])
         objectives = mission.evaluate(first)[0]
         self.state: AnnealState = new_state(graph, read_trails(*first.arrays), objectives, random)
         longest = mission.robots * (graph.n_arcs + 1)

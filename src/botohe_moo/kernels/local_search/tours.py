@@ -12,6 +12,7 @@ from botohe_moo.kernels.graph.graph import Graph, limit_at
 from botohe_moo.kernels.graph.kinds import (
     AT_NEXT_DEPOT,
     AT_THIS_DEPOT,
+    Kinds,
     credit_of,
     end_of,
     has_kinds,
@@ -103,7 +104,7 @@ def _draw_stops(graph: Graph, store: TrailStore, work: Workspace, which: int, so
     trail = store.trails[work.parent[work.chosen[which]]]
     n = 0
     if has_returns(graph.kinds):
-        n = _list_stops(graph, store, work, trail, source)
+        n = _list_stops(graph, graph.kinds, store, work, trail, source)
     else:
         for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
             node = work.draft.layer + np.int64(store.node[i])
@@ -126,10 +127,17 @@ def _draw_stops(graph: Graph, store: TrailStore, work: Workspace, which: int, so
 
 @helper
 def _list_stops(
-    graph: Graph, store: TrailStore, work: Workspace, trail: Record, source: int
+    graph: Graph,
+    kinds: Kinds | None,
+    store: TrailStore,
+    work: Workspace,
+    trail: Record,
+    source: int,
 ) -> int:
     """List the stops of a trail, with the depots where it leaves something, as ``_draw_stops``."""
-    kinds, goals, layer = graph.kinds, work.goals, work.draft.layer
+    if kinds is None:  # of an argument: then numba compiles nothing of what follows
+        return 0
+    goals, layer = work.goals, work.draft.layer
     n, visit, end, is_loaded = 0, trail.first_visit, trail.first_visit + trail.n_visits, False
     if visit < end and layer + store.node[visit] == source:
         visit += 1
