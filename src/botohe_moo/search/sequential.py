@@ -79,7 +79,8 @@ def plan_sequentially(
     TypeError
         If ``mission`` is not a Mission.
     ValueError
-        If a parameter is out of its range.
+        If a parameter is out of its range, or robots of a kind cannot get to their end within the
+        limits.
 
     Notes
     -----
@@ -103,6 +104,7 @@ def plan_sequentially(
     """
     longest = math.inf if max_length is None else max_length
     limits = check_mission(mission).limits(min_survival, longest)
+    mission.check_ways(limits)
     return SequentialPlanner(mission, limits, beam_width=beam_width).plan(weight)
 
 
@@ -200,6 +202,8 @@ class SequentialPlanner:
                     return trails
                 trail = self._trail(weight, robot, unreached, danger, beam)
                 if trail is None:  # nor will later robots of this kind leave
+                    home = TrailPlan([self._home.trails[robot]])
+                    unreached *= (1.0 - collected(mission, home)[0]) ** (stop - robot)
                     break
                 trails.append((robot, trail))
                 unreached *= 1.0 - collected(mission, TrailPlan([trail]))[0]

@@ -337,14 +337,16 @@ def store_tour(search: Search, which: int) -> int:
     # It replaces a trail that goes from its start straight to its end.
     draft.n_goals = draft.n_piece = draft.prefix = 0
     draft.suffix = draft.length = 1
+    work.steps[0].arc = NONE
     work.steps[0].node, work.steps[1].node = source, end_of(graph.kinds, graph.base, source)
     number = work.first[which]
     while legs[number].following != NONE:
         work.goals[draft.n_goals] = legs[number].after
         draft.n_goals += 1
         number = legs[number].following
-    connect_child(search, 0, 0)
-    trail = add_within_limits(search, robot, write_child(work))
+    trail = NOT_STORED
+    if connect_child(search, 0, 0):
+        trail = add_within_limits(search, robot, write_child(work))
     if trail == NOT_STORED:
         trail = work.parent[robot]
         store.trails[trail].n_users += 1
