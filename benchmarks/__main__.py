@@ -3,11 +3,11 @@
 The names are curves, speed, growth, allocations (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, budgets, orienteering (results/local-
 search/), fronts, large (results/growth/), bounds (results/bounds/), pictures (results/choosing/),
-gallery (results/gallery/), explorer (results/explorer/), start and pace (results/start/).
-``--before`` names another checkout, which start and pace measure beside this one. The exit status
-is 1 if a curve is not the published one, or an area, a reward, a gap, a ratio to BO-ACO or a size
-misses its bound; times themselves, and ratios to another checkout, are never judged, machines
-differ.
+gallery (results/gallery/), explorer (results/explorer/), teams (results/teams/), start and pace
+(results/start/). ``--before`` names another checkout, which start and pace measure beside this one.
+The exit status is 1 if a curve is not the published one, or an area, a reward, a gap, a gain, a
+ratio to BO-ACO or a size misses its bound; times themselves, and ratios to another checkout, are
+never judged, machines differ.
 """
 
 import argparse
@@ -35,6 +35,7 @@ from benchmarks import (
     speed,
     start,
     studies,
+    teams,
 )
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -55,6 +56,7 @@ BENCHMARKS = {
     "explorer": (explorer.run, "explorer"),
     "pictures": (pictures.run, "choosing"),
     "gallery": (gallery.run, "gallery"),
+    "teams": (teams.run, "teams"),
     "start": (start.run, "start"),
     "pace": (pace.run, "start"),
 }

@@ -11,7 +11,6 @@ from pymoo.core.problem import Problem
 from pymoo.util.display.column import Column
 from pymoo.util.display.output import Output
 
-from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability, TravelBudget
@@ -80,6 +79,8 @@ class BOTOHE(Problem):
         check_mission(mission)
         self.limits = mission.limits(min_survival, max_length)  # before what rounding needs
         max_length = mission.max_length if max_length is None else max_length
+        if mission.is_plain:  # whose one kind may have limits, too
+            min_survival, max_length = self.limits[:2]
         max_length = None if max_length == math.inf else max_length
         n_constraints = int(allow_invalid) + int(self.limits.min_survival > 0)
         n_constraints += int(self.limits.max_length < math.inf)
@@ -88,25 +89,7 @@ class BOTOHE(Problem):
         self.min_survival = min_survival
         self.max_length = max_length  # None without a travel budget
         self.allow_invalid = allow_invalid
-        self._check_ways()
-
-    def _check_ways(self) -> None:
-        """Refuse limits that keep robots of a kind from getting to where they have to end."""
-        if self.mission.arrays.kinds is None:
-            return
-        batch = self.mission.batch([self.mission.stay_home(self.planning_limits)])
-        survival = self.mission.robot_survival(batch)[0]
-        length = self.mission.trail_lengths(batch)[0]
-        is_refused = (survival < self.survival_floors) | (length > self.travel_budgets)
-        if is_refused.any():
-            robot = int(np.argmax(is_refused))
-            kind = self.mission.kind_of[robot]
-            ends = " to ".join(map(quoted, kind.ends(self.mission.base)))
-            raise ValueError(
-                f"Expected limits with which robots of kind {quoted(kind.name)} can get from "
-                f"{ends}. The safest way, or the shortest one if that is too long, is survived "
-                f"with {survival[robot]:.4g} and {length[robot]:g} long."
-            )
+        mission.check_ways(self.planning_limits)
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
         """Compute F (n, 2), −E[R] and −E[S]; all algorithms evaluate plans by this method.

@@ -55,12 +55,12 @@ class BudgetedAlgorithm(Algorithm):
         """Prepare to solve ``problem``; without any termination, for 100 000 evaluations.
 
         pymoo's default looks for convergence of the variables, which are numbers there. A
-        ValueError is raised for a termination that allows no evaluation, and for a mission that the
-        algorithm does not support.
+        ValueError is raised for a termination that allows no evaluation, a TypeError for a mission
+        that the algorithm does not support.
         """
         mission = problem.mission
         if not self.supports(mission):
-            raise ValueError(
+            raise TypeError(
                 f"{type(self).__name__} does not support mission {quoted(mission.name)}, which has "
                 f"{mission.specialities}."
             )

@@ -60,7 +60,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     greedy_start
         Whether to begin with plans that
         :func:`~botohe_moo.search.sequential.plan_sequentially` makes for reward alone, for
-        the whole team and for fewer robots, beside the plan in which all robots stay at base.
+        the whole team and for fewer robots, beside the plan in which all robots stay at base. Not
+        where rewards count on return: fronts are better without these plans there.
     max_size
         Plans that the front keeps after each generation; None keeps all. While there are more, the
         plan that contributes the least area is removed.
@@ -146,7 +147,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         problem: BOTOHE = self.problem
         mission = problem.mission
         plans = [*self.sampling, mission.stay_home(problem.planning_limits)]
-        if self.greedy_start and len(plans) < self._n_left():
+        if self.greedy_start and not mission.has_returns and len(plans) < self._n_left():
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
             planner = SequentialPlanner(
                 mission,

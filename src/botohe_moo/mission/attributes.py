@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import as_float, most_alike, quoted
+from botohe_moo._base.checks import as_float, quoted
+from botohe_moo._base.words import counted
 from botohe_moo.mission.kinds import Kind
 
 
@@ -49,7 +51,18 @@ BY_KIND: _Rules = {
 
 
 def attribute_faults(graph: nx.DiGraph[Any], kinds: Sequence[Kind] = ()) -> Iterator[str]:
-    """List the attributes of nodes and arcs that are missing or wrong."""
+    """List the attributes of nodes and arcs that are missing or wrong.
+
+    Numbers for a kind that there is not are one fault, however many nodes and arcs have them.
+    """
+    unknown: Counter[tuple[str, str]] = Counter()
+    for _, _, attributes in graph.edges(data=True):
+        unknown.update(("survival", kind) for kind in _unknown(attributes.get("survival"), kinds))
+    for _, attributes in graph.nodes(data=True):
+        unknown.update(("share", kind) for kind in _unknown(attributes.get("share"), kinds))
+    for (name, kind), n in unknown.items():
+        where = counted(n, "arc" if name == "survival" else "node")
+        yield f"{name} of kind {kind}, at {where}: the mission does not list this kind"
     for node, attributes in graph.nodes(data=True):
         for fault in _faults_of(attributes, _OF_NODES, kinds):
             yield f"node {quoted(node)}: {fault}"
@@ -58,18 +71,23 @@ def attribute_faults(graph: nx.DiGraph[Any], kinds: Sequence[Kind] = ()) -> Iter
             yield f"arc {quoted(tail)} -> {quoted(head)}: {fault}"
 
 
+def _unknown(value: object, kinds: Sequence[Kind]) -> list[str]:
+    """Return the kinds of an attribute that the mission does not list, as texts."""
+    if not isinstance(value, Mapping) or not kinds:
+        return []
+    names = [kind.name for kind in kinds]
+    return [quoted(kind) for kind in value if kind not in names]
+
+
 def _faults_by_kind(name: str, value: Mapping[Any, Any], kinds: Sequence[Kind]) -> Iterator[str]:
     """List the faults of an attribute that has a number for each kind."""
     names = [kind.name for kind in kinds]
     expected, is_valid = BY_KIND[name]
-    unknown = [kind for kind in value if kind not in names]
-    for kind in unknown:
-        near = most_alike(str(kind), names)
-        yield f"{name} of kind {quoted(kind)}: there is no such kind{near}"
     for kind, number in value.items():
         if kind in names and not is_valid(number):
             yield f"expected {expected} of kind {quoted(kind)}, got {quoted(number)}{_hint(number)}"
-    if name == "survival" and not unknown:  # one of which may be the missing one, misspelt
+    # A kind that is not listed may be the missing one, misspelt.
+    if name == "survival" and not _unknown(value, kinds):
         for kind in names:
             if kind not in value:
                 yield f"expected {expected} of kind {quoted(kind)}, found none"

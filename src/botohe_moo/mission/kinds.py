@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from operator import index
 from typing import Any
 
 import networkx as nx
@@ -65,6 +66,12 @@ class Kind:
     min_survival: float = 0.0
     max_length: float | None = None
 
+    def with_numbers(self) -> Kind:
+        """Return the same valid kind with numbers of Python's types, whatever they were."""
+        longest = None if self.max_length is None else float(self.max_length)
+        least = float(self.min_survival)
+        return replace(self, robots=index(self.robots), min_survival=least, max_length=longest)
+
     def ends(self, base: Hashable) -> tuple[Hashable, Hashable]:
         """Return where trails start and end in a mission with this base."""
         return base if self.start is None else self.start, base if self.end is None else self.end
@@ -109,11 +116,11 @@ def graph_of_kinds(
     base: Hashable,
     kinds: Sequence[Kind],
     pays: str,
-    index: Mapping[Any, int],
+    index_of: Mapping[Any, int],
 ) -> Graph:
-    """Return a valid mission's graph as kernels take it; ``index`` numbers its nodes."""
+    """Return a valid mission's graph as kernels take it; ``index_of`` numbers its nodes."""
     arcs = sorted(
-        (index[u], index[v], by_kind(arc["survival"], kinds), float(arc.get("length", 1.0)))
+        (index_of[u], index_of[v], by_kind(arc["survival"], kinds), float(arc.get("length", 1.0)))
         for u, v, arc in graph.edges(data=True)
     )
     tail, head = (np.array([arc[i] for arc in arcs], np.int64) for i in (0, 1))
@@ -122,12 +129,13 @@ def graph_of_kinds(
     nodes = dict(graph.nodes(data=True))
     reward = np.array([node["reward"] for node in nodes.values()], np.float64)
     share = np.array([by_kind(node.get("share", 1.0), kinds) for node in nodes.values()])
-    ends = [tuple(index[label] for label in kind.ends(base)) for kind in kinds]
+    ends = [tuple(index_of[label] for label in kind.ends(base)) for kind in kinds]
     credit = np.array([_credit(node, pays) for node in nodes.values()])
-    credit[index[base]] = AT_THIS_DEPOT
-    is_plain = len(kinds) == 1 and ends[0] == (index[base],) * 2 and bool((share == 1.0).all())
-    if is_plain and (survival > 0.0).all() and (credit != AT_NEXT_DEPOT).all():
-        return new_graph(tail, head, survival[:, 0], length, reward, index[base])
+    credit[index_of[base]] = AT_THIS_DEPOT
+    is_plain = len(kinds) == 1 and ends[0] == (index_of[base],) * 2 and bool((share == 1.0).all())
+    is_plain &= bool((survival > 0.0).all()) and not (reward[credit == AT_NEXT_DEPOT] > 0.0).any()
+    if is_plain:
+        return new_graph(tail, head, survival[:, 0], length, reward, index_of[base])
     layers, shares = [], []
     for k, (start, end) in enumerate(ends):
         stays, is_open = _passable(tail, head, survival[:, k] > 0.0, start, end, len(reward))
@@ -146,7 +154,7 @@ def graph_of_kinds(
         start=np.array([ends[k][0] + k * n for k in kind_of.tolist()]),
         first=first[kind_of],
         stop=first[kind_of + 1],
-        has_returns=bool((credit == AT_NEXT_DEPOT).any()),
+        has_returns=bool(((credit == AT_NEXT_DEPOT) & (reward > 0.0)).any()),
     )
     return join_layers(layers, described)
 

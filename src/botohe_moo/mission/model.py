@@ -104,7 +104,7 @@ class Mission:
         attributes = graph.graph if isinstance(graph, nx.Graph) else {}
         base = attributes.get("base") if base is None else base
         listed, faults = read_kinds(attributes.get("kinds") if kinds is None else kinds)
-        if robots is not None and len(listed) == 1:
+        if robots is not None and kinds is None and len(listed) == 1:  # of a file
             listed, robots = (replace(listed[0], robots=robots),), None
         elif robots is None and kinds is None:
             robots = attributes.get("robots")
@@ -116,8 +116,9 @@ class Mission:
 
         self.graph: nx.DiGraph[Any] = frozen_copy(graph)
         self.base = base
-        self.kinds = listed or (Kind(ONLY_KIND, index(robots)),)  # type: ignore[arg-type]
-        self.robots = sum(index(kind.robots) for kind in self.kinds)
+        of_one = (Kind(ONLY_KIND, robots),)  # type: ignore[arg-type]
+        self.kinds = tuple(kind.with_numbers() for kind in listed or of_one)
+        self.robots = sum(kind.robots for kind in self.kinds)
         self.pays = pays
         self.name = str(name) if name else "mission"
         self.nodes: tuple[Any, ...] = tuple(self.graph)
@@ -254,9 +255,10 @@ class Mission:
         Parameters
         ----------
         trails
-            The nodes that each robot visits, from the base to the base; ``[base]`` if it stays
-            there. Lists as labels become tuples, as in mission files. A PlanError names a label
-            that is unknown, and what is not valid.
+            The nodes that each robot visits, from the base to the base, or from the start to the
+            end of its kind; ``[base]`` if it stays there. With kinds, in the order of ``kinds``:
+            all robots of the first one, then those of the next. Lists as labels become tuples, as
+            in mission files. A PlanError names a label that is unknown, and what is not valid.
         """
         listed = [trail_indices(self.name, self._index, *trail) for trail in enumerate(trails)]
         if len(listed) == self.robots:
@@ -288,6 +290,27 @@ class Mission:
         if self.is_plain:
             return TrailPlan([[self.arrays.base]] * self.robots)
         return TrailPlan(ways_to_ends(self.arrays, limits))
+
+    def check_ways(self, limits: Limits) -> None:
+        """Refuse, by a ValueError, limits with which robots of a kind cannot get to their end.
+
+        Ways that compromise between the safest and the shortest one are not looked for.
+        """
+        if self.is_plain:
+            return
+        home = self.stay_home(limits)
+        survival, length = self.robot_survival([home])[0], self.trail_lengths([home])[0]
+        for robot, trail in enumerate(home.trails):
+            least = 0.0 if limits.floors is None else limits.floors[trail[0]]
+            longest = math.inf if limits.budgets is None else limits.budgets[trail[0]]
+            if survival[robot] < least or length[robot] > longest:
+                kind = self.kind_of[robot]
+                ends = " to ".join(map(quoted, kind.ends(self.base)))
+                raise ValueError(
+                    f"Expected limits with which robots of kind {quoted(kind.name)} can get from "
+                    f"{ends}. The safest way, or the shortest one if that is too long, is survived "
+                    f"with {survival[robot]:.4g} and {length[robot]:g} long."
+                )
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
         """Return the trails of a plan of this mission as node labels, robot by robot."""

@@ -18,6 +18,7 @@ from botohe_moo.trails import PlanBatch
 
 _SEPARATORS = frozenset(":,=")  # of the name of a kind from what follows it
 _ROUNDING = 1e-12  # relative: what rounding may change along a way
+_MOST_ROBOTS = 1_000_000  # of a kind: missions list them
 _MAX_SHOWN = 100  # a file may have a million faults
 _FAULTS = {
     kernels.BAD_OFFSETS: "expected the batch's offsets to cut its nodes into trails",
@@ -81,13 +82,15 @@ def graph_faults(
     if not isinstance(graph, nx.DiGraph) or graph.is_multigraph():
         return [_not_a_digraph(graph)]
     faults = [*_kind_faults(kinds, graph)]
+    if not all(isinstance(kind.name, str) for kind in kinds):
+        return faults  # by which the rest would have to be called
     if pays not in PAYS:
         faults.append(f"expected pays to be 'arrival' or 'return', got {quoted(pays)}")
     if kinds:
         n_robots = sum(kind.robots for kind in kinds if team_size_fault(kind.robots) is None)
         if robots is not None and robots != n_robots and not faults:
-            found = f"which have {n_robots}, got {quoted(robots)}"
-            faults.append(f"expected no number of robots beside kinds, {found}")
+            found = f"robots of all kinds together, or none, got {quoted(robots)}"
+            faults.append(f"expected robots to be {n_robots}, the {found}")
     elif robots is None:
         faults.append("expected robots to be an integer >= 1, found no graph attribute 'robots'")
     elif fault := team_size_fault(robots):
@@ -123,6 +126,8 @@ def _kind_faults(kinds: Sequence[Kind], graph: nx.DiGraph[Any]) -> Iterator[str]
             yield f"{who}: there are two kinds of this name"
         if fault := team_size_fault(kind.robots):
             yield f"{who}: {fault}"
+        elif kind.robots > _MOST_ROBOTS:
+            yield f"{who}: expected robots <= {_MOST_ROBOTS:,}, got {quoted(kind.robots)}"
         if not 0 <= as_float(kind.min_survival) <= 1:
             yield f"{who}: expected min_survival in [0, 1], got {quoted(kind.min_survival)}"
         if kind.max_length is not None and not is_amount(kind.max_length):

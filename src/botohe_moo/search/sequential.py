@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import permutations
 from typing import Annotated, Any, TypeAlias
 
@@ -23,7 +23,7 @@ from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, kind_ranges
 from botohe_moo.kernels.graph.paths import Budget, new_budget
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes.reaching import collected
+from botohe_moo.outcomes.reaching import collected, team_reach
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["plan_sequentially"]
@@ -79,7 +79,8 @@ def plan_sequentially(
     TypeError
         If ``mission`` is not a Mission.
     ValueError
-        If a parameter is out of its range.
+        If a parameter is out of its range, or robots of a kind cannot get to their end within the
+        limits.
 
     Notes
     -----
@@ -103,6 +104,7 @@ def plan_sequentially(
     """
     longest = math.inf if max_length is None else max_length
     limits = check_mission(mission).limits(min_survival, longest)
+    mission.check_ways(limits)
     return SequentialPlanner(mission, limits, beam_width=beam_width).plan(weight)
 
 
@@ -170,11 +172,15 @@ class SequentialPlanner:
         kinds = range(len(self.mission.kinds))
         orders = list(permutations(kinds)) if len(kinds) <= _ALL_ORDERS_UP_TO else [tuple(kinds)]
         found = [self._trails(weight, order, until) for order in orders]
-        if len(found) == 1:
-            return found[0]
-        most = self.mission.total_reward or 1.0, self.mission.robots
-        objectives = self.mission.evaluate([self._team(trails) for trails in found]) / most
-        return found[int(np.argmax(objectives @ [weight, 1.0 - weight]))]
+        return found[0] if len(found) == 1 else max(found, key=partial(self._worth, weight))
+
+    def _worth(self, weight: float, trails: list[tuple[int, list[int]]]) -> float:
+        """Return what a plan is worth, which is not evaluated: budgets count evaluations."""
+        mission, plan = self.mission, self._team(trails)
+        reward = mission.rewards @ team_reach(collected(mission, plan))
+        survivors = mission.robot_survival([plan]).sum()
+        share = reward / (mission.total_reward or 1.0)
+        return float(weight * share + (1.0 - weight) * survivors / mission.robots)
 
     def _trails(
         self, weight: float, kinds: Sequence[int], until: float
@@ -196,6 +202,8 @@ class SequentialPlanner:
                     return trails
                 trail = self._trail(weight, robot, unreached, danger, beam)
                 if trail is None:  # nor will later robots of this kind leave
+                    home = TrailPlan([self._home.trails[robot]])
+                    unreached *= (1.0 - collected(mission, home)[0]) ** (stop - robot)
                     break
                 trails.append((robot, trail))
                 unreached *= 1.0 - collected(mission, TrailPlan([trail]))[0]

@@ -17,7 +17,7 @@ from botohe_moo.kernels.colony.weighing import (
 )
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph, limit_at
-from botohe_moo.kernels.graph.kinds import has_kinds, likely_chance, origin_of, start_of
+from botohe_moo.kernels.graph.kinds import Kinds, likely_chance, origin_of, start_of
 from botohe_moo.kernels.graph.paths import Budget, Paths, leads_home, way_within
 from botohe_moo.kernels.rng import uniform
 from botohe_moo.kernels.sharing import shared
@@ -149,6 +149,18 @@ def _visit(graph: Graph, scratch: AntScratch, ant: Ant, node: int, alive: float)
 
 
 @inlined
+def _begin_trail(
+    graph: Graph, kinds: Kinds | None, rule: BuildRule, scratch: AntScratch, ant: Ant, source: int
+) -> None:
+    """Note, before its first hop, that a robot is where it starts, and a way from there."""
+    if kinds is None:  # all robots are at the base, where trails also end
+        ant.visited[source] = ant.trail
+    elif ant.visited[source] != ant.trail:
+        _note_first_way(graph, rule.budget, ant.onward, source)
+        _visit(graph, scratch, ant, source, 1.0)
+
+
+@inlined
 def _walk(
     graph: Graph,
     weights: Weights,
@@ -178,10 +190,7 @@ def _walk(
     )
     node, alive, size = scratch.node[robot], scratch.alive[robot], plans.size[0]
     source = start_of(graph.kinds, graph.base, robot)
-    if has_kinds(graph.kinds) and ant.visited[source] != trail:
-        _note_first_way(graph, rule.budget, ant.onward, source)
-        _visit(graph, scratch, ant, source, 1.0)
-    ant.visited[source] = trail
+    _begin_trail(graph, graph.kinds, rule, scratch, ant, source)
     while True:
         if scratch.tabulated[which, node] != block:
             tabulate_node(graph, weights, rule, scratch, block, which, node)

@@ -83,7 +83,9 @@ def _append_path(search: Search, node: int, goal: int, n_detours: int) -> bool:
         if routes.n_known[goal] == 0:
             search_routes(graph, routes, goal)
         entry = route_entry(routes, goal, node)
-        if entry == UNKNOWN or routes.entries[goal, entry].cost == np.inf:
+        if entry == UNKNOWN:
+            return False
+        if has_kinds(graph.kinds) and routes.entries[goal, entry].cost == np.inf:
             return False
     while node != goal:
         if is_homeward:

@@ -10,7 +10,7 @@ It is a kernel of its own, so that runs which end before any refill do not compi
 
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.fronts.ordered import slope_at
-from botohe_moo.kernels.graph.kinds import behind_kind, first_of_kind
+from botohe_moo.kernels.graph.kinds import behind_kind, first_of_kind, n_origins
 from botohe_moo.kernels.local_search.plans import (
     acquire_parent,
     clear_others,
@@ -110,7 +110,8 @@ def _refill_parent(search: Search, n_most: int) -> int:
 
     In a walk, a child that is not too bad is the next parent.
     """
-    store, work, n_nodes = search.store, search.work, search.graph.reward.shape[0]
+    store, work = search.store, search.work
+    n_nodes = n_origins(search.graph.kinds, search.graph.reward.shape[0])
     is_walk = is_stuck(search) and uniform(work.states, 0) < P_WALK
     n_children = min(n_most, N_WALK * n_nodes if is_walk else N_REFILLS)
     for child in range(n_children):

@@ -18,6 +18,7 @@ from botohe_moo.kernels.graph.paths import ANYWHERE, Paths, new_paths, search_pa
 FULL_UP_TO = 1_000
 NEAR = 200
 
+FAR = 1e300  # what a path costs where there is none: finite, so that 0 times it is 0
 UNKNOWN = -1  # instead of an entry, where no path is known
 
 _N_NEIGHBOURS = 12
@@ -68,8 +69,8 @@ def new_routes(graph: Graph, per_length: float) -> Routes:
         is_known=np.zeros(n_nodes, np.int64),
         leaving=np.empty((n_costs, n_costs)),
         coming=np.empty((n_costs, n_costs)),
-        leaving_length=np.empty((n_costs, n_costs) if per_length > 0.0 else (0, 0)),
-        coming_length=np.empty((n_costs, n_costs) if per_length > 0.0 else (0, 0)),
+        leaving_length=np.zeros((n_costs, n_costs) if per_length > 0.0 else (0, 0)),
+        coming_length=np.zeros((n_costs, n_costs) if per_length > 0.0 else (0, 0)),
         per_length=per_length,
         used=np.zeros(graph.n_arcs, np.int64),
         paths=new_paths(graph),
@@ -95,7 +96,7 @@ def search_costs(graph: Graph, routes: Routes, node: int) -> None:
     for backwards in (False, True):
         costs = routes.coming[node] if backwards else routes.leaving[node]
         for i in range(n_nodes):
-            costs[i] = np.inf
+            costs[i] = FAR
         n = search_paths(graph, paths, routes.used, 1, node, ANYWHERE, n_nodes, backwards)
         for i in range(n):
             costs[paths.order[i]] = paths.distance[paths.order[i]]

@@ -6,7 +6,7 @@ A child differs from its parent in the trail of one robot.
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.fronts.ordered import contribution, draw_place
 from botohe_moo.kernels.graph.graph import find_arc
-from botohe_moo.kernels.graph.kinds import behind_kind, first_of_kind, has_kinds
+from botohe_moo.kernels.graph.kinds import Kinds, has_kinds
 from botohe_moo.kernels.local_search.children import evaluate_child, evaluate_trail, write_child
 from botohe_moo.kernels.local_search.moves import ADOPT, N_KINDS, draw_trail, make_child
 from botohe_moo.kernels.local_search.plans import (
@@ -153,21 +153,30 @@ def _change_another(search: Search) -> None:
     """
     store, work = search.store, search.work
     n_robots = work.parent.shape[0]
-    if has_kinds(search.graph.kinds) and uniform(work.states, 0) < P_SHAKE:
-        for _ in range(1 + below(work.states, MOST_SHAKEN)):
-            robot = below(work.states, n_robots)
-            trail = _shake(search, robot)
-            if trail != NOT_STORED:
-                release(store, work.parent[robot])
-                work.parent[robot] = trail
-        return
-    if n_robots == 1:
+    if _change_some(search, search.graph.kinds) or n_robots == 1:
         return
     other = (work.draft.robot + 1 + below(work.states, n_robots - 1)) % n_robots
     trail = draw_trail(search, other)
     store.trails[trail].n_users += 1
     release(store, work.parent[other])
     work.parent[other] = trail
+
+
+@helper
+def _change_some(search: Search, kinds: Kinds | None) -> bool:
+    """Replace trails of a few robots by children of them; return whether this was drawn."""
+    if kinds is None:  # of an argument: then numba compiles nothing of what follows
+        return False
+    work = search.work
+    if uniform(work.states, 0) >= P_SHAKE:
+        return False
+    for _ in range(1 + below(work.states, MOST_SHAKEN)):
+        robot = below(work.states, work.parent.shape[0])
+        trail = _shake(search, robot)
+        if trail != NOT_STORED:
+            release(search.store, work.parent[robot])
+            work.parent[robot] = trail
+    return True
 
 
 @helper
@@ -187,15 +196,14 @@ def _shake(search: Search, robot: int) -> int:
 
 
 @helper
-def _draw_adopted(search: Search) -> int:
-    """Draw a trail that the robot may adopt: of another plan, or of its own."""
-    graph, work = search.graph, search.work
-    robot, n_robots = work.draft.robot, work.parent.shape[0]
-    if has_kinds(graph.kinds) and is_stuck(search) and uniform(work.states, 0) < P_FOLLOW:
-        first = first_of_kind(graph.kinds, robot)
-        stop = behind_kind(graph.kinds, n_robots, robot)
-        return int(work.parent[first + below(work.states, stop - first)])
-    return draw_trail(search, robot)
+def _draw_adopted(search: Search, kinds: Kinds | None) -> int:
+    """Draw a trail that the robot may adopt: of another plan, or with kinds of its own plan."""
+    if kinds is not None:
+        work, robot = search.work, search.work.draft.robot
+        if is_stuck(search) and uniform(work.states, 0) < P_FOLLOW:
+            first, stop = kinds.first[robot], kinds.stop[robot]
+            return int(work.parent[first + below(work.states, stop - first)])
+    return draw_trail(search, search.work.draft.robot)
 
 
 @helper
@@ -246,7 +254,7 @@ def _make_children(search: Search, n_most: int) -> int:
             break
         kind, trail = _draw_kind(work), NOT_STORED
         if kind == ADOPT:
-            trail = _draw_adopted(search)
+            trail = _draw_adopted(search, graph.kinds)
             if trail == changed:
                 continue
             gained = evaluate_trail(search, trail)

@@ -12,6 +12,7 @@ from botohe_moo.kernels.graph.graph import Graph, limit_at
 from botohe_moo.kernels.graph.kinds import (
     AT_NEXT_DEPOT,
     AT_THIS_DEPOT,
+    Kinds,
     credit_of,
     end_of,
     has_kinds,
@@ -103,7 +104,7 @@ def _draw_stops(graph: Graph, store: TrailStore, work: Workspace, which: int, so
     trail = store.trails[work.parent[work.chosen[which]]]
     n = 0
     if has_returns(graph.kinds):
-        n = _list_stops(graph, store, work, trail, source)
+        n = _list_stops(graph, graph.kinds, store, work, trail, source)
     else:
         for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
             node = work.draft.layer + np.int64(store.node[i])
@@ -126,10 +127,17 @@ def _draw_stops(graph: Graph, store: TrailStore, work: Workspace, which: int, so
 
 @helper
 def _list_stops(
-    graph: Graph, store: TrailStore, work: Workspace, trail: Record, source: int
+    graph: Graph,
+    kinds: Kinds | None,
+    store: TrailStore,
+    work: Workspace,
+    trail: Record,
+    source: int,
 ) -> int:
     """List the stops of a trail, with the depots where it leaves something, as ``_draw_stops``."""
-    kinds, goals, layer = graph.kinds, work.goals, work.draft.layer
+    if kinds is None:  # of an argument: then numba compiles nothing of what follows
+        return 0
+    goals, layer = work.goals, work.draft.layer
     n, visit, end, is_loaded = 0, trail.first_visit, trail.first_visit + trail.n_visits, False
     if visit < end and layer + store.node[visit] == source:
         visit += 1
@@ -172,6 +180,7 @@ def fill_tours(search: Search) -> None:
     draft, nodes, worth, legs = work.draft, work.nodes, work.worth, work.legs
     states, first = work.states, draft.layer
     behind = first + n_origins(graph.kinds, graph.reward.shape[0])
+    cheapest = work.cheapest_leg[first:behind]
     noise = uniform(states, 0)
     for node in range(first, behind):
         work.insertion_cost[node], worth[node] = np.inf, 0.0
@@ -189,9 +198,8 @@ def fill_tours(search: Search) -> None:
         number = work.cheapest_leg[best]
         _insert_node(routes, work, number, best)
         worth[best] = 0.0
-        for node in range(first, behind):
-            is_split = work.cheapest_leg[node] == number
-            work.cheapest_leg[node] = UNKNOWN if is_split else work.cheapest_leg[node]
+        for i in range(cheapest.shape[0]):
+            cheapest[i] = UNKNOWN if cheapest[i] == number else cheapest[i]
         _update_insertion_costs(graph, routes, work, number)
         _update_insertion_costs(graph, routes, work, draft.n_legs - 1)
         _evaluate_tour(graph, work, legs[number].tour)
@@ -200,11 +208,14 @@ def fill_tours(search: Search) -> None:
 @helper
 def _update_insertion_costs(graph: Graph, routes: Routes, work: Workspace, number: int) -> None:
     """Compute what it costs to insert each node into a leg, and note whether that is least."""
-    costs, cheapest, leg = work.insertion_cost, work.cheapest_leg, work.legs[number]
-    leaving, coming = routes.leaving[leg.before], routes.coming[leg.after]
+    n, first = n_origins(graph.kinds, graph.reward.shape[0]), work.draft.layer
+    leg = work.legs[number]
+    # The part of each array that belongs to the layer: indices that begin at 0 are faster.
+    costs, cheapest = work.insertion_cost[first : first + n], work.cheapest_leg[first : first + n]
+    leaving = routes.leaving[leg.before][first : first + n]
+    coming = routes.coming[leg.after][first : first + n]
     leg_cost = leg.cost
-    first = work.draft.layer
-    for node in range(first, first + n_origins(graph.kinds, graph.reward.shape[0])):
+    for node in range(n):
         cost = leaving[node] + coming[node] - leg_cost
         is_less = cost < costs[node]
         costs[node] = cost if is_less else costs[node]
@@ -214,7 +225,7 @@ def _update_insertion_costs(graph: Graph, routes: Routes, work: Workspace, numbe
 @helper
 def _evaluate_tour(graph: Graph, work: Workspace, which: int) -> None:
     """Compute with what probability each leg of a tour is begun, and what lies ahead of it."""
-    legs, order, nodes = work.legs, work.goals, work.nodes
+    legs, loads, order, nodes = work.legs, work.leg_loads, work.goals, work.nodes
     n, alive, carried, kinds = 0, 1.0, 0.0, graph.kinds
     number = work.first[which]
     while number != NONE:
@@ -227,7 +238,7 @@ def _evaluate_tour(graph: Graph, work: Workspace, which: int) -> None:
             credit = credit_of(kinds, leg.before)
             carried = 0.0 if credit == AT_THIS_DEPOT else carried
             carried += nodes[leg.before].left if credit == AT_NEXT_DEPOT else 0.0
-            leg.load = carried
+            loads[order[n - 1]].carried = carried
         number = leg.following
     ahead = to_depot = 0.0
     for i in range(n - 1, -1, -1):
@@ -237,7 +248,7 @@ def _evaluate_tour(graph: Graph, work: Workspace, which: int) -> None:
         if has_kinds(kinds):
             is_depot = credit_of(kinds, leg.after) == AT_THIS_DEPOT
             to_depot = leg.survival if is_depot else leg.survival * to_depot
-            leg.to_depot = to_depot
+            loads[order[i]].to_depot = to_depot
             worth *= to_depot if credit_of(kinds, leg.before) == AT_NEXT_DEPOT else 1.0
         ahead = leg.ahead + worth
 
@@ -249,15 +260,17 @@ def _find_best_node(graph: Graph, routes: Routes, work: Workspace) -> int:
     A node gains its worth, less what the danger of the detour takes from the stops after it. For
     small costs c, 1 / (1 + c) takes the place of exp(−c).
     """
-    costs, worth, cheapest, legs = work.insertion_cost, work.worth, work.cheapest_leg, work.legs
+    cheapest, legs, loads = work.cheapest_leg, work.legs, work.leg_loads
     best, highest = NONE, 0.0
-    first = work.draft.layer
-    for node in range(first, first + n_origins(graph.kinds, graph.reward.shape[0])):
-        if worth[node] <= 0.0 or worth[node] <= highest * costs[node]:
+    n, first = n_origins(graph.kinds, graph.reward.shape[0]), work.draft.layer
+    costs, worth = work.insertion_cost[first : first + n], work.worth[first : first + n]
+    for i in range(n):
+        if worth[i] <= highest * costs[i]:
             continue
+        node = first + i
         if cheapest[node] == UNKNOWN:
             _find_cheapest_leg(graph, routes, work, node)
-        leg, cost = legs[cheapest[node]], max(costs[node], _LEAST_COST)
+        leg, cost = legs[cheapest[node]], max(costs[i], _LEAST_COST)
         slack, way = work.slacks[leg.tour], routes.leaving[leg.before, node]
         danger = cost
         if routes.per_length > 0.0:
@@ -269,12 +282,13 @@ def _find_best_node(graph: Graph, routes: Routes, work: Workspace) -> int:
             danger = max(0.0, cost - routes.per_length * longer)
         if danger > slack.danger + TOLERANCE:
             continue
-        gain = leg.alive * (worth[node] / (1.0 + way) - leg.ahead * danger / (1.0 + danger))
+        gain = leg.alive * (worth[i] / (1.0 + way) - leg.ahead * danger / (1.0 + danger))
         if has_kinds(graph.kinds):
+            load = loads[cheapest[node]]
             if credit_of(graph.kinds, node) == AT_NEXT_DEPOT:
-                paid = worth[node] * leg.to_depot / (1.0 + danger)
+                paid = worth[i] * load.to_depot / (1.0 + danger)
                 gain = leg.alive * (paid - leg.ahead * danger / (1.0 + danger))
-            gain -= leg.alive * leg.load * leg.to_depot * danger / (1.0 + danger)
+            gain -= leg.alive * load.carried * load.to_depot * danger / (1.0 + danger)
         if gain > highest * cost:
             best, highest = node, gain / cost
     return best
@@ -323,14 +337,16 @@ def store_tour(search: Search, which: int) -> int:
     # It replaces a trail that goes from its start straight to its end.
     draft.n_goals = draft.n_piece = draft.prefix = 0
     draft.suffix = draft.length = 1
+    work.steps[0].arc = NONE
     work.steps[0].node, work.steps[1].node = source, end_of(graph.kinds, graph.base, source)
     number = work.first[which]
     while legs[number].following != NONE:
         work.goals[draft.n_goals] = legs[number].after
         draft.n_goals += 1
         number = legs[number].following
-    connect_child(search, 0, 0)
-    trail = add_within_limits(search, robot, write_child(work))
+    trail = NOT_STORED
+    if connect_child(search, 0, 0):
+        trail = add_within_limits(search, robot, write_child(work))
     if trail == NOT_STORED:
         trail = work.parent[robot]
         store.trails[trail].n_users += 1

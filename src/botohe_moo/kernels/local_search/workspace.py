@@ -7,7 +7,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.kernels.fronts.ordered import OrderedFront
 from botohe_moo.kernels.graph.graph import Graph, Limits
-from botohe_moo.kernels.graph.kinds import has_returns
+from botohe_moo.kernels.graph.kinds import has_kinds, has_returns
 from botohe_moo.kernels.local_search.routes import Routes
 from botohe_moo.kernels.local_search.trail_store import TrailStore
 from botohe_moo.kernels.plans.evaluate import Team, new_team
@@ -52,7 +52,7 @@ _ARC = np.dtype([(name, np.int64) for name in ("position", "mark", "place")])
 _LEG = np.dtype(
     [(name, np.int64) for name in ("before", "after", "following", "tour")]
     + [(name, np.float64) for name in ("cost", "length", "danger", "survival")]
-    + [(name, np.float64) for name in ("alive", "ahead", "load", "to_depot")]
+    + [(name, np.float64) for name in ("alive", "ahead")]
 )
 _SLACK = np.dtype([(name, np.float64) for name in ("danger", "length")])
 
@@ -113,9 +113,11 @@ class Workspace(NamedTuple):
     first: OffsetArray
     # Legs of all tours: the stops ``before`` and ``after`` it; the leg that follows; its ``tour``;
     # its ``cost``, ``length``, ``danger`` and ``survival``; with what probability it is begun
-    # (``alive``), and what a robot that begins it collects behind it (``ahead``). With kinds, what
-    # it carries (``load``), and with what probability it gets to the next depot (``to_depot``).
+    # (``alive``), and what a robot that begins it collects behind it (``ahead``).
     legs: RecordArray
+    # With kinds, what a robot carries that begins each leg, and with what probability it gets to
+    # the next depot, as in ``loads``. Apart from ``legs``, which have to be small to be fast.
+    leg_loads: RecordArray
     # Of each node, what it is ``worth``, what it costs to insert it where this is cheapest, and
     # the leg where that is (n_nodes).
     worth: FloatArray
@@ -148,6 +150,7 @@ def new_workspace(
     """Return a workspace of what a search remembers, with new scratch."""
     n_nodes, n_arcs = graph.n_nodes, graph.n_arcs
     n_stops = 2 * n_nodes if has_returns(graph.kinds) else n_nodes  # of a tour, depots among them
+    n_legs = (n_stops + 1) * (n_robots + 1)
     nodes, arcs = np.zeros(n_nodes, _NODE), np.zeros(n_arcs, _ARC)
     nodes["left"], nodes["unreached"], nodes["met"] = graph.reward, -1.0, NEVER
     if graph.kinds is None:  # all robots collect it, whatever they do
@@ -175,7 +178,8 @@ def new_workspace(
         refilled=np.zeros(n_robots, np.int64),
         slacks=np.zeros(n_robots, _SLACK).view(np.recarray),
         first=np.zeros(n_robots, np.int64),
-        legs=np.zeros((n_stops + 1) * (n_robots + 1), _LEG).view(np.recarray),
+        legs=np.zeros(n_legs, _LEG).view(np.recarray),
+        leg_loads=np.zeros(n_legs if has_kinds(graph.kinds) else 0, _LOAD).view(np.recarray),
         worth=np.empty(n_nodes),
         insertion_cost=np.empty(n_nodes),
         cheapest_leg=np.zeros(n_nodes, np.int64),

@@ -9,14 +9,12 @@ from botohe_moo.kernels.compile import array_maker, helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.graph.kinds import (
     AT_THIS_DEPOT,
+    Kinds,
     chance_at,
     credit_carried,
-    credit_of,
     end_of,
-    has_kinds,
     is_listed,
     layer_of,
-    origin_of,
     reward_at,
     start_of,
 )
@@ -128,25 +126,43 @@ def either(one: Chance, other: Chance) -> Chance:
 
 
 @inlined
-def _reach(graph: Graph, scratch: _Scratch, trail: int, node: int, alive: float, n: int) -> int:
+def _reach(
+    graph: Graph,
+    kinds: Kinds | None,
+    scratch: _Scratch,
+    trail: int,
+    node: int,
+    alive: float,
+    n: int,
+) -> int:
     """Note that a robot gets to a node with probability ``alive``; return how many visits it made.
 
     ``n`` is how many they were before. Without kinds they are not counted.
     """
     is_first = scratch.visited[node] != trail
     scratch.visited[node] = trail
-    if not has_kinds(graph.kinds):
+    if kinds is None:
         if is_first:
             combine(scratch.team, node, alive)
         return 0
-    kinds = graph.kinds
     if is_first and is_listed(kinds, graph.reward, node):
-        scratch.node[n] = origin_of(kinds, node)
+        scratch.node[n] = kinds.origin[node]
         scratch.chance[n] = chance_at(kinds, node, alive)
         n += 1
-    if credit_of(kinds, node) == AT_THIS_DEPOT:
+    if kinds.credit[node] == AT_THIS_DEPOT:
         credit_carried(kinds, layer_of(kinds, node), scratch.node, scratch.chance, 0, n, alive)
     return n
+
+
+@helper
+def _combine_visits(kinds: Kinds | None, scratch: _Scratch, source: int, n: int) -> None:
+    """Add what a robot of some kind collects to what its team does: ``n`` visits."""
+    if kinds is None:  # they were added one by one
+        return
+    visited, chance = scratch.node, scratch.chance
+    credit_carried(kinds, layer_of(kinds, source), visited, chance, 0, n, 0.0)  # the rest is lost
+    for i in range(n):
+        combine(scratch.team, visited[i], chance[i])
 
 
 @inlined
@@ -188,7 +204,7 @@ def _walk(
         known = 0 <= node < graph.reward.shape[0]
         kind = EMPTY_TRAIL if stop <= start else NOT_FROM_BASE if known else UNKNOWN_NODE
     else:
-        n = _reach(graph, scratch, trail, node, 1.0, n)
+        n = _reach(graph, graph.kinds, scratch, trail, node, 1.0, n)
     alive, length = 1.0, 0.0
     i = start + 1
     while kind == VALID and i < stop:
@@ -197,17 +213,12 @@ def _walk(
         if kind == VALID:
             alive *= graph.survival[arc]
             length += graph.length[arc]
-            n = _reach(graph, scratch, trail, head, alive, n)
+            n = _reach(graph, graph.kinds, scratch, trail, head, alive, n)
             node = head
             i += 1
         else:
             position = i - start
-    if has_kinds(graph.kinds):
-        credit_carried(
-            graph.kinds, layer_of(graph.kinds, source), scratch.node, scratch.chance, 0, n, 0.0
-        )
-        for j in range(n):
-            combine(scratch.team, scratch.node[j], scratch.chance[j])
+    _combine_visits(graph.kinds, scratch, source, n)
     for j in range(i, stop):
         head = int(nodes[j])
         n_faults += _hop(graph, scratch, trail, node, head)[1] != VALID

@@ -110,13 +110,14 @@ def _count_changes(
     graph: Graph, drafted: OffsetArray, drafts: Trails, trail: int, out: Trails
 ) -> int:
     """Count the arcs that a repair added and the hops that it dropped."""
-    draft, nodes, n_nodes = drafts.nodes, out.nodes, graph.reward.shape[0]
+    draft, nodes, n_nodes, kinds = drafts.nodes, out.nodes, graph.reward.shape[0], graph.kinds
     start, stop = drafts.offsets[trail], drafts.offsets[trail + 1]
     begin, end = out.offsets[trail], out.offsets[trail + 1]
     for i in range(start, stop - 1):
         tail, head = draft[i], draft[i + 1]
         if 0 <= tail < n_nodes and 0 <= head < n_nodes:
-            arc = find_arc(graph, tail, head)
+            layer = layer_of(kinds, nodes[begin])
+            arc = find_arc(graph, layer + origin_of(kinds, tail), layer + origin_of(kinds, head))
             if arc >= 0:
                 drafted[arc] = trail
     kept = 0

@@ -145,8 +145,12 @@ def cross(
         if kinds[pair] == EXCHANGE:
             _shuffle(states, orders[0], stops)
             _shuffle(states, orders[1], stops)
-            cut = 1 + below(states, n_robots - 1)
+            cut = 0
             for k in range(n_robots):
+                if k == firsts[k]:  # of each kind some, of a single kind some but not all
+                    size = stops[k] - k
+                    least = 1 if size == n_robots else 0
+                    cut = k + least + below(states, size + 1 - 2 * least)
                 one, other = mine + orders[0, k], others + orders[1, k]
                 if k >= cut:
                     one, other = other, one

@@ -195,12 +195,14 @@ class CheckedContent:
         return path
 
     def _check_refusals(self, path: str | None) -> None:
-        """Note which algorithms refuse the problem of the study, before anything runs."""
-        if path is None or not self.missions:
-            return
+        """Note which algorithms refuse the problem, or a mission, before anything runs."""
+        tried = [mission for mission in self.missions if not mission.mission.is_plain]
+        if path is not None and not tried:
+            tried = self.missions[:1]
         for algorithm in self.algorithms:
-            problem = problem_on(self.missions[0], path)
-            if why := refusal(problem, algorithm.algorithm, dict(algorithm.parameters)):
+            given = algorithm.algorithm, dict(algorithm.parameters)
+            reasons = (refusal(problem_on(mission, path), *given) for mission in tried)
+            if why := next(filter(None, reasons), None):
                 place = ("algorithms", algorithm.family, "algorithm")
                 self._add(place, f"{algorithm.algorithm!r}: {why}")
 
