@@ -214,7 +214,7 @@ def test_exact_refuses_kinds_by_name():
     with pytest.raises(TypeError, match=f"^Exact {told}"):
         minimize(BOTOHE(mission), make_algorithm("exact"), ("n_eval", 90))
     for refuses in (exact_front, bound_front):
-        with pytest.raises(TypeError, match=f"^{refuses.__name__} {told}"):
+        with pytest.raises(ValueError, match=f"^{refuses.__name__} {told}"):
             refuses(mission)
 
 

@@ -159,7 +159,7 @@ class TestBadInput:
         assert len(caught.value.faults) == 2 + 4
 
     def test_robots_beside_kinds(self):
-        fault = ["expected no number of robots beside kinds, which have 3, got 4"]
+        fault = ["expected robots to be 3, the robots of all kinds together, or none, got 4"]
         assert faults_of(site(), robots=4) == fault
         assert faults_of(site(graph={"kinds": BOTH, "robots": 4}), kinds=None) == fault
         assert Mission(site(graph={"robots": 4}), kinds=BOTH).robots == 3
@@ -168,7 +168,7 @@ class TestBadInput:
         graph.add_node(0, reward=1)
         assert Mission(graph, robots=5).kinds == (Kind("drone", 5),)
         graph.graph["robots"] = 3
-        fault = ["expected no number of robots beside kinds, which have 2, got 3"]
+        fault = ["expected robots to be 2, the robots of all kinds together, or none, got 3"]
         assert faults_of(graph, kinds=None) == fault
 
     @pytest.mark.parametrize(

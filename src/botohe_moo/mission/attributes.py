@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import as_float, quoted
-from botohe_moo._base.words import counted
+from botohe_moo._base.checks import as_float, most_alike, quoted
 from botohe_moo.mission.kinds import Kind
 
 
@@ -55,14 +53,18 @@ def attribute_faults(graph: nx.DiGraph[Any], kinds: Sequence[Kind] = ()) -> Iter
 
     Numbers for a kind that there is not are one fault, however many nodes and arcs have them.
     """
-    unknown: Counter[tuple[str, str]] = Counter()
-    for _, _, attributes in graph.edges(data=True):
-        unknown.update(("survival", kind) for kind in _unknown(attributes.get("survival"), kinds))
-    for _, attributes in graph.nodes(data=True):
-        unknown.update(("share", kind) for kind in _unknown(attributes.get("share"), kinds))
-    for (name, kind), n in unknown.items():
-        where = counted(n, "arc" if name == "survival" else "node")
-        yield f"{name} of kind {kind}, at {where}: the mission does not list this kind"
+    unknown: dict[tuple[str, str], list[str]] = {}
+    for node, attributes in graph.nodes(data=True):
+        for kind in _unknown(attributes.get("share"), kinds):
+            unknown.setdefault(("share", kind), []).append(f"node {quoted(node)}")
+    for tail, head, attributes in graph.edges(data=True):
+        for kind in _unknown(attributes.get("survival"), kinds):
+            arc = f"arc {quoted(tail)} -> {quoted(head)}"
+            unknown.setdefault(("survival", kind), []).append(arc)
+    for (name, kind), (first, *others) in unknown.items():
+        near = most_alike(kind, [known.name for known in kinds])
+        where = f"{first} and {len(others)} more" if others else first
+        yield f"{where}: {name} of kind {quoted(kind)}: there is no such kind{near}"
     for node, attributes in graph.nodes(data=True):
         for fault in _faults_of(attributes, _OF_NODES, kinds):
             yield f"node {quoted(node)}: {fault}"
@@ -76,7 +78,7 @@ def _unknown(value: object, kinds: Sequence[Kind]) -> list[str]:
     if not isinstance(value, Mapping) or not kinds:
         return []
     names = [kind.name for kind in kinds]
-    return [quoted(kind) for kind in value if kind not in names]
+    return [str(kind) for kind in value if kind not in names]
 
 
 def _faults_by_kind(name: str, value: Mapping[Any, Any], kinds: Sequence[Kind]) -> Iterator[str]:
