@@ -200,8 +200,8 @@ def import_mission(
         typer.Option(
             "--pays",
             metavar="WHEN",
-            help="When nodes pay that the table does not say it of: on arrival (the default), or "
-            "on return, when a robot that has been there gets to a depot, such as the base.",
+            help="When nodes pay whose cell in the column pays is empty: on arrival (the default), "
+            "or on return, when a robot that has been there gets to a depot, such as the base.",
         ),
     ] = None,
     both_ways: Annotated[

@@ -164,7 +164,7 @@ class Mission:
         several = ["kinds of robots"] if len(self.kinds) > 1 else []
         if self.has_returns:
             return " and ".join([*several, "rewards that count on return"])
-        return several[0] if several else "starts, ends or shares of its own"
+        return several[0] if several else "starts, ends, shares or forbidden arcs"
 
     @property
     def has_returns(self) -> bool:
@@ -246,7 +246,7 @@ class Mission:
         return Limits(max(floors), min(budgets), *by_node)
 
     def index(self, label: Hashable) -> int:
-        """Return the index of a node, by which kernels know it; a KeyError for an unknown label."""
+        """Return the index of a node in ``nodes``; a KeyError is raised for an unknown label."""
         return self._index[label]
 
     def plan(self, trails: Iterable[Sequence[Hashable]]) -> TrailPlan:
@@ -340,10 +340,12 @@ class Mission:
 
         Notes
         -----
-        With π the product of the survivals up to a node's first visit on a trail,
-        E[R] = Σ_v r(v) · (1 − Π_k (1 − π_k(v))) and E[S] = Σ_k (product of the survivals along
-        trail k): Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a
-        robot team orienteering in a hazardous environment", 2025.
+        With π the product of the survivals up to a node's first visit on a trail, E[R] = Σ_v r(v) ·
+        (1 − Π_k (1 − π_k(v))) and E[S] = Σ_k (product of the survivals along trail k). With kinds,
+        survivals are those of each robot's kind, and π_k(v) becomes the share of the node times
+        π_k(v), or, if it pays on return, times the product of the survivals up to the first depot
+        at or after that visit, 0 if there is none. Simon, Richley, Overbey and Perez-Lavin, "Bi-
+        objective trail-planning for a robot team orienteering in a hazardous environment", 2025.
         """
         return self._values(plans, strict=True).objectives
 

@@ -20,8 +20,8 @@ class Followed(NamedTuple):
     offsets: OffsetArray
     alive: FloatArray  # the probability to reach the position
     pays: FloatArray  # the reward of the node where its trail first visits it, else 0
-    # For first visits: the probability to get to where the reward is credited, 0 if that is
-    # nowhere; and that to collect it, for a robot that does.
+    # For first visits: the probability to get to where the reward is credited, 0 if it never is;
+    # and the probability that a robot which gets there has collected it.
     credited: FloatArray
     share: FloatArray
 

@@ -273,7 +273,7 @@ def _generator(random_state: Seed) -> Rng:
 
 
 def _draws(followed: Followed, n_missions: int, generator: Rng) -> FloatArray:
-    """Draw how far each robot gets in each mission, and what it collects of what it has a share."""
+    """Draw how far each robot gets in each mission, and whether it collects what it may fail to."""
     n_robots = len(followed.offsets) - 1
     return generator.random((n_missions, n_robots + len(_unsure(followed))))
 

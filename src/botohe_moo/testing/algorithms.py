@@ -219,7 +219,7 @@ def travel_budget(subject: Subject) -> None:
     "`arrays.kinds.start` to `arrays.kinds.end`; or let `supports(mission)` be `mission.is_plain`."
 )
 def kinds(subject: Subject) -> None:
-    """Kinds of robots start, end and keep limits as theirs, unless `supports` leaves them out."""
+    """Each kind of robots keeps its start, end and limits, unless `supports` says it cannot."""
     mission = kinds_of_robots()
     supports = getattr(subject.make(), "supports", None)
     if supports is not None and not supports(mission):

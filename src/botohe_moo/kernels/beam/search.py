@@ -64,7 +64,7 @@ def best_trail(
     than staying where both are the same), its value, and whether any label was dropped because the
     beam was too narrow. If none was, and there is no travel budget, no trail is better by more than
     10⁻¹² of the value, unless 64-bit hashes collide. The value is −1 where even the safest way is
-    too long, and none is found that is not.
+    too long, and no shorter way is found.
     """
     state = beam.state[0]
     state["high"] = 0

@@ -52,7 +52,10 @@ def origin_of(kinds: Kinds | None, node: int) -> int:
 
 @inlined
 def start_of(kinds: Kinds | None, base: int, robot: int) -> int:
-    """Return the node where a robot's trail begins; the numbers of trails will do, too."""
+    """Return the node where a robot's trail begins.
+
+    ``robot`` may also be the number of a trail among those of all plans.
+    """
     if kinds is None:
         return base
     return int(kinds.start[robot % kinds.start.shape[0]])
@@ -60,7 +63,7 @@ def start_of(kinds: Kinds | None, base: int, robot: int) -> int:
 
 @inlined
 def end_of(kinds: Kinds | None, base: int, node: int) -> int:
-    """Return the node where trails end that visit a node."""
+    """Return where the trails end of the kind of robots that a node belongs to."""
     if kinds is None:
         return base
     return int(kinds.end[node])
