@@ -73,7 +73,7 @@ class Annealing:
         self.mission, self.schedule = mission, schedule
         graph, random = mission.arrays, seed_states(random_state, 1)
         first = mission.batch([mission.stay_home(limits)])
-        objectives = mission.evaluate(first)[0]
+        objectives = mission.evaluate_drafts(first)[0][0]  # no evaluation of the budget
         self.state: AnnealState = new_state(graph, read_trails(*first.arrays), objectives, random)
         longest = mission.robots * (graph.n_arcs + 1)
         self._records = new_records(mission.robots, _RECORDS, _RECORDS * _NODES_EACH + longest)
