@@ -23,7 +23,7 @@ from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, kind_ranges
 from botohe_moo.kernels.graph.paths import Budget, new_budget
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes.reaching import collected, team_reach
+from botohe_moo.outcomes.reaching import collected
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["plan_sequentially"]
@@ -175,12 +175,10 @@ class SequentialPlanner:
         return found[0] if len(found) == 1 else max(found, key=partial(self._worth, weight))
 
     def _worth(self, weight: float, trails: list[tuple[int, list[int]]]) -> float:
-        """Return what a plan is worth, which is not evaluated: budgets count evaluations."""
-        mission, plan = self.mission, self._team(trails)
-        reward = mission.rewards @ team_reach(collected(mission, plan))
-        survivors = mission.robot_survival([plan]).sum()
-        share = reward / (mission.total_reward or 1.0)
-        return float(weight * share + (1.0 - weight) * survivors / mission.robots)
+        """Return what a plan is worth; as a draft, since budgets count ``evaluate``."""
+        objectives, _ = self.mission.evaluate_drafts([self._team(trails)])
+        reward, survivors = objectives[0] / (self.mission.total_reward or 1.0, self.mission.robots)
+        return float(weight * reward + (1.0 - weight) * survivors)
 
     def _trails(
         self, weight: float, kinds: Sequence[int], until: float
@@ -193,9 +191,8 @@ class SequentialPlanner:
         beam = new_beam(graph)
         danger = dangers(graph, self._near, (1.0 - weight) / mission.robots if weight > 0 else 1.0)
         trails: list[tuple[int, list[int]]] = []
-        firsts, stops = kind_ranges(graph.kinds, mission.robots)
-        numbers = dict.fromkeys(zip(firsts.tolist(), stops.tolist(), strict=True))
-        ranges = list(numbers)
+        firsts, stops = map(np.unique, kind_ranges(graph.kinds, mission.robots))
+        ranges = list(zip(firsts.tolist(), stops.tolist(), strict=True))
         for first, stop in [ranges[kind] for kind in kinds]:
             for robot in range(first, stop):
                 if time.perf_counter() > until:
