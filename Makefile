@@ -13,7 +13,7 @@ READY_FOR_DIST := $(VENV)/.ready-for-dist
 help:
 	@echo "make demo    plan the art museum and write tables and pictures to results/demo/"
 	@echo "make test    the tests that find faults soon: some two minutes"
-	@echo "make test-all  all tests: with processes, Dask, a browser, LaTeX, and more examples a property"
+	@echo "make test-all  make test and all others: processes, Dask, a browser, LaTeX, more examples a property"
 	@echo "make test-long  the property tests with forty times as many examples: half an hour"
 	@echo "make check   ruff (lint and format), mypy strict, and who imports whom"
 	@echo "make docs    the documentation, in docs/_build/html"
@@ -64,8 +64,8 @@ PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses 2 --ma
 test: $(READY)
 	BOTOHE_EXAMPLES=0.1 $(PYTEST) -m "not slow"
 
-test-all: $(READY)
-	$(PYTEST)
+test-all: test
+	$(PYTEST) -m "slow or hypothesis"
 
 test-long: $(READY)
 	BOTOHE_EXAMPLES=20 BOTOHE_MUTATIONS=1000 $(BIN)/python -m pytest -m hypothesis --timeout 3600 \

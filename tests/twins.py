@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from fractions import Fraction
 from importlib import import_module
 from itertools import combinations_with_replacement, pairwise, product
-from math import log, prod
+from math import inf, log, prod
 from pkgutil import iter_modules
 
 import networkx as nx
@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from botohe_moo.kernels import local_search
-from botohe_moo.kernels.graph.graph import NO_LIMITS
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 
 
 def of_kind(value, kind):
@@ -389,6 +389,14 @@ _ARCS = _Arcs()
 
 def arc_survivals(mission):
     return _ARCS.of(mission).survival
+
+
+def alike(mission, least=0.0, longest=inf):
+    """Limits that are the same for each kind, in the form that kernels are compiled for."""
+    if mission.is_plain:
+        return Limits(least, longest)
+    by_node = np.repeat([[least], [longest]], mission.arrays.n_nodes, axis=1)
+    return Limits(least, longest, *map(np.ascontiguousarray, by_node))
 
 
 def ends_of(mission, robot=0):

@@ -11,7 +11,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.anneal.schedule import AnnealRule, anneal, new_records, new_state
-from botohe_moo.kernels.graph.graph import NO_LIMITS
 from botohe_moo.kernels.plans.change import MoveRule
 from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.rng import seed_states
@@ -31,7 +30,7 @@ class Search:
     def __init__(self, mission, *, seed=0, temperature=0.02, weight=0.7, **options):
         self.mission, self.weight = mission, weight
         self.options = {
-            "limits": NO_LIMITS,
+            "limits": twins.alike(mission),
             "kinds": COOLED,
             "every_robot": False,
             "cooling": 1.0,

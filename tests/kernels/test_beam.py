@@ -17,7 +17,7 @@ from botohe_moo.kernels.graph.paths import new_budget
 from botohe_moo.mission import Kind, Mission, load_mission
 from tests.examples import examples
 from tests.strategies import lengths, missions, team_missions
-from tests.twins import all_trails, arc_survivals, ends_of, length_of, survival_of, within
+from tests.twins import alike, all_trails, arc_survivals, ends_of, length_of, survival_of, within
 
 WIDE = 100_000
 
@@ -38,7 +38,7 @@ def best_trail(
     graph, (start, end) = mission.arrays, ends_of(mission, robot)
     near = find_near(graph, n_near)
     danger, worth = dangers(graph, near, survival_weight), np.array(worth, np.float64)
-    budget = new_budget(graph, Limits(least, longest))
+    budget = new_budget(graph, alike(mission, least, longest))
     rule = BeamRule(start, worth, danger, survival_weight, least, budget, width, max_labels)
     arcs, value, cut = beam.best_trail(graph, near, rule, new_beam(graph))
     if len(arcs):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
+from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission import Kind, Mission, load_mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.colony import Colony, ColonyRule, _new_weights
@@ -34,14 +34,14 @@ def rule(**changes):
     return ColonyRule(**{**settings, **changes})
 
 
-def colony(mission, *, n_ants, seed=0, n_threads=1, limits=NO_LIMITS, **changes):
+def colony(mission, *, n_ants, seed=0, n_threads=1, limits=None, **changes):
     random_state = np.random.default_rng(seed)
     return Colony(
         mission,
         rule(**changes),
         n_ants=n_ants,
         n_threads=n_threads,
-        limits=limits,
+        limits=limits or twins.alike(mission),
         random_state=random_state,
     )
 
@@ -167,7 +167,7 @@ def levels_of(mission, pheromone):
 @pytest.mark.parametrize("allocation", ALLOCATIONS)
 def test_ants_of_kinds_choose_by_what_each_kind_expects(allocation, has_limits):
     mission, twin = crossing_of_kinds(), ALLOCATIONS[allocation]
-    limits = mission.limits() if has_limits else NO_LIMITS
+    limits = mission.limits() if has_limits else twins.alike(mission)
     ants = colony(mission, n_ants=3, seed=5, allocation=allocation, limits=limits, exploration=0.5)
     lay_pheromone(ants, np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape))
     levels = levels_of(mission, ants.pheromone)

@@ -275,13 +275,11 @@ def change(
     mission, batch, *, weights=PUBLISHED, every_robot=True, limits=NO_LIMITS, seed=0, tries=1_000
 ):
     states = seed_states(np.random.default_rng(seed), 1)
-    for array in (batch.nodes, batch.offsets):
-        array.setflags(write=False)
-    rule, given = (
-        MoveRule(weights, tries, every_robot, limits),
-        read_trails(batch.nodes, batch.offsets),
-    )
-    return change_plans(mission.arrays, rule, given, batch.n_robots, states)
+    rule, given = MoveRule(weights, tries, every_robot, limits), read_trails(*batch.arrays)
+    before = [array.copy() for array in batch.arrays]
+    changed = change_plans(mission.arrays, rule, given, batch.n_robots, states)
+    assert all(map(np.array_equal, batch.arrays, before))
+    return changed
 
 
 @examples(150)
