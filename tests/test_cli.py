@@ -984,6 +984,7 @@ class TestImport:
             ([], ["Expected --robots K, or --kind NAME=K for each kind, found neither."]),
             (["--kind", "drone"], ["Expected a kind as NAME=ROBOTS or", "got 'drone'."]),
             (["--kind", "drone=1,stat=lab"], ["kinds[0]: there is no 'stat' of a kind"]),
+            (["--kind", "drone=1,robots=2"], ["Expected one robots of a kind, got 'drone=1,rob"]),
             (
                 ["--kind", "drone=x,max_length=2,5", "--kind", "rover=1,end=la", "--pays", "home"],
                 [
@@ -1015,6 +1016,11 @@ class TestImport:
             "missions", "import", *self.KINDS, "--kind", "drone=1", "--out", "site.json"
         )
         assert "column 'survival', or columns such as 'survival:drone', found 'tail" in message
+
+    def test_bounds_of_kinds_are_refused_before_the_search(self, refused, tmp_path):
+        message = refused("solve", "drones_and_rovers", "--certify", 5, "--out", "out")
+        assert "--certify does not support mission 'drones_and_rovers', which has kinds" in message
+        assert not (tmp_path / "out").exists()
 
     def test_a_number_of_robots_of_several_kinds(self, refused):
         message = refused("solve", "drones_and_rovers", "--robots", 3)

@@ -22,6 +22,7 @@ from botohe_moo.cli.choose import _trails_text
 from botohe_moo.decide import (
     Chance,
     Expected,
+    Reach,
     TailMean,
     after_losses,
     choose,
@@ -98,6 +99,13 @@ def test_wishes_of_a_kind_are_written_and_read():
     ]
     assert list(map(str, made)) == texts
     assert parse_wishes(mission, [" and ".join(texts)]) == tuple(made)
+
+
+def test_a_node_named_survivors():
+    graph = nx.DiGraph(base="survivors", robots=1)
+    graph.add_node("survivors", reward=1)
+    [wish] = parse_wishes(Mission(graph), ["reach survivors >= 0.5"])
+    assert wish == Reach(node="survivors", at_least=0.5)
 
 
 def test_kinds_that_there_are_not():

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from botohe_moo import load_mission, save_mission
+from botohe_moo import Kind, Mission, load_mission, save_mission
 from botohe_moo.algorithms import algorithm_names
 from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.loading import load_study
@@ -435,6 +435,10 @@ indicators: [area, igd]
             ),
             ({"missions": {"m": {"mission": "toy", "max_length": -1}}}, ">= 0 or 'unlimited', got"),
             (
+                {"missions": ["drones_and_rovers", "toy"], "bounds": {"seconds": 5}},
+                "bounds: bound_front does not support mission 'drones_and_rovers', which has kin",
+            ),
+            (
                 {"algorithms": {"a": {"algorithm": "bo-aco", **twice}}},
                 "algorithms.a: expected each parameter once; 'n_ants' is there 2 times.",
             ),
@@ -449,6 +453,22 @@ indicators: [area, igd]
         ):
             [line] = lines(changed(**changes))  # and nothing that follows from it
             assert said in line
+
+    def test_limits_that_a_kind_cannot_keep(self, tmp_path):
+        graph = load_mission("toy").graph
+        kinds = [Kind("drone", 1, end=next(node for node in graph if node != 1))]
+        save_mission(Mission(graph, base=1, kinds=kinds), tmp_path / "site.json")
+        path = written(
+            tmp_path,
+            """\
+            name: trial
+            missions: {site: {mission: site.json, min_survival: 0.99}}
+            algorithms: [random]
+            budget: {evaluations: 9}
+            """,
+        )
+        *_, line = lines(path)
+        assert f"{path}:2: missions.site: Mission 'toy': min_survival 0.99 cannot be planne" in line
 
     def test_runs_that_would_be_the_same(self):
         grid = {"algorithm": "bo-aco", "grid": {"n_ants": [5, 100]}}

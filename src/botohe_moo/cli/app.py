@@ -159,6 +159,7 @@ def solve_mission(
         from botohe_moo.algorithms import make_algorithm
         from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
+        from botohe_moo.mission.model import check_plain
         from botohe_moo.problem import BOTOHE
 
         loaded = load_mission(**source)
@@ -169,6 +170,7 @@ def solve_mission(
         check_integer("--seed", seed, at_least=0)
         if certify_for is not None:
             check_number("--certify", certify_for, above=0)
+            check_plain(loaded, "--certify")
     solution, folder = _search_and_write(
         problem,
         built,

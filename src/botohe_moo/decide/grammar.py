@@ -30,7 +30,7 @@ FORMS = (
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 _LEVELS = ("at_least", "value", "alpha")
 _QUOTED = r"\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.)*'"
-_KIND = rf"(?P<kind>{_QUOTED}|[\w.-]+)\s+(?=survivors)"
+_KIND = rf"(?P<kind>{_QUOTED}|(?!reach\s)[\w.-]+)\s+(?=survivors)"  # not a node of that label
 _QUANTITY = rf"(?:{_KIND})?(?P<quantity>reward|survivors)"
 _LISTED = rf"[(\[](?:{_QUOTED}|[^\"'])*?[)\]]"  # texts inside may look like the end of a wish
 _SHAPES: dict[str, type[Wish]] = {

@@ -33,7 +33,10 @@ _OF_NODES: _Rules = {
     "reward": ("a finite reward >= 0", is_amount),
     "pos": ("pos [x, y], two finite numbers", _is_place),
     "share": ("share in [0, 1]", lambda value: 0 <= as_float(value) <= 1),
-    "pays": ("pays to be 'arrival' or 'return'", lambda value: value in PAYS),
+    "pays": (
+        "pays to be 'arrival' or 'return'",
+        lambda value: isinstance(value, str) and value in PAYS,
+    ),
     "depot": ("depot to be true or false", lambda value: isinstance(value, bool | np.bool_)),
 }
 _OF_ARCS: _Rules = {
@@ -98,6 +101,11 @@ def _faults_by_kind(name: str, value: Mapping[Any, Any], kinds: Sequence[Kind]) 
 def _faults_of(
     attributes: Mapping[str, Any], rules: _Rules, kinds: Sequence[Kind]
 ) -> Iterator[str]:
+    for name in attributes:
+        attribute, colon, kind = str(name).partition(":")
+        if colon and attribute in BY_KIND:
+            found = f"found an attribute {quoted(name)}, which stands in tables and GraphML only"
+            yield f"expected {attribute} to be a mapping with {quoted(kind)}, {found}"
     for name, (expected, is_valid) in rules.items():
         if name not in attributes:
             if name not in _OPTIONAL:

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from typing import Any, NoReturn
 
 import networkx as nx
 
 
 class _Attributes(dict[str, Any]):
-    """Attributes that stay what they are; ``copy`` gives a plain dictionary."""
+    """Attributes, and mappings among them, that stay what they are."""
 
     __slots__ = ()
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, Any]) -> _Attributes:
+        return cls(
+            (name, cls(value) if isinstance(value, Mapping) else value)
+            for name, value in attributes.items()
+        )
+
+    def copy(self) -> dict[str, Any]:
+        """Return a plain dictionary, also of mappings, as ``graph.copy()`` needs it."""
+        items = self.items()
+        return {k: v.copy() if isinstance(v, _Attributes) else v for k, v in items}
 
     def _refuse(self, *_: object, **__: object) -> NoReturn:
         raise TypeError(
@@ -32,13 +44,13 @@ def frozen_copy(graph: nx.DiGraph[Any]) -> nx.DiGraph[Any]:
     :func:`networkx.freeze` leaves the attributes as they are.
     """
     copied = graph.copy()
-    copied.graph = _Attributes(copied.graph)
+    copied.graph = _Attributes.of(copied.graph)
     inside: Any = copied  # networkx has no public way to replace its dictionaries
     for node, attributes in inside._node.items():
-        inside._node[node] = _Attributes(attributes)
+        inside._node[node] = _Attributes.of(attributes)
     for tail, heads in inside._succ.items():
         for head, attributes in heads.items():
-            heads[head] = inside._pred[head][tail] = _Attributes(attributes)
+            heads[head] = inside._pred[head][tail] = _Attributes.of(attributes)
     frozen: nx.DiGraph[Any] = nx.freeze(copied)
     return frozen
 

@@ -15,7 +15,7 @@ import numpy as np
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Graph, Limits
+from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.graphs import frozen_copy, given_places
 from botohe_moo.mission.kinds import (
@@ -269,7 +269,7 @@ class Mission:
         self.evaluate([plan])
         return plan
 
-    def stay_home(self, limits: Limits = NO_LIMITS) -> TrailPlan:
+    def stay_home(self, limits: Limits | None = None) -> TrailPlan:
         """Return the plan in which every robot stays where it starts.
 
         A robot whose trail ends elsewhere takes the safest way there, or the shortest one if that
@@ -278,7 +278,8 @@ class Mission:
         Parameters
         ----------
         limits
-            What decides which ways are too long; none are by default.
+            What decides which ways are too long; by default the travel budgets of the mission and
+            its kinds.
 
         Examples
         --------
@@ -289,12 +290,13 @@ class Mission:
         """
         if self.is_plain:
             return TrailPlan([[self.arrays.base]] * self.robots)
-        return TrailPlan(ways_to_ends(self.arrays, limits))
+        return TrailPlan(ways_to_ends(self.arrays, self.limits() if limits is None else limits))
 
     def check_ways(self, limits: Limits) -> None:
-        """Refuse, by a ValueError, limits with which robots of a kind cannot get to their end.
+        """Refuse, by a ValueError, limits that neither the safest nor the shortest way keeps.
 
-        Ways that compromise between the safest and the shortest one are not looked for.
+        Ways that compromise between the two are not looked for. The error names the first kind for
+        which this is so.
         """
         if self.is_plain:
             return
@@ -306,10 +308,13 @@ class Mission:
             if survival[robot] < least or length[robot] > longest:
                 kind = self.kind_of[robot]
                 ends = " to ".join(map(quoted, kind.ends(self.base)))
+                given = [f"min_survival {least:g}"] if least > 0 else []
+                given += [f"max_length {longest:g}"] if longest < math.inf else []
                 raise ValueError(
-                    f"Expected limits with which robots of kind {quoted(kind.name)} can get from "
-                    f"{ends}. The safest way, or the shortest one if that is too long, is survived "
-                    f"with {survival[robot]:.4g} and {length[robot]:g} long."
+                    f"Mission {quoted(self.name)}: {' and '.join(given)} cannot be planned for. "
+                    f"Of the ways from {ends}, robots of kind {quoted(kind.name)} need the safest "
+                    "one to be within these limits, or else the shortest: that is survived with "
+                    f"{survival[robot]:.4g} and is {length[robot]:g} long. No others are tried."
                 )
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:

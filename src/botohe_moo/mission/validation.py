@@ -115,15 +115,9 @@ def graph_faults(
 
 
 def _kind_faults(kinds: Sequence[Kind], graph: nx.DiGraph[Any]) -> Iterator[str]:
-    for i, kind in enumerate(kinds):
+    yield from kind_name_faults(kinds)
+    for kind in kinds:
         who = f"kind {quoted(kind.name)}"
-        if not isinstance(kind.name, str) or not kind.name.strip():
-            yield f"{who}: expected a name, a text that is not blank"
-        elif kind.name != kind.name.strip() or not _SEPARATORS.isdisjoint(kind.name):
-            where = "stand in columns survival:NAME and in --kind NAME=ROBOTS,..."
-            yield f"{who}: expected a name without : , = and blanks around it, as names {where}"
-        elif kind.name in [other.name for other in kinds[:i]]:
-            yield f"{who}: there are two kinds of this name"
         if fault := team_size_fault(kind.robots):
             yield f"{who}: {fault}"
         elif kind.robots > _MOST_ROBOTS:
@@ -136,6 +130,24 @@ def _kind_faults(kinds: Sequence[Kind], graph: nx.DiGraph[Any]) -> Iterator[str]
             if label is not None and label not in graph:
                 near = most_alike(str(label), map(str, graph))
                 yield f"{who}: {name} {quoted(label)}: there is no such node{near}"
+
+
+def kind_name_faults(kinds: Sequence[Kind]) -> Iterator[str]:
+    """List the faults of the names of kinds, by which all else of them is called."""
+    for i, kind in enumerate(kinds):
+        who = f"kind {quoted(kind.name)}"
+        if not isinstance(kind.name, str) or not kind.name.strip():
+            yield f"{who}: expected a name, a text that is not blank"
+        elif not (
+            kind.name == kind.name.strip()
+            and kind.name.isprintable()
+            and _SEPARATORS.isdisjoint(kind.name)
+        ):
+            where = "stand in columns survival:NAME and in --kind NAME=ROBOTS,..."
+            expected = "a printable name without : , = and blanks around it"
+            yield f"{who}: expected {expected}, as names {where}"
+        elif kind.name in [other.name for other in kinds[:i]]:
+            yield f"{who}: there are two kinds of this name"
 
 
 def _kind_way_faults(
@@ -160,9 +172,10 @@ def _kind_way_faults(
                 expected = f"min_survival to be at most {safest:.6g}, that of the safest {way}"
                 yield f"{who}: expected {expected}, got {quoted(kind.min_survival)}"
             shortest = nx.dijkstra_path_length(taken, start, end, "length")
-            if kind.max_length is not None and shortest > kind.max_length * (1 + _ROUNDING):
+            own = graph.graph.get("max_length") if kind.max_length is None else kind.max_length
+            if own is not None and shortest > own * (1 + _ROUNDING):
                 expected = f"max_length to be at least {shortest:.6g}, that of the shortest {way}"
-                yield f"{who}: expected {expected}, got {quoted(kind.max_length)}"
+                yield f"{who}: expected {expected}, got {quoted(own)}"
 
 
 def team_size_fault(robots: object) -> str | None:

@@ -77,7 +77,7 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
     if record.mission_digest != numbers_digest(mission):
         raise ValueError(
             f"{source}: expected the mission that the plans in {path} were made for, found one "
-            f"whose nodes, arcs, rewards, survivals, lengths, base or robots are others."
+            f"whose nodes, arcs, base or robots, or what they say of these, are others."
         )
     labels = {as_json(node): node for node in mission.nodes}  # by what is written of them
     plans = []

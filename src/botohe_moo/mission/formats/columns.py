@@ -17,14 +17,17 @@ def attribute_of(column: str) -> str | None:
 
 
 def column_faults(columns: Iterable[str], kinds: Sequence[str]) -> list[str]:
-    """List the columns for kinds that a mission does not have."""
-    faults = []
-    for column in columns:
+    """List the columns for kinds that a mission does not have, and those of kinds that miss."""
+    names, faults = list(columns), []
+    for column in names:
         kind = column.partition(":")[2]
         if attribute_of(column) and kind not in kinds:
             near = most_alike(kind, kinds) or "; the mission lists no kinds"
             faults.append(f"column {quoted(column)}: there is no kind {quoted(kind)}{near}")
-    return faults
+    if faults or "survival" in names or "survival" not in map(attribute_of, names):
+        return faults
+    missing = [column for kind in kinds if (column := f"survival:{kind}") not in names]
+    return [f"expected a column {quoted(column)}, found none" for column in missing]
 
 
 def join_columns(entries: Sequence[Entry], kinds: Sequence[str]) -> None:

@@ -14,7 +14,7 @@ from botohe_moo._base.checks import quoted
 from botohe_moo.mission.formats.columns import column_faults, join_columns, split_columns
 from botohe_moo.mission.formats.nodelink import Entry, convert_ends, graph_of
 from botohe_moo.mission.kinds import read_kinds
-from botohe_moo.mission.validation import MissionError
+from botohe_moo.mission.validation import MissionError, kind_name_faults
 
 # What its reader raises for wrong values and types is not declared.
 _OF_NETWORKX = (nx.NetworkXError, ET.ParseError, LookupError, ValueError, TypeError, AttributeError)
@@ -74,8 +74,8 @@ def _read_kinds(graph_attributes: dict[str, Any]) -> list[str]:
         except (TypeError, ValueError) as error:
             raise MissionError(f"expected kinds as JSON, got {quoted(text)}: {error}") from None
         convert_ends(graph_attributes["kinds"], str)
-    kinds, faults = read_kinds(graph_attributes.get("kinds"))
-    if faults:
+    kinds, wrong = read_kinds(graph_attributes.get("kinds"))
+    if faults := [*wrong, *kind_name_faults(kinds)]:
         raise MissionError(faults)
     return [kind.name for kind in kinds]
 

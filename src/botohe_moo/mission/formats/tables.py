@@ -17,7 +17,7 @@ from botohe_moo.mission.formats.files import file_content
 from botohe_moo.mission.formats.nodelink import Entry, graph_of
 from botohe_moo.mission.kinds import Kind, read_kinds
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.validation import MissionError
+from botohe_moo.mission.validation import MissionError, kind_name_faults
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -99,8 +99,8 @@ def mission_from_tables(
     <Mission 'mission': 2 nodes, 2 arcs, 2 robots at base 'dock', total reward 5>
     """
     listed, wrong = read_kinds(kinds)
-    if wrong:
-        raise MissionError(wrong)
+    if faults := [*wrong, *kind_name_faults(listed)]:
+        raise MissionError(faults)
     names = [kind.name for kind in listed]
     node_rows, faults = _rows("nodes", nodes, ("label",), "reward", names)
     arc_rows, others = _rows("arcs", arcs, ("tail", "head"), "survival", names)

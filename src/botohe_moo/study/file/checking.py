@@ -17,7 +17,7 @@ from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.files import SUFFIXES
 from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.library import load_mission, mission_faults, mission_origin
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, check_plain
 from botohe_moo.problem import BOTOHE
 from botohe_moo.study.file.code import find_problem, problem_on, refusal, stated_bounds
 from botohe_moo.study.file.config import (
@@ -78,6 +78,8 @@ class CheckedContent:
         problem = self._find_problem(content.get("problem"))
         self.algorithms += self._read_algorithms(algorithms, problem)
         self._check_refusals(problem)
+        if content.get("bounds") is not None:
+            self._check_bounds()
         # Two algorithms that differ in their number of threads are the same on a mission whose runs
         # are not limited by seconds.
         budgets = [mission.budget for mission in self.missions]
@@ -101,13 +103,18 @@ class CheckedContent:
             source = {"name_or_path": name, **entry.own_parameters, **member.parameters}
             if mission := self._load(source, member):
                 limit = math.inf if entry.max_length == "unlimited" else entry.max_length
+                try:
+                    problem = BOTOHE(mission, min_survival=entry.min_survival, max_length=limit)
+                except ValueError as error:
+                    self._add(("missions", member.family), str(error))
+                    continue
                 yield StudyMission(
                     label=member.label,
                     mission=mission,
                     source=source,
                     origin=mission_origin(name),
                     min_survival=entry.min_survival,
-                    max_length=BOTOHE(mission, max_length=limit).max_length,
+                    max_length=problem.max_length,
                     budget=entry.budget or budget or Budget(evaluations=1),
                     digest=mission_digest(mission),
                     family=member.family,
@@ -205,6 +212,14 @@ class CheckedContent:
             if why := next(filter(None, reasons), None):
                 place = ("algorithms", algorithm.family, "algorithm")
                 self._add(place, f"{algorithm.algorithm!r}: {why}")
+
+    def _check_bounds(self) -> None:
+        """Note the first mission whose bounds cannot be proved."""
+        try:
+            for mission in self.missions:
+                check_plain(mission.mission, "bound_front")
+        except ValueError as error:
+            self._add(("bounds",), str(error))
 
     def _check_different(self, kind: str, members: Sequence[tuple[Any, dict[str, Any]]]) -> None:
         """Refuse missions or algorithms that are the same in all that results depend on."""
