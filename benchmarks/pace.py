@@ -25,7 +25,7 @@ _PLAIN: tuple[tuple[str, dict[str, Any], int | None, str, int], ...] = (
     ("terrain_200", {}, None, "bo-aco", 20_000),
     ("art_museum", {}, None, "pareto-local-search", 1_000_000),
     ("power_plant", {}, None, "pareto-local-search", 1_000_000),
-    ("terrain_200", {}, None, "pareto-local-search", 500_000),
+    ("terrain_200", {}, None, "pareto-local-search", 100_000),
     ("art_museum", {}, None, "nsga2", 20_000),
     ("terrain", {"nodes": 10_000, "seed": 1}, 50, "pareto-local-search", 20_000),
 )
@@ -38,7 +38,7 @@ CASES = tuple(
     if variant == "plain" or (case[0] in ("art_museum", "terrain_200") and case[3] != "nsga2")
 )
 SEEDS = 3
-ROUNDS = 5
+ROUNDS = 3
 CODE = """
 import json, sys, time
 import numpy as np

@@ -132,7 +132,9 @@ def credit_carried(
     The robot is at a depot with probability ``alive``; 0 at the end, where the rest is lost.
     ``nodes`` are those of the mission, ``layer`` the first node of the robot's kind.
     """
-    if kinds is not None:
+    if kinds is None:
+        return stop
+    if kinds.has_returns:  # else nothing is carried
         for i in range(first, stop):
             if chances[i] == CARRIED:
                 chances[i] = alive * kinds.share[layer + nodes[i]]

@@ -183,11 +183,8 @@ def lay_out(graph: Graph, store: TrailStore, work: Workspace, trail: int) -> Non
         node = nodes[after.node]
         if node.later > 0.0:
             ahead -= node.later / after.alive
-        credit, survival, worth = (
-            credit_of(kinds, after.node),
-            graph.survival[steps[i].arc],
-            node.left,
-        )
+        credit, worth = credit_of(kinds, after.node), node.left
+        survival = graph.survival[steps[i].arc]
         if credit == AT_NEXT_DEPOT:
             worth *= to_depot
         node.later = worth * after.alive

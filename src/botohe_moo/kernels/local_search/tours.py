@@ -260,17 +260,17 @@ def _find_best_node(graph: Graph, routes: Routes, work: Workspace) -> int:
     A node gains its worth, less what the danger of the detour takes from the stops after it. For
     small costs c, 1 / (1 + c) takes the place of exp(−c).
     """
-    cheapest, legs, loads = work.cheapest_leg, work.legs, work.leg_loads
-    best, highest = NONE, 0.0
+    legs, loads, best, highest = work.legs, work.leg_loads, NONE, 0.0
     n, first = n_origins(graph.kinds, graph.reward.shape[0]), work.draft.layer
     costs, worth = work.insertion_cost[first : first + n], work.worth[first : first + n]
+    cheapest = work.cheapest_leg[first : first + n]
     for i in range(n):
         if worth[i] <= highest * costs[i]:
             continue
         node = first + i
-        if cheapest[node] == UNKNOWN:
+        if cheapest[i] == UNKNOWN:
             _find_cheapest_leg(graph, routes, work, node)
-        leg, cost = legs[cheapest[node]], max(costs[i], _LEAST_COST)
+        leg, cost = legs[cheapest[i]], max(costs[i], _LEAST_COST)
         slack, way = work.slacks[leg.tour], routes.leaving[leg.before, node]
         danger = cost
         if routes.per_length > 0.0:
@@ -284,7 +284,7 @@ def _find_best_node(graph: Graph, routes: Routes, work: Workspace) -> int:
             continue
         gain = leg.alive * (worth[i] / (1.0 + way) - leg.ahead * danger / (1.0 + danger))
         if has_kinds(graph.kinds):
-            load = loads[cheapest[node]]
+            load = loads[cheapest[i]]
             if credit_of(graph.kinds, node) == AT_NEXT_DEPOT:
                 paid = worth[i] * load.to_depot / (1.0 + danger)
                 gain = leg.alive * (paid - leg.ahead * danger / (1.0 + danger))
