@@ -160,8 +160,8 @@ class TestBadInput:
             (
                 {"lab": {"share:rover": 0.5, "pays": np.zeros(2)}},
                 [
-                    "node 'lab': expected share to be a mapping with 'rover', found an attribute "
-                    "'share:rover', which stands in tables and GraphML only",
+                    "node 'lab': expected share to be a mapping from kinds to numbers, found an "
+                    "attribute 'share:rover', which stands in tables and GraphML only",
                     "node 'lab': expected pays to be 'arrival' or 'return', got array([0., 0.])",
                 ],
             ),
@@ -428,10 +428,9 @@ def test_ways_between_the_safest_and_the_shortest_are_not_tried():
     assert mission.labels(mission.stay_home()) == (("a", "b"),)
     assert mission.labels(mission.stay_home(mission.limits(0, 6))) == (("a", "b"),)
     assert mission.labels(mission.stay_home(NO_LIMITS)) == (("a", "d", "b"),)
-    said = (
-        r"'mission': min_survival 0\.4 and max_length 3 cannot be planned for\. .* from 'a' to 'b'"
-    )
-    with pytest.raises(ValueError, match=f"{said}.* 'drone' .* survived with 0.3 and is 1 long"):
+    kept = r"'mission': robots of kind 'drone' cannot keep min_survival 0\.4 and max_length 3\."
+    found = r"from 'a' to 'b', .* is survived with 0\.3 and is 1 long; no others are tried\.$"
+    with pytest.raises(ValueError, match=f"{kept} .* {found}"):
         BOTOHE(mission, min_survival=0.4)
 
 

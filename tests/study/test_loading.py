@@ -468,7 +468,8 @@ indicators: [area, igd]
             """,
         )
         *_, line = lines(path)
-        assert f"{path}:2: missions.site: Mission 'toy': min_survival 0.99 cannot be planne" in line
+        assert f"{path}:2: missions.site: Mission 'toy': robots of kind 'drone' cannot keep" in line
+        assert "cannot keep min_survival 0.99. The safest way" in line
 
     def test_runs_that_would_be_the_same(self):
         grid = {"algorithm": "bo-aco", "grid": {"n_ants": [5, 100]}}

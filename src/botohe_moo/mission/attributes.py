@@ -51,6 +51,12 @@ BY_KIND: _Rules = {
 }
 
 
+def attribute_of(column: str) -> str | None:
+    """Return the attribute of which a column, ``survival:drone``, has the numbers of one kind."""
+    name, colon, _ = column.partition(":")
+    return name if colon and name in BY_KIND else None
+
+
 def attribute_faults(graph: nx.DiGraph[Any], kinds: Sequence[Kind] = ()) -> Iterator[str]:
     """List the attributes of nodes and arcs that are missing or wrong.
 
@@ -102,10 +108,9 @@ def _faults_of(
     attributes: Mapping[str, Any], rules: _Rules, kinds: Sequence[Kind]
 ) -> Iterator[str]:
     for name in attributes:
-        attribute, colon, kind = str(name).partition(":")
-        if colon and attribute in BY_KIND:
+        if attribute := attribute_of(str(name)):  # in GraphML it would be read as that of a kind
             found = f"found an attribute {quoted(name)}, which stands in tables and GraphML only"
-            yield f"expected {attribute} to be a mapping with {quoted(kind)}, {found}"
+            yield f"expected {attribute} to be a mapping from kinds to numbers, {found}"
     for name, (expected, is_valid) in rules.items():
         if name not in attributes:
             if name not in _OPTIONAL:

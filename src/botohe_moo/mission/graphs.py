@@ -22,8 +22,10 @@ class _Attributes(dict[str, Any]):
 
     def copy(self) -> dict[str, Any]:
         """Return a plain dictionary, also of mappings, as ``graph.copy()`` needs it."""
-        items = self.items()
-        return {k: v.copy() if isinstance(v, _Attributes) else v for k, v in items}
+        return {
+            name: value.copy() if isinstance(value, _Attributes) else value
+            for name, value in self.items()
+        }
 
     def _refuse(self, *_: object, **__: object) -> NoReturn:
         raise TypeError(

@@ -69,7 +69,8 @@ class Mission:
     ------
     MissionError
         If something is out of its range, a node has an arc to itself, or no way from or to the
-        base; with kinds, if a kind has no way from its start to its end. Every fault is listed.
+        base; with kinds, if a kind has no way from its start to its end, or none that is safe or
+        short enough. Every fault is listed.
 
     Warns
     -----
@@ -311,10 +312,10 @@ class Mission:
                 given = [f"min_survival {least:g}"] if least > 0 else []
                 given += [f"max_length {longest:g}"] if longest < math.inf else []
                 raise ValueError(
-                    f"Mission {quoted(self.name)}: {' and '.join(given)} cannot be planned for. "
-                    f"Of the ways from {ends}, robots of kind {quoted(kind.name)} need the safest "
-                    "one to be within these limits, or else the shortest: that is survived with "
-                    f"{survival[robot]:.4g} and is {length[robot]:g} long. No others are tried."
+                    f"Mission {quoted(self.name)}: robots of kind {quoted(kind.name)} cannot keep "
+                    f"{' and '.join(given)}. The safest way from {ends}, or the shortest one if "
+                    f"that is too long, is survived with {survival[robot]:.4g} and is "
+                    f"{length[robot]:g} long; no others are tried."
                 )
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:

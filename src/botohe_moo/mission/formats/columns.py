@@ -6,18 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from botohe_moo._base.checks import most_alike, quoted
-from botohe_moo.mission.attributes import BY_KIND
+from botohe_moo.mission.attributes import BY_KIND, attribute_of
 from botohe_moo.mission.formats.nodelink import Entry
 
 
-def attribute_of(column: str) -> str | None:
-    """Return the attribute of which a column holds the numbers of one kind."""
-    name, colon, _ = column.partition(":")
-    return name if colon and name in BY_KIND else None
-
-
 def column_faults(columns: Iterable[str], kinds: Sequence[str]) -> list[str]:
-    """List the columns for kinds that a mission does not have, and those of kinds that miss."""
+    """List columns for kinds that a mission does not have, or else survivals that a kind lacks."""
     names, faults = list(columns), []
     for column in names:
         kind = column.partition(":")[2]
