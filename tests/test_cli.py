@@ -984,7 +984,7 @@ class TestImport:
             ([], ["Expected --robots K, or --kind NAME=K for each kind, found neither."]),
             (["--kind", "drone"], ["Expected a kind as NAME=ROBOTS or", "got 'drone'."]),
             (["--kind", "drone=1,stat=lab"], ["kinds[0]: there is no 'stat' of a kind"]),
-            (["--kind", "drone=1,robots=2"], ["Expected one robots of a kind, got 'drone=1,rob"]),
+            (["--kind", "drone=1,robots=2"], ["Expected 'robots' of a kind once, got 'drone=1"]),
             (
                 ["--kind", "drone=x,max_length=2,5", "--kind", "rover=1,end=la", "--pays", "home"],
                 [

@@ -96,7 +96,7 @@ def read_kind(text: str) -> Any:
     for pair in pairs:
         key, _, value = pair.partition("=")
         if key.strip() in kind:
-            raise ValueError(f"Expected one {key.strip()} of a kind, got {text!r}.")
+            raise ValueError(f"Expected {key.strip()!r} of a kind once, got {text!r}.")
         kind[key.strip()] = value.strip()
     for key, number in (("robots", int), ("min_survival", float), ("max_length", float)):
         with suppress(KeyError, ValueError):
