@@ -98,8 +98,17 @@ def team_missions(draw, max_nodes=5, max_robots=2, pays=None, labels=None, **opt
         "min_survival": st.sampled_from([0.0, 0.0, 0.25]),
         "max_length": st.sampled_from([None, None, 4, 99.5]),
     }
-    kinds = [Kind(name, **draw(st.fixed_dictionaries(kind))) for name in names]
     base, pays = next(iter(graph)), pays or draw(st.none() | times)
+    may_carry = [
+        label
+        for label, node in graph.nodes(data=True)
+        if node.get("pays", pays) == "return" and not node.get("depot") and label != base
+    ]
+    if may_carry:
+        kind["aboard"] = st.just(()) | st.lists(
+            st.sampled_from(may_carry), unique=True, max_size=2
+        ).map(tuple)
+    kinds = [Kind(name, **draw(st.fixed_dictionaries(kind))) for name in names]
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*no kind of robots can collect")
         try:

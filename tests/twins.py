@@ -38,9 +38,10 @@ def alive_along(mission, kind, trail):
     return [prod(of_kind(s, kind) for s in hops[:i]) for i in range(len(trail))]
 
 
-def credited(mission, trail):
+def credited(mission, trail, aboard=()):
     """Every node of a label trail whose reward is credited, with the position where it is."""
     nodes, first_visits = mission.graph.nodes, {v: trail.index(v) for v in trail}
+    first_visits |= dict.fromkeys(aboard, 0)
     depots = [i for i, v in enumerate(trail) if v == mission.base or nodes[v].get("depot")]
     for node, visit in first_visits.items():
         returns = visit not in depots and nodes[node].get("pays", mission.pays) == "return"
@@ -49,11 +50,19 @@ def credited(mission, trail):
             yield node, at
 
 
-def collects(mission, kind, trail):
+def share_of(mission, kind, node):
+    """With what probability a robot of a kind that gets to a node collects its reward."""
+    return of_kind(mission.graph.nodes[node].get("share", 1.0), kind)
+
+
+def collects(mission, kind, trail, aboard=None):
     """With what probability a robot of a kind collects the reward of each node."""
-    nodes, alive = mission.graph.nodes, alive_along(mission, kind, trail)
-    shares = {node: of_kind(nodes[node].get("share", 1.0), kind) for node in trail}
-    return {node: shares[node] * alive[at] for node, at in credited(mission, trail)}
+    alive = alive_along(mission, kind, trail)
+    aboard = kind.aboard if aboard is None else aboard
+    return {
+        node: share_of(mission, kind, node) * alive[at]
+        for node, at in credited(mission, trail, aboard)
+    }
 
 
 def evaluate(mission, trails, kinds=None):
@@ -103,9 +112,9 @@ def fates(mission, kind, trail):
     nodes, alive = mission.graph.nodes, 1.0
     for i, hop in enumerate([*pairwise(trail), None]):
         survival = of_kind(mission.graph.edges[hop]["survival"], kind) if hop else 0.0
-        paid, carried = [], []
+        paid, carried = [], list(kind.aboard)
         for j, node in enumerate(trail[: i + 1]):  # the arcs before were survived
-            if node not in trail[:j]:
+            if node not in (*trail[:j], *kind.aboard):
                 carried.append(node)
                 if nodes[node].get("pays", mission.pays) == "arrival":
                     paid.append(carried.pop())
@@ -122,8 +131,7 @@ def enumerate_outcomes(mission, trails):
         missed = {}
         for (kind, _), (_, paid, _) in zip(robots, joint, strict=True):
             for node in paid:
-                share = of_kind(nodes[node].get("share", 1.0), kind)
-                missed[node] = missed.get(node, 1.0) * (1 - share)
+                missed[node] = missed.get(node, 1.0) * (1 - share_of(mission, kind, node))
         yield (
             prod(probability for probability, _, _ in joint),
             sum(nodes[node]["reward"] * (1 - chance) for node, chance in missed.items()),

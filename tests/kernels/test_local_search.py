@@ -281,20 +281,20 @@ class Laid:
         if mission.is_plain:
             self.reward[mission.base] = 0.0  # which all robots collect, whatever they do
 
-    def brings(self, trail):
-        chances = twins.collects(self.mission, self.kind, trail)
+    def brings(self, trail, aboard=None):
+        chances = twins.collects(self.mission, self.kind, trail, aboard)
         return sum(self.reward[node] * chance for node, chance in chances.items())
 
     def at(self, i):
         """What lies ahead, what is banked and what is carried, and the chance to bring that."""
         before, after = self.trail[: i + 1], self.trail[i + 1 :]
         alive = twins.alive_along(self.mission, self.kind, self.trail)
-        ahead = alive[i + 1] / alive[i] * self.brings(after) if after else 0.0
-        banked = dict(twins.credited(self.mission, before))
+        ahead = alive[i + 1] / alive[i] * self.brings(after, ()) if after else 0.0
+        banked = dict(twins.credited(self.mission, before, self.kind.aboard))
         nodes = self.mission.graph.nodes
         carried = sum(
-            self.reward[v] * twins.of_kind(nodes[v].get("share", 1.0), self.kind)
-            for v in set(before) - set(banked)
+            self.reward[v] * twins.share_of(self.mission, self.kind, v)
+            for v in {*before, *self.kind.aboard} - set(banked)
         )
         depots = [j for j, v in enumerate(self.trail) if v == 0 or nodes[v].get("depot")]
         to_depot = next((alive[j] / alive[i] for j in depots if j > i), 0.0)
@@ -323,7 +323,7 @@ def test_what_lies_ahead(case):
                     found += [work.loads[i].carried, work.loads[i].to_depot]
                 expected = laid_out.at(i)[: len(found)]
                 assert found == pytest.approx(expected, rel=1e-12, abs=1e-14)
-            kernels.clear_trail(work)
+            kernels.clear_trail(mission.arrays, work)
 
 
 @pytest.mark.compiled_only

@@ -44,6 +44,9 @@ class Kind:
         Survival floor of each of them, in [0, 1]; 0 sets none.
     max_length
         Travel budget of each of them, at least 0; default: that of the mission.
+    aboard
+        Labels of nodes that pay on return, and where each of them has been before it starts: with
+        the probability ``share`` it carries the reward, which counts at the first depot.
 
     Examples
     --------
@@ -65,12 +68,14 @@ class Kind:
     end: Hashable | None = None
     min_survival: float = 0.0
     max_length: float | None = None
+    aboard: tuple[Hashable, ...] = ()
 
-    def with_numbers(self) -> Kind:
-        """Return the same valid kind with numbers of Python's types, whatever they were."""
+    def normalized(self) -> Kind:
+        """Return the same valid kind with numbers and tuples of Python's types."""
         longest = None if self.max_length is None else float(self.max_length)
-        least = float(self.min_survival)
-        return replace(self, robots=index(self.robots), min_survival=least, max_length=longest)
+        least, n = float(self.min_survival), index(self.robots)
+        aboard = tuple(self.aboard)
+        return replace(self, robots=n, min_survival=least, max_length=longest, aboard=aboard)
 
     def ends(self, base: Hashable) -> tuple[Hashable, Hashable]:
         """Return where trails start and end in a mission with this base."""
@@ -134,17 +139,21 @@ def graph_of_kinds(
     credit[index_of[base]] = AT_THIS_DEPOT
     is_plain = len(kinds) == 1 and ends[0] == (index_of[base],) * 2 and bool((share == 1.0).all())
     is_plain &= bool((survival > 0.0).all()) and not (reward[credit == AT_NEXT_DEPOT] > 0.0).any()
+    aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
     if is_plain:
         return new_graph(tail, head, survival[:, 0], length, reward, index_of[base])
     layers, shares = [], []
     for k, (start, end) in enumerate(ends):
         stays, is_open = _passable(tail, head, survival[:, k] > 0.0, start, end, len(reward))
         shares.append(np.where(is_open, share[:, k], 0.0))
+        shares[-1][aboard[k]] = share[aboard[k], k]  # also of nodes that are closed now
+        aboard[k] = [node for node in aboard[k] if node != start]  # which the trail visits
         arrays = tail[stays], head[stays], survival[stays, k], length[stays]
         layers.append(new_graph(*arrays, reward * shares[-1], end))
     n, counts = len(reward), [kind.robots for kind in kinds]
     first = np.cumsum([0, *counts])
     kind_of = np.repeat(np.arange(len(kinds)), counts)
+    n_aboard = np.cumsum([0, *map(len, aboard)])
     described = Kinds(
         origin=np.tile(np.arange(n), len(kinds)),
         share=np.concatenate(shares),
@@ -154,6 +163,9 @@ def graph_of_kinds(
         start=np.array([ends[k][0] + k * n for k in kind_of.tolist()]),
         first=first[kind_of],
         stop=first[kind_of + 1],
+        aboard=np.array([node for nodes in aboard for node in nodes], np.int64),
+        aboard_first=n_aboard[kind_of],
+        aboard_stop=n_aboard[kind_of + 1],
         has_returns=bool(((credit == AT_NEXT_DEPOT) & (reward > 0.0)).any()),
     )
     return join_layers(layers, described)

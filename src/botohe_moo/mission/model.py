@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import replace
 from operator import index
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import networkx as nx
 import numpy as np
@@ -35,6 +35,9 @@ from botohe_moo.mission.validation import (
     trail_indices,
 )
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
+
+if TYPE_CHECKING:
+    from botohe_moo.mission.underway import Event
 
 _MOST_NAMED = 20  # nodes in a warning
 
@@ -118,7 +121,7 @@ class Mission:
         self.graph: nx.DiGraph[Any] = frozen_copy(graph)
         self.base = base
         of_one = (Kind(ONLY_KIND, robots),)  # type: ignore[arg-type]
-        self.kinds = tuple(kind.with_numbers() for kind in listed or of_one)
+        self.kinds = tuple(kind.normalized() for kind in listed or of_one)
         self.robots = sum(kind.robots for kind in self.kinds)
         self.pays = pays
         self.name = str(name) if name else "mission"
@@ -292,6 +295,23 @@ class Mission:
         if self.is_plain:
             return TrailPlan([[self.arrays.base]] * self.robots)
         return TrailPlan(ways_to_ends(self.arrays, self.limits() if limits is None else limits))
+
+    def after(self, plan: TrailPlan, events: Iterable[Event]) -> Mission:
+        """Return the mission that is left after some events, as `under_way` says.
+
+        Examples
+        --------
+        >>> from botohe_moo import load_mission
+        >>> from botohe_moo.mission import Event
+        >>> toy = load_mission("toy")
+        >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+        >>> rest = toy.after(plan, [Event(0, "reached", 4)])
+        >>> rest.team, rest.kinds[0].start
+        ('2 robots (1 robot 0, 1 robot)', 4)
+        """
+        from botohe_moo.mission.underway import under_way
+
+        return under_way(self, plan, events).mission
 
     def check_ways(self, limits: Limits) -> None:
         """Refuse, by a ValueError, limits that neither the safest nor the shortest way keeps.

@@ -81,7 +81,7 @@ def graph_faults(
     """
     if not isinstance(graph, nx.DiGraph) or graph.is_multigraph():
         return [_not_a_digraph(graph)]
-    faults = [*_kind_faults(kinds, graph)]
+    faults = [*_kind_faults(kinds, graph, pays)]
     if not all(isinstance(kind.name, str) for kind in kinds):
         return faults  # by which the rest would have to be called
     if pays not in PAYS:
@@ -114,7 +114,21 @@ def graph_faults(
     return faults
 
 
-def _kind_faults(kinds: Sequence[Kind], graph: nx.DiGraph[Any]) -> Iterator[str]:
+def _aboard_faults(kind: Kind, graph: nx.DiGraph[Any], pays: object) -> Iterator[str]:
+    if isinstance(kind.aboard, str) or not isinstance(kind.aboard, Sequence):
+        yield f"expected aboard to be a list of nodes, got {quoted(kind.aboard)}"
+        return
+    for i, label in enumerate(kind.aboard):
+        if label in kind.aboard[:i]:
+            yield f"aboard: {quoted(label)} is there more than once"
+        elif label not in graph:
+            near = most_alike(str(label), map(str, graph))
+            yield f"aboard {quoted(label)}: there is no such node{near}"
+        elif graph.nodes[label].get("pays", pays) != "return" or graph.nodes[label].get("depot"):
+            yield f"aboard {quoted(label)}: expected a node that pays on return"
+
+
+def _kind_faults(kinds: Sequence[Kind], graph: nx.DiGraph[Any], pays: object) -> Iterator[str]:
     yield from kind_name_faults(kinds)
     for kind in kinds:
         who = f"kind {quoted(kind.name)}"
@@ -130,6 +144,7 @@ def _kind_faults(kinds: Sequence[Kind], graph: nx.DiGraph[Any]) -> Iterator[str]
             if label is not None and label not in graph:
                 near = most_alike(str(label), map(str, graph))
                 yield f"{who}: {name} {quoted(label)}: there is no such node{near}"
+        yield from (f"{who}: {fault}" for fault in _aboard_faults(kind, graph, pays))
 
 
 def kind_name_faults(kinds: Sequence[Kind]) -> Iterator[str]:
@@ -162,7 +177,8 @@ def _kind_way_faults(
                 taken.add_edge(tail, head, danger=-math.log(survival), length=arc.get("length", 1))
         who = f"kind {quoted(kind.name)}"
         way = f"way from its start {quoted(start)} to its end {quoted(end)}"
-        if start == end == base and len(kinds) == 1:
+        is_open = taken.number_of_edges() == graph.number_of_edges()
+        if start == end == base and len(kinds) == 1 and is_open:
             yield from _way_faults(taken, base)
         elif not nx.has_path(taken, start, end):
             yield f"{who}: has no {way}"

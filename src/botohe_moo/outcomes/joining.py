@@ -7,7 +7,7 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
+from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, Kinds
 from botohe_moo.mission import Mission
 from botohe_moo.outcomes.distribution import ROUNDING
 from botohe_moo.trails import TrailPlan
@@ -33,15 +33,33 @@ def follow(mission: Mission, plan: TrailPlan) -> Followed:
     for start, stop in pairwise(plan.offsets.tolist()):
         hops = nodes[start : stop - 1] * graph.n_nodes + nodes[start + 1 : stop]
         alive[start + 1 : stop] = np.cumprod(graph.survival[np.searchsorted(arcs, hops)])
-    robots = np.repeat(np.arange(plan.n_robots), np.diff(plan.offsets))
+    offsets = plan.offsets
+    if graph.kinds is not None:  # what robots carry comes first
+        nodes, alive, offsets = _with_aboard(graph.kinds, nodes, alive, offsets)
+    robots = np.repeat(np.arange(plan.n_robots), np.diff(offsets))
     first = np.unique(robots * graph.n_nodes + nodes, return_index=True)[1]
     pays, credited, share = np.zeros(len(nodes)), alive, np.ones(len(nodes))
     if graph.kinds is not None:
         share, credit = graph.kinds.share[nodes], graph.kinds.credit[nodes]
-        credited = _credited(alive, credit, plan.offsets)
+        credited = _credited(alive, credit, offsets)
         nodes = graph.kinds.origin[nodes]
     pays[first] = mission.rewards[nodes[first]]
-    return Followed(nodes, plan.offsets, alive, pays, credited, share)
+    return Followed(nodes, offsets, alive, pays, credited, share)
+
+
+def _with_aboard(
+    kinds: Kinds, nodes: OffsetArray, alive: FloatArray, offsets: OffsetArray
+) -> tuple[OffsetArray, FloatArray, OffsetArray]:
+    """Put the nodes whose rewards a robot carries before the trail of each."""
+    n_aboard = kinds.aboard_stop - kinds.aboard_first
+    if not n_aboard.any():
+        return nodes, alive, offsets
+    starts = np.repeat(offsets[:-1], n_aboard)
+    places = [kinds.aboard[i:j] for i, j in zip(kinds.aboard_first, kinds.aboard_stop, strict=True)]
+    layers = nodes[starts] - kinds.origin[nodes[starts]]
+    added = np.concatenate(places) + layers
+    offsets = offsets + np.cumsum([0, *n_aboard])
+    return np.insert(nodes, starts, added), np.insert(alive, starts, 1.0), offsets
 
 
 def _credited(alive: FloatArray, credit: OffsetArray, offsets: OffsetArray) -> FloatArray:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
-from itertools import pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -137,7 +136,8 @@ def survivors_distribution(
     if kind is not None:
         check_choice("kind", kind, [known.name for known in mission.kinds])
     counts = [kind in (None, of.name) for of in mission.kind_of]
-    returns = np.sort(follow(mission, plan).alive[plan.offsets[1:][counts] - 1])
+    followed = follow(mission, plan)
+    returns = np.sort(followed.alive[followed.offsets[1:][counts] - 1])
     shares = reduce(np.convolve, [np.array([1 - p, p]) for p in returns])
     values = np.arange(len(shares), dtype=float)
     return Distribution(values[shares > 0], shares[shares > 0])
@@ -255,11 +255,13 @@ def simulate(
     followed = follow(mission, plan)
     draws = _draws(followed, n_missions, _generator(random_state))
     alive, hops = followed.alive, np.empty((n_missions, plan.n_robots), np.int64)
-    for robot, (start, stop) in enumerate(pairwise(plan.offsets.tolist())):
+    lengths = np.diff(plan.offsets)
+    for robot, stop in enumerate(followed.offsets[1:].tolist()):
+        start = stop - lengths[robot]
         hops[:, robot] = np.searchsorted(-alive[start:stop], -draws[:, robot]) - 1
     frame = pd.DataFrame(hops, columns=[f"hops_{k}" for k in range(plan.n_robots)])
     frame.insert(0, "reward", _rewards(mission, followed, draws))
-    frame.insert(1, "survivors", (hops == np.diff(plan.offsets) - 1).sum(axis=1))
+    frame.insert(1, "survivors", (hops == lengths - 1).sum(axis=1))
     return frame
 
 

@@ -10,6 +10,9 @@ from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.graph.kinds import (
     AT_THIS_DEPOT,
+    CARRIED,
+    aboard_at,
+    aboard_of,
     chance_at,
     credit_carried,
     credit_of,
@@ -143,14 +146,18 @@ def _walk(graph: Graph, state: AnnealState, slot: int) -> None:
     start, kinds = state.starts[slot], graph.kinds
     state.n_walks[0] += 1
     walk = state.n_walks[0]
-    alive = 1.0
-    node = nodes[start]
-    visited[node] = walk
-    met[0], reach[0] = origin_of(kinds, node), chance_at(kinds, node, alive)
-    n, uncredited, layer = int(is_listed(kinds, graph.reward, node)), 0, layer_of(kinds, node)
-    for i in range(start + 1, state.stops[slot]):
+    node, alive, n, uncredited = nodes[start], 1.0, 0, 0
+    layer = layer_of(kinds, node)
+    first, stop = aboard_of(kinds, slot // _N_SLOTS)
+    for i in range(first, stop):
+        carried = aboard_at(kinds, layer, i)
+        visited[carried] = walk
+        met[n], reach[n] = origin_of(kinds, carried), CARRIED
+        n += 1
+    for i in range(start, state.stops[slot]):
         tail, node = node, nodes[i]
-        alive *= graph.survival[find_arc(graph, tail, node)]
+        if i > start:
+            alive *= graph.survival[find_arc(graph, tail, node)]
         if visited[node] != walk:
             visited[node] = walk
             met[n], reach[n] = origin_of(kinds, node), chance_at(kinds, node, alive)

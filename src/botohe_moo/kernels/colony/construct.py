@@ -17,7 +17,15 @@ from botohe_moo.kernels.colony.weighing import (
 )
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph, limit_at
-from botohe_moo.kernels.graph.kinds import Kinds, likely_chance, origin_of, start_of
+from botohe_moo.kernels.graph.kinds import (
+    Kinds,
+    aboard_at,
+    aboard_of,
+    layer_of,
+    likely_chance,
+    origin_of,
+    start_of,
+)
 from botohe_moo.kernels.graph.paths import Budget, Paths, leads_home, way_within
 from botohe_moo.kernels.rng import uniform
 from botohe_moo.kernels.sharing import shared
@@ -157,6 +165,11 @@ def _begin_trail(
         ant.visited[source] = ant.trail
     elif ant.visited[source] != ant.trail:
         _note_first_way(graph, rule.budget, ant.onward, source)
+        first, stop = aboard_of(kinds, ant.robot)
+        for i in range(first, stop):
+            node = aboard_at(kinds, layer_of(kinds, source), i)
+            # It is brought home from here, not from where it was collected.
+            _visit(graph, scratch, ant, node, graph.home[source] / graph.home[node])
         _visit(graph, scratch, ant, source, 1.0)
 
 

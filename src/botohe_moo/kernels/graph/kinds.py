@@ -39,6 +39,11 @@ class Kinds(NamedTuple):
     start: OffsetArray
     first: OffsetArray
     stop: OffsetArray
+    # What robots carry from the start: nodes of the mission, and which of these each robot has
+    # (n_robots).
+    aboard: OffsetArray
+    aboard_first: OffsetArray
+    aboard_stop: OffsetArray
     has_returns: bool  # whether some node that may bring something pays on return
 
 
@@ -59,6 +64,26 @@ def start_of(kinds: Kinds | None, base: int, robot: int) -> int:
     if kinds is None:
         return base
     return int(kinds.start[robot % kinds.start.shape[0]])
+
+
+@inlined
+def aboard_of(kinds: Kinds | None, robot: int) -> tuple[int, int]:
+    """Return the first place of what a robot carries from the start, and the one behind the last.
+
+    ``robot`` may also be the number of a trail among those of all plans.
+    """
+    if kinds is None:
+        return 0, 0
+    robot %= kinds.start.shape[0]
+    return int(kinds.aboard_first[robot]), int(kinds.aboard_stop[robot])
+
+
+@inlined
+def aboard_at(kinds: Kinds | None, layer: int, i: int) -> int:
+    """Return the node of a layer whose reward is carried, by its place in ``Kinds.aboard``."""
+    if kinds is None:
+        return 0
+    return int(layer + kinds.aboard[i])
 
 
 @inlined

@@ -23,6 +23,9 @@ from botohe_moo.kernels.graph.graph import Graph, limit_at
 from botohe_moo.kernels.graph.kinds import (
     AT_NEXT_DEPOT,
     AT_THIS_DEPOT,
+    CARRIED,
+    aboard_at,
+    aboard_of,
     behind_kind,
     chance_at,
     credit_carried,
@@ -145,10 +148,17 @@ def lay_out(graph: Graph, store: TrailStore, work: Workspace, trail: int) -> Non
     nodes[source].met = 0
     alive, gained, walked, carried = 1.0, 0.0, 0.0, 0.0
     if has_kinds(kinds):
+        first, stop = aboard_of(kinds, work.draft.robot)
+        for i in range(first, stop):
+            node = nodes[aboard_at(kinds, work.draft.layer, i)]
+            node.met = 0
+            carried += node.left
         if credit_of(kinds, source) == AT_NEXT_DEPOT:
-            carried = nodes[source].left
+            carried += nodes[source].left
         else:
             gained = nodes[source].left
+        if credit_of(kinds, source) == AT_THIS_DEPOT:
+            gained, carried = gained + carried, 0.0
         loads[0].carried = carried
     steps[0].node, steps[0].alive, steps[0].gained = source, alive, gained
     steps[0].walked = walked
@@ -196,9 +206,12 @@ def lay_out(graph: Graph, store: TrailStore, work: Workspace, trail: int) -> Non
 
 
 @helper
-def clear_trail(work: Workspace) -> None:
+def clear_trail(graph: Graph, work: Workspace) -> None:
     """Leave the workspace as it was before ``lay_out``."""
     nodes, steps = work.nodes, work.steps
+    first, stop = aboard_of(graph.kinds, work.draft.robot)
+    for i in range(first, stop):
+        nodes[aboard_at(graph.kinds, work.draft.layer, i)].met = NEVER
     for i in range(work.draft.length):
         node = steps[i + 1].node
         work.arcs[steps[i].arc].position = -1
@@ -223,10 +236,20 @@ def add_trail(graph: Graph, store: TrailStore, work: Workspace, robot: int, leng
     source = start_of(kinds, graph.base, robot)
     nodes[source].seen = mark
     alive, uncredited, layer = 1.0, n.visits, layer_of(kinds, source)
+    first, stop = aboard_of(kinds, robot)
+    for i in range(first, stop):
+        node = aboard_at(kinds, layer, i)
+        nodes[node].seen = mark
+        store.node[n.visits], store.reach[n.visits] = origin_of(kinds, node), CARRIED
+        n.visits += 1
     if has_kinds(kinds) and graph.reward[source] > 0.0:
         store.node[n.visits] = origin_of(kinds, source)
         store.reach[n.visits] = chance_at(kinds, source, alive)
         n.visits += 1
+    if has_kinds(kinds) and credit_of(kinds, source) == AT_THIS_DEPOT:
+        uncredited = credit_carried(
+            kinds, layer, store.node, store.reach, uncredited, n.visits, alive
+        )
     for i in range(length):
         arc = work.child[i]
         store.arc[n.arcs + i] = arc

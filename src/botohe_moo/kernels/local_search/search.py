@@ -189,7 +189,7 @@ def _shake(search: Search, robot: int) -> int:
     trail, kind = NOT_STORED, _draw_kind(work)
     if kind != ADOPT and make_child(search, kind):
         trail = add_within_limits(search, robot, write_child(work))
-    clear_trail(work)
+    clear_trail(graph, work)
     clear_others(graph, work)
     draft.robot = changed
     return trail
@@ -274,5 +274,5 @@ def _make_children(search: Search, n_most: int) -> int:
             work.trails[k] = trail if k == draft.robot else parent[k]
         insert_trails(search, 0.0)
         release(store, trail)
-    clear_trail(work)
+    clear_trail(graph, work)
     return n

@@ -6,13 +6,14 @@ leads from each stop to the next, along the cheapest path.
 
 import numpy as np
 
-from botohe_moo._base.types import Record
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph, limit_at
 from botohe_moo.kernels.graph.kinds import (
     AT_NEXT_DEPOT,
     AT_THIS_DEPOT,
     Kinds,
+    aboard_at,
+    aboard_of,
     credit_of,
     end_of,
     has_kinds,
@@ -51,6 +52,9 @@ def build_tour(search: Search, which: int) -> None:
     end = end_of(graph.kinds, graph.base, source)
     search_costs(graph, routes, source)
     work.nodes[source].seen = draft.mark
+    begun, stopped = aboard_of(graph.kinds, work.chosen[which])
+    for i in range(begun, stopped):
+        work.nodes[aboard_at(graph.kinds, draft.layer, i)].seen = draft.mark
     stop, work.first[which] = source, draft.n_legs
     for i in range(n + 1):
         is_last = i == n
@@ -104,7 +108,7 @@ def _draw_stops(graph: Graph, store: TrailStore, work: Workspace, which: int, so
     trail = store.trails[work.parent[work.chosen[which]]]
     n = 0
     if has_returns(graph.kinds):
-        n = _list_stops(graph, graph.kinds, store, work, trail, source)
+        n = _list_stops(graph, graph.kinds, store, work, which, source)
     else:
         for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
             node = work.draft.layer + np.int64(store.node[i])
@@ -131,17 +135,20 @@ def _list_stops(
     kinds: Kinds | None,
     store: TrailStore,
     work: Workspace,
-    trail: Record,
+    which: int,
     source: int,
 ) -> int:
     """List the stops of a trail, with the depots where it leaves something, as ``_draw_stops``."""
     if kinds is None:  # of an argument: then numba compiles nothing of what follows
         return 0
     goals, layer = work.goals, work.draft.layer
-    n, visit, end, is_loaded = 0, trail.first_visit, trail.first_visit + trail.n_visits, False
+    trail = store.trails[work.parent[work.chosen[which]]]
+    first, stop = aboard_of(kinds, work.chosen[which])
+    n, visit, end = 0, trail.first_visit + stop - first, trail.first_visit + trail.n_visits
+    is_loaded = stop > first
     if visit < end and layer + store.node[visit] == source:
         visit += 1
-        is_loaded = credit_of(kinds, source) == AT_NEXT_DEPOT
+        is_loaded = is_loaded or credit_of(kinds, source) == AT_NEXT_DEPOT
     for i in range(trail.first_arc, trail.end_arc):
         node, is_first = graph.head[store.arc[i]], False
         if visit < end and layer + store.node[visit] == node:
@@ -227,6 +234,9 @@ def _evaluate_tour(graph: Graph, work: Workspace, which: int) -> None:
     """Compute with what probability each leg of a tour is begun, and what lies ahead of it."""
     legs, loads, order, nodes = work.legs, work.leg_loads, work.goals, work.nodes
     n, alive, carried, kinds = 0, 1.0, 0.0, graph.kinds
+    first, stop = aboard_of(kinds, work.chosen[which])
+    for i in range(first, stop):
+        carried += nodes[aboard_at(kinds, work.draft.layer, i)].left
     number = work.first[which]
     while number != NONE:
         leg = legs[number]

@@ -9,12 +9,16 @@ from botohe_moo.kernels.compile import array_maker, helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph, find_arc
 from botohe_moo.kernels.graph.kinds import (
     AT_THIS_DEPOT,
+    CARRIED,
     Kinds,
+    aboard_at,
+    aboard_of,
     chance_at,
     credit_carried,
     end_of,
     is_listed,
     layer_of,
+    origin_of,
     reward_at,
     start_of,
 )
@@ -126,6 +130,19 @@ def either(one: Chance, other: Chance) -> Chance:
 
 
 @inlined
+def _load(kinds: Kinds | None, scratch: _Scratch, trail: int, source: int) -> int:
+    """List what a robot carries from the start as visits, and return how many they are."""
+    layer, n = layer_of(kinds, source), 0
+    first, stop = aboard_of(kinds, trail)
+    for i in range(first, stop):
+        node = aboard_at(kinds, layer, i)
+        scratch.visited[node] = trail
+        scratch.node[n], scratch.chance[n] = origin_of(kinds, node), CARRIED
+        n += 1
+    return n
+
+
+@inlined
 def _reach(
     graph: Graph,
     kinds: Kinds | None,
@@ -204,6 +221,7 @@ def _walk(
         known = 0 <= node < graph.reward.shape[0]
         kind = EMPTY_TRAIL if stop <= start else NOT_FROM_BASE if known else UNKNOWN_NODE
     else:
+        n = _load(graph.kinds, scratch, trail, source)
         n = _reach(graph, graph.kinds, scratch, trail, node, 1.0, n)
     alive, length = 1.0, 0.0
     i = start + 1

@@ -67,6 +67,8 @@ def convert_ends(kinds: object, convert: Callable[[Any], object]) -> None:
         for key in ("start", "end"):
             if isinstance(kind, dict) and kind.get(key) is not None:
                 kind[key] = convert(kind[key])
+        if isinstance(kind, dict) and isinstance(kind.get("aboard"), list):
+            kind["aboard"] = tuple(map(convert, kind["aboard"]))
 
 
 def _entry(where: str, entry: object, *keys: str) -> Entry:
@@ -158,6 +160,8 @@ def _kind_content(kind: Kind) -> dict[str, object]:
         for field in fields(kind)
         if (value := getattr(kind, field.name)) != field.default
     }
+    if kind.aboard:
+        content["aboard"] = list(map(plain_label, kind.aboard))
     return content | {end: plain_label(content[end]) for end in ("start", "end") if end in content}
 
 

@@ -1,0 +1,298 @@
+"""Missions under way: what has happened, and the mission that is left."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+import networkx as nx
+
+from botohe_moo._base.checks import quoted
+from botohe_moo._base.words import counted
+from botohe_moo.mission.kinds import Kind, by_kind
+from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.validation import MissionError
+from botohe_moo.trails import TrailPlan
+
+HAPPENINGS = ("reached", "lost", "home")
+_ROUNDING = 1e-12  # relative, of lengths
+
+
+class EventError(ValueError):
+    """Something is wrong with the events of a mission; names each event and why.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.mission import Event, EventError
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> try:
+    ...     toy.after(plan, [Event(0, "reached", 5)])
+    ... except EventError as error:
+    ...     print(error)
+    Event 0: robot 0 reached 5: expected a node of the rest of its trail, 2, 4, 2, 1.
+    """
+
+
+@dataclass(frozen=True)
+class Event:
+    """What has happened to a robot of a mission under way.
+
+    Parameters
+    ----------
+    robot
+        Its row in the plan, from 0.
+    what
+        ``"reached"`` a node of its trail, and all nodes of the trail before it; ``"lost"``;
+        ``"home"``, at the end of its trail, and does not leave again.
+    node
+        The node that it has reached. Of a lost robot, the node to which it was on its way, so that
+        it has reached all before; None if it is not known where it was lost: then nothing counts
+        that it may have reached since its last event.
+    """
+
+    robot: int
+    what: str
+    node: Hashable | None = None
+
+    def __str__(self) -> str:
+        if self.what == "reached":
+            return f"robot {self.robot} reached {quoted(self.node)}"
+        if self.what == "lost":
+            where = "" if self.node is None else f" on the way to {quoted(self.node)}"
+            return f"robot {self.robot} lost{where}"
+        return f"robot {self.robot} {self.what}"
+
+
+@dataclass
+class _Robot:
+    """A robot under way."""
+
+    number: int
+    kind: Kind
+    trail: tuple[Hashable, ...]
+    at: int = 0  # its position on the trail
+    state: str = "out"
+    aboard: list[Hashable] = field(default_factory=list)
+    paid: list[Hashable] = field(default_factory=list)  # where nothing is collected any more
+
+    @property
+    def place(self) -> Hashable:
+        return self.trail[self.at]
+
+    @property
+    def has_left(self) -> bool:
+        return self.at > 0 or self.state == "home"
+
+
+@dataclass(frozen=True)
+class UnderWay:
+    """A mission after some events.
+
+    Attributes
+    ----------
+    mission
+        The mission that is left, as `Mission.after` returns it.
+    plan
+        What is left of the plan.
+    robots
+        The row in the old plan of each robot of the new one.
+    banked
+        The expected reward that counts already.
+    """
+
+    mission: Mission
+    plan: TrailPlan
+    robots: tuple[int, ...]
+    banked: float
+
+
+def under_way(mission: Mission, plan: TrailPlan, events: Iterable[Event]) -> UnderWay:
+    """Return what is left of a mission, and of its plan, after some events.
+
+    Robots that are lost leave the team. Each robot that has left its start is a kind of its own,
+    named after its kind and its row, such as ``robot 2``: it starts where it is, cannot use the
+    arcs again that it has used, has what is left of its travel budget, and carries what it has
+    collected since its last depot. The survival floor of a kind holds for what is left of a trail.
+    Nodes whose rewards count already pay nothing; where a robot has been that fails to collect a
+    reward, of which its ``share`` is not 1, what is to be expected stays.
+
+    Parameters
+    ----------
+    mission, plan
+        A mission, and the plan that it follows; a PlanError is raised if that is not valid.
+    events
+        What has happened, in the order in which it did. Of two robots it may be in any order.
+
+    Raises
+    ------
+    EventError
+        If events are not of the robots of the plan, or not in the order of their trails.
+    MissionError
+        If all robots are lost, or a robot has no way left to its end.
+    """
+    check_mission(mission).evaluate([plan])
+    trails = mission.labels(plan)
+    robots = [
+        _Robot(number, kind, trail)
+        for number, (kind, trail) in enumerate(zip(mission.kind_of, trails, strict=True))
+    ]
+    events = list(events)
+    if not events:
+        return UnderWay(mission, plan, tuple(range(mission.robots)), 0.0)
+    faults = [fault for i, event in enumerate(events) if (fault := _happen(robots, event, i))]
+    if faults:
+        raise EventError("\n".join(faults))
+    left, banked = _pay(mission, robots)
+    kept = [robot for robot in robots if robot.state != "lost"]
+    if not kept:
+        raise MissionError("all robots are lost", f"Mission {quoted(mission.name)}")
+    kinds, members = _kinds_left(mission, kept)
+    graph = _graph_left(mission, kinds, members, left)
+    with warnings.catch_warnings():  # that nobody can collect what is behind used arcs
+        warnings.simplefilter("ignore", UserWarning)
+        rest = Mission(graph, base=mission.base, kinds=kinds, pays=mission.pays, name=mission.name)
+    order = [robot for group in members for robot in group]
+    tails = [robot.trail[robot.at :] for robot in order]
+    return UnderWay(rest, rest.plan(tails), tuple(robot.number for robot in order), banked)
+
+
+def _happen(robots: Sequence[_Robot], event: Event, number: int) -> str | None:
+    """Let an event happen; return what is wrong with it, if anything is."""
+    where = f"Event {number}: {event}"
+    if event.what not in HAPPENINGS:
+        return f"Event {number}: expected 'reached', 'lost' or 'home', got {quoted(event.what)}."
+    is_row = isinstance(event.robot, int) and not isinstance(event.robot, bool)
+    if not is_row or not 0 <= event.robot < len(robots):
+        team = counted(len(robots), "robot")
+        return f"{where}: expected a row of the plan, which has {team}, from 0."
+    robot = robots[event.robot]
+    if robot.state != "out":
+        return f"{where}: it is {robot.state} already."
+    ahead = robot.trail[robot.at + 1 :]
+    if event.what == "home":
+        robot.at, robot.state = len(robot.trail) - 1, "home"
+        return None
+    if event.what == "lost" and event.node is None:
+        robot.state = "lost"
+        return None
+    if event.node not in ahead:
+        rest = ", ".join(map(quoted, ahead)) or "which has ended"
+        return f"{where}: expected a node of the rest of its trail, {rest}."
+    robot.at += 1 + ahead.index(event.node)
+    if event.what == "lost":
+        robot.at, robot.state = robot.at - 1, "lost"
+    return None
+
+
+def _pay(mission: Mission, robots: Sequence[_Robot]) -> tuple[dict[Hashable, float], float]:
+    """Credit what robots have collected, note what they carry, and return what nodes still pay."""
+    nodes = mission.graph.nodes
+    left = {node: float(attributes["reward"]) for node, attributes in nodes.items()}
+    shares = {
+        node: dict(zip((kind.name for kind in mission.kinds), numbers, strict=True))
+        for node, attributes in nodes.items()
+        if (numbers := by_kind(attributes.get("share", 1.0), mission.kinds))
+    }
+    for robot in robots:
+        carried = list(robot.kind.aboard)
+        paid: list[Hashable] = []
+        for node in robot.trail[: robot.at + 1]:
+            if node not in paid and node not in carried:
+                returns = nodes[node].get("pays", mission.pays) == "return"
+                (carried if returns else paid).append(node)
+            if node == mission.base or nodes[node].get("depot"):
+                paid, carried = paid + carried, []
+        for node in paid:
+            left[node] *= 1.0 - shares[node][robot.kind.name]
+        robot.paid, robot.aboard = paid, [node for node in carried if node != robot.place]
+    total = sum(float(attributes["reward"]) for attributes in nodes.values())
+    return left, total - math.fsum(left.values())
+
+
+def _kinds_left(
+    mission: Mission, robots: Sequence[_Robot]
+) -> tuple[list[Kind], list[list[_Robot]]]:
+    """Return the kinds of robots that are left, and the robots of each."""
+    taken = {kind.name for kind in mission.kinds}
+    kinds, members = [], []
+    for kind in mission.kinds:
+        own = [robot for robot in robots if robot.kind == kind]
+        if waiting := [robot for robot in own if not robot.has_left]:
+            aboard = tuple(waiting[0].aboard)
+            kinds.append(replace(kind, robots=len(waiting), aboard=aboard))
+            members.append(waiting)
+        for robot in own:
+            if not robot.has_left:
+                continue
+            name = f"{kind.name} {robot.number}"
+            while name in taken:
+                name += "'"
+            taken.add(name)
+            longest = mission.max_length if kind.max_length is None else kind.max_length
+            if longest is not None:
+                hops = list(pairwise(robot.trail))
+                lengths = [mission.graph.edges[hop].get("length", 1.0) for hop in hops]
+                walked, ahead = sum(lengths[: robot.at]), sum(lengths[robot.at :])
+                kept = walked + ahead <= longest * (1.0 + _ROUNDING)
+                longest = max(longest - walked, ahead if kept else 0.0)
+            kinds.append(
+                Kind(
+                    name,
+                    1,
+                    start=robot.place,
+                    end=kind.ends(mission.base)[1],
+                    min_survival=kind.min_survival,
+                    max_length=longest,
+                    aboard=tuple(robot.aboard),
+                )
+            )
+            members.append([robot])
+    return kinds, members
+
+
+def _graph_left(
+    mission: Mission,
+    kinds: Sequence[Kind],
+    members: Sequence[Sequence[_Robot]],
+    left: dict[Hashable, float],
+) -> nx.DiGraph[Any]:
+    """Return the graph with what each robot can still do and collect."""
+    graph = mission.graph.copy()
+    graph.graph.pop("robots", None)
+    graph.graph.pop("kinds", None)
+    of = [group[0].kind.name for group in members]
+    for node, attributes in graph.nodes(data=True):
+        attributes["reward"] = left[node]
+        share = attributes.get("share", 1.0)
+        shares = [share.get(name, 1.0) if isinstance(share, dict) else share for name in of]
+        shares = [
+            0.0 if node in group[0].paid else share
+            for share, group in zip(shares, members, strict=True)
+        ]
+        if len(set(shares)) > 1 or isinstance(share, dict):
+            names = (kind.name for kind in kinds)
+            attributes["share"] = dict(zip(names, shares, strict=True))
+        elif shares[0] != 1.0:
+            attributes["share"] = shares[0]
+    for *_, attributes in graph.edges(data=True):
+        survival = attributes["survival"]
+        if isinstance(survival, dict):
+            attributes["survival"] = {
+                kind.name: survival[name] for kind, name in zip(kinds, of, strict=True)
+            }
+    for kind, group in zip(kinds, members, strict=True):
+        robot = group[0]
+        is_home = robot.state == "home"
+        used = list(graph.edges) if is_home else list(pairwise(robot.trail[: robot.at + 1]))
+        for arc in used:
+            survival = graph.edges[arc]["survival"]
+            if not isinstance(survival, dict):
+                survival = {other.name: survival for other in kinds}
+            graph.edges[arc]["survival"] = survival | {kind.name: 0.0}
+    return graph

@@ -1,0 +1,125 @@
+"""Missions under way: what is left of them after some events."""
+
+from itertools import pairwise, product
+from math import prod
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import MissionError, load_mission
+from botohe_moo.mission import Event, EventError, under_way
+from tests import twins
+from tests.examples import examples
+from tests.strategies import missions_with_plans, team_missions_with_plans
+
+LOST, HOME = "lost", "home"
+
+
+@st.composite
+def moments(draw, trails):
+    """Where each robot is at a moment: (position, how it is), and the events that say so."""
+    states, events = [], []
+    for robot, trail in enumerate(trails):
+        at, end = draw(st.integers(0, len(trail) - 1)), len(trail) - 1
+        how = draw(st.sampled_from(["out", "out", LOST, HOME]))
+        if how == LOST and at == end:
+            how = "out"
+        positions = range(1, at + 1)
+        if how == HOME:
+            at = end
+        events += [Event(robot, "reached", trail[i]) for i in positions]
+        if how != "out":
+            events.append(Event(robot, how, trail[at + 1] if how == LOST else None))
+        states.append((at, how))
+    return states, events
+
+
+def expected(mission, trails, states):
+    """E[R] and E[S] of a plan, given what is known of each robot, by enumeration."""
+    robots = list(zip(mission.kind_of, trails, states, strict=True))
+    possible = []
+    for kind, trail, (at, how) in robots:
+        fates = list(twins.fates(mission, kind, trail))
+        if how == LOST:
+            fates = [(1.0, *fates[at][1:])]
+        elif how == HOME:
+            fates = [(1.0, *fates[-1][1:])]
+        else:  # lost on a later arc, or never
+            alive = prod(
+                twins.of_kind(mission.graph.edges[hop]["survival"], kind)
+                for hop in pairwise(trail[: at + 1])
+            )
+            fates = [(chance / alive, *rest) for chance, *rest in fates[at:]]
+        possible.append(fates)
+    reward = survivors = 0.0
+    for joint in product(*possible):
+        chance, missed = prod(fate[0] for fate in joint), {}
+        for (kind, *_), (_, paid, survives) in zip(robots, joint, strict=True):
+            survivors += chance * survives
+            for node in paid:
+                share = twins.share_of(mission, kind, node)
+                missed[node] = missed.get(node, 1.0) * (1 - share)
+        nodes = mission.graph.nodes
+        reward += chance * sum(nodes[v]["reward"] * (1 - m) for v, m in missed.items())
+    return [reward, survivors]
+
+
+@examples(200)
+@given(
+    missions_with_plans(max_robots=3) | team_missions_with_plans(),
+    st.data(),
+)
+def test_what_is_left_is_what_enumeration_gives(case, data):
+    mission, plan = case
+    trails = mission.labels(plan)
+    states, events = data.draw(moments(trails))
+    if not events:
+        assert mission.after(plan, events) is mission
+        return
+    if all(how == LOST for _, how in states):
+        with pytest.raises(MissionError, match="all robots are lost"):
+            mission.after(plan, events)
+        return
+    left = under_way(mission, plan, events)
+    reward, survivors = expected(mission, trails, states)
+    [found] = left.mission.evaluate([left.plan])
+    assert left.banked + found[0] == pytest.approx(reward, rel=1e-12, abs=1e-12)
+    assert found[1] == pytest.approx(survivors, rel=1e-12)
+    assert [trails[robot][-1] for robot in left.robots] == [
+        trail[-1] for trail in left.mission.labels(left.plan)
+    ]
+
+
+def test_played_to_its_end_nothing_is_left():
+    toy = load_mission("toy")
+    plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    left = under_way(toy, plan, [Event(0, HOME), Event(1, HOME)])
+    assert left.mission.arrays.n_arcs == 0
+    assert left.mission.labels(left.plan) == ((1,), (1,))
+    assert left.mission.evaluate([left.plan]).tolist() == [[0, 2]]
+
+
+def test_bad_events():
+    toy = load_mission("toy")
+    plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    with pytest.raises(EventError) as caught:
+        toy.after(
+            plan,
+            [
+                Event(0, "reached", 4),
+                Event(0, "reached", 4),
+                Event(0, "lost"),
+                Event(0, "lost"),
+                Event(1, "reached", 2),
+                Event(2, "home"),
+                Event(1, "arrived"),
+            ],
+        )
+    assert str(caught.value).splitlines() == [
+        "Event 1: robot 0 reached 4: expected a node of the rest of its trail, 2, 1.",
+        "Event 3: robot 0 lost: it is lost already.",
+        "Event 4: robot 1 reached 2: expected a node of the rest of its trail, which has ended.",
+        "Event 5: robot 2 home: expected a row of the plan, which has 2 robots, from 0.",
+        "Event 6: expected 'reached', 'lost' or 'home', got 'arrived'.",
+    ]
