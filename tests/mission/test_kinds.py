@@ -73,8 +73,8 @@ class TestBadInput:
                 [
                     "kinds[1]: expected a Kind, or an object, got 7",
                     "kinds[2]: expected name, found none in {'robots': 1}",
-                    "kinds[3]: there is no 'robot' of a kind; most alike are robots, start, aboard, "
-                    "max_length, min_survival",
+                    "kinds[3]: there is no 'robot' of a kind; most alike are robots, start, "
+                    "aboard, max_length, min_survival",
                 ],
             ),
             (

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import replace
 from operator import index
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import networkx as nx
 import numpy as np
@@ -26,6 +26,7 @@ from botohe_moo.mission.kinds import (
     uncollected,
     ways_to_ends,
 )
+from botohe_moo.mission.underway import Event, under_way
 from botohe_moo.mission.validation import (
     MissionError,
     PlanError,
@@ -35,9 +36,6 @@ from botohe_moo.mission.validation import (
     trail_indices,
 )
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
-
-if TYPE_CHECKING:
-    from botohe_moo.mission.underway import Event
 
 _MOST_NAMED = 20  # nodes in a warning
 
@@ -306,12 +304,11 @@ class Mission:
         >>> toy = load_mission("toy")
         >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
         >>> rest = toy.after(plan, [Event(0, "reached", 4)])
-        >>> rest.team, rest.kinds[0].start
-        ('2 robots (1 robot 0, 1 robot)', 4)
+        >>> rest.team, rest.kinds[1].start
+        ('2 robots (1 robot, 1 robot 0)', 4)
         """
-        from botohe_moo.mission.underway import under_way
-
-        return under_way(self, plan, events).mission
+        rest: Mission = under_way(self, plan, events).mission
+        return rest
 
     def check_ways(self, limits: Limits) -> None:
         """Refuse, by a ValueError, limits that neither the safest nor the shortest way keeps.

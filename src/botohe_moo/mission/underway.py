@@ -14,7 +14,6 @@ import networkx as nx
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.words import counted
 from botohe_moo.mission.kinds import Kind, by_kind
-from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.validation import MissionError
 from botohe_moo.trails import TrailPlan
 
@@ -106,13 +105,13 @@ class UnderWay:
         The expected reward that counts already.
     """
 
-    mission: Mission
+    mission: Any  # a `Mission`, whose module imports this one
     plan: TrailPlan
     robots: tuple[int, ...]
     banked: float
 
 
-def under_way(mission: Mission, plan: TrailPlan, events: Iterable[Event]) -> UnderWay:
+def under_way(mission: Any, plan: TrailPlan, events: Iterable[Event]) -> UnderWay:
     """Return what is left of a mission, and of its plan, after some events.
 
     Robots that are lost leave the team. Each robot that has left its start is a kind of its own,
@@ -136,7 +135,7 @@ def under_way(mission: Mission, plan: TrailPlan, events: Iterable[Event]) -> Und
     MissionError
         If all robots are lost, or a robot has no way left to its end.
     """
-    check_mission(mission).evaluate([plan])
+    mission.evaluate([plan])
     trails = mission.labels(plan)
     robots = [
         _Robot(number, kind, trail)
@@ -156,7 +155,8 @@ def under_way(mission: Mission, plan: TrailPlan, events: Iterable[Event]) -> Und
     graph = _graph_left(mission, kinds, members, left)
     with warnings.catch_warnings():  # that nobody can collect what is behind used arcs
         warnings.simplefilter("ignore", UserWarning)
-        rest = Mission(graph, base=mission.base, kinds=kinds, pays=mission.pays, name=mission.name)
+        given = {"base": mission.base, "pays": mission.pays, "name": mission.name}
+        rest = type(mission)(graph, kinds=kinds, **given)
     order = [robot for group in members for robot in group]
     tails = [robot.trail[robot.at :] for robot in order]
     return UnderWay(rest, rest.plan(tails), tuple(robot.number for robot in order), banked)
@@ -190,7 +190,7 @@ def _happen(robots: Sequence[_Robot], event: Event, number: int) -> str | None:
     return None
 
 
-def _pay(mission: Mission, robots: Sequence[_Robot]) -> tuple[dict[Hashable, float], float]:
+def _pay(mission: Any, robots: Sequence[_Robot]) -> tuple[dict[Hashable, float], float]:
     """Credit what robots have collected, note what they carry, and return what nodes still pay."""
     nodes = mission.graph.nodes
     left = {node: float(attributes["reward"]) for node, attributes in nodes.items()}
@@ -215,9 +215,7 @@ def _pay(mission: Mission, robots: Sequence[_Robot]) -> tuple[dict[Hashable, flo
     return left, total - math.fsum(left.values())
 
 
-def _kinds_left(
-    mission: Mission, robots: Sequence[_Robot]
-) -> tuple[list[Kind], list[list[_Robot]]]:
+def _kinds_left(mission: Any, robots: Sequence[_Robot]) -> tuple[list[Kind], list[list[_Robot]]]:
     """Return the kinds of robots that are left, and the robots of each."""
     taken = {kind.name for kind in mission.kinds}
     kinds, members = [], []
@@ -257,13 +255,13 @@ def _kinds_left(
 
 
 def _graph_left(
-    mission: Mission,
+    mission: Any,
     kinds: Sequence[Kind],
     members: Sequence[Sequence[_Robot]],
     left: dict[Hashable, float],
 ) -> nx.DiGraph[Any]:
     """Return the graph with what each robot can still do and collect."""
-    graph = mission.graph.copy()
+    graph: nx.DiGraph[Any] = mission.graph.copy()
     graph.graph.pop("robots", None)
     graph.graph.pop("kinds", None)
     of = [group[0].kind.name for group in members]
