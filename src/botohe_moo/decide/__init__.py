@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from botohe_moo.decide.grammar import parse_wishes as parse_wishes
     from botohe_moo.decide.hazards import after_losses as after_losses
     from botohe_moo.decide.hazards import robustness as robustness
+    from botohe_moo.decide.replanning import Replan as Replan
+    from botohe_moo.decide.replanning import replan as replan
+    from botohe_moo.decide.replanning import robot_price as robot_price
     from botohe_moo.decide.robots import robot_table as robot_table
     from botohe_moo.decide.tradeoffs import ExchangeRate as ExchangeRate
     from botohe_moo.decide.tradeoffs import Neighbours as Neighbours

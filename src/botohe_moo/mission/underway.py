@@ -13,6 +13,7 @@ import networkx as nx
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.words import counted
+from botohe_moo.kernels.graph.graph import Limits, limit_at
 from botohe_moo.mission.kinds import Kind, by_kind
 from botohe_moo.mission.validation import MissionError
 from botohe_moo.trails import TrailPlan
@@ -111,7 +112,14 @@ class UnderWay:
     banked: float
 
 
-def under_way(mission: Any, plan: TrailPlan, events: Iterable[Event]) -> UnderWay:
+def under_way(
+    mission: Any,
+    plan: TrailPlan,
+    events: Iterable[Event],
+    *,
+    min_survival: float = 0.0,
+    max_length: float | None = None,
+) -> UnderWay:
     """Return what is left of a mission, and of its plan, after some events.
 
     Robots that are lost leave the team. Each robot that has left its start is a kind of its own,
@@ -127,6 +135,8 @@ def under_way(mission: Any, plan: TrailPlan, events: Iterable[Event]) -> UnderWa
         A mission, and the plan that it follows; a PlanError is raised if that is not valid.
     events
         What has happened, in the order in which it did. Of two robots it may be in any order.
+    min_survival, max_length
+        The limits that the plan was made for, as for :class:`BOTOHE`.
 
     Raises
     ------
@@ -151,7 +161,8 @@ def under_way(mission: Any, plan: TrailPlan, events: Iterable[Event]) -> UnderWa
     kept = [robot for robot in robots if robot.state != "lost"]
     if not kept:
         raise MissionError("all robots are lost", f"Mission {quoted(mission.name)}")
-    kinds, members = _kinds_left(mission, kept)
+    limits = mission.limits(min_survival, max_length)
+    kinds, members = _kinds_left(mission, kept, limits)
     graph = _graph_left(mission, kinds, members, left)
     with warnings.catch_warnings():  # that nobody can collect what is behind used arcs
         warnings.simplefilter("ignore", UserWarning)
@@ -215,15 +226,27 @@ def _pay(mission: Any, robots: Sequence[_Robot]) -> tuple[dict[Hashable, float],
     return left, total - math.fsum(left.values())
 
 
-def _kinds_left(mission: Any, robots: Sequence[_Robot]) -> tuple[list[Kind], list[list[_Robot]]]:
+def _kinds_left(
+    mission: Any, robots: Sequence[_Robot], limits: Limits
+) -> tuple[list[Kind], list[list[_Robot]]]:
     """Return the kinds of robots that are left, and the robots of each."""
     taken = {kind.name for kind in mission.kinds}
     kinds, members = [], []
-    for kind in mission.kinds:
+    for layer, kind in enumerate(mission.kinds):
+        first = layer * len(mission.nodes)
+        longest = float(limit_at(limits.max_length, limits.budgets, first))
+        least = float(limit_at(limits.min_survival, limits.floors, first))
         own = [robot for robot in robots if robot.kind == kind]
         if waiting := [robot for robot in own if not robot.has_left]:
-            aboard = tuple(waiting[0].aboard)
-            kinds.append(replace(kind, robots=len(waiting), aboard=aboard))
+            kinds.append(
+                replace(
+                    kind,
+                    robots=len(waiting),
+                    min_survival=least,
+                    max_length=None if longest == math.inf else longest,
+                    aboard=tuple(waiting[0].aboard),
+                )
+            )
             members.append(waiting)
         for robot in own:
             if not robot.has_left:
@@ -232,21 +255,19 @@ def _kinds_left(mission: Any, robots: Sequence[_Robot]) -> tuple[list[Kind], lis
             while name in taken:
                 name += "'"
             taken.add(name)
-            longest = mission.max_length if kind.max_length is None else kind.max_length
-            if longest is not None:
-                hops = list(pairwise(robot.trail))
-                lengths = [mission.graph.edges[hop].get("length", 1.0) for hop in hops]
-                walked, ahead = sum(lengths[: robot.at]), sum(lengths[robot.at :])
-                kept = walked + ahead <= longest * (1.0 + _ROUNDING)
-                longest = max(longest - walked, ahead if kept else 0.0)
+            hops = list(pairwise(robot.trail))
+            lengths = [mission.graph.edges[hop].get("length", 1.0) for hop in hops]
+            walked, ahead = sum(lengths[: robot.at]), sum(lengths[robot.at :])
+            is_kept = walked + ahead <= longest * (1.0 + _ROUNDING)
+            left = max(longest - walked, ahead if is_kept else 0.0)
             kinds.append(
                 Kind(
                     name,
                     1,
                     start=robot.place,
                     end=kind.ends(mission.base)[1],
-                    min_survival=kind.min_survival,
-                    max_length=longest,
+                    min_survival=least,
+                    max_length=None if left == math.inf else left,
                     aboard=tuple(robot.aboard),
                 )
             )

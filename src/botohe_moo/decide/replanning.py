@@ -1,0 +1,168 @@
+"""Making a plan anew for a mission under way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo._base.types import FloatArray
+from botohe_moo.decide.fronts import (
+    PlansOrObjectives,
+    check_row,
+    difference_text,
+    front_rows,
+    objectives_of,
+    short_text,
+)
+from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.underway import Event, UnderWay, under_way
+from botohe_moo.search.local_search import LocalSearch
+from botohe_moo.trails import TrailPlan
+
+
+@dataclass(frozen=True)
+class Replan:
+    """The best rest of a plan at a price, and the front of all rests.
+
+    Attributes
+    ----------
+    left
+        What is left of the mission and of its plan.
+    price
+        What a survivor is worth, as reward.
+    plan
+        The plan of ``left.mission`` that has most reward and worth of survivors.
+    objectives, before
+        Its E[R] and E[S], and those of the rest of the running plan. Rewards that count already
+        are ``left.banked``.
+    plans, front
+        All plans found that are not dominated, by descending reward, and their objectives.
+    """
+
+    left: UnderWay
+    price: float
+    plan: TrailPlan
+    objectives: FloatArray
+    before: FloatArray
+    plans: tuple[TrailPlan, ...]
+    front: FloatArray
+
+    @property
+    def gain(self) -> float:
+        """What the new plan is worth more than the rest of the old one, as reward; at least 0."""
+        return _worth(self.objectives, self.price) - _worth(self.before, self.price)
+
+    def __str__(self) -> str:
+        price = f"A robot more costs {short_text(self.price)} reward."
+        if self.gain <= 0.0:
+            return f"{price} What is left of the plan stays as it is."
+        more = self.objectives - self.before
+        reward, survivors = map(difference_text, more.tolist(), ("reward", "survivors"))
+        return f"{price} The new plan has {reward} and {survivors}."
+
+
+def robot_price(mission: Mission, plans: PlansOrObjectives, index: int) -> float:
+    """Compute what a survivor is worth, as reward, to whoever chooses a plan of a front.
+
+    It is the slope of the convex hull of the front at the plan's survivors; where two edges of the
+    hull meet, their mean.
+
+    Parameters
+    ----------
+    mission, plans, index
+        As for :func:`neighbours`.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import robot_price
+    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
+    >>> robot_price(load_mission("toy"), front, 1)
+    4.0
+    """
+    objectives = objectives_of(mission, plans)
+    index = check_row("index", index, len(objectives))
+    hull: list[FloatArray] = []
+    for point in objectives[front_rows(objectives)]:  # by ascending survivors
+        while len(hull) > 1 and _turns_left(hull[-2], hull[-1], point):
+            hull.pop()
+        hull.append(point)
+    if len(hull) == 1:
+        return 0.0
+    corners = np.array(hull)
+    slopes = -np.diff(corners[:, 0]) / np.diff(corners[:, 1])
+    at = objectives[index, 1]
+    first = max(0, int(np.searchsorted(corners[1:-1, 1], at, "left")))
+    last = min(len(slopes) - 1, int(np.searchsorted(corners[1:-1, 1], at, "right")))
+    return float((slopes[first] + slopes[last]) / 2)
+
+
+def _turns_left(one: FloatArray, middle: FloatArray, other: FloatArray) -> bool:
+    """Return whether a point lies on or below the line from one point to another."""
+    (reward, survivors), (more, fewer) = middle - one, other - one
+    return bool(reward * fewer <= more * survivors)
+
+
+def replan(
+    mission: Mission,
+    plan: TrailPlan,
+    events: Iterable[Event],
+    *,
+    price: float,
+    evaluations: int = 400,
+    seed: int = 1,
+    min_survival: float = 0.0,
+    max_length: float | None = None,
+) -> Replan:
+    """Make a plan anew for what is left of a mission after some events.
+
+    A Pareto local search starts from the rest of the running plan, so that no plan found is worse.
+
+    Parameters
+    ----------
+    mission, plan, events
+        As for :func:`under_way`, which also says what is raised.
+    price
+        What a survivor is worth, as reward, at least 0; :func:`robot_price` gives that of a plan.
+    evaluations
+        Plans to evaluate, at least 0.
+    seed
+        Seed of the search, at least 0.
+    min_survival, max_length
+        As for :func:`under_way`.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import replan
+    >>> from botohe_moo.mission import Event
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> new = replan(toy, plan, [Event(0, "lost")], price=1)
+    >>> new.left.mission.robots, new.gain >= 0
+    (1, True)
+    """
+    check_mission(mission)
+    price = check_number("price", price, at_least=0)
+    evaluations = check_integer("evaluations", evaluations, at_least=0)
+    generator = np.random.default_rng(check_integer("seed", seed, at_least=0))
+    left = under_way(mission, plan, events, min_survival=min_survival, max_length=max_length)
+    rest = left.mission
+    search = LocalSearch(rest, rest.limits(min_survival), random_state=generator)
+    search.insert(rest.batch([left.plan, rest.stay_home()]))
+    search.run(evaluations)
+    batch, objectives, _ = search.plans()
+    plans = tuple(batch)
+    [before] = rest.evaluate([left.plan])
+    worth = objectives @ np.array([1.0, price])
+    best = int(np.argmax(worth))
+    if worth[best] <= _worth(before, price):
+        return Replan(left, price, left.plan, before, before, plans, objectives)
+    return Replan(left, price, plans[best], objectives[best], before, plans, objectives)
+
+
+def _worth(objectives: FloatArray, price: float) -> float:
+    return float(objectives[0] + price * objectives[1])
