@@ -150,8 +150,15 @@ def replan(
     evaluations = check_integer("evaluations", evaluations, at_least=0)
     generator = np.random.default_rng(check_integer("seed", seed, at_least=0))
     left = under_way(mission, plan, events, min_survival=min_survival, max_length=max_length)
+    return replan_left(left, price, evaluations, generator)
+
+
+def replan_left(
+    left: UnderWay, price: float, evaluations: int, random_state: np.random.Generator
+) -> Replan:
+    """Make a plan anew for what is left of a mission, as `replan` does."""
     rest = left.mission
-    search = LocalSearch(rest, rest.limits(min_survival), random_state=generator)
+    search = LocalSearch(rest, rest.limits(), random_state=random_state)
     search.insert(rest.batch([left.plan, rest.stay_home()]))
     search.run(evaluations)
     batch, objectives, _ = search.plans()

@@ -70,7 +70,7 @@ class Event:
 
 
 @dataclass
-class _Robot:
+class RobotState:
     """A robot under way."""
 
     number: int
@@ -83,10 +83,12 @@ class _Robot:
 
     @property
     def place(self) -> Hashable:
+        """The node where it is, or was when it was lost."""
         return self.trail[self.at]
 
     @property
     def has_left(self) -> bool:
+        """Whether it is not one of the robots of its kind that may still go anywhere."""
         return self.at > 0 or self.state == "home"
 
 
@@ -146,22 +148,27 @@ def under_way(
         If all robots are lost, or a robot has no way left to its end.
     """
     mission.evaluate([plan])
-    trails = mission.labels(plan)
-    robots = [
-        _Robot(number, kind, trail)
-        for number, (kind, trail) in enumerate(zip(mission.kind_of, trails, strict=True))
-    ]
-    events = list(events)
+    robots, events = robots_at_start(mission, plan), list(events)
     if not events:
         return UnderWay(mission, plan, tuple(range(mission.robots)), 0.0)
     faults = [fault for i, event in enumerate(events) if (fault := _happen(robots, event, i))]
     if faults:
         raise EventError("\n".join(faults))
-    left, banked = _pay(mission, robots)
+    return left_of(mission, robots, mission.limits(min_survival, max_length))
+
+
+def robots_at_start(mission: Any, plan: TrailPlan) -> list[RobotState]:
+    """Return the robots of a plan before anything has happened."""
+    trails = zip(mission.kind_of, mission.labels(plan), strict=True)
+    return [RobotState(number, kind, trail) for number, (kind, trail) in enumerate(trails)]
+
+
+def left_of(mission: Any, robots: Sequence[RobotState], limits: Limits) -> UnderWay:
+    """Return what is left of a mission whose robots are where they are; see `under_way`."""
+    left, banked = pay(mission, robots)
     kept = [robot for robot in robots if robot.state != "lost"]
     if not kept:
         raise MissionError("all robots are lost", f"Mission {quoted(mission.name)}")
-    limits = mission.limits(min_survival, max_length)
     kinds, members = _kinds_left(mission, kept, limits)
     graph = _graph_left(mission, kinds, members, left)
     with warnings.catch_warnings():  # that nobody can collect what is behind used arcs
@@ -173,7 +180,7 @@ def under_way(
     return UnderWay(rest, rest.plan(tails), tuple(robot.number for robot in order), banked)
 
 
-def _happen(robots: Sequence[_Robot], event: Event, number: int) -> str | None:
+def _happen(robots: Sequence[RobotState], event: Event, number: int) -> str | None:
     """Let an event happen; return what is wrong with it, if anything is."""
     where = f"Event {number}: {event}"
     if event.what not in HAPPENINGS:
@@ -201,7 +208,7 @@ def _happen(robots: Sequence[_Robot], event: Event, number: int) -> str | None:
     return None
 
 
-def _pay(mission: Any, robots: Sequence[_Robot]) -> tuple[dict[Hashable, float], float]:
+def pay(mission: Any, robots: Sequence[RobotState]) -> tuple[dict[Hashable, float], float]:
     """Credit what robots have collected, note what they carry, and return what nodes still pay."""
     nodes = mission.graph.nodes
     left = {node: float(attributes["reward"]) for node, attributes in nodes.items()}
@@ -227,8 +234,8 @@ def _pay(mission: Any, robots: Sequence[_Robot]) -> tuple[dict[Hashable, float],
 
 
 def _kinds_left(
-    mission: Any, robots: Sequence[_Robot], limits: Limits
-) -> tuple[list[Kind], list[list[_Robot]]]:
+    mission: Any, robots: Sequence[RobotState], limits: Limits
+) -> tuple[list[Kind], list[list[RobotState]]]:
     """Return the kinds of robots that are left, and the robots of each."""
     taken = {kind.name for kind in mission.kinds}
     kinds, members = [], []
@@ -278,7 +285,7 @@ def _kinds_left(
 def _graph_left(
     mission: Any,
     kinds: Sequence[Kind],
-    members: Sequence[Sequence[_Robot]],
+    members: Sequence[Sequence[RobotState]],
     left: dict[Hashable, float],
 ) -> nx.DiGraph[Any]:
     """Return the graph with what each robot can still do and collect."""
