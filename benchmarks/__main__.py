@@ -3,8 +3,8 @@
 The names are curves, speed, growth, allocations (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, budgets, orienteering (results/local-
 search/), fronts, large (results/growth/), bounds (results/bounds/), pictures (results/choosing/),
-gallery (results/gallery/), explorer (results/explorer/), teams (results/teams/), start and pace
-(results/start/). ``--before`` names another checkout, which start and pace measure beside this one.
+gallery (results/gallery/), explorer (results/explorer/), teams (results/teams/), underway
+(results/underway/), start and pace (results/start/). ``--before`` names another checkout, which start and pace measure beside this one.
 The exit status is 1 if a curve is not the published one, or an area, a reward, a gap, a gain, a
 ratio to BO-ACO or a size misses its bound; times themselves, and ratios to another checkout, are
 never judged, machines differ.
@@ -36,6 +36,7 @@ from benchmarks import (
     start,
     studies,
     teams,
+    underway,
 )
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -57,6 +58,7 @@ BENCHMARKS = {
     "pictures": (pictures.run, "choosing"),
     "gallery": (gallery.run, "gallery"),
     "teams": (teams.run, "teams"),
+    "underway": (underway.run, "underway"),
     "start": (start.run, "start"),
     "pace": (pace.run, "start"),
 }

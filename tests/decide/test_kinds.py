@@ -18,7 +18,7 @@ import pytest
 from hypothesis import given
 
 from botohe_moo import Kind, Mission, TrailPlan, read_solution
-from botohe_moo.cli.choose import _trails_text
+from botohe_moo.cli.choose import trails_text
 from botohe_moo.decide import (
     Chance,
     Expected,
@@ -253,7 +253,7 @@ def test_a_solution_is_read_back(tmp_path):
 
 
 def test_the_text_of_a_choice_names_kinds():
-    assert _trails_text(HOUSE, ATTIC).splitlines() == [
+    assert trails_text(HOUSE, ATTIC).splitlines() == [
         "robot 0 (drone, survival 0.500): roof -> attic -> roof",
         "robot 1 (drone, survival 1.000): stays at roof",
         "robot 2 (rover, survival 0.750): dock -> cellar -> dock",

@@ -31,6 +31,7 @@ from botohe_moo.cli.options import (
     out_option,
     read_parameters,
 )
+from botohe_moo.cli.replan import replan_mission
 from botohe_moo.cli.shell import (
     FAILED,
     INTERRUPTED,
@@ -68,6 +69,7 @@ app.command("bound")(bound_mission)
 app.command("check")(check_conformance)
 app.command("choose")(choose_plan)
 app.command("explore")(explore_front)
+app.command("replan")(replan_mission)
 app.add_typer(missions_app, name="missions")
 app.add_typer(study_app, name="study")
 

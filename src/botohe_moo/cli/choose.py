@@ -158,11 +158,11 @@ def tell_choice(mission: Mission, choice: Choice, folder: Path) -> None:
     """Print a choice, the trails of its plan, and how to look at it."""
     title, *sentences = str(choice).split("\n")  # labels may hold other ends of lines
     tell("\n".join([title, *(paragraph(sentence) for sentence in sentences)]))
-    tell(f"\n{_trails_text(mission, choice.plan)}")
+    tell(f"\n{trails_text(mission, choice.plan)}")
     tell(f"\n`botohe explore {shlex.quote(str(folder))}` makes a page that shows it on the map.")
 
 
-def _trails_text(mission: Mission, plan: TrailPlan) -> str:
+def trails_text(mission: Mission, plan: TrailPlan) -> str:
     """Write the trails of a plan, a line for each robot."""
     from botohe_moo._base.words import probability_text
     from botohe_moo.decide.wishes import label_text

@@ -140,9 +140,14 @@ def _make(mission: Mission, kind: Any, parts: dict[str, str]) -> Wish:
     if parts.get("kind"):
         given["kind"] = _kind(mission, parts["kind"], _labels(parts["kind"]))
     if "node" in parts:
-        given["node"] = _node(mission, parts["node"], _labels(parts["node"]))
+        given["node"] = node_of(mission, parts["node"])
     made: Wish = kind(**given)
     return made
+
+
+def node_of(mission: Mission, text: str) -> Hashable:
+    """Return the node that a text names, as in a wish; a ValueError names one that is unknown."""
+    return _node(mission, text, _labels(text))
 
 
 def _labels(text: str) -> Iterator[Hashable]:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import time
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,6 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 POLICIES = ("static", "losses", "arrivals", "one by one")
+_AT_ONCE = 25  # missions that a worker plays before it says so
 
 
 class Policy(NamedTuple):
@@ -55,6 +60,7 @@ def simulate_policy(
     evaluations: int = 400,
     min_survival: float = 0.0,
     max_length: float | None = None,
+    workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
     """Play missions, and compare what comes of them under each policy with the plan as it is.
@@ -80,8 +86,10 @@ def simulate_policy(
         Of each replan, at least 0.
     min_survival, max_length
         The limits of the plan, as for :func:`under_way`.
+    workers
+        Processes that play missions, at least 1; the table does not depend on their number.
     progress
-        Called after each mission with the number of missions played.
+        Called with the number of missions played, whenever some have been.
 
     Returns
     -------
@@ -100,17 +108,24 @@ def simulate_policy(
     seed = check_integer("seed", seed, at_least=0)
     evaluations = check_integer("evaluations", evaluations, at_least=0)
     check_mission(mission).evaluate([plan])
+    workers = check_integer("workers", workers, at_least=1)
     limits = mission.limits(min_survival, max_length)
-    results: dict[str, list[Played]] = {name: [] for name in dict.fromkeys(["static", *names])}
-    n_hops = len(mission.graph.edges)
-    for number in range(missions):
-        for name, played in results.items():
-            generator = np.random.default_rng([seed, number])
-            dangers = generator.random((mission.robots, n_hops))
-            how = Policy(name, price, evaluations, limits)
-            played.append(play(mission, plan, how, dangers, generator))
-        if progress is not None:
-            progress(number + 1)
+    tried = ("static", *(name for name in names if name != "static"))
+    policies = [Policy(name, price, evaluations, limits) for name in tried]
+    blocks = [range(i, min(i + _AT_ONCE, missions)) for i in range(0, missions, _AT_ONCE)]
+    play_block = partial(_play_missions, mission, plan, policies, seed)
+    results: dict[str, list[Played]] = {name: [] for name in tried}
+    with ExitStack() as stack:
+        mapped = map
+        if workers > 1 and len(blocks) > 1:
+            context = multiprocessing.get_context("spawn")
+            pool = ProcessPoolExecutor(min(workers, len(blocks)), mp_context=context)
+            mapped = stack.enter_context(pool).map  # type: ignore[assignment]
+        for block, found in zip(blocks, mapped(play_block, blocks), strict=True):
+            for name, played in found.items():
+                results[name] += played
+            if progress is not None:
+                progress(block.stop)
     base = _worth(results["static"], price)
     rows = []
     for name in names:
@@ -129,6 +144,23 @@ def simulate_policy(
             }
         )
     return pd.DataFrame(rows)
+
+
+def _play_missions(
+    mission: Mission,
+    plan: TrailPlan,
+    policies: Sequence[Policy],
+    seed: int,
+    numbers: Iterable[int],
+) -> dict[str, list[Played]]:
+    """Play some missions under each policy, by their numbers."""
+    results: dict[str, list[Played]] = {policy.name: [] for policy in policies}
+    for number in numbers:
+        for policy in policies:
+            generator = np.random.default_rng([seed, number])
+            dangers = generator.random((mission.robots, len(mission.graph.edges)))
+            results[policy.name].append(play(mission, plan, policy, dangers, generator))
+    return results
 
 
 def _worth(played: Iterable[Played], price: float) -> FloatArray:

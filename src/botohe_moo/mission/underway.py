@@ -54,11 +54,14 @@ class Event:
         The node that it has reached. Of a lost robot, the node to which it was on its way, so that
         it has reached all before; None if it is not known where it was lost: then nothing counts
         that it may have reached since its last event.
+    where
+        What errors call the event, such as the row of a file; by default its number in the list.
     """
 
     robot: int
     what: str
     node: Hashable | None = None
+    where: str | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
         if self.what == "reached":
@@ -182,9 +185,10 @@ def left_of(mission: Any, robots: Sequence[RobotState], limits: Limits) -> Under
 
 def _happen(robots: Sequence[RobotState], event: Event, number: int) -> str | None:
     """Let an event happen; return what is wrong with it, if anything is."""
-    where = f"Event {number}: {event}"
+    named = event.where or f"Event {number}"
+    where = f"{named}: {event}"
     if event.what not in HAPPENINGS:
-        return f"Event {number}: expected 'reached', 'lost' or 'home', got {quoted(event.what)}."
+        return f"{named}: expected 'reached', 'lost' or 'home', got {quoted(event.what)}."
     is_row = isinstance(event.robot, int) and not isinstance(event.robot, bool)
     if not is_row or not 0 <= event.robot < len(robots):
         team = counted(len(robots), "robot")

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.transforms import Bbox
 
 from botohe_moo._base.words import probability_text
-from botohe_moo.decide import Mark, knees, representatives
+from botohe_moo.decide import Mark, Replan, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots.draw.canvas import open_axes
@@ -181,6 +181,51 @@ def plot_choices(
             name_map(small, "; ".join(parts))
         title_above(ax, mission.title if title is None else title, "; ".join(dict.fromkeys(notes)))
     return ax
+
+
+def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
+    """Draw what is left of a plan, and beside it the plan that was made anew.
+
+    Robots that are under way have a triangle where they are.
+
+    Parameters
+    ----------
+    found
+        What :func:`botohe_moo.decide.replan` returns.
+    title
+        Name of the picture; default: the mission's title, and what changes.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes of the map of the old plan.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import replan
+    >>> from botohe_moo.mission import Event
+    >>> from botohe_moo.plots import plot_replan, save_plot
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> found = replan(toy, plan, [Event(0, "lost", 4)], price=1)
+    >>> save_plot(plot_replan(found), "replan.png")
+    """
+    mission, notes = found.left.mission, []
+    with theme():
+        old, new = open_sheet(mission, 1, 1, widest=6.4, room=name_room(mission))
+        add_reach_bar(old, new)
+        for ax, plan, words in (
+            (old, found.left.plan, "what is left of the plan"),
+            (new, found.plan, "the new plan"),
+        ):
+            shown = DrawnPlan(mission, plan)
+            notes += [*shown.staying, *shown.draw_team(ax), *shown.marks]
+            name_map(ax, f"{words}: {shown.objectives}")
+        if title is None:
+            title = f"{mission.title}\n{found}"
+        title_sheet(old, title, "; ".join(dict.fromkeys(notes)))
+    return old
 
 
 def _draw_mark(ax: Axes, mark: Mark) -> None:

@@ -1,0 +1,62 @@
+"""What replanning is worth: missions played with plans that stay, and that are made anew."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from botohe_moo import Mission, load_mission, solve
+from botohe_moo.decide import robot_price, simulate_policy
+
+# Missions with their parameters, and when they pay.
+SITES: tuple[tuple[str, dict[str, Any], str], ...] = (
+    ("art_museum", {}, "arrival"),
+    ("art_museum", {}, "return"),
+    ("power_plant", {}, "arrival"),
+    ("power_plant", {}, "return"),
+    ("terrain", {"nodes": 30, "seed": 3}, "arrival"),
+    ("terrain", {"nodes": 30, "seed": 3}, "return"),
+    ("terrain", {"nodes": 60, "seed": 3}, "arrival"),
+    ("terrain", {"nodes": 60, "seed": 3}, "return"),
+)
+# The share of the robots that are expected to survive the plans that are played.
+SHARES = {"arrival": (0.35, 0.55, 0.8), "return": (0.4, 0.6, 0.75)}
+POLICIES = ("static", "losses", "one by one")
+MISSIONS, EVALUATIONS = 2_000, 300_000
+
+
+def run(folder: Path) -> bool:
+    """Print and write the table: a row for each site, plan and policy."""
+    rows = []
+    for name, parameters, pays in SITES:
+        mission = load_mission(name, **parameters)
+        if pays == "return":
+            mission = Mission(mission.graph, pays=pays, robots=mission.robots)
+        solution = solve(mission, evaluations=EVALUATIONS)
+        for share in SHARES[pays]:
+            distances = abs(solution.objectives[:, 1] - share * mission.robots)
+            row = int(np.argmin(distances))
+            price = robot_price(mission, solution.objectives, row)
+            table = simulate_policy(
+                mission,
+                solution.plans[row],
+                POLICIES,
+                price=price,
+                missions=MISSIONS,
+                workers=os.cpu_count() or 1,
+            )
+            reward, survivors = solution.objectives[row]
+            table.insert(0, "mission", name)
+            table.insert(1, "nodes", len(mission.nodes))
+            table.insert(2, "pays", pays)
+            table.insert(3, "E[R]", reward)
+            table.insert(4, "E[S]", survivors)
+            table.insert(5, "price", price)
+            table["percent"] = 100 * table["gain"] / reward
+            print(table.round(3).to_string(index=False), flush=True)
+            rows.append(table)
+    whole = pd.concat(rows).drop(columns="ms_each").round(4)
+    whole.to_csv(folder / "underway.csv", index=False)
+    return True
