@@ -795,6 +795,32 @@ class TestBound:
         assert "it has 2, the mission 3" in message
 
 
+class TestReplan:
+    @pytest.fixture
+    def out(self, botohe, tmp_path):
+        assert botohe("solve", "toy", "-a", "greedy", "-n", 50, "--out", "out").status == 0
+        return tmp_path / "out"
+
+    def test_a_robot_is_lost(self, botohe, out, tmp_path):
+        (tmp_path / "events.csv").write_text("robot,event,node\n0,lost,\n")
+        ended = botohe("replan", "out", "events.csv", "--plan", 0, "--out", "rest")
+        assert (ended.status, ended.err) == (0, "")
+        assert "A robot more costs" in flat(ended.out)
+        rest = read_solution(tmp_path / "rest")
+        assert rest.mission.robots == read_solution(out).mission.robots - 1
+        assert names_in(tmp_path / "rest") == sorted([*FILES, "replan.png"])
+
+    def test_bad_input(self, refused, out, tmp_path):
+        (tmp_path / "events.csv").write_text("robot,event,node\n0,lost,\n0,reached,2\n")
+        message = refused("replan", "out", "events.csv", "--plan", 0, "--out", "rest")
+        assert "events.csv, row 3: robot 0 reached 2: it is lost already." in message
+        assert not (tmp_path / "rest").exists()
+        message = refused("replan", "out", "events.csv", "--plan", 99)
+        assert "Expected --plan" in message
+        message = refused("replan", "out", "events.csv", "--plan", 0, "--out", out)
+        assert "the folder of the plan itself" in message
+
+
 @pytest.mark.slow
 class TestCertify:
     SOLVE = ("solve", "toy", "-a", "greedy", "-n", 50, "--out", "out")

@@ -15,7 +15,7 @@ from botohe_moo.testing import algorithms, missions
 from tests.docs.guides import DOCS, GUIDES, ROOT, blocks, links, printed_by, words
 
 # Read from top to bottom in one session; every block of the others stands alone.
-SESSIONS = {"model", "studies", "tour"}
+SESSIONS = {"model", "studies", "tour", "under-way"}
 # Blocks that are tables, by what they begin with: commands below them read these files.
 TABLES = {"label,": "nodes.csv", "tail,": "arcs.csv", "robot,": "events.csv"}
 # Their commands need the packages that these pages make: see test_examples.py.

@@ -16,7 +16,7 @@ COLUMNS = ("robot", "event", "node")
 
 
 def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
-    """Read what has happened from a CSV file with the columns ``robot``, ``event`` and ``node``.
+    r"""Read what has happened from a CSV file with the columns ``robot``, ``event`` and ``node``.
 
     Robots are rows of the plan, from 0. Events are ``reached``, ``lost`` and ``home``, as of
     :class:`Event`; the node may be empty where it may be None. Labels are written as in wishes.
@@ -35,6 +35,15 @@ def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
         listed, by row.
     MissionError
         If the file is not a table.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import read_events
+    >>> written = Path("events.csv").write_text("robot,event,node\n0,lost,4\n")
+    >>> print(*read_events(load_mission("toy"), "events.csv"))
+    robot 0 lost on the way to 4
     """
     check_mission(mission)
     frame, name = read_table(path), Path(path).name

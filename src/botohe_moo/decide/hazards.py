@@ -12,7 +12,7 @@ import numpy as np
 from botohe_moo._base.checks import check_integer, check_number, quoted
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.decide.judging import Candidates
-from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT
+from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import collect_probabilities
@@ -205,10 +205,9 @@ def _rewards_without(mission: Mission, plan: TrailPlan, subsets: OffsetArray) ->
     """Compute E[R] of a plan without the robots of each subset (n_subsets, alpha)."""
     present = np.ones((plan.n_robots, len(subsets)), dtype=bool)
     np.put_along_axis(present, subsets.T, False, axis=0)
-    collected, n = collect_probabilities(mission, plan), len(mission.nodes)
-    at_start = _collected_at_start(mission)
+    collected, at_start = collect_probabilities(mission, plan), _collected_at_start(mission)
     rewards, base = np.zeros(len(subsets)), mission.index(mission.base)
-    for node in [base, *np.setdiff1d(plan.nodes % n, base)]:
+    for node in [base, *np.setdiff1d(np.flatnonzero(collected.any(axis=0)), base)]:
         visitors = np.flatnonzero(collected[:, node])
         chances = (of[visitors, node, None] for of in (collected, at_start))
         missed = 1 - np.where(present[visitors], *chances)
@@ -225,4 +224,8 @@ def _collected_at_start(mission: Mission) -> FloatArray:
         paid = kinds.credit[kinds.start] != AT_NEXT_DEPOT
         where = np.arange(mission.robots), kinds.origin[kinds.start]
         collected[where] = kinds.share[kinds.start] * paid
+        for robot in np.flatnonzero(kinds.credit[kinds.start] == AT_THIS_DEPOT):
+            aboard = kinds.aboard[kinds.aboard_first[robot] : kinds.aboard_stop[robot]]
+            layer = kinds.start[robot] - kinds.origin[kinds.start[robot]]
+            collected[robot, aboard] = kinds.share[layer + aboard]
     return collected

@@ -97,6 +97,16 @@ def simulate_policy(
         A row for each policy, with the columns ``policy``, ``reward`` and ``survivors`` (means),
         ``gain`` (what a mission is worth more than under the static policy, at the price),
         ``gain_se`` (its standard error), ``replans`` (a mission) and ``ms_each``.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import simulate_policy
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
+    >>> table = simulate_policy(toy, plan, "losses", price=2, missions=20)
+    >>> bool(table["gain"][0] >= 0)
+    True
     """
     import pandas as pd
 

@@ -40,6 +40,17 @@ class Replan:
         are ``left.banked``.
     plans, front
         All plans found that are not dominated, by descending reward, and their objectives.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import Replan, replan
+    >>> from botohe_moo.mission import Event
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
+    >>> found = replan(toy, plan, [Event(1, "home")], price=50)
+    >>> isinstance(found, Replan), found.left.banked
+    (True, 1.0)
     """
 
     left: UnderWay

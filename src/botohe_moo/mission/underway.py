@@ -56,6 +56,12 @@ class Event:
         that it may have reached since its last event.
     where
         What errors call the event, such as the row of a file; by default its number in the list.
+
+    Examples
+    --------
+    >>> from botohe_moo.mission import Event
+    >>> print(Event(2, "lost", "lab"))
+    robot 2 lost on the way to 'lab'
     """
 
     robot: int
@@ -109,6 +115,15 @@ class UnderWay:
         The row in the old plan of each robot of the new one.
     banked
         The expected reward that counts already.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.mission import Event, UnderWay, under_way
+    >>> toy = load_mission("toy")
+    >>> left = under_way(toy, toy.stay_home(), [Event(1, "lost")])
+    >>> isinstance(left, UnderWay), left.mission.robots, left.robots
+    (True, 1, (0,))
     """
 
     mission: Any  # a `Mission`, whose module imports this one
@@ -149,6 +164,16 @@ def under_way(
         If events are not of the robots of the plan, or not in the order of their trails.
     MissionError
         If all robots are lost, or a robot has no way left to its end.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.mission import Event, under_way
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> left = under_way(toy, plan, [Event(0, "reached", 4)])
+    >>> left.mission.labels(left.plan), left.robots, left.banked
+    (((1,), (4, 2, 1)), (1, 0), 4.0)
     """
     mission.evaluate([plan])
     robots, events = robots_at_start(mission, plan), list(events)

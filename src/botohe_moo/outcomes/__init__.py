@@ -14,6 +14,5 @@ if TYPE_CHECKING:
     from botohe_moo.outcomes.reaching import collect_probabilities as collect_probabilities
     from botohe_moo.outcomes.reaching import reach_probabilities as reach_probabilities
     from botohe_moo.outcomes.reaching import team_reach as team_reach
-    from botohe_moo.outcomes.worst import worst_case as worst_case
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)
