@@ -151,6 +151,10 @@ class Ant:
         self.mission, self.rule, self.pheromone, self.weight = mission, rule, pheromone, weight
         self.limits, self.n_nodes = limits, len(mission.nodes)
         self.ends = [ends_of(mission, robot) for robot in range(mission.robots)]
+        self.aboard = [  # as indices of kernels
+            {start - start % self.n_nodes + mission.index(label) for label in kind.aboard} - {start}
+            for kind, (start, _) in zip(mission.kind_of, self.ends, strict=True)
+        ]
         self.survival, self.length = _ARCS.of(mission).survival, _ARCS.of(mission).length
         self.expected = {node: self.expect(node) for node in range(mission.arrays.n_nodes)}
         self.leaving = {node: [] for node in self.expected}
@@ -196,7 +200,7 @@ class Ant:
     def attraction(self, arc, trail, unreached, robot):
         survival = self.survival.get(arc, 1.0)
         eta_reward, eta_survival = self.rule.reward_epsilon, self.rule.survival_epsilon + survival
-        if arc[1] not in trail:
+        if arc[1] not in trail and arc[1] not in self.aboard[robot]:
             gained = self.rule.unvisited_bonus + survival * self.worth(arc[1])
             eta_reward += gained * unreached[arc[1] % self.n_nodes]
         if not self.rule.heuristic:
@@ -219,19 +223,26 @@ class Ant:
         total = sum(weights.values())
         return {arc: weight / total for arc, weight in weights.items()}
 
-    def chances(self, trail):
-        """For each node of the mission the probability that the robot is paid there."""
+    def chances(self, trail, robot):
+        """For each node of the mission the probability that the robot is paid there.
+
+        What it carries from the start it brings home from there.
+        """
         chances, alive = dict.fromkeys(range(self.n_nodes), 0.0), 1.0
+        home, aboard = self.mission.arrays.home, self.aboard[robot]
+        for node in aboard:
+            chances[node % self.n_nodes] = self.expected[node] / home[node] * home[trail[0]]
         for position, node in enumerate(trail):
             if position:
                 alive *= self.survival[trail[position - 1], node]
-            if node not in trail[:position]:
+            if node not in trail[:position] and node not in aboard:
                 chances[node % self.n_nodes] = alive * self.expected[node]
         return chances
 
-    def after(self, trail, unreached):
+    def after(self, trail, unreached, robot):
         """For each node the probability that no robot so far is paid there, this one included."""
-        return {node: unreached[node] * (1 - p) for node, p in self.chances(trail).items()}
+        chances = self.chances(trail, robot)
+        return {node: unreached[node] * (1 - p) for node, p in chances.items()}
 
     def build(self, rng):
         """Build one plan; ``rng`` is a random.Random."""
@@ -245,7 +256,7 @@ class Ant:
                     break
                 trail.append(arc[1])
             trails.append(trail)
-            unreached = self.after(trail, unreached)
+            unreached = self.after(trail, unreached, robot)
         return trails
 
     def plan_probabilities(self):
@@ -264,7 +275,7 @@ class Ant:
                 yield 1.0, ()
                 return
             for probability, trail in complete([self.ends[robot][0]], unreached, robot):
-                for rest, others in robots(robot + 1, self.after(trail, unreached)):
+                for rest, others in robots(robot + 1, self.after(trail, unreached, robot)):
                     yield probability * rest, (tuple(trail), *others)
 
         found = {}
@@ -282,7 +293,7 @@ class ConcurrentAnt(Ant):
     def unreached_by_others(self, trails, robot):
         """What the others leave, of whom some have not begun before the robot's second turn."""
         begun = trails if len(trails[robot]) > 1 else trails[:robot]
-        others = [self.chances(trail) for other, trail in enumerate(begun) if other != robot]
+        others = [self.chances(t, other) for other, t in enumerate(begun) if other != robot]
         return {node: prod(1 - p[node] for p in others) for node in range(self.n_nodes)}
 
     def next_hops(self, trails, out):

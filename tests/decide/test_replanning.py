@@ -83,6 +83,20 @@ def test_policies_meet_the_same_dangers():
     assert again[columns].to_numpy().tolist() == table[columns][1:2].to_numpy().tolist()
 
 
+@pytest.mark.slow
+def test_any_number_of_workers_plays_the_same_missions():
+    toy = load_mission("toy")
+    plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
+    done, tables = [], []
+    for workers in (1, 2):
+        table = simulate_policy(
+            toy, plan, price=2, missions=60, workers=workers, progress=done.append
+        )
+        tables.append(table.drop(columns="ms_each"))
+    assert tables[0].equals(tables[1])
+    assert done == [25, 50, 60] * 2
+
+
 class TestTables:
     def read(self, tmp_path, text):
         path = tmp_path / "events.csv"

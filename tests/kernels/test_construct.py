@@ -141,7 +141,8 @@ def assert_frequencies(ants, twin, n_times=20_000):
 def crossing_of_kinds():
     """The same for a drone, and a rover that goes from 3 to 2 and cannot get from 1 to 3.
 
-    A depot, where the rover gets half of what there is, and a node that pays on return.
+    A depot, where the rover gets half of what there is, and a node that pays on return, where the
+    rover has been.
     """
     graph = crossing(2).graph.copy()
     for arc, attributes in graph.edges.items():
@@ -149,8 +150,8 @@ def crossing_of_kinds():
         attributes["survival"] = {"drone": survival, "rover": (1 - survival / 3) * (arc != (1, 3))}
     graph.nodes[1].update(share={"rover": 0.5}, depot=True)
     graph.nodes[2].update(share={"drone": 0.8}, pays="return")
-    kinds = [Kind("drone", 1), Kind("rover", 1, start=3, end=2, min_survival=0.4, max_length=6.5)]
-    return Mission(graph, base=0, kinds=kinds)
+    rover = Kind("rover", 1, start=3, end=2, min_survival=0.4, max_length=6.5, aboard=(2,))
+    return Mission(graph, base=0, kinds=[Kind("drone", 1), rover])
 
 
 def levels_of(mission, pheromone):

@@ -65,7 +65,7 @@ def expected(mission, trails, states):
     return [reward, survivors]
 
 
-@examples(200)
+@examples(400)  # of which make test-all draws half
 @given(
     missions_with_plans(max_robots=3) | team_missions_with_plans(),
     st.data(),
