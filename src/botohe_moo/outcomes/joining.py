@@ -50,12 +50,18 @@ def follow(mission: Mission, plan: TrailPlan) -> Followed:
 def _with_aboard(
     kinds: Kinds, nodes: OffsetArray, alive: FloatArray, offsets: OffsetArray
 ) -> tuple[OffsetArray, FloatArray, OffsetArray]:
-    """Put the nodes whose rewards a robot carries before the trail of each."""
-    n_aboard = kinds.aboard_stop - kinds.aboard_first
+    """Put the nodes whose rewards a robot carries before the trail of each.
+
+    Trails may be of any number of robots; all robots of a kind carry the same.
+    """
+    n, sources = len(kinds.reward), nodes[offsets[:-1]]
+    robots = np.searchsorted(kinds.start // n, sources // n)  # the first of the kind
+    first, stop = kinds.aboard_first[robots], kinds.aboard_stop[robots]
+    n_aboard = stop - first
     if not n_aboard.any():
         return nodes, alive, offsets
     starts = np.repeat(offsets[:-1], n_aboard)
-    places = [kinds.aboard[i:j] for i, j in zip(kinds.aboard_first, kinds.aboard_stop, strict=True)]
+    places = [kinds.aboard[i:j] for i, j in zip(first, stop, strict=True)]
     layers = nodes[starts] - kinds.origin[nodes[starts]]
     added = np.concatenate(places) + layers
     offsets = offsets + np.cumsum([0, *n_aboard])

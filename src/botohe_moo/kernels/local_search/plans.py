@@ -150,7 +150,7 @@ def lay_out(graph: Graph, store: TrailStore, work: Workspace, trail: int) -> Non
     if has_kinds(kinds):
         first, stop = aboard_of(kinds, work.draft.robot)
         for i in range(first, stop):
-            node = nodes[aboard_at(kinds, work.draft.layer, i)]
+            node = nodes[aboard_at(kinds, layer_of(kinds, source), i)]
             node.met = 0
             carried += node.left
         if credit_of(kinds, source) == AT_NEXT_DEPOT:
@@ -210,8 +210,9 @@ def clear_trail(graph: Graph, work: Workspace) -> None:
     """Leave the workspace as it was before ``lay_out``."""
     nodes, steps = work.nodes, work.steps
     first, stop = aboard_of(graph.kinds, work.draft.robot)
+    layer = layer_of(graph.kinds, steps[0].node)
     for i in range(first, stop):
-        nodes[aboard_at(graph.kinds, work.draft.layer, i)].met = NEVER
+        nodes[aboard_at(graph.kinds, layer, i)].met = NEVER
     for i in range(work.draft.length):
         node = steps[i + 1].node
         work.arcs[steps[i].arc].position = -1
