@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from botohe_moo import Mission, load_mission, solve
-from botohe_moo.decide import robot_price, simulate_policy
+from botohe_moo.underway import robot_price, simulate_policy
 
 # Missions with their parameters, and when they pay.
 SITES: tuple[tuple[str, dict[str, Any], str], ...] = (

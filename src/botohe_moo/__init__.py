@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from botohe_moo.algorithms import SimulatedAnnealing as SimulatedAnnealing
     from botohe_moo.algorithms import algorithm_names as algorithm_names
     from botohe_moo.algorithms import make_algorithm as make_algorithm
+    from botohe_moo.decide import worst_case as worst_case
     from botohe_moo.indicators import area_indicator as area_indicator
     from botohe_moo.mission import Kind as Kind
     from botohe_moo.mission import Mission as Mission
@@ -35,5 +36,8 @@ if TYPE_CHECKING:
     from botohe_moo.solution import read_solution as read_solution
     from botohe_moo.solving import solve as solve
     from botohe_moo.trails import TrailPlan as TrailPlan
+    from botohe_moo.underway import Event as Event
+    from botohe_moo.underway import replan as replan
+    from botohe_moo.underway import simulate_policy as simulate_policy
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -6,12 +6,12 @@ import networkx as nx
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission
-from botohe_moo.decide import after_losses, hazards, robustness
-from tests.decide.made import MISSION, NAMES, PLANS, star, trips
+from botohe_moo.decide import after_losses, hazards, robustness, worst_case
+from tests.decide.made import LEAVES, MISSION, NAMES, PLANS, star, trips
 from tests.decide.test_choosing import fronts
 
 COLUMNS = [
@@ -124,10 +124,29 @@ class TestAfterLosses:
             assert left == pytest.approx(min(found.values()))
             assert found[lost] == pytest.approx(left)
 
-    def test_too_many_subsets(self):
-        mission = star(robots=40)
-        expected = (
-            r"^Expected at most 100,000 subsets of robots, got 658,008 of 5 among 40; lower al"
-        )
-        with pytest.raises(ValueError, match=expected):
-            after_losses(mission, [trips(mission, "a")], 5)
+    @given(fronts(max_plans=3), st.data())
+    def test_bounds_of_large_teams(self, front, data):
+        """What is bounded where there are too many sets is never more than the worst case."""
+        mission, plans = front
+        assume(mission.robots > 1)
+        losses = data.draw(st.integers(1, mission.robots - 1))
+        exact = worst_case(mission, plans, losses)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(hazards, "_MAX_SETS", 0)
+            bound = worst_case(mission, plans, losses)
+            assert after_losses(mission, plans, losses)["lost"].tolist() == [None] * len(plans)
+        assert (bound <= exact + 1e-9).all()
+        assert (bound >= -1e-9).all()
+
+    def test_each_of_the_three_bounds(self):
+        """By hand: of 40 robots 6 are lost, in one of 3.8 million sets."""
+        mission = star({**LEAVES, **dict.fromkeys(range(30), (1, 1.0))}, robots=40)
+        alike = trips(mission, *"a" * 10)  # the worst at each node: 4 of 10 are left
+        apart = trips(mission, *range(30))  # the sum: 6 of 30 nodes are lost
+        in_sixes = trips(mission, *"aaaaaa", *"bbbbbb", *"cccccc")  # one alone, to b
+        worst = [mission.evaluate([trips(mission, *"a" * 4)])[0, 0], 24, 1.8]
+        assert worst_case(mission, [alike, apart, in_sixes], 6) == pytest.approx(worst)
+
+    def test_losses_out_of_range(self):
+        with pytest.raises(ValueError, match=r"^Expected losses <= 2, got 3\.$"):
+            worst_case(MISSION, PLANS, 3)

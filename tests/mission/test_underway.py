@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import MissionError, load_mission
-from botohe_moo.mission import Event, EventError, under_way
+from botohe_moo.underway import Event, EventError, under_way
 from tests import twins
 from tests.examples import examples
 from tests.strategies import missions_with_plans, team_missions_with_plans
@@ -28,9 +28,9 @@ def moments(draw, trails):
         positions = range(1, at + 1)
         if how == HOME:
             at = end
-        events += [Event(robot, "reached", trail[i]) for i in positions]
+        events += [Event("reached", robot, trail[i]) for i in positions]
         if how != "out":
-            events.append(Event(robot, how, trail[at + 1] if how == LOST else None))
+            events.append(Event(how, robot, trail[at + 1] if how == LOST else None))
         states.append((at, how))
     return states, events
 
@@ -94,7 +94,7 @@ def test_what_is_left_is_what_enumeration_gives(case, data):
 def test_played_to_its_end_nothing_is_left():
     toy = load_mission("toy")
     plan = toy.plan([[1, 2, 4, 2, 1], [1]])
-    left = under_way(toy, plan, [Event(0, HOME), Event(1, HOME)])
+    left = under_way(toy, plan, [Event(HOME, 0), Event(HOME, 1)])
     assert left.mission.arrays.n_arcs == 0
     assert left.mission.labels(left.plan) == ((1,), (1,))
     assert left.mission.evaluate([left.plan]).tolist() == [[0, 2]]
@@ -107,13 +107,13 @@ def test_bad_events():
         toy.after(
             plan,
             [
-                Event(0, "reached", 4),
-                Event(0, "reached", 4),
-                Event(0, "lost"),
-                Event(0, "lost"),
-                Event(1, "reached", 2),
-                Event(2, "home"),
-                Event(1, "arrived"),
+                Event("reached", 0, 4),
+                Event("reached", 0, 4),
+                Event("lost", 0),
+                Event("lost", 0),
+                Event("reached", 1, 2),
+                Event("home", 2),
+                Event("arrived", 1),
             ],
         )
     assert str(caught.value).splitlines() == [

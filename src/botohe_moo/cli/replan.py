@@ -13,8 +13,8 @@ from botohe_moo.cli.options import SeedOption, out_option
 from botohe_moo.cli.shell import failing, paragraph, tell
 
 if TYPE_CHECKING:
-    from botohe_moo.decide import Replan
     from botohe_moo.solution import Solution
+    from botohe_moo.underway import Replan
 
 PICTURE = "replan.png"
 
@@ -66,9 +66,9 @@ def replan_mission(
     """
     with failing():
         from botohe_moo._base.files import check_folder
-        from botohe_moo.decide import read_events, replan, robot_price
         from botohe_moo.decide.fronts import check_row
         from botohe_moo.solution import read_solution
+        from botohe_moo.underway import read_events, replan, robot_price
 
         solution = read_solution(folder)
         mission, row = solution.mission, check_row("--plan", plan, len(solution.plans))

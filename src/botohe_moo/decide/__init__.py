@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from botohe_moo.decide.comparing import Change as Change
     from botohe_moo.decide.comparing import Difference as Difference
     from botohe_moo.decide.comparing import compare as compare
-    from botohe_moo.decide.events import read_events as read_events
     from botohe_moo.decide.export import plan_csv as plan_csv
     from botohe_moo.decide.export import plan_geojson as plan_geojson
     from botohe_moo.decide.export import plan_json as plan_json
@@ -23,10 +22,7 @@ if TYPE_CHECKING:
     from botohe_moo.decide.grammar import parse_wishes as parse_wishes
     from botohe_moo.decide.hazards import after_losses as after_losses
     from botohe_moo.decide.hazards import robustness as robustness
-    from botohe_moo.decide.policies import simulate_policy as simulate_policy
-    from botohe_moo.decide.replanning import Replan as Replan
-    from botohe_moo.decide.replanning import replan as replan
-    from botohe_moo.decide.replanning import robot_price as robot_price
+    from botohe_moo.decide.hazards import worst_case as worst_case
     from botohe_moo.decide.robots import robot_table as robot_table
     from botohe_moo.decide.tradeoffs import ExchangeRate as ExchangeRate
     from botohe_moo.decide.tradeoffs import Neighbours as Neighbours

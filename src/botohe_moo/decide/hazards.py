@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import combinations
 from math import comb
 from typing import TYPE_CHECKING, Any
@@ -14,14 +14,17 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.decide.judging import Candidates
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
 from botohe_moo.kernels.plans import evaluate as kernels
-from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.model import Mission
 from botohe_moo.outcomes import collect_probabilities
-from botohe_moo.trails import PlanBatch, Plans, TrailPlan
+from botohe_moo.trails import PlanBatch, Plans
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_MAX_SUBSETS = 100_000  # a plan takes a second
+_MAX_SETS = 1_000_000  # of robots that are lost
+_CELLS = 2**20  # numbers that are computed at once
+_LOG_OF_ZERO = -750.0  # exp of it is 0
+_TIE = 1e-12  # of the reward: sets that are as bad
 
 
 def robustness(
@@ -141,36 +144,21 @@ def _regrets(objectives: FloatArray) -> FloatArray:
 
 
 def after_losses(mission: Mission, plans: Plans, alpha: int = 1) -> pd.DataFrame:
-    """Compute E[R] of the remaining robots after the worst loss of robots before the start.
+    """Compute E[R] after the worst loss of robots before the start, and say which robots these are.
 
     Parameters
     ----------
-    mission
-        The mission.
-    plans
-        Its plans.
+    mission, plans
+        As for :func:`worst_case`, which also says what is raised.
     alpha
         How many robots are lost, from 0 to all of them.
 
     Returns
     -------
     pandas.DataFrame
-        A row for each plan: ``plan_id``, ``reward`` as planned, ``reward_left``, the E[R] of the
-        other robots on the same trails, and ``lost``, the robots whose loss costs most, a tuple of
-        their numbers from 0. All subsets are compared; of equal ones the first is named. A robot
-        that is lost before the start collects only what it has where it starts.
-
-    Raises
-    ------
-    ValueError
-        If there is no plan, ``alpha`` is out of its range, or there are more than 100 000 subsets.
-    PlanError
-        If a plan is not valid for the mission.
-
-    Notes
-    -----
-    The robust team orienteering problem: Shi, Zhou and Tokekar, "Robust multiple-path orienteering
-    problem: securing against adversarial attacks", Robotics: Science and Systems, 2020.
+        A row for each plan: ``plan_id``, ``reward`` as planned, ``reward_left``, the
+        :func:`worst_case`, and ``lost``, the robots whose loss costs most, a tuple of their numbers
+        from 0; of equal ones the first. None where ``reward_left`` is a bound.
 
     Examples
     --------
@@ -183,36 +171,125 @@ def after_losses(mission: Mission, plans: Plans, alpha: int = 1) -> pd.DataFrame
     """
     import pandas as pd
 
-    alpha = check_integer("alpha", alpha, at_least=0, at_most=check_mission(mission).robots)
-    if (n_subsets := comb(mission.robots, alpha)) > _MAX_SUBSETS:
-        raise ValueError(
-            f"Expected at most {_MAX_SUBSETS:,} subsets of robots, got {n_subsets:,} of {alpha} "
-            f"among {mission.robots}; lower alpha."
-        )
-    front = Candidates(mission, plans)
-    subsets = np.array(list(combinations(range(mission.robots), alpha)), dtype=np.int64)
-    left, lost = [], []
-    for plan in front.plans:
-        rewards = _rewards_without(mission, plan, subsets)
-        worst = int(rewards.argmin())
-        left.append(float(rewards[worst]))
-        lost.append(tuple(subsets[worst].tolist()))
+    front, losses = Candidates(mission, plans), _check_losses(mission, "alpha", alpha)
+    left, lost = zip(*_worst_cases(front, losses), strict=True)
     columns = {"reward": front.objectives[:, 0], "reward_left": left, "lost": lost}
-    return pd.DataFrame({"plan_id": np.arange(len(front.plans)), **columns})
+    return pd.DataFrame({"plan_id": np.arange(len(front)), **columns})
 
 
-def _rewards_without(mission: Mission, plan: TrailPlan, subsets: OffsetArray) -> FloatArray:
-    """Compute E[R] of a plan without the robots of each subset (n_subsets, alpha)."""
-    present = np.ones((plan.n_robots, len(subsets)), dtype=bool)
-    np.put_along_axis(present, subsets.T, False, axis=0)
-    collected, at_start = collect_probabilities(mission, plan), _collected_at_start(mission)
-    rewards, base = np.zeros(len(subsets)), mission.index(mission.base)
-    for node in [base, *np.setdiff1d(np.flatnonzero(collected.any(axis=0)), base)]:
-        visitors = np.flatnonzero(collected[:, node])
-        chances = (of[visitors, node, None] for of in (collected, at_start))
-        missed = 1 - np.where(present[visitors], *chances)
-        rewards += mission.rewards[node] * (1 - missed.prod(axis=0))
-    return rewards
+def worst_case(mission: Mission, plans: Plans, losses: int = 1) -> FloatArray:
+    """Compute the least E[R] of plans over all sets of robots that never leave, (n_plans,).
+
+    A robot that never leaves collects only what it has where it starts.
+
+    Parameters
+    ----------
+    mission
+        The mission.
+    plans
+        Its plans.
+    losses
+        How many robots never leave, from 0 to all of them.
+
+    Returns
+    -------
+    numpy.ndarray
+        Exact where there are at most a million sets of so many robots; else a lower bound.
+
+    Raises
+    ------
+    ValueError
+        If there is no plan, or ``losses`` is out of its range.
+    PlanError
+        If a plan is not valid for the mission.
+
+    Notes
+    -----
+    The robust multiple-path orienteering problem: Shi, Zhou and Tokekar, "Robust multiple-path
+    orienteering problem: securing against adversarial attacks", Robotics: Science and Systems,
+    2020. The lower bound is the largest of three. E[R] is submodular in the set of robots that
+    leave, so a loss costs at most what the lost robots collect alone; it is monotone, so at least
+    what the best of the others collects alone is left; and no loss costs more than one that is the
+    worst at each node.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, worst_case
+    >>> toy = load_mission("toy")
+    >>> plans = [toy.plan([[1, 2, 4, 2, 1], [1]]), toy.plan([[1, 2, 1], [1, 3, 1]])]
+    >>> worst_case(toy, plans).round(2).tolist()
+    [0.0, 0.9]
+    """
+    front = Candidates(mission, plans)
+    worst = _worst_cases(front, _check_losses(mission, "losses", losses))
+    return np.array([reward for reward, _ in worst])
+
+
+def _check_losses(mission: Mission, name: str, losses: int) -> int:
+    return check_integer(name, losses, at_least=0, at_most=mission.robots)
+
+
+def _worst_cases(front: Candidates, losses: int) -> Iterator[tuple[float, tuple[int, ...] | None]]:
+    """Compute the worst case of each plan; and which robots are lost, None of a bound."""
+    mission = front.mission
+    is_exact = comb(mission.robots, losses) <= _MAX_SETS
+    sets = _sets(mission.robots, losses) if is_exact else _sets(0, 0)
+    at_start = _collected_at_start(mission)
+    for plan in front.plans:
+        collected = collect_probabilities(mission, plan)
+        paying = np.flatnonzero(collected.any(axis=0) & (mission.rewards > 0))
+        rewards, missed = mission.rewards[paying], 1 - collected[:, paying]
+        missed_at_start = 1 - at_start[:, paying]
+        if is_exact:
+            left = _rewards_without(rewards, missed, missed_at_start, sets)
+            worst = int((left <= left.min() + _TIE * rewards.sum()).argmax())
+            yield float(left[worst]), tuple(sets[worst].tolist())
+        else:
+            yield _worst_bound(rewards, missed, missed_at_start, losses), None
+
+
+def _sets(n_robots: int, losses: int) -> OffsetArray:
+    """List the sets of so many robots (n_sets, losses)."""
+    sets = np.array(list(combinations(range(n_robots), losses)), dtype=np.int64)
+    return sets.reshape(comb(n_robots, losses), losses)
+
+
+def _rewards_without(
+    rewards: FloatArray, missed: FloatArray, missed_at_start: FloatArray, sets: OffsetArray
+) -> FloatArray:
+    """Compute E[R] without the robots of each set (n_sets, losses).
+
+    ``missed`` are the probabilities that a robot does not collect a reward (robots, n_rewards) if
+    it follows its trail, ``missed_at_start`` those if it never leaves.
+    """
+    with np.errstate(divide="ignore"):
+        logs, logs_at_start = (
+            np.maximum(np.log(of), _LOG_OF_ZERO) for of in (missed, missed_at_start)
+        )
+    left, n_at_once = np.empty(len(sets)), max(1, _CELLS // max(1, missed.size))
+    for first in range(0, len(sets), n_at_once):
+        some = sets[first : first + n_at_once]
+        lost = np.zeros((len(some), len(missed)))
+        np.put_along_axis(lost, some, 1.0, axis=1)
+        by_nobody = np.exp((1 - lost) @ logs + lost @ logs_at_start)
+        left[first : first + n_at_once] = (1 - by_nobody) @ rewards
+    return left
+
+
+def _worst_bound(
+    rewards: FloatArray, missed: FloatArray, missed_at_start: FloatArray, losses: int
+) -> float:
+    """Bound from below what is left without any set of so many robots; see `worst_case`."""
+    given, n_robots = (rewards, missed, missed_at_start), len(missed)
+    [none], [all_robots] = (_rewards_without(*given, _sets(n_robots, n)) for n in (n_robots, 0))
+    alone = np.sort(_rewards_without(*given, _sets(n_robots, n_robots - 1)))
+    by_sum = all_robots - (alone - none)[-losses:].sum()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(missed > 0, missed_at_start / missed, np.inf)
+    lost = np.zeros(missed.shape, dtype=bool)
+    np.put_along_axis(lost, ratio.argsort(axis=0)[-losses:], True, axis=0)
+    by_node = (1 - np.where(lost, missed_at_start, missed).prod(axis=0)) @ rewards
+    return float(max(by_sum, alone[-losses - 1], by_node))
 
 
 def _collected_at_start(mission: Mission) -> FloatArray:

@@ -12,10 +12,6 @@ if TYPE_CHECKING:
     from botohe_moo.mission.library import load_mission as load_mission
     from botohe_moo.mission.library import mission_names as mission_names
     from botohe_moo.mission.model import Mission as Mission
-    from botohe_moo.mission.underway import Event as Event
-    from botohe_moo.mission.underway import EventError as EventError
-    from botohe_moo.mission.underway import UnderWay as UnderWay
-    from botohe_moo.mission.underway import under_way as under_way
     from botohe_moo.mission.validation import MissionError as MissionError
     from botohe_moo.mission.validation import PlanError as PlanError
 

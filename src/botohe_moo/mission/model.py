@@ -300,10 +300,10 @@ class Mission:
         Examples
         --------
         >>> from botohe_moo import load_mission
-        >>> from botohe_moo.mission import Event
+        >>> from botohe_moo.underway import Event
         >>> toy = load_mission("toy")
         >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
-        >>> rest = toy.after(plan, [Event(0, "reached", 4)])
+        >>> rest = toy.after(plan, [Event("reached", 0, 4)])
         >>> rest.team, rest.kinds[1].start
         ('2 robots (1 robot, 1 robot 0)', 4)
         """

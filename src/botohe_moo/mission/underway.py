@@ -28,11 +28,11 @@ class EventError(ValueError):
     Examples
     --------
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.mission import Event, EventError
+    >>> from botohe_moo.underway import Event, EventError
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
     >>> try:
-    ...     toy.after(plan, [Event(0, "reached", 5)])
+    ...     toy.after(plan, [Event("reached", 0, 5)])
     ... except EventError as error:
     ...     print(error)
     Event 0: robot 0 reached 5: expected a node of the rest of its trail, 2, 4, 2, 1.
@@ -45,11 +45,11 @@ class Event:
 
     Parameters
     ----------
-    robot
-        Its row in the plan, from 0.
     what
         ``"reached"`` a node of its trail, and all nodes of the trail before it; ``"lost"``;
         ``"home"``, at the end of its trail, and does not leave again.
+    robot
+        Its row in the plan, from 0.
     node
         The node that it has reached. Of a lost robot, the node to which it was on its way, so that
         it has reached all before; None if it is not known where it was lost: then nothing counts
@@ -59,13 +59,13 @@ class Event:
 
     Examples
     --------
-    >>> from botohe_moo.mission import Event
-    >>> print(Event(2, "lost", "lab"))
+    >>> from botohe_moo.underway import Event
+    >>> print(Event("lost", 2, "lab"))
     robot 2 lost on the way to 'lab'
     """
 
-    robot: int
     what: str
+    robot: int
     node: Hashable | None = None
     where: str | None = field(default=None, compare=False)
 
@@ -119,9 +119,9 @@ class UnderWay:
     Examples
     --------
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.mission import Event, UnderWay, under_way
+    >>> from botohe_moo.underway import Event, UnderWay, under_way
     >>> toy = load_mission("toy")
-    >>> left = under_way(toy, toy.stay_home(), [Event(1, "lost")])
+    >>> left = under_way(toy, toy.stay_home(), [Event("lost", 1)])
     >>> isinstance(left, UnderWay), left.mission.robots, left.robots
     (True, 1, (0,))
     """
@@ -168,10 +168,10 @@ def under_way(
     Examples
     --------
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.mission import Event, under_way
+    >>> from botohe_moo.underway import Event, under_way
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
-    >>> left = under_way(toy, plan, [Event(0, "reached", 4)])
+    >>> left = under_way(toy, plan, [Event("reached", 0, 4)])
     >>> left.mission.labels(left.plan), left.robots, left.banked
     (((1,), (4, 2, 1)), (1, 0), 4.0)
     """

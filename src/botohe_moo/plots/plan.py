@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.transforms import Bbox
 
 from botohe_moo._base.words import probability_text
-from botohe_moo.decide import Mark, Replan, knees, representatives
+from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots.draw.canvas import open_axes
@@ -26,6 +26,7 @@ from botohe_moo.plots.draw.texts import objectives_text, title_above
 from botohe_moo.plots.draw.trails import robot_styles
 from botohe_moo.plots.front import front_summary, plot_front
 from botohe_moo.trails import Plans, TrailPlan
+from botohe_moo.underway import Replan
 
 _MAX_MAPS = 24
 # The marker of each mark, and a letter that looks like it.
@@ -203,12 +204,12 @@ def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
     Examples
     --------
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import replan
-    >>> from botohe_moo.mission import Event
+    >>> from botohe_moo.underway import replan
+    >>> from botohe_moo.underway import Event
     >>> from botohe_moo.plots import plot_replan, save_plot
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
-    >>> found = replan(toy, plan, [Event(0, "lost", 4)], price=1)
+    >>> found = replan(toy, plan, [Event("lost", 0, 4)], price=1)
     >>> save_plot(plot_replan(found), "replan.png")
     """
     mission, notes = found.left.mission, []

@@ -13,9 +13,9 @@ import numpy as np
 
 from botohe_moo._base.checks import check_choice, check_integer, check_number
 from botohe_moo._base.types import FloatArray
-from botohe_moo.decide.playing import POLICIES, Played, Policy, play
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import TrailPlan
+from botohe_moo.underway.playing import POLICIES, Played, Policy, play
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,7 +75,7 @@ def simulate_policy(
     Examples
     --------
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import simulate_policy
+    >>> from botohe_moo.underway import simulate_policy
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
     >>> table = simulate_policy(toy, plan, "losses", price=2, missions=20)

@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Kind, Mission, load_mission, solve
-from botohe_moo.decide import read_events, replan, robot_price, simulate_policy
-from botohe_moo.mission import Event, EventError
+from botohe_moo.underway import Event, EventError, read_events, replan, robot_price, simulate_policy
 from tests.examples import examples
 from tests.mission.test_underway import LOST, moments
 from tests.strategies import missions_with_plans, team_missions_with_plans
@@ -45,7 +44,7 @@ def test_a_robot_is_sent_on_where_another_was_lost():
         graph.add_edge(node, 0, survival=survival)
     mission = Mission(graph, base=0, robots=2)
     plan = mission.plan([[0, 1, 0], [0, 2, 0]])
-    lost = [Event(0, "lost", 1), Event(1, "reached", 2)]
+    lost = [Event("lost", 0, 1), Event("reached", 1, 2)]
     found = replan(mission, plan, lost, price=2)
     assert found.left.banked == 1
     assert found.left.mission.labels(found.plan) == ((2, 0, 1, 0),)
@@ -106,9 +105,9 @@ class TestTables:
     def test_what_happened(self, tmp_path):
         text = "Robot,Event,Node\n0,reached,2\n0,Lost,\n1,home,\n"
         assert self.read(tmp_path, text) == [
-            Event(0, "reached", 2),
-            Event(0, "lost"),
-            Event(1, "home"),
+            Event("reached", 0, 2),
+            Event("lost", 0),
+            Event("home", 1),
         ]
 
     def test_what_is_wrong(self, tmp_path):
@@ -134,5 +133,5 @@ def test_kinds_keep_their_names():
     kinds = [Kind("drone", 2), Kind("rover", 1)]
     mission = Mission(toy.graph, base=1, kinds=kinds)
     plan = mission.plan([[1, 2, 1], [1], [1, 3, 1]])
-    rest = mission.after(plan, [Event(0, "reached", 2), Event(2, "lost")])
+    rest = mission.after(plan, [Event("reached", 0, 2), Event("lost", 2)])
     assert [kind.name for kind in rest.kinds] == ["drone", "drone 0"]

@@ -44,11 +44,11 @@ class Replan:
     Examples
     --------
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import Replan, replan
-    >>> from botohe_moo.mission import Event
+    >>> from botohe_moo.underway import Replan, replan
+    >>> from botohe_moo.underway import Event
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
-    >>> found = replan(toy, plan, [Event(1, "home")], price=50)
+    >>> found = replan(toy, plan, [Event("home", 1)], price=50)
     >>> isinstance(found, Replan), found.left.banked
     (True, 1.0)
     """
@@ -89,7 +89,7 @@ def robot_price(mission: Mission, plans: PlansOrObjectives, index: int) -> float
     Examples
     --------
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import robot_price
+    >>> from botohe_moo.underway import robot_price
     >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
     >>> robot_price(load_mission("toy"), front, 1)
     4.0
@@ -148,11 +148,11 @@ def replan(
     Examples
     --------
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import replan
-    >>> from botohe_moo.mission import Event
+    >>> from botohe_moo.underway import replan
+    >>> from botohe_moo.underway import Event
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
-    >>> new = replan(toy, plan, [Event(0, "lost")], price=1)
+    >>> new = replan(toy, plan, [Event("lost", 0)], price=1)
     >>> new.left.mission.robots, new.gain >= 0
     (1, True)
     """

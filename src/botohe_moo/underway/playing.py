@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.decide.replanning import replan_left
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.kinds import by_kind
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.underway import RobotState, left_of, pay, robots_at_start
 from botohe_moo.trails import TrailPlan
+from botohe_moo.underway.replanning import replan_left
 
 POLICIES = ("static", "losses", "arrivals", "one by one")
 

@@ -40,7 +40,7 @@ def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
     --------
     >>> from pathlib import Path
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import read_events
+    >>> from botohe_moo.underway import read_events
     >>> written = Path("events.csv").write_text("robot,event,node\n0,lost,4\n")
     >>> print(*read_events(load_mission("toy"), "events.csv"))
     robot 0 lost on the way to 4
@@ -63,7 +63,7 @@ def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
             what = f"expected a robot, a whole number, got {quoted(given['robot'])}."
             faults.append(f"{where}: {what if bad else error}")
             continue
-        events.append(Event(robot, given["event"].lower(), node, where))
+        events.append(Event(given["event"].lower(), robot, node, where))
     if faults:
         raise EventError("\n".join(faults))
     return events
