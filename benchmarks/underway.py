@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from botohe_moo import Mission, load_mission, solve
-from botohe_moo.underway import robot_price, simulate_policy
+from botohe_moo import Mission, load_mission, simulate_policy, solve
+from botohe_moo.underway import robot_price
 
 # Missions with their parameters, and when they pay.
 SITES: tuple[tuple[str, dict[str, Any], str], ...] = (
@@ -23,7 +23,7 @@ SITES: tuple[tuple[str, dict[str, Any], str], ...] = (
 )
 # The share of the robots that are expected to survive the plans that are played.
 SHARES = {"arrival": (0.35, 0.55, 0.8), "return": (0.4, 0.6, 0.75)}
-POLICIES = ("static", "losses", "one by one")
+POLICIES = ("losses", "one by one", "one by one, shortest first")
 MISSIONS, EVALUATIONS = 2_000, 300_000
 
 
@@ -39,7 +39,7 @@ def run(folder: Path) -> bool:
             distances = abs(solution.objectives[:, 1] - share * mission.robots)
             row = int(np.argmin(distances))
             price = robot_price(mission, solution.objectives, row)
-            table = simulate_policy(
+            outcomes = simulate_policy(
                 mission,
                 solution.plans[row],
                 POLICIES,
@@ -47,6 +47,7 @@ def run(folder: Path) -> bool:
                 missions=MISSIONS,
                 workers=os.cpu_count() or 1,
             )
+            table = outcomes.table
             reward, survivors = solution.objectives[row]
             table.insert(0, "mission", name)
             table.insert(1, "nodes", len(mission.nodes))
@@ -55,8 +56,9 @@ def run(folder: Path) -> bool:
             table.insert(4, "E[S]", survivors)
             table.insert(5, "price", price)
             table["percent"] = 100 * table["gain"] / reward
+            table["percent_se"] = 100 * table["gain_se"] / reward
             print(table.round(3).to_string(index=False), flush=True)
             rows.append(table)
-    whole = pd.concat(rows).drop(columns="ms_each").round(4)
+    whole = pd.concat(rows).drop(columns="seconds").round(4)
     whole.to_csv(folder / "underway.csv", index=False)
     return True

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import Kind, Mission, load_mission, solve
-from botohe_moo.underway import Event, EventError, read_events, replan, robot_price, simulate_policy
+from botohe_moo import Event, Kind, Mission, load_mission, replan, simulate_policy, solve
+from botohe_moo.underway import EventError, read_events, robot_price
+from botohe_moo.underway.playing import POLICIES
 from tests.examples import examples
 from tests.mission.test_underway import LOST, moments
 from tests.strategies import missions_with_plans, team_missions_with_plans
@@ -72,28 +73,37 @@ def test_policies_meet_the_same_dangers():
     price = robot_price(museum, solution.objectives, row)
     given = {"price": price, "missions": 60, "evaluations": 60}
     plan = solution.plans[row]
-    table = simulate_policy(museum, plan, **given)
-    assert table["policy"].tolist() == ["static", "losses", "arrivals", "one by one"]
+    table = simulate_policy(museum, plan, POLICIES, **given).table
+    assert table["policy"].tolist() == list(POLICIES)
     assert table["gain"][0] == table["replans"][0] == 0
     assert table["reward"][0] == pytest.approx(solution.objectives[row, 0], abs=1.2)
     assert (table["replans"][1:] > 0).all()
-    again = simulate_policy(museum, plan, "losses", **given)
+    again = simulate_policy(museum, plan, "losses", **given).table
     columns = ["reward", "survivors", "gain", "gain_se", "replans"]
-    assert again[columns].to_numpy().tolist() == table[columns][1:2].to_numpy().tolist()
+    assert again[columns].to_numpy().tolist() == table[columns][:2].to_numpy().tolist()
+
+
+def test_a_plan_implies_a_price():
+    museum = load_mission("art_museum")
+    solution = solve(museum, evaluations=3_000)
+    row = int(np.argmin(abs(solution.objectives[:, 1] - 1.6)))
+    found = replan(museum, solution.plans[row], [Event("lost", 2)])
+    price = robot_price(museum, solution.objectives, row)
+    assert found.price == pytest.approx(price, rel=0.35)
+    outcomes = simulate_policy(museum, solution.plans[row], "static", missions=2)
+    assert outcomes.price == found.price
 
 
 @pytest.mark.slow
-def test_any_number_of_workers_plays_the_same_missions():
+def test_any_number_of_workers_plays_the_same_missions(capsys):
     toy = load_mission("toy")
     plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
-    done, tables = [], []
-    for workers in (1, 2):
-        table = simulate_policy(
-            toy, plan, price=2, missions=60, workers=workers, progress=done.append
-        )
-        tables.append(table.drop(columns="ms_each"))
-    assert tables[0].equals(tables[1])
-    assert done == [25, 50, 60] * 2
+    one, two = (
+        simulate_policy(toy, plan, price=2, missions=60, workers=workers, progress=True)
+        for workers in (1, 2)
+    )
+    assert one.played.drop(columns="seconds").equals(two.played.drop(columns="seconds"))
+    assert "missions played" in capsys.readouterr().err
 
 
 class TestTables:

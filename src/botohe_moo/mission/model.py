@@ -299,8 +299,7 @@ class Mission:
 
         Examples
         --------
-        >>> from botohe_moo import load_mission
-        >>> from botohe_moo.underway import Event
+        >>> from botohe_moo import Event, load_mission
         >>> toy = load_mission("toy")
         >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
         >>> rest = toy.after(plan, [Event("reached", 0, 4)])

@@ -27,8 +27,8 @@ class EventError(ValueError):
 
     Examples
     --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.underway import Event, EventError
+    >>> from botohe_moo import Event, load_mission
+    >>> from botohe_moo.underway import EventError
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
     >>> try:
@@ -59,7 +59,7 @@ class Event:
 
     Examples
     --------
-    >>> from botohe_moo.underway import Event
+    >>> from botohe_moo import Event
     >>> print(Event("lost", 2, "lab"))
     robot 2 lost on the way to 'lab'
     """
@@ -118,8 +118,8 @@ class UnderWay:
 
     Examples
     --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.underway import Event, UnderWay, under_way
+    >>> from botohe_moo import Event, load_mission
+    >>> from botohe_moo.underway import UnderWay, under_way
     >>> toy = load_mission("toy")
     >>> left = under_way(toy, toy.stay_home(), [Event("lost", 1)])
     >>> isinstance(left, UnderWay), left.mission.robots, left.robots
@@ -167,8 +167,8 @@ def under_way(
 
     Examples
     --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.underway import Event, under_way
+    >>> from botohe_moo import Event, load_mission
+    >>> from botohe_moo.underway import under_way
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
     >>> left = under_way(toy, plan, [Event("reached", 0, 4)])

@@ -203,9 +203,7 @@ def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
 
     Examples
     --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.underway import replan
-    >>> from botohe_moo.underway import Event
+    >>> from botohe_moo import Event, load_mission, replan
     >>> from botohe_moo.plots import plot_replan, save_plot
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])

@@ -16,7 +16,8 @@ from botohe_moo.mission.underway import RobotState, left_of, pay, robots_at_star
 from botohe_moo.trails import TrailPlan
 from botohe_moo.underway.replanning import replan_left
 
-POLICIES = ("static", "losses", "arrivals", "one by one")
+_ORDERS = {"one by one": max, "one by one, shortest first": min}  # which trail goes next
+POLICIES = ("static", "losses", "arrivals", *_ORDERS)
 
 
 class Policy(NamedTuple):
@@ -52,9 +53,9 @@ def play(
     index_of_kind = {kind.name: k for k, kind in enumerate(mission.kinds)}
     moving, replans, seconds = -1, 0, 0.0
     while movers := [robot for robot in robots if _has_hops(robot)]:
-        if policy.name == "one by one":
+        if order := _ORDERS.get(policy.name):
             if moving not in [robot.number for robot in movers]:
-                moving = max(movers, key=lambda robot: len(robot.trail) - robot.at).number
+                moving = order(movers, key=lambda robot: len(robot.trail) - robot.at).number
             movers = [robots[moving]]
         has_lost = False
         for robot in movers:
@@ -88,6 +89,6 @@ def _is_time(policy: str, moved: Sequence[RobotState], has_lost: bool) -> bool:
     """Return whether it is time to make a plan anew."""
     if policy == "arrivals":
         return True
-    if policy == "one by one":
+    if policy in _ORDERS:
         return has_lost or not _has_hops(moved[0])
     return has_lost

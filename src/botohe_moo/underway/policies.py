@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from botohe_moo._base.checks import check_choice, check_integer, check_number
-from botohe_moo._base.types import FloatArray
+from botohe_moo._base.checks import check_choice, check_integer
+from botohe_moo.decide.fronts import short_text
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import TrailPlan
-from botohe_moo.underway.playing import POLICIES, Played, Policy, play
+from botohe_moo.underway.playing import POLICIES, Policy, play
+from botohe_moo.underway.replanning import check_price
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,21 +25,86 @@ if TYPE_CHECKING:
 _AT_ONCE = 25  # missions that a worker plays before it says so
 
 
+@dataclass(frozen=True)
+class PolicyOutcomes:
+    """What came of missions that were played under some policies.
+
+    Attributes
+    ----------
+    mission, plan
+        The mission and the plan with which each starts.
+    price
+        What a survivor is worth, as reward.
+    played
+        A row for each policy and mission that was played, with the columns ``policy``, ``mission``
+        (its number), ``reward``, ``survivors``, ``replans`` and ``seconds`` (of all replans). Where
+        a share is not 1, the reward is to be expected.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, simulate_policy
+    >>> from botohe_moo.underway import PolicyOutcomes
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
+    >>> outcomes = simulate_policy(toy, plan, "losses", price=2, missions=20)
+    >>> isinstance(outcomes, PolicyOutcomes), len(outcomes.played)
+    (True, 40)
+    """
+
+    mission: Mission
+    plan: TrailPlan
+    price: float
+    played: pd.DataFrame
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row for each policy: means of missions, and what they are worth.
+
+        The columns are ``policy``, ``reward``, ``survivors``, ``gain`` (what a mission is worth
+        more than with the plan as it is, at the price), ``gain_se`` (its standard error),
+        ``replans`` (of a mission) and ``seconds`` (of a replan).
+        """
+        import pandas as pd
+
+        worth = self.played["reward"] + self.price * self.played["survivors"]
+        by_policy = self.played.assign(worth=worth).groupby("policy", sort=False)
+        base = by_policy.get_group("static")["worth"].to_numpy()
+        rows = []
+        for name, played in by_policy:
+            gains, replans = played["worth"].to_numpy() - base, played["replans"].sum()
+            rows.append(
+                {
+                    "policy": name,
+                    "reward": played["reward"].mean(),
+                    "survivors": played["survivors"].mean(),
+                    "gain": gains.mean(),
+                    "gain_se": gains.std(ddof=1) / len(gains) ** 0.5,
+                    "replans": played["replans"].mean(),
+                    "seconds": played["seconds"].sum() / max(1, replans),
+                }
+            )
+        return pd.DataFrame(rows)
+
+    def __str__(self) -> str:
+        price = f"A robot more costs {short_text(self.price)} reward."
+        return f"{price}\n{self.table.round(4).to_string(index=False)}"
+
+
 def simulate_policy(
     mission: Mission,
     plan: TrailPlan,
-    policy: str | Sequence[str] = POLICIES,
+    policy: str | Sequence[str] = ("losses", "one by one"),
     *,
-    price: float,
+    price: float | None = None,
     missions: int = 1_000,
     seed: int = 1,
     evaluations: int = 400,
     min_survival: float = 0.0,
     max_length: float | None = None,
     workers: int = 1,
-    progress: Callable[[int], None] | None = None,
-) -> pd.DataFrame:
-    """Play missions, and compare what comes of them under each policy with the plan as it is.
+    progress: bool = False,
+) -> PolicyOutcomes:
+    """Play missions under policies of replanning, and with the plan as it is.
 
     All policies meet the same dangers: hop i of robot k is survived if a number, drawn once for
     each mission, robot and hop, is less than the survival of its arc.
@@ -47,11 +114,12 @@ def simulate_policy(
     mission, plan
         A mission, and a plan of it.
     policy
-        When a plan is made anew: ``"losses"``, after each; ``"arrivals"``, whenever robots get to a
-        node; ``"one by one"``, where robots go one after another, that with most hops first, and
-        each is planned for when the one before is home or lost; ``"static"``, never.
+        When a plan is made anew, one or more of: ``"losses"``, after each; ``"arrivals"``, whenever
+        robots get to a node; ``"one by one"``, where robots go one after another, that with most
+        hops first, and each is planned for when the one before is home or lost; ``"one by one,
+        shortest first"``; ``"static"``, never, which is always played.
     price
-        What a survivor is worth, as reward; see :func:`robot_price`.
+        What a survivor is worth, as reward; default: what the plan implies, as for :func:`replan`.
     missions
         How many are played under each policy, at least 2.
     seed
@@ -59,75 +127,60 @@ def simulate_policy(
     evaluations
         Of each replan, at least 0.
     min_survival, max_length
-        The limits of the plan, as for :func:`under_way`.
+        The limits of the plan, as for :func:`botohe_moo.underway.under_way`.
     workers
-        Processes that play missions, at least 1; the table does not depend on their number.
+        Processes that play missions, at least 1; the outcomes do not depend on their number.
     progress
-        Called with the number of missions played, whenever some have been.
+        Show a bar on standard error.
 
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each policy, with the columns ``policy``, ``reward`` and ``survivors`` (means),
-        ``gain`` (what a mission is worth more than under the static policy, at the price),
-        ``gain_se`` (its standard error), ``replans`` (a mission) and ``ms_each``.
+    Raises
+    ------
+    ValueError
+        If a policy is unknown, or a parameter is out of its range.
+    PlanError
+        If the plan is not valid for the mission.
 
     Examples
     --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.underway import simulate_policy
+    >>> from botohe_moo import load_mission, simulate_policy
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
-    >>> table = simulate_policy(toy, plan, "losses", price=2, missions=20)
-    >>> bool(table["gain"][0] >= 0)
-    True
+    >>> outcomes = simulate_policy(toy, plan, "losses", price=2, missions=20)
+    >>> outcomes.table["policy"].tolist()
+    ['static', 'losses']
     """
     import pandas as pd
+    from rich.console import Console
+    from rich.progress import track
 
     names = [policy] if isinstance(policy, str) else list(policy)
     for name in names:
         check_choice("policy", name, POLICIES)
-    price = check_number("price", price, at_least=0)
     missions = check_integer("missions", missions, at_least=2)
     seed = check_integer("seed", seed, at_least=0)
     evaluations = check_integer("evaluations", evaluations, at_least=0)
     check_mission(mission).evaluate([plan])
     workers = check_integer("workers", workers, at_least=1)
     limits = mission.limits(min_survival, max_length)
-    tried = ("static", *(name for name in names if name != "static"))
-    policies = [Policy(name, price, evaluations, limits) for name in tried]
+    price = check_price(mission, plan, price, limits, np.random.default_rng(seed))
+    names = list(dict.fromkeys(["static", *names]))
+    policies = [Policy(name, price, evaluations, limits) for name in names]
     blocks = [range(i, min(i + _AT_ONCE, missions)) for i in range(0, missions, _AT_ONCE)]
     play_block = partial(_play_missions, mission, plan, policies, seed)
-    results: dict[str, list[Played]] = {name: [] for name in tried}
     with ExitStack() as stack:
-        mapped = map
+        results: Iterable[list[dict[str, object]]] = map(play_block, blocks)
         if workers > 1 and len(blocks) > 1:
             context = multiprocessing.get_context("spawn")
             pool = ProcessPoolExecutor(min(workers, len(blocks)), mp_context=context)
-            mapped = stack.enter_context(pool).map  # type: ignore[assignment]
-        for block, found in zip(blocks, mapped(play_block, blocks), strict=True):
-            for name, played in found.items():
-                results[name] += played
-            if progress is not None:
-                progress(block.stop)
-    base = _worth(results["static"], price)
-    rows = []
-    for name in names:
-        played = results[name]
-        gains = _worth(played, price) - base
-        replans = sum(one.replans for one in played)
-        rows.append(
-            {
-                "policy": name,
-                "reward": np.mean([one.reward for one in played]),
-                "survivors": np.mean([one.survivors for one in played]),
-                "gain": gains.mean(),
-                "gain_se": gains.std(ddof=1) / missions**0.5,
-                "replans": replans / missions,
-                "ms_each": 1e3 * sum(one.seconds for one in played) / max(1, replans),
-            }
+            results = stack.enter_context(pool).map(play_block, blocks)
+        console = Console(stderr=True)
+        shown = track(
+            results, "missions played", total=len(blocks), console=console, disable=not progress
         )
-    return pd.DataFrame(rows)
+        played = pd.DataFrame(row for rows in shown for row in rows)
+    order = played["policy"].map(names.index)
+    played = played.iloc[np.argsort(order, kind="stable")].reset_index(drop=True)
+    return PolicyOutcomes(mission, plan, price, played)
 
 
 def _play_missions(
@@ -136,16 +189,13 @@ def _play_missions(
     policies: Sequence[Policy],
     seed: int,
     numbers: Iterable[int],
-) -> dict[str, list[Played]]:
+) -> list[dict[str, object]]:
     """Play some missions under each policy, by their numbers."""
-    results: dict[str, list[Played]] = {policy.name: [] for policy in policies}
+    rows = []
     for number in numbers:
         for policy in policies:
             generator = np.random.default_rng([seed, number])
             dangers = generator.random((mission.robots, len(mission.graph.edges)))
-            results[policy.name].append(play(mission, plan, policy, dangers, generator))
-    return results
-
-
-def _worth(played: Iterable[Played], price: float) -> FloatArray:
-    return np.array([one.reward + price * one.survivors for one in played])
+            played = play(mission, plan, policy, dangers, generator)
+            rows.append({"policy": policy.name, "mission": number, **played._asdict()})
+    return rows

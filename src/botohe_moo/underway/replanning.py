@@ -17,10 +17,13 @@ from botohe_moo.decide.fronts import (
     objectives_of,
     short_text,
 )
+from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.underway import Event, UnderWay, under_way
 from botohe_moo.search.local_search import LocalSearch
 from botohe_moo.trails import TrailPlan
+
+_EVALUATIONS_OF_A_PRICE = 2_000
 
 
 @dataclass(frozen=True)
@@ -43,9 +46,8 @@ class Replan:
 
     Examples
     --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.underway import Replan, replan
-    >>> from botohe_moo.underway import Event
+    >>> from botohe_moo import Event, load_mission, replan
+    >>> from botohe_moo.underway import Replan
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
     >>> found = replan(toy, plan, [Event("home", 1)], price=50)
@@ -95,7 +97,30 @@ def robot_price(mission: Mission, plans: PlansOrObjectives, index: int) -> float
     4.0
     """
     objectives = objectives_of(mission, plans)
-    index = check_row("index", index, len(objectives))
+    return _slope(objectives, objectives[check_row("index", index, len(objectives)), 1])
+
+
+def check_price(
+    mission: Mission,
+    plan: TrailPlan,
+    price: float | None,
+    limits: Limits,
+    random_state: np.random.Generator,
+) -> float:
+    """Check the price of a survivor; if there is none, compute what a plan implies.
+
+    That is the slope of the front near the plan, which a short local search finds.
+    """
+    if price is not None:
+        return check_number("price", price, at_least=0)
+    search = LocalSearch(mission, limits, random_state=random_state)
+    search.insert(mission.batch([plan, mission.stay_home()]))
+    search.run(_EVALUATIONS_OF_A_PRICE)
+    return _slope(search.plans()[1], mission.evaluate([plan])[0, 1])
+
+
+def _slope(objectives: FloatArray, survivors: float) -> float:
+    """Compute what a survivor costs at some number of survivors, on the hull of a front."""
     hull: list[FloatArray] = []
     for point in objectives[front_rows(objectives)]:  # by ascending survivors
         while len(hull) > 1 and _turns_left(hull[-2], hull[-1], point):
@@ -105,9 +130,8 @@ def robot_price(mission: Mission, plans: PlansOrObjectives, index: int) -> float
         return 0.0
     corners = np.array(hull)
     slopes = -np.diff(corners[:, 0]) / np.diff(corners[:, 1])
-    at = objectives[index, 1]
-    first = max(0, int(np.searchsorted(corners[1:-1, 1], at, "left")))
-    last = min(len(slopes) - 1, int(np.searchsorted(corners[1:-1, 1], at, "right")))
+    first = int(np.searchsorted(corners[1:-1, 1], survivors, "left"))
+    last = int(np.searchsorted(corners[1:-1, 1], survivors, "right"))
     return float((slopes[first] + slopes[last]) / 2)
 
 
@@ -122,7 +146,7 @@ def replan(
     plan: TrailPlan,
     events: Iterable[Event],
     *,
-    price: float,
+    price: float | None = None,
     evaluations: int = 400,
     seed: int = 1,
     min_survival: float = 0.0,
@@ -137,7 +161,9 @@ def replan(
     mission, plan, events
         As for :func:`under_way`, which also says what is raised.
     price
-        What a survivor is worth, as reward, at least 0; :func:`robot_price` gives that of a plan.
+        What a survivor is worth, as reward, at least 0; :func:`botohe_moo.underway.robot_price`
+        gives that of a plan of a front. Default: what the plan implies, by the slope of a front
+        that a local search of 2 000 evaluations finds from it.
     evaluations
         Plans to evaluate, at least 0.
     seed
@@ -147,20 +173,20 @@ def replan(
 
     Examples
     --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.underway import replan
-    >>> from botohe_moo.underway import Event
+    >>> from botohe_moo import Event, load_mission, replan
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
     >>> new = replan(toy, plan, [Event("lost", 0)], price=1)
     >>> new.left.mission.robots, new.gain >= 0
     (1, True)
     """
-    check_mission(mission)
-    price = check_number("price", price, at_least=0)
     evaluations = check_integer("evaluations", evaluations, at_least=0)
     generator = np.random.default_rng(check_integer("seed", seed, at_least=0))
-    left = under_way(mission, plan, events, min_survival=min_survival, max_length=max_length)
+    left = under_way(
+        check_mission(mission), plan, events, min_survival=min_survival, max_length=max_length
+    )
+    limits = mission.limits(min_survival, max_length)
+    price = check_price(mission, plan, price, limits, generator)
     return replan_left(left, price, evaluations, generator)
 
 
