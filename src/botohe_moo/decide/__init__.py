@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from botohe_moo.decide.grammar import parse_wishes as parse_wishes
     from botohe_moo.decide.hazards import after_losses as after_losses
     from botohe_moo.decide.hazards import robustness as robustness
+    from botohe_moo.decide.played import PlayedMission as PlayedMission
+    from botohe_moo.decide.played import PlayedStep as PlayedStep
+    from botohe_moo.decide.playing import play_mission as play_mission
     from botohe_moo.decide.policies import simulate_policy as simulate_policy
     from botohe_moo.decide.replanning import Replan as Replan
     from botohe_moo.decide.replanning import replan as replan

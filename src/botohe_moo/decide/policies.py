@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from botohe_moo._base.checks import check_choice, check_integer, check_number
+from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import FloatArray
-from botohe_moo.decide.playing import POLICIES, Played, Policy, play
-from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.decide.playing import POLICIES, Played, Policy, play, policies_of
+from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:
@@ -85,17 +85,11 @@ def simulate_policy(
     import pandas as pd
 
     names = [policy] if isinstance(policy, str) else list(policy)
-    for name in names:
-        check_choice("policy", name, POLICIES)
-    price = check_number("price", price, at_least=0)
+    tried = ("static", *(name for name in names if name != "static"))
+    policies = policies_of(mission, plan, tried, price, evaluations, min_survival, max_length)
     missions = check_integer("missions", missions, at_least=2)
     seed = check_integer("seed", seed, at_least=0)
-    evaluations = check_integer("evaluations", evaluations, at_least=0)
-    check_mission(mission).evaluate([plan])
     workers = check_integer("workers", workers, at_least=1)
-    limits = mission.limits(min_survival, max_length)
-    tried = ("static", *(name for name in names if name != "static"))
-    policies = [Policy(name, price, evaluations, limits) for name in tried]
     blocks = [range(i, min(i + _AT_ONCE, missions)) for i in range(0, missions, _AT_ONCE)]
     play_block = partial(_play_missions, mission, plan, policies, seed)
     results: dict[str, list[Played]] = {name: [] for name in tried}
@@ -141,9 +135,7 @@ def _play_missions(
     results: dict[str, list[Played]] = {policy.name: [] for policy in policies}
     for number in numbers:
         for policy in policies:
-            generator = np.random.default_rng([seed, number])
-            dangers = generator.random((mission.robots, len(mission.graph.edges)))
-            results[policy.name].append(play(mission, plan, policy, dangers, generator))
+            results[policy.name].append(play(mission, plan, policy, seed, number))
     return results
 
 
