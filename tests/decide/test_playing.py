@@ -2,16 +2,16 @@
 
 from itertools import pairwise
 
-import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import Mission, load_mission
+from botohe_moo import load_mission
 from botohe_moo.decide import play_mission, simulate_policy
 from botohe_moo.decide.playing import POLICIES
 from botohe_moo.mission import Event
+from tests.decide.corner import MISSION, NUMBER, PLAN, PLAYED
 from tests.examples import examples
 from tests.strategies import missions_with_plans, team_missions_with_plans
 
@@ -49,39 +49,11 @@ def test_steps_are_consistent(case, policy, number):
     assert len(played.table) == len(played.sentences) == len(played.steps)
 
 
-def corner():
-    """Two robots at a corner: a node that pays much and is dangerous, and one that is neither."""
-    graph = nx.DiGraph()
-    for node, reward, survival in (("base", 0, 1), ("lab", 10, 0.5), ("hall", 1, 1)):
-        graph.add_node(node, reward=reward)
-        if node != "base":
-            graph.add_edge("base", node, survival=survival)
-            graph.add_edge(node, "base", survival=survival)
-    mission = Mission(graph, base="base", robots=2)
-    return mission, mission.plan([["base", "lab", "base"], ["base", "hall", "base"]])
-
-
-def number_where(survives):
-    """The first mission of seed 1 in which robots survive these hops into the lab and back."""
-    return next(
-        number
-        for number in range(100)
-        if all(
-            (np.random.default_rng([1, number]).random((2, 4))[hop] < 0.5) == wanted
-            for hop, wanted in survives.items()
-        )
-    )
-
-
 class TestByHand:
     """The robot in the hall is sent on to the lab where another was lost."""
 
-    NUMBER = number_where({(0, 0): False, (1, 2): True, (1, 3): False})
-    MISSION, PLAN = corner()
-    PLAYED = play_mission(MISSION, PLAN, price=2, number=NUMBER)
-
     def test_steps(self):
-        start, lost, back, lab, end = self.PLAYED.steps
+        start, lost, back, lab, end = PLAYED.steps
         assert (start.lost, start.collected) == ((), {})
         assert lost.events == (Event(0, "lost", "lab"), Event(1, "reached", "hall"))
         assert lost.trails == (("base", "lab"), ("base", "hall", "base", "lab", "base"))
@@ -92,10 +64,10 @@ class TestByHand:
         assert lab.collected == {"hall": 1, "lab": 10}
         assert end.events == (Event(1, "lost", "base"),)
         assert (end.lost, end.replan) == ((0, 1), None)  # nobody is left to plan for
-        assert (self.PLAYED.reward, self.PLAYED.survivors) == (11, 0)
+        assert (PLAYED.reward, PLAYED.survivors) == (11, 0)
 
     def test_words(self):
-        assert self.PLAYED.sentences == (
+        assert PLAYED.sentences == (
             "Start: 6 reward and 1.25 survivors expected.",
             "Step 1: robot 0 is lost between base and lab. The plan is made anew: 5 reward and "
             "0.25 survivors expected from now on, instead of 0 and 1.",
@@ -104,17 +76,17 @@ class TestByHand:
             "Step 4: robot 1 is lost between lab and base. "
             "The mission ends with 11 reward and 0 of 2 robots.",
         )
-        assert str(self.PLAYED) == (
-            "robot 0 is lost between base and lab, robot 1 is lost between lab and base. "
+        assert str(PLAYED) == (
+            "Lost: robot 0 between base and lab, robot 1 between lab and base. "
             "The plan is made anew once. The mission ends with 11 reward and 0 of 2 robots."
         )
-        kept = play_mission(self.MISSION, self.PLAN, price=100, number=self.NUMBER)
+        kept = play_mission(MISSION, PLAN, price=100, number=NUMBER)
         assert kept.sentences[1].endswith(
             "and stays as it is: 0 reward and 1 survivors expected from now on."
         )
 
     def test_table(self):
-        table = self.PLAYED.table
+        table = PLAYED.table
         assert table["reward"].tolist() == [0, 1, 1, 11, 11]
         assert table["robots"].tolist() == [2, 1, 1, 1, 0]
         assert table["lost"].tolist() == [0, 1, 0, 0, 1]

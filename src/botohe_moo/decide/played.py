@@ -99,11 +99,12 @@ class PlayedMission:
     survivors: int
 
     def __str__(self) -> str:
-        losses = [loss for step in self.steps for loss in self._losses(step)]
+        losses = [loss for step in self.steps for loss in self._losses(step, "")]
         replans = sum(step.replan is not None for step in self.steps)
         times = "once" if replans == 1 else f"{replans:,} times"
         anew = f" The plan is made anew {times}." if replans else ""
-        return f"{', '.join(losses) or 'No robot is lost'}.{anew} {self._end()}"
+        lost = f"Lost: {', '.join(losses)}." if losses else "No robot is lost."
+        return f"{lost}{anew} {self._end()}"
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -156,13 +157,12 @@ class PlayedMission:
         if number == len(self.steps) - 1:
             yield self._end()
 
-    def _losses(self, step: PlayedStep) -> list[str]:
+    def _losses(self, step: PlayedStep, verb: str = "is lost ") -> list[str]:
         """Write which robots are lost in a step, and where."""
         lost = [event.robot for event in step.events if event.what == "lost"]
         ways = {robot: map(label_text, step.trails[robot][-2:]) for robot in lost}
         return [
-            f"{self._name(robot)} is lost between {' and '.join(way)}"
-            for robot, way in ways.items()
+            f"{self._name(robot)} {verb}between {' and '.join(way)}" for robot, way in ways.items()
         ]
 
     def _name(self, robot: int) -> str:
