@@ -89,7 +89,7 @@ class TestPage:
             assert len(set(start)) == 2
             page.keyboard.press("ArrowRight")
             assert page.inner_text("#said") == PLAYED.sentences[1]
-            assert page.inner_text("#at-hand") == "Reward so far: 1. Robots left: 1 of 2."
+            assert page.inner_text("#at-hand") == "Reward so far: 1. Robots alive: 1 of 2."
             # Robot 1: where it was, the old way home, and the new way; nothing of robot 0.
             assert self.looks(page) == ["walked", "old", ""]
             assert not set(self.spots(page)) & set(start)
@@ -126,6 +126,14 @@ class TestPage:
             page.keyboard.press("Escape")
             assert page.inner_text("#step-title") == "Step 0 of 4"
             assert page.inner_text("#play") == "Play"
+
+    def test_a_mission_in_which_nobody_leaves(self, opened, tmp_path):
+        played = play_mission(PLAYED.mission, PLAYED.mission.stay_home(), price=1)
+        with opened(replay(played, tmp_path / "home.html")) as page:
+            for key in ("Space", "ArrowRight"):
+                page.keyboard.press(key)
+                assert page.inner_text("#step-title") == "Step 0 of 0"
+            assert page.inner_text("#said") == played.sentences[0]
 
     def test_it_is_said_aloud_and_controls_have_names(self, opened, path):
         with opened(path, "#step=1") as page:

@@ -37,10 +37,10 @@ def replay_mission(
     seed: SeedOption = 1,
     open_page: OpenOption = False,
 ) -> None:
-    """Play a mission by chance, and write a page that shows it step by step.
+    """Play a mission, and write a page that shows it step by step.
 
-    Robots move along their trails, some are lost, and the plan is made anew. Other numbers and
-    seeds are other missions.
+    Robots move along their trails, some are lost, and the plan is made anew. Who is lost depends on
+    the number and the seed, and not on the policy until robots go elsewhere.
 
     The exit status is 2 for bad input, and if the page cannot be written.
     """

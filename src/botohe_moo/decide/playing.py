@@ -58,7 +58,7 @@ def play_mission(
     Parameters
     ----------
     mission, plan, price, seed, evaluations, min_survival, max_length
-        As for :func:`simulate_policy`, which also says what is raised.
+        As for :func:`simulate_policy`.
     policy
         One of those of :func:`simulate_policy`.
     number

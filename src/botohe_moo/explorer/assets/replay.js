@@ -1,7 +1,7 @@
 // The replay: a plan of the data is that of a step, and a node's code the share of its reward that counts.
 
 const HOLD = 2000; // milliseconds to read what happened
-const CROSS = "M-10,-10L10,10M-10,10L10,-10";
+const CROSS = "M-11,-11L11,11M-11,11L11,-11";
 const APART = ROUND + 4; // of robots beside each other
 const ANY = [0, 0]; // a trail that leaves, so that each robot has a style of its own
 
@@ -90,7 +90,7 @@ function render() {
   map.svg.attr("aria-label", `Map of step ${step}: ${where.join(", ")}.`);
   byId("step-title").textContent = `Step ${step} of ${last()}`;
   byId("at-hand").replaceChildren(make("strong", {},
-    `Reward so far: ${data.banked[step]}. Robots left: ${data.robots - data.lost[step].length} of ${data.robots}.`));
+    `Reward so far: ${data.banked[step]}. Robots alive: ${data.robots - data.lost[step].length} of ${data.robots}.`));
   byId("said").textContent = data.said[step];
   showRobots();
   tellNode(tellNode.node ?? null);
@@ -147,8 +147,9 @@ function play() {
   byId("play").textContent = "Stop";
 }
 
+/** A mission in which nobody leaves has no step to play. */
 function togglePlay() {
-  if (!playing) return play();
+  if (!playing) return last() > 0 && play();
   stop();
   render();
 }
