@@ -122,6 +122,23 @@ def measured(path: Path, seen: str, walk: Callable[[Any], list[float]]) -> dict[
     return {"page": path.stem, "bytes": path.stat().st_size, **least.to_dict()}
 
 
+def photograph(page_file: Path, path: Path, address: str = "") -> None:
+    """Take a picture of a page as it opens, if there is a browser."""
+    if not Path(CHROMIUM).exists():
+        print(f"There is no {CHROMIUM}: {path} stays as it is.")
+        return
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1120, "height": 860})
+        page.goto(page_file.as_uri() + address)
+        page.wait_for_selector("#main:not([hidden])")
+        page.screenshot(path=path)
+        browser.close()
+    print(path)
+
+
 def busy(session: Any) -> float:
     """Milliseconds of processor time that the page's main thread has spent."""
     metrics = session.send("Performance.getMetrics")["metrics"]

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from pymoo.optimize import minimize
 
-from benchmarks.explorer import CHROMIUM
-from botohe_moo import BOACO, BOTOHE, Solution, load_mission, solve
+from benchmarks.explorer import photograph
+from botohe_moo import BOACO, BOTOHE, load_mission, solve
 from botohe_moo.decide import knees
 from botohe_moo.explorer import explore
 from botohe_moo.plots import (
@@ -62,24 +62,7 @@ def run(out: Path) -> bool:
     for name, ax in drawn.items():
         save_figure(ax.figure.figure, out / f"{name}.png", dpi=DPI)
         print(out / f"{name}.png")
-    _photograph(solution, out)
+    with tempfile.TemporaryDirectory() as folder:
+        page = explore(solution, Path(folder, "museum.html"), wishes=["survivors >= 1"])
+        photograph(page, out / "explorer.png")
     return True
-
-
-def _photograph(solution: Solution, out: Path) -> None:
-    """Take a picture of the explorer's page as it opens, if there is a browser."""
-    path = out / "explorer.png"
-    if not Path(CHROMIUM).exists():
-        print(f"There is no {CHROMIUM}: {path} stays as it is.")
-        return
-    from playwright.sync_api import sync_playwright
-
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        page_file = explore(solution, Path(folder, "museum.html"), wishes=["survivors >= 1"])
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1120, "height": 860})
-        page.goto(page_file.as_uri())
-        page.wait_for_selector("#main:not([hidden])")
-        page.screenshot(path=path)
-        browser.close()
-    print(path)

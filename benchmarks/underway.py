@@ -1,14 +1,17 @@
 """What replanning is worth: missions played with plans that stay, and that are made anew."""
 
 import os
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from benchmarks.explorer import photograph
 from botohe_moo import Mission, load_mission, simulate_policy, solve
-from botohe_moo.underway import robot_price
+from botohe_moo.explorer import replay
+from botohe_moo.underway import play_mission, robot_price
 
 # Missions with their parameters, and when they pay.
 SITES: tuple[tuple[str, dict[str, Any], str], ...] = (
@@ -28,7 +31,8 @@ MISSIONS, EVALUATIONS = 2_000, 300_000
 
 
 def run(folder: Path) -> bool:
-    """Print and write the table: a row for each site, plan and policy."""
+    """Print and write the table, a row for each site, plan and policy; and show one mission."""
+    picture(folder / "replay.png")
     rows = []
     for name, parameters, pays in SITES:
         mission = load_mission(name, **parameters)
@@ -62,3 +66,14 @@ def run(folder: Path) -> bool:
     whole = pd.concat(rows).drop(columns="seconds").round(4)
     whole.to_csv(folder / "underway.csv", index=False)
     return True
+
+
+def picture(path: Path) -> None:
+    """Take a picture of the mission of docs/explorer.md, at the step in which a robot is lost."""
+    museum = load_mission("art_museum")
+    solution = solve(museum, evaluations=20_000)
+    price = robot_price(museum, solution.objectives, 159)
+    played = play_mission(museum, solution.plans[159], price=price, number=1)
+    step = next(i for i, step in enumerate(played.steps) if step.lost)
+    with tempfile.TemporaryDirectory() as folder:
+        photograph(replay(played, Path(folder, "replay.html")), path, f"#step={step}")

@@ -27,6 +27,8 @@ import pytest
 import botohe_moo.kernels.compile  # noqa: F401
 from botohe_moo import FrontBound, Kind, Mission, load_mission, read_solution, save_mission
 from botohe_moo.cli.progress import showing
+from botohe_moo.explorer import replay_page
+from botohe_moo.underway import play_mission
 from tests.forked import run_forked
 
 BOTOHE = Path(sys.executable).parent / "botohe"
@@ -819,6 +821,28 @@ class TestReplan:
         assert "Expected --plan" in message
         message = refused("replan", "out", "events.csv", "--plan", 0, "--out", out)
         assert "the folder of the plan itself" in message
+
+
+class TestReplay:
+    """What is on the page is tested in tests/explorer."""
+
+    def test_a_page_of_a_mission(self, botohe, solved, tmp_path):
+        code = "import webbrowser; webbrowser.open = lambda url: True"
+        given = ("--plan", 0, "--price", 2, "--number", 3)
+        ended = botohe("replay", solved[1], *given, "--out", "page.html", "--open", code=code)
+        assert (ended.status, ended.err) == (0, "")
+        solution = read_solution(solved[1])
+        played = play_mission(solution.mission, solution.plans[0], price=2, number=3)
+        assert flat(ended.out) == f"{played} wrote page.html"
+        assert (tmp_path / "page.html").read_text("utf-8") == replay_page(played)
+
+    def test_bad_input(self, refused, solved, tmp_path):
+        given = ("replay", solved[1], "--out", "page.html", "--plan")
+        assert "Expected --plan" in refused(*given, 999)
+        assert "Expected policy" in refused(*given, 0, "--policy", "often")
+        assert "Expected number >= 0" in refused(*given, 0, "--number", -1)
+        assert "ends in one of .html" in refused("replay", solved[1], "--plan", 0, "--out", "a.txt")
+        assert not (tmp_path / "page.html").exists()
 
 
 @pytest.mark.slow

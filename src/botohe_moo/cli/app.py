@@ -32,6 +32,7 @@ from botohe_moo.cli.options import (
     read_parameters,
 )
 from botohe_moo.cli.replan import replan_mission
+from botohe_moo.cli.replay import replay_mission
 from botohe_moo.cli.shell import (
     FAILED,
     INTERRUPTED,
@@ -70,6 +71,7 @@ app.command("check")(check_conformance)
 app.command("choose")(choose_plan)
 app.command("explore")(explore_front)
 app.command("replan")(replan_mission)
+app.command("replay")(replay_mission)
 app.add_typer(missions_app, name="missions")
 app.add_typer(study_app, name="study")
 

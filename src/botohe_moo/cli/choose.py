@@ -57,6 +57,7 @@ ChooseOption = Annotated[
         "to be met.",
     ),
 ]
+OpenOption = Annotated[bool, typer.Option("--open", help="Open the page in the browser.")]
 PlanFileOption = Annotated[
     Path | None,
     out_option(
@@ -185,9 +186,7 @@ def explore_front(
         out_option("FILE.html", "File to write; by default DIR/explorer.html."),
     ] = None,
     wish: ChooseOption = None,
-    open_page: Annotated[
-        bool, typer.Option("--open", help="Open the page in the browser.")
-    ] = False,
+    open_page: OpenOption = False,
 ) -> None:
     """Write a page to walk along a front and compare its plans.
 
@@ -209,10 +208,7 @@ def explore_front(
         tell(paragraph(choice.why))
     write_page(solution, path, choice)
     if open_page:
-        import webbrowser
-
-        if not webbrowser.open(path.resolve().as_uri()):
-            say(f"there is no browser here that could be started; open {path} in one.")
+        open_in_browser(path)
 
 
 def write_page(solution: Solution, path: Path, choice: Choice | None) -> None:
@@ -220,3 +216,11 @@ def write_page(solution: Solution, path: Path, choice: Choice | None) -> None:
     with failing():
         solution.explore(path, wishes=() if choice is None else [choice])
     tell(f"wrote {path}")
+
+
+def open_in_browser(path: Path) -> None:
+    """Open a page, or say that it cannot be opened."""
+    import webbrowser
+
+    if not webbrowser.open(path.resolve().as_uri()):
+        say(f"there is no browser here that could be started; open {path} in one.")

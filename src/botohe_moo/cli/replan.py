@@ -18,6 +18,18 @@ if TYPE_CHECKING:
 
 PICTURE = "replan.png"
 
+UnderWayOption = Annotated[
+    int, typer.Option("--plan", metavar="ID", help="The plan of front.csv that is under way.")
+]
+PriceOption = Annotated[
+    float | None,
+    typer.Option(
+        "--price",
+        metavar="REWARD",
+        help="What a robot more is worth; by default the slope of the front at the plan.",
+    ),
+]
+
 
 def replan_mission(
     folder: SolutionArgument,
@@ -29,17 +41,8 @@ def replan_mission(
             "lost or home) and node.",
         ),
     ],
-    plan: Annotated[
-        int, typer.Option("--plan", metavar="ID", help="The plan of front.csv that is under way.")
-    ],
-    price: Annotated[
-        float | None,
-        typer.Option(
-            "--price",
-            metavar="REWARD",
-            help="What a robot more is worth; by default the slope of the front at the plan.",
-        ),
-    ] = None,
+    plan: UnderWayOption,
+    price: PriceOption = None,
     evaluations: Annotated[
         int, typer.Option("--evaluations", "-n", metavar="N", help="Trail plans to evaluate.")
     ] = 1_000,

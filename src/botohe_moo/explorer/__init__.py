@@ -1,4 +1,4 @@
-"""The explorer: a front as one interactive page that needs no network."""
+"""The explorer: a front, or a mission that was played, as one page that needs no network."""
 
 from typing import TYPE_CHECKING
 
@@ -7,5 +7,7 @@ from botohe_moo._base.lazy import lazy_names
 if TYPE_CHECKING:
     from botohe_moo.explorer.page import explore as explore
     from botohe_moo.explorer.page import explorer_page as explorer_page
+    from botohe_moo.explorer.replays import replay as replay
+    from botohe_moo.explorer.replays import replay_page as replay_page
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -8,7 +8,7 @@ import html
 import json
 import os
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,7 @@ from botohe_moo.explorer.data import page_data
 if TYPE_CHECKING:
     from botohe_moo.solution import Solution
 
-SCRIPTS = ("data", "state", "front", "map", "tables", "files", "main")
+SCRIPTS = ("data", "state", "front", "map", "site", "tables", "files", "main")
 _HEIGHT = 900  # pixels of a frame in a notebook
 _NOTEBOOK_PLANS = 100  # few, since a notebook keeps the page of each output
 
@@ -103,8 +103,13 @@ def explorer_page(front: Solution, *, wishes: Iterable[str | Wish | Choice] = ()
     return render(front.mission.title, page_data(front, wishes))
 
 
-def render(title: str, data: Mapping[str, Any]) -> str:
-    """Return the page with its data."""
+def render(
+    title: str,
+    data: Mapping[str, Any],
+    template: str = "page.html.j2",
+    scripts: Sequence[str] = SCRIPTS,
+) -> str:
+    """Return a page with its data."""
     packed = zlib.compress(json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), 9)
     folder = files("botohe_moo.explorer")
     style = folder.joinpath("assets", "style.css").read_text("utf-8")
@@ -114,8 +119,8 @@ def render(title: str, data: Mapping[str, Any]) -> str:
         autoescape=True,
         undefined=jinja2.StrictUndefined,
     )
-    script = own_script()
-    return environment.get_template("page.html.j2").render(
+    script = own_script(scripts)
+    return environment.get_template(template).render(
         title=title,
         allowed_scripts=f"{_digest(library)} {_digest(script)}",
         allowed_style=_digest(style),
@@ -126,10 +131,10 @@ def render(title: str, data: Mapping[str, Any]) -> str:
     )
 
 
-def own_script() -> str:
-    """Join the modules of the page's script: one scope, which nothing outside can see."""
+def own_script(scripts: Sequence[str] = SCRIPTS) -> str:
+    """Join the modules of a page's script: one scope, which nothing outside can see."""
     folder = files("botohe_moo.explorer").joinpath("assets")
-    parts = [folder.joinpath(f"{name}.js").read_text("utf-8") for name in SCRIPTS]
+    parts = [folder.joinpath(f"{name}.js").read_text("utf-8") for name in scripts]
     return '(() => {\n"use strict";\n' + "\n".join(parts) + "})();\n"
 
 

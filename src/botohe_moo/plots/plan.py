@@ -192,7 +192,7 @@ def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
     Parameters
     ----------
     found
-        What :func:`botohe_moo.decide.replan` returns.
+        What :func:`botohe_moo.replan` returns.
     title
         Name of the picture; default: the mission's title, and what changes.
 

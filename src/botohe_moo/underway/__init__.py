@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     from botohe_moo.mission.underway import UnderWay as UnderWay
     from botohe_moo.mission.underway import under_way as under_way
     from botohe_moo.underway.events import read_events as read_events
+    from botohe_moo.underway.played import PlayedMission as PlayedMission
+    from botohe_moo.underway.played import PlayedStep as PlayedStep
+    from botohe_moo.underway.playing import play_mission as play_mission
     from botohe_moo.underway.policies import PolicyOutcomes as PolicyOutcomes
     from botohe_moo.underway.policies import simulate_policy as simulate_policy
     from botohe_moo.underway.replanning import Replan as Replan

@@ -8,13 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo._base.checks import check_choice, check_integer
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.kinds import by_kind
-from botohe_moo.mission.model import Mission
-from botohe_moo.mission.underway import RobotState, left_of, pay, robots_at_start
+from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.underway import Event, RobotState, left_of, pay, robots_at_start
 from botohe_moo.trails import TrailPlan
-from botohe_moo.underway.replanning import replan_left
+from botohe_moo.underway.played import PlayedMission, PlayedStep
+from botohe_moo.underway.replanning import Replan, check_price, replan_left
 
 _ORDERS = {"one by one": max, "one by one, shortest first": min}  # which trail goes next
 POLICIES = ("static", "losses", "arrivals", *_ORDERS)
@@ -41,23 +42,91 @@ class Played(NamedTuple):
     seconds: float
 
 
+def play_mission(
+    mission: Mission,
+    plan: TrailPlan,
+    policy: str = "losses",
+    *,
+    price: float | None = None,
+    seed: int = 1,
+    number: int = 0,
+    evaluations: int = 400,
+    min_survival: float = 0.0,
+    max_length: float | None = None,
+) -> PlayedMission:
+    """Play one mission of those that `simulate_policy` plays, and record each step.
+
+    Parameters
+    ----------
+    mission, plan, price, seed, evaluations, min_survival, max_length
+        As for :func:`botohe_moo.simulate_policy`.
+    policy
+        One of those of :func:`botohe_moo.simulate_policy`.
+    number
+        Which of the missions of this seed, from 0.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.underway import play_mission
+    >>> toy = load_mission("toy")
+    >>> played = play_mission(toy, toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]]), price=2)
+    >>> print(played.sentences[-1])
+    Step 10: 1 robot moves on. The mission ends with 10 reward and 1 of 2 robots.
+    """
+    seed = check_integer("seed", seed, at_least=0)
+    given = evaluations, min_survival, max_length
+    [made] = policies_of(mission, plan, [policy], price, seed, *given)
+    number = check_integer("number", number, at_least=0)
+    steps: list[PlayedStep] = []
+    end = play(mission, plan, made, seed, number, steps)
+    return PlayedMission(
+        mission, plan, policy, made.price, seed, number, tuple(steps), end.reward, end.survivors
+    )
+
+
+def policies_of(
+    mission: Mission,
+    plan: TrailPlan,
+    names: Sequence[str],
+    price: float | None,
+    seed: int,
+    evaluations: int,
+    min_survival: float,
+    max_length: float | None,
+) -> list[Policy]:
+    """Return policies for a plan, all of which is checked."""
+    for name in names:
+        check_choice("policy", name, POLICIES)
+    evaluations = check_integer("evaluations", evaluations, at_least=0)
+    check_mission(mission).evaluate([plan])
+    limits = mission.limits(min_survival, max_length)
+    price = check_price(mission, plan, price, limits, np.random.default_rng(seed))
+    return [Policy(name, price, evaluations, limits) for name in names]
+
+
 def play(
     mission: Mission,
     plan: TrailPlan,
     policy: Policy,
-    dangers: FloatArray,
-    random_state: np.random.Generator,
+    seed: int,
+    number: int,
+    steps: list[PlayedStep] | None = None,
 ) -> Played:
-    """Play one mission; ``dangers`` are the random numbers of each robot's hops."""
+    """Play a mission, by its number among those of a seed; add what happens to ``steps``."""
+    generator = np.random.default_rng([seed, number])
+    dangers = generator.random((mission.robots, len(mission.graph.edges)))
     robots = robots_at_start(mission, plan)
     index_of_kind = {kind.name: k for k, kind in enumerate(mission.kinds)}
     moving, replans, seconds = -1, 0, 0.0
+    if steps is not None:
+        steps.append(_step(mission, robots, [], None))
     while movers := [robot for robot in robots if _has_hops(robot)]:
         if order := _ORDERS.get(policy.name):
             if moving not in [robot.number for robot in movers]:
                 moving = order(movers, key=lambda robot: len(robot.trail) - robot.at).number
             movers = [robots[moving]]
-        has_lost = False
+        has_lost, new = False, None
         for robot in movers:
             arc = mission.graph.edges[robot.trail[robot.at], robot.trail[robot.at + 1]]
             kind = index_of_kind[robot.kind.name]
@@ -66,19 +135,45 @@ def play(
                 robot.at += 1
             else:
                 robot.state, has_lost = "lost", True
-        if policy.name == "static" or not _is_time(policy.name, movers, has_lost):
-            continue
-        if all(robot.state == "lost" for robot in robots):
-            break
-        began = time.perf_counter()
-        left = left_of(mission, robots, policy.limits)
-        new = replan_left(left, policy.price, policy.evaluations, random_state)
-        for number, trail in zip(left.robots, left.mission.labels(new.plan), strict=True):
-            robot = robots[number]
-            robot.trail = (*robot.trail[: robot.at], *trail)
-        replans, seconds = replans + 1, seconds + time.perf_counter() - began
+        is_time = _is_time(policy.name, movers, has_lost)
+        if is_time and any(robot.state != "lost" for robot in robots):
+            began = time.perf_counter()
+            left = left_of(mission, robots, policy.limits)
+            new = replan_left(left, policy.price, policy.evaluations, generator)
+            for row, trail in zip(left.robots, left.mission.labels(new.plan), strict=True):
+                robots[row].trail = (*robots[row].trail[: robots[row].at], *trail)
+            replans, seconds = replans + 1, seconds + time.perf_counter() - began
+        if steps is not None:
+            steps.append(_step(mission, robots, movers, new))
     survivors = sum(robot.state != "lost" for robot in robots)
     return Played(pay(mission, robots)[1], survivors, replans, seconds)
+
+
+def _step(
+    mission: Mission,
+    robots: Sequence[RobotState],
+    moved: Sequence[RobotState],
+    replan: Replan | None,
+) -> PlayedStep:
+    """Record where robots are after some have moved."""
+    left, _ = pay(mission, robots)
+    rewards = {node: float(mission.graph.nodes[node]["reward"]) for node in left}
+    return PlayedStep(
+        tuple(
+            Event("lost", robot.number, robot.trail[robot.at + 1])
+            if robot.state == "lost"
+            else Event("reached", robot.number, robot.place)
+            for robot in moved
+        ),
+        tuple(
+            robot.trail[: robot.at + 2] if robot.state == "lost" else robot.trail
+            for robot in robots
+        ),
+        tuple(robot.at for robot in robots),
+        tuple(robot.number for robot in robots if robot.state == "lost"),
+        {node: rewards[node] - pays for node, pays in left.items() if pays < rewards[node]},
+        replan,
+    )
 
 
 def _has_hops(robot: RobotState) -> bool:
@@ -87,8 +182,8 @@ def _has_hops(robot: RobotState) -> bool:
 
 def _is_time(policy: str, moved: Sequence[RobotState], has_lost: bool) -> bool:
     """Return whether it is time to make a plan anew."""
-    if policy == "arrivals":
-        return True
+    if policy in ("static", "arrivals"):
+        return policy == "arrivals"
     if policy in _ORDERS:
         return has_lost or not _has_hops(moved[0])
     return has_lost

@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from botohe_moo._base.checks import check_choice, check_integer
+from botohe_moo._base.checks import check_integer
 from botohe_moo.decide.fronts import short_text
-from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
-from botohe_moo.underway.playing import POLICIES, Policy, play
-from botohe_moo.underway.replanning import check_price
+from botohe_moo.underway.playing import Policy, play, policies_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -154,17 +153,12 @@ def simulate_policy(
     from rich.progress import track
 
     names = [policy] if isinstance(policy, str) else list(policy)
-    for name in names:
-        check_choice("policy", name, POLICIES)
+    names = list(dict.fromkeys(["static", *names]))
     missions = check_integer("missions", missions, at_least=2)
     seed = check_integer("seed", seed, at_least=0)
-    evaluations = check_integer("evaluations", evaluations, at_least=0)
-    check_mission(mission).evaluate([plan])
     workers = check_integer("workers", workers, at_least=1)
-    limits = mission.limits(min_survival, max_length)
-    price = check_price(mission, plan, price, limits, np.random.default_rng(seed))
-    names = list(dict.fromkeys(["static", *names]))
-    policies = [Policy(name, price, evaluations, limits) for name in names]
+    given = evaluations, min_survival, max_length
+    policies = policies_of(mission, plan, names, price, seed, *given)
     blocks = [range(i, min(i + _AT_ONCE, missions)) for i in range(0, missions, _AT_ONCE)]
     play_block = partial(_play_missions, mission, plan, policies, seed)
     with ExitStack() as stack:
@@ -180,7 +174,7 @@ def simulate_policy(
         played = pd.DataFrame(row for rows in shown for row in rows)
     order = played["policy"].map(names.index)
     played = played.iloc[np.argsort(order, kind="stable")].reset_index(drop=True)
-    return PolicyOutcomes(mission, plan, price, played)
+    return PolicyOutcomes(mission, plan, policies[0].price, played)
 
 
 def _play_missions(
@@ -194,8 +188,6 @@ def _play_missions(
     rows = []
     for number in numbers:
         for policy in policies:
-            generator = np.random.default_rng([seed, number])
-            dangers = generator.random((mission.robots, len(mission.graph.edges)))
-            played = play(mission, plan, policy, dangers, generator)
+            played = play(mission, plan, policy, seed, number)
             rows.append({"policy": policy.name, "mission": number, **played._asdict()})
     return rows

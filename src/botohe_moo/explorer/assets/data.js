@@ -55,6 +55,9 @@ function make(tag, attributes = {}, ...children) {
   return element;
 }
 
+const rowHead = (content) => make("th", { scope: "row" }, content);
+const columnHead = (content, number = true) => make("th", { scope: "col", class: number ? "number" : null }, content);
+
 /** A text of at most so many letters; a longer one ends in an ellipsis. */
 function shortened(text, most) {
   const letters = [...text];

@@ -1,14 +1,8 @@
 // Connects the parts: what the reader does changes the state, and the state is drawn.
 
-let front = null, map = null, stopAnimation = null;
+let front = null, stopAnimation = null;
 let preview = null; // a plan that the pointer is on
 const FILE_BUTTONS = [...document.querySelectorAll("[data-file]")];
-
-/** Tell screen readers; of several texts at once only the last. */
-function say(text) {
-  clearTimeout(say.timer);
-  say.timer = setTimeout(() => { byId("status").textContent = text; }, 200);
-}
 
 /** Draw the state: pictures at once, and tables too, except on a walk: then after the pictures. */
 function render(walking = false) {
@@ -114,11 +108,6 @@ function showFilters() {
   front.sift();
 }
 
-function complain(fault) {
-  byId("problem").textContent = fault;
-  byId("problem").hidden = fault === "";
-}
-
 /** Show what the address says. */
 function restore() {
   forget();
@@ -151,13 +140,10 @@ function onKey(event) {
 function listen() {
   for (const cause of ["keydown", "focusin"]) document.addEventListener(cause, endPreview);
   document.addEventListener("keydown", onKey);
-  document.addEventListener("click", (event) => {
-    if (event.target.closest('[aria-disabled="true"]')) event.stopPropagation();
-  }, true);
   window.addEventListener("popstate", restore);
   byId("walk").addEventListener("input", (event) => act({ plan: matching[event.target.value] }, true));
   const clicks = { less: () => step(-1), more: () => step(1), pin: () => togglePin(state.plan),
-    animate: toggleAnimation, larger: () => zoom(2), smaller: () => zoom(0.5) };
+    animate: toggleAnimation };
   for (const [id, answer] of Object.entries(clicks)) byId(id).addEventListener("click", answer);
   byId("filters").addEventListener("input", filter);
   byId("filters").addEventListener("reset", () => setTimeout(filter));
@@ -171,9 +157,6 @@ function listen() {
   });
   chart.addEventListener("pointermove", (event) => event.pointerType !== "touch" && hover(front.nearest(event)));
   chart.addEventListener("pointerleave", () => hover(null));
-  const onMap = (event) => tellNode(map.nearest(event), data.kinds.length ? map.nearestArc(event) : null);
-  for (const cause of ["pointermove", "pointerdown"]) byId("map").addEventListener(cause, onMap);
-  byId("map").addEventListener("pointerleave", (event) => event.pointerType !== "touch" && tellNode(null));
 }
 
 function hover(plan) {
@@ -184,28 +167,9 @@ function hover(plan) {
   hover.frame = requestAnimationFrame(() => render(true));
 }
 
-/** Tell what there is to say of a node, or of an arc if there is no node near the pointer. */
-function tellNode(node, arc = null) {
-  tellNode.node = node;
-  const plan = preview ?? state.plan;
-  if (node === null) return byId("node").replaceChildren(...(arc === null ? [] : arcText(arc)));
-  const reached = probability(reachCode(plan, node));
-  const note = data.node_notes[node] ? `; ${data.node_notes[node]}` : "";
-  return byId("node").replaceChildren(nodeName(node),
-    `: reward ${data.reward_texts[node]}, reached with ${reached}${note}`);
-}
-
-/** What each kind survives of an arc and of its opposite. */
-function arcText(arc) {
-  const [tails, heads] = data.arcs;
-  const survival = (one) => data.kinds.map((kind, i) => {
-    const code = data.arc_codes[i][one];
-    return code ? `${kind} survives with ${probability(code)}` : `not for ${kind}`;
-  }).join(", ");
-  const back = tails.findIndex((tail, i) => tail === heads[arc] && heads[i] === tails[arc]);
-  const same = back >= 0 && survival(back) === survival(arc);
-  const way = (one, sign) => [nodeName(tails[one]), ` ${sign} `, nodeName(heads[one]), `: ${survival(one)}`];
-  return [...way(arc, same ? "–" : "→"), ...(back < 0 || same ? [] : ["; ", ...way(back, "→")])];
+/** What there is to say of a node with the plan that is shown. */
+function nodeText(node) {
+  return `reached with ${probability(reachCode(preview ?? state.plan, node))}`;
 }
 
 function resize() {
@@ -214,52 +178,16 @@ function resize() {
   zoom(1);
 }
 
-/** Draw the map larger or smaller; the frame around it scrolls. */
-function zoom(factor) {
-  const before = zoom.factor ?? 1;
-  zoom.factor = Math.min(Math.max(before * factor, 1), 8);
-  const ratio = zoom.factor / before;
-  const frame = byId("map").closest(".frame");
-  const [x, y] = [frame.scrollLeft + frame.clientWidth / 2, frame.scrollTop + frame.clientHeight / 2];
-  const width = Math.max(Math.round(zoom.factor * frame.parentElement.clientWidth), 200);
-  map.resize(width);
-  byId("map").parentElement.style.width = zoom.factor > 1 ? `${width}px` : "";
-  if (zoom.factor === 1) frame.style.maxHeight = `${map.height + 2}px`;
-  frame.scrollTo(x * ratio - frame.clientWidth / 2, y * ratio - frame.clientHeight / 2);
-  enable(byId("smaller"), zoom.factor > 1);
-  enable(byId("larger"), zoom.factor < 8);
-  const [all, unnamed] = [data.names.length, data.names.length - map.named.length];
-  byId("unnamed").textContent = unnamed === 0 ? ""
-    : `Names of ${unnamed} of ${all} nodes have no room on the map: point at a node to read it.`;
-  render();
-}
-
-async function start() {
-  if (!("DecompressionStream" in window)) {
-    throw new Error("This browser cannot unpack the page's data. "
-      + "Chrome and Edge from 111, Firefox from 113 and Safari from 16.4 can.");
-  }
-  data = await unpack(byId("data").textContent);
-  byId("about").textContent = data.about;
+openPage(() => {
   byId("thinned").textContent = data.thinned;
-  byId("placing").textContent = data.placing;
-  byId("kinds").textContent = data.key;
   byId("address").hidden = location.href === "about:srcdoc"; // a frame in a notebook has no history of its own
   byId("filter-node").append(...data.names.map((name, node) =>
     make("option", { value: node, dir: "auto" }, shortened(name, 60))));
-  const narrow = window.matchMedia("(max-width: 30rem)").matches;
-  byId("key").open = !narrow;
-  byId("nodes-details").open = !narrow && data.names.length <= 60;
-  byId("main").hidden = false;
+  byId("nodes-details").open = byId("key").open && data.names.length <= 60;
   front = new FrontChart(byId("front"));
-  map = new SiteMap(byId("map"), byId("ground"));
   readHash();
   listMarks(go);
   resize();
   restore();
   listen();
-  window.addEventListener("resize", resize);
-  window.matchMedia("screen and (prefers-color-scheme: dark)").addEventListener("change", () => map.drawGround());
-}
-
-start().catch((error) => complain(error.message));
+}).catch((error) => complain(error.message));

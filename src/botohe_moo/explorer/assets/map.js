@@ -12,12 +12,12 @@ const HOPS_LAST = 12_000; // milliseconds that an animation takes at most
 const colourOf = (kind) => `var(--robot-${kind % 10})`;
 
 /**
- * Colour and dash of each robot; those that leave the base come first.
+ * Colour and dash of each robot by their trails; those that leave the base come first.
  * If there are several kinds, each has a colour, and its robots differ in dash.
  */
-function stylesOf(plan) {
+function stylesOf(trails) {
   let leaving = 0;
-  return trailsOf(plan).map((trail, robot) => {
+  return trails.map((trail, robot) => {
     if (data.kinds.length) {
       const dash = robot - data.kind_of.indexOf(data.kind_of[robot]);
       return { colour: colourOf(data.kind_of[robot]), dash: DASHES[dash % DASHES.length] || null };
@@ -27,6 +27,19 @@ function stylesOf(plan) {
     return { colour: `var(--robot-${style % 10})`, dash };
   });
 }
+
+/** A piece of the line of a robot's trail; nothing of one that stays. */
+function sampleOf({ colour, dash }, trail) {
+  const svg = d3.create("svg").attr("class", "sample").attr("viewBox", "0 0 34 8").attr("aria-hidden", "true");
+  svg.append("path").attr("d", trail.length > 1 ? "M0,4H34" : "M0,0").style("stroke", colour)
+    .attr("stroke-dasharray", dash);
+  return svg.node();
+}
+
+const isStill = () => window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+/** Milliseconds of a hop, of so many that follow each other. */
+const paceOf = (hops) => (isStill() ? 900 : Math.min(Math.max(HOPS_LAST / hops, 60), 650));
 
 class SiteMap {
   constructor(svg, canvas = null) {
@@ -185,30 +198,39 @@ class SiteMap {
 
   show(plan, robot = null) {
     const trails = trailsOf(plan);
-    const reach = reachOf(plan);
+    const styles = stylesOf(trails);
+    const faint = (way) => robot !== null && way.robot !== robot;
+    this.fillNodes(reachOf(plan));
+    this.drawWays(trails.map((trail, i) =>
+      ({ robot: i, trail, label: robotName(i), look: faint({ robot: i }) ? "faint" : "", ...styles[i] })));
+    if (!this.small) this.showBadges(this.ways, faint);
+    const said = trails.map((trail, i) =>
+      `${robotText(i)} ${trail.length > 1 ? `visits ${new Set(trail).size - 1} nodes` : `stays at ${whereStays(trail)}`}`);
+    this.svg.attr("aria-label", `Map of ${title(plan)}: ${said.join(", ")}.`);
+  }
+
+  /** Fill nodes by codes in [0, 1]. */
+  fillNodes(codes) {
     for (const mark of this.marked) {
-      const code = reach.get(mark.__data__) ?? 0;
+      const code = codes.get(mark.__data__) ?? 0;
       if (mark.code === code) continue; // few nodes change from one plan to the next
       mark.code = code;
       mark.style.setProperty("--reached", `${100 * share(code)}%`);
       mark.classList.toggle("unreached", code === 0);
     }
-    const styles = stylesOf(plan);
-    this.ways = this.layOut(trails).map((hops, i) => ({ robot: i, label: robotName(i), hops, ...styles[i] }));
-    this.ways = this.ways.filter((way) => way.hops.length);
-    const faint = (way) => robot !== null && way.robot !== robot;
+  }
+
+  /** Draw trails, or parts of them, each with a colour, a dash, and a class for its look. */
+  drawWays(ways) {
+    const hops = this.layOut(ways.map((way) => way.trail));
+    this.ways = ways.map((way, i) => ({ ...way, hops: hops[i] })).filter((way) => way.hops.length);
     const wide = this.small ? 1.3 : Math.min(Math.max(this.lane * 0.75, 2), 2.4);
-    this.trails.selectAll("path.trail").data(this.ways).join("path").attr("class", "trail")
+    this.trails.selectAll("path.trail").data(this.ways).join("path").attr("class", (way) => `trail ${way.look}`)
       .attr("d", (way) => line(way.hops.flat())).attr("stroke-width", wide)
-      .attr("stroke-dasharray", (way) => way.dash)
-      .style("stroke", (way) => way.colour).classed("faint", faint);
-    this.trails.selectAll("path.heads").data(this.ways).join("path").attr("class", "heads")
+      .attr("stroke-dasharray", (way) => way.dash).style("stroke", (way) => way.colour);
+    this.trails.selectAll("path.heads").data(this.ways).join("path").attr("class", (way) => `heads ${way.look}`)
       .attr("d", (way) => way.hops.map((hop) => arrowHead(hop, 1.6 * wide + 2)).join(""))
-      .style("fill", (way) => way.colour).classed("faint", faint);
-    if (!this.small) this.showBadges(this.ways, faint);
-    const said = trails.map((trail, i) =>
-      `${robotText(i)} ${trail.length > 1 ? `visits ${new Set(trail).size - 1} nodes` : `stays at ${whereStays(trail)}`}`);
-    this.svg.attr("aria-label", `Map of ${title(plan)}: ${said.join(", ")}.`);
+      .style("fill", (way) => way.colour);
   }
 
   /** The hops of each robot as pairs of points; robots on the same arc go side by side. */
@@ -247,8 +269,7 @@ class SiteMap {
   /** Move the robots along their trails; gives a function that stops them. */
   animate(say, ended) {
     const longest = d3.max(this.ways, (way) => way.hops.length);
-    const still = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
-    const pace = still ? 900 : Math.min(Math.max(HOPS_LAST / longest, 60), 650);
+    const [still, pace] = [isStill(), paceOf(longest)];
     const timer = d3.timer((elapsed) => {
       const time = still ? Math.floor(elapsed / pace) : elapsed / pace;
       if (time > longest) return stop();

@@ -3,8 +3,6 @@
 const N_NODES_COMPARED = 25;
 
 const cell = (content, attributes = {}) => make("td", { class: "number", ...attributes }, content);
-const rowHead = (content) => make("th", { scope: "row" }, content);
-const columnHead = (content, number = true) => make("th", { scope: "col", class: number ? "number" : null }, content);
 
 /** A probability with its bar. */
 function barCell(code) {
@@ -45,15 +43,9 @@ function listMarks(go) {
 
 /** The robots of a plan with their trails, and beside the map a button for each. */
 function showRobots(plan, alone) {
-  const styles = stylesOf(plan);
   const trails = trailsOf(plan);
-  const sample = (robot) => {
-    const svg = d3.create("svg").attr("class", "sample").attr("viewBox", "0 0 34 8").attr("aria-hidden", "true");
-    const line = trails[robot].length > 1 ? "M0,4H34" : "M0,0";
-    svg.append("path").attr("d", line).style("stroke", styles[robot].colour)
-      .attr("stroke-dasharray", styles[robot].dash);
-    return svg.node();
-  };
+  const styles = stylesOf(trails);
+  const sample = (robot) => sampleOf(styles[robot], trails[robot]);
   const [several, rewards] = [data.kinds.length > 0, data.trail_reward_texts];
   const head = [columnHead("robot", false), ...(several ? [columnHead("kind", false)] : []), columnHead("survives"),
     ...(rewards.length ? [columnHead("brings alone")] : []), columnHead("nodes"), columnHead("trail", false)];
