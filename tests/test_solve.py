@@ -108,6 +108,11 @@ class TestSearch:
         assert (np.diff(front["survivors"]) >= 0).all()
         assert len(set(solution.plans)) == len(solution.plans) > 3
 
+    def test_worst_case_as_a_column(self, solution):
+        table = solution.table.assign(worst_case=solution.worst_case())
+        assert (table["worst_case"] < table["reward"]).any()
+        assert (table["worst_case"] <= table["reward"]).all()
+
     def test_record(self, toy, solution):
         assert solution.mission is toy
         assert (solution.algorithm, solution.seed, solution.parameters) == ("bo-aco", 3, {})

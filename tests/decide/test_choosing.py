@@ -6,7 +6,18 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import TrailPlan, decide
-from botohe_moo.decide import Chance, EveryRobot, Expected, Reach, TailMean, choose, judging, toward
+from botohe_moo.decide import (
+    Chance,
+    EveryRobot,
+    Expected,
+    Reach,
+    TailMean,
+    WorstCase,
+    after_losses,
+    choose,
+    judging,
+    toward,
+)
 from botohe_moo.decide.choosing import taken
 from botohe_moo.outcomes import plan_outcomes
 from botohe_moo.solution import Solution
@@ -31,6 +42,8 @@ ANSWERS = {
     "CVaR(reward, 1) >= 3": "AB",
     "CVaR(survivors, 0.5) >= 1": "AC",  # AB: (0.05 x 0 + 0.45 x 1) / 0.5 = 0.9
     "CVaR(survivors, 0.05) >= 2": "C",
+    "worst case of 1 loss >= 1": "AB",
+    "worst case of 1 loss >= 1.9": "AA",  # BB has 1.8
     "every robot >= 0.5": "AB",
     "every robot >= 0.9": "BC",
     "every robot >= 1": "C",
@@ -163,6 +176,7 @@ def wishes_for(mission):
     share = st.floats(0, 1)
     kinds = [
         st.builds(EveryRobot, at_least=share),
+        st.builds(WorstCase, losses=st.integers(0, mission.robots), at_least=reward),
         st.builds(Reach, node=st.sampled_from(mission.nodes), at_least=share),
     ]
     for quantity, level in number.items():
@@ -186,6 +200,8 @@ def value_of(mission, plan, wish):
             return getattr(outcomes, wish.quantity).at_least(wish.value)
         case TailMean():
             return getattr(outcomes, wish.quantity).cvar(wish.alpha)
+        case WorstCase():
+            return after_losses(mission, [plan], wish.losses)["reward_left"][0]
         case EveryRobot():
             return min(survival(mission, trail, None) for trail in plan.trails)
         case Reach():
@@ -209,7 +225,7 @@ def survival(mission, trail, goal):
 
 def lack(mission, plan, wish):
     """How much a plan lacks, as a part of what it can have."""
-    quantity = wish.quantity if isinstance(wish, Expected | TailMean) else None
+    quantity = wish.quantity if isinstance(wish, Expected | TailMean | WorstCase) else None
     ranges = {"reward": mission.total_reward or 1, "survivors": mission.robots}
     return max(0.0, wish.at_least - value_of(mission, plan, wish)) / ranges.get(quantity, 1)
 

@@ -10,7 +10,16 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission
-from botohe_moo.decide import Chance, EveryRobot, Expected, Reach, TailMean, Wish, parse_wishes
+from botohe_moo.decide import (
+    Chance,
+    EveryRobot,
+    Expected,
+    Reach,
+    TailMean,
+    Wish,
+    WorstCase,
+    parse_wishes,
+)
 from botohe_moo.decide.grammar import FORMS
 from tests.decide.made import MISSION, star
 
@@ -49,6 +58,8 @@ FORMS_READ = [
     ("p ( reward>=5 )>=1", Chance(quantity="reward", value=5, at_least=1)),
     ("CVaR(reward, 0.1) >= 2", TailMean(quantity="reward", alpha=0.1, at_least=2)),
     ("cvar(survivors,1)>=0", TailMean(quantity="survivors", alpha=1, at_least=0)),
+    ("worst case of 1 loss >= 5", WorstCase(losses=1, at_least=5)),
+    ("Worst  case of 2 losses>=.5", WorstCase(losses=2, at_least=0.5)),
     ("every robot >= 0.5", EveryRobot(at_least=0.5)),
     ("reach a >= 0.9", Reach(node="a", at_least=0.9)),
     ("reach a>=0.9", Reach(node="a", at_least=0.9)),
@@ -119,6 +130,7 @@ wishes = st.one_of(
     st.builds(
         TailMean, quantity=quantities, alpha=st.floats(0, 1, exclude_min=True), at_least=levels
     ),
+    st.builds(WorstCase, losses=st.integers(0, 1), at_least=levels),
     st.builds(EveryRobot, at_least=shares),
     st.builds(Reach, node=st.sampled_from(LABELS), at_least=shares),
 )
@@ -184,6 +196,7 @@ def test_what_cannot_be_read_gets_one_message_with_the_forms():
 
 def test_numbers_and_nodes_are_checked():
     for text, fault in {
+        "worst case of 3 losses >= 1": "Expected losses <= 2, got 3.",
         "every robot >= 90": "Expected at_least in [0, 1], got 90.0.",
         "P(reward >= -1) >= 0.5": "Expected value >= 0, got -1.0.",
         "CVaR(reward, 0) >= 1": "Expected alpha in (0, 1], got 0.0.",

@@ -80,6 +80,7 @@ def choose_plan(
 
     Wishes: `survivors >= 2` and `reward >= 5` (expected), `P(survivors >= 2) >= 0.9`,
     `P(reward >= 5) >= 0.8`, `CVaR(reward, 0.1) >= 2` (mean of the lowest tenth; of survivors, too),
+    `worst case of 1 loss >= 5` (expected reward if the worst robot never leaves),
     `every robot >= 0.5` (survives), `reach NODE >= 0.9`; several, or joined by ` and `. Where there
     are several kinds of robots, also `KIND survivors >= 1`.
 

@@ -35,5 +35,6 @@ if TYPE_CHECKING:
     from botohe_moo.decide.wishes import Reach as Reach
     from botohe_moo.decide.wishes import TailMean as TailMean
     from botohe_moo.decide.wishes import Wish as Wish
+    from botohe_moo.decide.wishes import WorstCase as WorstCase
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

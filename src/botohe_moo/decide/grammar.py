@@ -6,7 +6,7 @@ from collections.abc import Hashable, Iterable, Iterator
 from contextlib import suppress
 from typing import Any
 
-from botohe_moo._base.checks import most_alike, quoted
+from botohe_moo._base.checks import check_integer, most_alike, quoted
 from botohe_moo.decide.wishes import (
     Chance,
     EveryRobot,
@@ -14,6 +14,7 @@ from botohe_moo.decide.wishes import (
     Reach,
     TailMean,
     Wish,
+    WorstCase,
     label_text,
 )
 from botohe_moo.mission.model import Mission
@@ -23,6 +24,7 @@ FORMS = (
     "reward >= 5",
     "P(reward >= 5) >= 0.8",
     "CVaR(reward, 0.1) >= 2",
+    "worst case of 1 loss >= 5",
     "every robot >= 0.5",
     "reach NODE >= 0.9",
 )
@@ -37,6 +39,7 @@ _SHAPES: dict[str, type[Wish]] = {
     _QUANTITY: Expected,
     rf"P \( {_QUANTITY} >= (?P<value>{_NUMBER}) \)": Chance,
     rf"CVaR \( {_QUANTITY} , (?P<alpha>{_NUMBER}) \)": TailMean,
+    r"worst\s+case\s+of\s+(?P<losses>\d+)\s+loss(?:es)?": WorstCase,
     r"every\s+robot": EveryRobot,
     # A label without quotes ends at the first level that ends its wish.
     rf"reach\s+(?P<node>{_QUOTED}|{_LISTED}|.+?)": Reach,
@@ -56,13 +59,14 @@ _PATTERNS = [(_pattern(shape), kind) for shape, kind in _SHAPES.items()]
 def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, ...]:
     """Read wishes as planners write them.
 
-    There are five forms, in upper or lower case, ``≥`` for ``>=`` if preferred, where ``Q`` is
+    There are six forms, in upper or lower case, ``≥`` for ``>=`` if preferred, where ``Q`` is
     ``reward``, ``survivors``, or ``KIND survivors`` with the name of a kind of robots; ``and``
     joins several::
 
         Q >= x                 expected reward, expected number of survivors
         P(Q >= x) >= p         probability that it is x or more
         CVaR(Q, a) >= x        mean of the lowest share a of the outcomes
+        worst case of n losses >= x    expected reward if the worst n robots never leave
         every robot >= p       survival of each robot
         reach NODE >= p        probability that a robot reaches the node
 
@@ -101,6 +105,8 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
         else:
             if isinstance(wish, Reach):
                 _node(mission, wish.node, [wish.node])
+            elif isinstance(wish, WorstCase):
+                _losses(mission, wish.losses)
             elif (kind := getattr(wish, "kind", None)) is not None:
                 _kind(mission, kind, [kind])
             found.append(wish)
@@ -139,10 +145,16 @@ def _make(mission: Mission, kind: Any, parts: dict[str, str]) -> Wish:
         given["quantity"] = parts["quantity"].lower()
     if parts.get("kind"):
         given["kind"] = _kind(mission, parts["kind"], _labels(parts["kind"]))
+    if "losses" in parts:
+        given["losses"] = _losses(mission, int(parts["losses"]))
     if "node" in parts:
         given["node"] = node_of(mission, parts["node"])
     made: Wish = kind(**given)
     return made
+
+
+def _losses(mission: Mission, losses: int) -> int:
+    return check_integer("losses", losses, at_least=0, at_most=mission.robots)
 
 
 def node_of(mission: Mission, text: str) -> Hashable:

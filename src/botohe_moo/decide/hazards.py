@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from itertools import combinations
-from math import comb
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,19 +10,13 @@ import numpy as np
 from botohe_moo._base.checks import check_integer, check_number, quoted
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.decide.judging import Candidates
-from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
+from botohe_moo.decide.losses import worst_losses
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.model import Mission
-from botohe_moo.outcomes import collect_probabilities
 from botohe_moo.trails import PlanBatch, Plans
 
 if TYPE_CHECKING:
     import pandas as pd
-
-_MAX_SETS = 1_000_000  # of robots that are lost
-_CELLS = 2**20  # numbers that are computed at once
-_LOG_OF_ZERO = -750.0  # exp of it is 0
-_TIE = 1e-12  # of the reward: sets that are as bad
 
 
 def robustness(
@@ -172,7 +164,8 @@ def after_losses(mission: Mission, plans: Plans, alpha: int = 1) -> pd.DataFrame
     import pandas as pd
 
     front, losses = Candidates(mission, plans), _check_losses(mission, "alpha", alpha)
-    left, lost = zip(*_worst_cases(front, losses), strict=True)
+    worst = [worst_losses(mission, plan, losses) for plan in front.plans]
+    left, lost = zip(*worst, strict=True)
     columns = {"reward": front.objectives[:, 0], "reward_left": left, "lost": lost}
     return pd.DataFrame({"plan_id": np.arange(len(front)), **columns})
 
@@ -216,93 +209,13 @@ def worst_case(mission: Mission, plans: Plans, losses: int = 1) -> FloatArray:
     --------
     >>> from botohe_moo import load_mission, worst_case
     >>> toy = load_mission("toy")
-    >>> plans = [toy.plan([[1, 2, 4, 2, 1], [1]]), toy.plan([[1, 2, 1], [1, 3, 1]])]
+    >>> plans = [toy.plan([[1, 2, 4, 2, 1], [1]]), toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])]
     >>> worst_case(toy, plans).round(2).tolist()
     [0.0, 0.9]
     """
-    front = Candidates(mission, plans)
-    worst = _worst_cases(front, _check_losses(mission, "losses", losses))
-    return np.array([reward for reward, _ in worst])
+    front, losses = Candidates(mission, plans), _check_losses(mission, "losses", losses)
+    return np.array([worst_losses(mission, plan, losses)[0] for plan in front.plans])
 
 
 def _check_losses(mission: Mission, name: str, losses: int) -> int:
     return check_integer(name, losses, at_least=0, at_most=mission.robots)
-
-
-def _worst_cases(front: Candidates, losses: int) -> Iterator[tuple[float, tuple[int, ...] | None]]:
-    """Compute the worst case of each plan; and which robots are lost, None of a bound."""
-    mission = front.mission
-    is_exact = comb(mission.robots, losses) <= _MAX_SETS
-    sets = _sets(mission.robots, losses) if is_exact else _sets(0, 0)
-    at_start = _collected_at_start(mission)
-    for plan in front.plans:
-        collected = collect_probabilities(mission, plan)
-        paying = np.flatnonzero(collected.any(axis=0) & (mission.rewards > 0))
-        rewards, missed = mission.rewards[paying], 1 - collected[:, paying]
-        missed_at_start = 1 - at_start[:, paying]
-        if is_exact:
-            left = _rewards_without(rewards, missed, missed_at_start, sets)
-            worst = int((left <= left.min() + _TIE * rewards.sum()).argmax())
-            yield float(left[worst]), tuple(sets[worst].tolist())
-        else:
-            yield _worst_bound(rewards, missed, missed_at_start, losses), None
-
-
-def _sets(n_robots: int, losses: int) -> OffsetArray:
-    """List the sets of so many robots (n_sets, losses)."""
-    sets = np.array(list(combinations(range(n_robots), losses)), dtype=np.int64)
-    return sets.reshape(comb(n_robots, losses), losses)
-
-
-def _rewards_without(
-    rewards: FloatArray, missed: FloatArray, missed_at_start: FloatArray, sets: OffsetArray
-) -> FloatArray:
-    """Compute E[R] without the robots of each set (n_sets, losses).
-
-    ``missed`` are the probabilities that a robot does not collect a reward (robots, n_rewards) if
-    it follows its trail, ``missed_at_start`` those if it never leaves.
-    """
-    with np.errstate(divide="ignore"):
-        logs, logs_at_start = (
-            np.maximum(np.log(of), _LOG_OF_ZERO) for of in (missed, missed_at_start)
-        )
-    left, n_at_once = np.empty(len(sets)), max(1, _CELLS // max(1, missed.size))
-    for first in range(0, len(sets), n_at_once):
-        some = sets[first : first + n_at_once]
-        lost = np.zeros((len(some), len(missed)))
-        np.put_along_axis(lost, some, 1.0, axis=1)
-        by_nobody = np.exp((1 - lost) @ logs + lost @ logs_at_start)
-        left[first : first + n_at_once] = (1 - by_nobody) @ rewards
-    return left
-
-
-def _worst_bound(
-    rewards: FloatArray, missed: FloatArray, missed_at_start: FloatArray, losses: int
-) -> float:
-    """Bound from below what is left without any set of so many robots; see `worst_case`."""
-    given, n_robots = (rewards, missed, missed_at_start), len(missed)
-    [none], [all_robots] = (_rewards_without(*given, _sets(n_robots, n)) for n in (n_robots, 0))
-    alone = np.sort(_rewards_without(*given, _sets(n_robots, n_robots - 1)))
-    by_sum = all_robots - (alone - none)[-losses:].sum()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(missed > 0, missed_at_start / missed, np.inf)
-    lost = np.zeros(missed.shape, dtype=bool)
-    np.put_along_axis(lost, ratio.argsort(axis=0)[-losses:], True, axis=0)
-    by_node = (1 - np.where(lost, missed_at_start, missed).prod(axis=0)) @ rewards
-    return float(max(by_sum, alone[-losses - 1], by_node))
-
-
-def _collected_at_start(mission: Mission) -> FloatArray:
-    """Compute with what probability robots that never leave collect rewards (robots, n_nodes)."""
-    collected, kinds = np.zeros((mission.robots, len(mission.nodes))), mission.arrays.kinds
-    if kinds is None:
-        collected[:, mission.arrays.base] = 1.0
-    else:
-        paid = kinds.credit[kinds.start] != AT_NEXT_DEPOT
-        where = np.arange(mission.robots), kinds.origin[kinds.start]
-        collected[where] = kinds.share[kinds.start] * paid
-        for robot in np.flatnonzero(kinds.credit[kinds.start] == AT_THIS_DEPOT):
-            aboard = kinds.aboard[kinds.aboard_first[robot] : kinds.aboard_stop[robot]]
-            layer = kinds.start[robot] - kinds.origin[kinds.start[robot]]
-            collected[robot, aboard] = kinds.share[layer + aboard]
-    return collected

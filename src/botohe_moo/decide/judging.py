@@ -3,6 +3,7 @@
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import SLACK
+from botohe_moo.decide.losses import worst_losses
 from botohe_moo.decide.wishes import (
     QUANTITIES,
     Chance,
@@ -12,6 +13,7 @@ from botohe_moo.decide.wishes import (
     Reach,
     TailMean,
     Wish,
+    WorstCase,
     exact_text,
 )
 from botohe_moo.mission.model import Mission, check_mission
@@ -57,6 +59,8 @@ class Candidates:
                 return self.distribution(quantity, i, kind).at_least(value)
             case TailMean(quantity=quantity, alpha=alpha, kind=kind):
                 return self.distribution(quantity, i, kind).cvar(alpha)
+            case WorstCase(losses=losses):
+                return worst_losses(self.mission, self.plans[i], losses)[0]
             case EveryRobot():
                 return float(self._survival[i].min())
             case Reach(node=node):
@@ -71,13 +75,13 @@ class Candidates:
 
     def span(self, wish: Wish) -> float:
         """Return the range of what a plan can have, by which shortfalls are scaled."""
-        if isinstance(wish, Expected | TailMean):
+        if isinstance(wish, Expected | TailMean | WorstCase):
             return self._most(wish) or 1.0
         return 1.0
 
     def beyond(self, wish: Wish) -> str | None:
         """Write what the mission has, if a wish needs more than any plan can have; else None."""
-        if isinstance(wish, Expected | TailMean):
+        if isinstance(wish, Expected | TailMean | WorstCase):
             needed = wish.at_least
         elif isinstance(wish, Chance) and wish.at_least > SLACK:
             needed = wish.value
@@ -91,7 +95,7 @@ class Candidates:
         of_kind = "" if wish.kind is None else f" of kind {quoted(wish.kind)}"
         return counted(int(most), "robot") + of_kind
 
-    def _most(self, wish: Expected | Chance | TailMean) -> float:
+    def _most(self, wish: Expected | Chance | TailMean | WorstCase) -> float:
         if wish.quantity == "reward":
             return self.mission.total_reward
         return float(sum(k.robots for k in self.mission.kinds if wish.kind in (None, k.name)))

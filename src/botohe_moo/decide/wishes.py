@@ -8,7 +8,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from botohe_moo._base.checks import ParameterError, check_choice, check_number, quoted
+from botohe_moo._base.checks import (
+    ParameterError,
+    check_choice,
+    check_integer,
+    check_number,
+    quoted,
+)
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.validation import read_label
 
@@ -22,7 +28,7 @@ _PLAIN_LABEL = re.compile(r"(?!(?:True|False)\Z)[^\W\d]\w*")
 class Wish:
     """A lower limit on a quantity of a plan; ``str`` writes it as planners do.
 
-    One of `Expected`, `Chance`, `TailMean`, `EveryRobot` and `Reach`.
+    One of `Expected`, `Chance`, `TailMean`, `WorstCase`, `EveryRobot` and `Reach`.
 
     Parameters
     ----------
@@ -51,6 +57,9 @@ class Wish:
             "alpha": {"above": 0, "at_most": 1},
             "at_least": {"at_least": 0, "at_most": 1 if self.is_probability else math.inf},
         }
+        if "losses" in vars(self):
+            losses = check_integer("losses", vars(self)["losses"], at_least=0)
+            object.__setattr__(self, "losses", losses)
         for name in limits:
             if name in vars(self):
                 number = check_number(name, vars(self)[name], **limits[name])
@@ -144,6 +153,34 @@ class TailMean(Wish):
 
     def __str__(self) -> str:
         return f"CVaR({_subject(self)}, {exact_text(self.alpha)}) >= {exact_text(self.at_least)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorstCase(Wish):
+    """The least E[R] if some robots never leave: ``worst case of 1 loss >= 5``.
+
+    Parameters
+    ----------
+    at_least
+        Expected reward, at least 0, as :func:`botohe_moo.worst_case` computes it.
+    losses
+        How many robots never leave, at least 0.
+
+    Examples
+    --------
+    >>> from botohe_moo.decide import WorstCase
+    >>> print(WorstCase(losses=2, at_least=3))
+    worst case of 2 losses >= 3
+    """
+
+    losses: int
+
+    quantity: ClassVar[Quantity] = "reward"
+    kind: ClassVar[None] = None
+
+    def __str__(self) -> str:
+        losses = "loss" if self.losses == 1 else "losses"
+        return f"worst case of {self.losses} {losses} >= {exact_text(self.at_least)}"
 
 
 @dataclass(frozen=True, kw_only=True)

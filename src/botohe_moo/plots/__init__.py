@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from botohe_moo.plots.plan import plot_choices as plot_choices
     from botohe_moo.plots.plan import plot_plan as plot_plan
     from botohe_moo.plots.plan import plot_replan as plot_replan
+    from botohe_moo.plots.policies import plot_policies as plot_policies
     from botohe_moo.plots.study.attainment import plot_attainment as plot_attainment
     from botohe_moo.plots.study.attainment import (
         plot_attainment_difference as plot_attainment_difference,

@@ -18,7 +18,7 @@ import numpy as np
 from botohe_moo._base.files import replace_file
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
-from botohe_moo.decide import choosing, fronts, tradeoffs
+from botohe_moo.decide import choosing, fronts, hazards, tradeoffs
 from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.digest import numbers_digest
@@ -124,6 +124,13 @@ class Solution:
 
         table = pd.DataFrame(self.objectives, columns=COLUMNS[1:])
         return table.rename_axis(COLUMNS[0]).reset_index()
+
+    def worst_case(self, losses: int = 1) -> FloatArray:
+        """Compute the least E[R] if some robots never leave; see :func:`botohe_moo.worst_case`.
+
+        As a column of the table: ``solution.table.assign(worst_case=solution.worst_case())``.
+        """
+        return hazards.worst_case(self.mission, self.plans, losses)
 
     def choose(self, *wishes: str | Wish, most: Quantity | None = None) -> choosing.Choice:
         """Choose the plan of most expected reward that meets all wishes.
