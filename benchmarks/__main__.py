@@ -3,7 +3,7 @@
 The names are curves, speed, growth, allocations (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, budgets, orienteering (results/local-
 search/), fronts, large (results/growth/), bounds (results/bounds/), pictures (results/choosing/),
-gallery (results/gallery/), explorer (results/explorer/), teams (results/teams/), underway
+gallery (results/gallery/), explorer (results/explorer/), teams (results/teams/), underway, learning
 (results/underway/), start and pace (results/start/). ``--before`` names another checkout, which
 start and pace measure beside this one. The exit status is 1 if a curve is not the published one, or
 an area, a reward, a gap, a gain, a ratio to BO-ACO or a size misses its bound; times themselves,
@@ -27,6 +27,7 @@ from benchmarks import (
     gallery,
     growth,
     large,
+    learning,
     operators,
     orienteering,
     pace,
@@ -59,6 +60,7 @@ BENCHMARKS = {
     "gallery": (gallery.run, "gallery"),
     "teams": (teams.run, "teams"),
     "underway": (underway.run, "underway"),
+    "learning": (learning.run, "underway"),
     "start": (start.run, "start"),
     "pace": (pace.run, "start"),
 }

@@ -125,7 +125,21 @@ def growth():
     return frame[["nodes", "robots", "algorithm", *names]].rename(columns=names)
 
 
-KEPT = {"paper": (published,), "performance": (speed, growth)}
+def learning():
+    rows = {}
+    found = pd.read_csv(ROOT / "results" / "underway" / "learning.csv")
+    for one in found.itertuples():
+        first = {"mission": one.mission, "classes": one.classes, "place of loss": one.place}
+        row = rows.setdefault(tuple(first.values()), first)
+        if one.policy == "mean":
+            error = f" ± {one.area_se:.3f}" if one.flown else ""
+            row[f"area after {one.flown}"] = f"{one.area:.3f}{error}"
+        if one.flown == found["flown"].max():
+            row[f"shortfall, {one.policy}"] = f"{one.shortfall:.2f} ± {one.shortfall_se:.2f}"
+    return pd.DataFrame(list(rows.values()))
+
+
+KEPT = {"paper": (published,), "performance": (speed, growth), "under-way": (learning,)}
 
 
 def renewed(guide):
