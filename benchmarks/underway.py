@@ -10,7 +10,9 @@ import pandas as pd
 
 from benchmarks.explorer import photograph
 from botohe_moo import Mission, load_mission, simulate_policy, solve
+from botohe_moo._base.types import FloatArray
 from botohe_moo.explorer import replay
+from botohe_moo.plots import plot_policies, save_plot
 from botohe_moo.underway import play_mission, robot_price
 
 # Missions with their parameters, and when they pay.
@@ -24,33 +26,33 @@ SITES: tuple[tuple[str, dict[str, Any], str], ...] = (
     ("terrain", {"nodes": 60, "seed": 3}, "arrival"),
     ("terrain", {"nodes": 60, "seed": 3}, "return"),
 )
-# The share of the robots that are expected to survive the plans that are played.
+# The shares of the robots that are expected to survive the plans that are played.
 SHARES = {"arrival": (0.35, 0.55, 0.8), "return": (0.4, 0.6, 0.75)}
 POLICIES = ("losses", "one by one", "one by one, shortest first")
 MISSIONS, EVALUATIONS = 2_000, 300_000
 
 
 def run(folder: Path) -> bool:
-    """Print and write the table, a row for each site, plan and policy; and show one mission."""
-    picture(folder / "replay.png")
+    """Print and write the table, a row for each site, plan and policy; and draw two pictures."""
+    photograph_replay(folder / "replay.png")
     rows = []
     for name, parameters, pays in SITES:
         mission = load_mission(name, **parameters)
-        if pays == "return":
-            mission = Mission(mission.graph, pays=pays, robots=mission.robots)
+        mission = Mission(mission.graph, pays=pays, robots=mission.robots)
         solution = solve(mission, evaluations=EVALUATIONS)
         for share in SHARES[pays]:
-            distances = abs(solution.objectives[:, 1] - share * mission.robots)
-            row = int(np.argmin(distances))
-            price = robot_price(mission, solution.objectives, row)
+            row = supported_row(solution.objectives, share * mission.robots)
             outcomes = simulate_policy(
                 mission,
                 solution.plans[row],
                 POLICIES,
-                price=price,
+                price=robot_price(mission, solution.objectives, row),
                 missions=MISSIONS,
                 workers=os.cpu_count() or 1,
             )
+            if not rows:
+                plot = plot_policies(outcomes, solution.objectives)
+                save_plot(plot, folder / "policies.png")
             table = outcomes.table
             reward, survivors = solution.objectives[row]
             table.insert(0, "mission", name)
@@ -58,7 +60,7 @@ def run(folder: Path) -> bool:
             table.insert(2, "pays", pays)
             table.insert(3, "E[R]", reward)
             table.insert(4, "E[S]", survivors)
-            table.insert(5, "price", price)
+            table.insert(5, "price", outcomes.price)
             table["percent"] = 100 * table["gain"] / reward
             table["percent_se"] = 100 * table["gain_se"] / reward
             print(table.round(3).to_string(index=False), flush=True)
@@ -68,7 +70,13 @@ def run(folder: Path) -> bool:
     return True
 
 
-def picture(path: Path) -> None:
+def supported_row(objectives: FloatArray, survivors: float) -> int:
+    """Return the plan nearest to some survivors, of those that are best at some price."""
+    best = {int(np.argmax(objectives @ [1, price])) for price in np.geomspace(1e-3, 1e3, 10_000)}
+    return min(best, key=lambda row: abs(objectives[row, 1] - survivors))
+
+
+def photograph_replay(path: Path) -> None:
     """Take a picture of the mission of docs/explorer.md, at the step in which a robot is lost."""
     museum = load_mission("art_museum")
     solution = solve(museum, evaluations=20_000)
