@@ -139,7 +139,29 @@ def learning():
     return pd.DataFrame(list(rows.values()))
 
 
-KEPT = {"paper": (published,), "performance": (speed, growth), "under-way": (learning,)}
+def underway():
+    names = {
+        "losses": "after losses",
+        "one by one": "one by one",
+        "one by one, shortest first": "shortest first",
+    }
+    rows = {}
+    for one in pd.read_csv(ROOT / "results" / "underway" / "underway.csv").to_dict("records"):
+        mission = f"{one['mission']}, {one['nodes']} nodes"
+        row = {"mission": mission, "pays on": one["pays"]}
+        row |= {name: f"{one[name]:.2f}" for name in ("E[R]", "E[S]", "price")}
+        row = rows.setdefault(tuple(row.values()), row)
+        if one["policy"] in names:
+            gain = f"{one['percent']:.1f} ± {one['percent_se']:.1f}"
+            row[names[one["policy"]]] = "0" if one["gain"] == 0 else gain
+    return pd.DataFrame(list(rows.values()))
+
+
+KEPT = {
+    "paper": (published,),
+    "performance": (speed, growth),
+    "under-way": (underway, learning),
+}
 
 
 def renewed(guide):
