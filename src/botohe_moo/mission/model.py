@@ -17,6 +17,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
 from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.plans import evaluate as kernels
+from botohe_moo.mission.events import Event
 from botohe_moo.mission.graphs import frozen_copy, given_places
 from botohe_moo.mission.kinds import (
     ONLY_KIND,
@@ -26,7 +27,7 @@ from botohe_moo.mission.kinds import (
     uncollected,
     ways_to_ends,
 )
-from botohe_moo.mission.underway import Event, under_way
+from botohe_moo.mission.underway import under_way
 from botohe_moo.mission.validation import (
     MissionError,
     PlanError,

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from botohe_moo._base.checks import quoted
 from botohe_moo.decide.grammar import node_of
+from botohe_moo.mission.events import Event, EventError
 from botohe_moo.mission.formats.tables import read_table
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.mission.underway import Event, EventError
 
 COLUMNS = ("robot", "event", "node")
 
