@@ -2,6 +2,9 @@
 
 import os
 import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.explorer import photograph
-from botohe_moo import Mission, load_mission, simulate_policy, solve
+from botohe_moo import Event, Mission, load_mission, replan, simulate_policy, solve, worst_case
 from botohe_moo._base.types import FloatArray
 from botohe_moo.explorer import replay
 from botohe_moo.plots import plot_policies, save_plot
@@ -33,8 +36,9 @@ MISSIONS, EVALUATIONS = 2_000, 300_000
 
 
 def run(folder: Path) -> bool:
-    """Print and write the table, a row for each site, plan and policy; and draw two pictures."""
+    """Print and write the gains, a row for each site, plan and policy; times; and two pictures."""
     photograph_replay(folder / "replay.png")
+    time_replans(folder / "seconds.csv")
     rows = []
     for name, parameters, pays in SITES:
         mission = load_mission(name, **parameters)
@@ -68,6 +72,44 @@ def run(folder: Path) -> bool:
     whole = pd.concat(rows).drop(columns="seconds").round(4)
     whole.to_csv(folder / "underway.csv", index=False)
     return True
+
+
+def time_replans(path: Path) -> None:
+    """Write how long a warm replan takes after a loss, and the worst case of a plan."""
+    rows = []
+    for name in ("art_museum", "power_plant", "terrain_200"):
+        mission = load_mission(name)
+        solution = solve(mission, evaluations=20_000)
+        row = supported_row(solution.objectives, 0.55 * mission.robots)
+        plan = solution.plans[row]
+        price = robot_price(mission, solution.objectives, row)
+        trails = mission.labels(plan)
+        out = [robot for robot, trail in enumerate(trails) if len(trail) > 3]
+        events = [Event("reached", robot, trails[robot][2]) for robot in out]
+        events.append(Event("lost", out[0]))
+        times = {
+            "replan_ms": partial(replan, mission, plan, events, price=price),
+            "replan_without_price_ms": partial(replan, mission, plan, events),
+            "worst_case_ms": partial(worst_case, mission, [plan]),
+        }
+        found = {column: 1e3 * median_seconds(run) for column, run in times.items()}
+        rows.append(
+            {"mission": name, "nodes": len(mission.nodes), "robots": mission.robots, **found}
+        )
+    table = pd.DataFrame(rows).round(2)
+    print(table.to_string(index=False), flush=True)
+    table.to_csv(path, index=False)
+
+
+def median_seconds(run: Callable[[], object]) -> float:
+    """Time a function that has run once before."""
+    run()
+    times = []
+    for _ in range(20):
+        began = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - began)
+    return float(np.median(times))
 
 
 def supported_row(objectives: FloatArray, survivors: float) -> int:

@@ -120,6 +120,10 @@ class TestTables:
             Event("home", 1),
         ]
 
+    def test_a_log_has_times(self, tmp_path):
+        text = "time,robot,event,node\n12:00:05,1,reached,2\n12:00:09,0,lost,\n"
+        assert self.read(tmp_path, text) == [Event("reached", 1, 2), Event("lost", 0)]
+
     def test_what_is_wrong(self, tmp_path):
         with pytest.raises(EventError) as caught:
             self.read(tmp_path, "robot,event,node\nx,lost,\n0,reached,9\n")

@@ -12,14 +12,16 @@ from botohe_moo.mission.events import Event, EventError
 from botohe_moo.mission.formats.tables import read_table
 from botohe_moo.mission.model import Mission, check_mission
 
-COLUMNS = ("robot", "event", "node")
+COLUMNS = ("time", "robot", "event", "node")
 
 
 def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
     r"""Read what has happened from a CSV file with the columns ``robot``, ``event`` and ``node``.
 
-    Robots are rows of the plan, from 0. Events are ``reached``, ``lost`` and ``home``, as of
-    :class:`Event`; the node may be empty where it may be None. Labels are written as in wishes.
+    Rows are in the order in which it happened, as in the log of a mission, which may also have the
+    column ``time``; that is not read. Robots are rows of the plan, from 0. Events are ``reached``,
+    ``lost`` and ``home``, as of :class:`Event`; the node may be empty where it may be None. Labels
+    are written as in wishes.
 
     Parameters
     ----------
