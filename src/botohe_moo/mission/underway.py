@@ -63,11 +63,12 @@ def under_way(
     """Return what is left of a mission, and of its plan, after some events.
 
     Robots that are lost leave the team. Each robot that has left its start is a kind of its own,
-    named after its kind and its row, such as ``robot 2``: it starts where it is, cannot use the
-    arcs again that it has used, has what is left of its travel budget, and carries what it has
-    collected since its last depot. The survival floor of a kind holds for what is left of a trail.
-    Nodes whose rewards count already pay nothing; where a robot has been that fails to collect a
-    reward, of which its ``share`` is not 1, what is to be expected stays.
+    named after its kind and its row, such as ``robot 2``, or as before if it was one already: it
+    starts where it is, cannot use the arcs again that it has used, has what is left of its travel
+    budget, and carries what it has collected since its last depot. The survival floor of a kind
+    holds for what is left of a trail. Nodes whose rewards count already pay nothing; where a robot
+    has been that fails to collect a reward, of which its ``share`` is not 1, what is to be expected
+    stays.
 
     Parameters
     ----------
@@ -172,10 +173,12 @@ def _kinds_left(
         for robot in own:
             if not robot.has_left:
                 continue
-            name = f"{kind.name} {robot.number}"
-            while name in taken:
-                name += "'"
-            taken.add(name)
+            name = kind.name
+            if kind.robots > 1:
+                name = f"{kind.name} {robot.number}"
+                while name in taken:
+                    name += "'"
+                taken.add(name)
             hops = list(pairwise(robot.trail))
             lengths = [mission.graph.edges[hop].get("length", 1.0) for hop in hops]
             walked, ahead = sum(lengths[: robot.at]), sum(lengths[robot.at :])

@@ -1,5 +1,7 @@
 """Pictures of plans: the trails of one on maps, and a front with maps of some of its plans."""
 
+from dataclasses import replace
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.transforms import Bbox
@@ -187,7 +189,8 @@ def plot_choices(
 def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
     """Draw what is left of a plan, and beside it the plan that was made anew.
 
-    Robots that are under way have a triangle where they are.
+    Robots that are under way have a triangle where they are, and are called by their rows in the
+    plan that was made before: R0, R1, ...
 
     Parameters
     ----------
@@ -213,12 +216,15 @@ def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
     mission, notes = found.left.mission, []
     with theme():
         old, new = open_sheet(mission, 1, 1, widest=6.4, room=name_room(mission))
+        open_axes(node_positions(mission), old)
         add_reach_bar(old, new)
         for ax, plan, words in (
             (old, found.left.plan, "what is left of the plan"),
             (new, found.plan, "the new plan"),
         ):
             shown = DrawnPlan(mission, plan)
+            named = zip(shown.styles, found.left.robots, strict=True)
+            shown.styles = [replace(style, name=f"R{robot}") for style, robot in named]
             notes += [*shown.staying, *shown.draw_team(ax), *shown.marks]
             name_map(ax, f"{words}: {shown.objectives}")
         if title is None:
