@@ -31,7 +31,7 @@ SITES: tuple[tuple[str, dict[str, Any], str], ...] = (
 )
 # The shares of the robots that are expected to survive the plans that are played.
 SHARES = {"arrival": (0.35, 0.55, 0.8), "return": (0.4, 0.6, 0.75)}
-POLICIES = ("losses", "one by one", "one by one, shortest first")
+POLICIES = ("losses", "one by one", "shortest first")
 MISSIONS, EVALUATIONS = 2_000, 300_000
 
 

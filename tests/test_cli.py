@@ -22,10 +22,19 @@ from typing import NamedTuple
 
 import networkx as nx
 import numba
+import numpy as np
 import pytest
 
 import botohe_moo.kernels.compile  # noqa: F401
-from botohe_moo import FrontBound, Kind, Mission, load_mission, read_solution, save_mission
+from botohe_moo import (
+    FrontBound,
+    Kind,
+    Mission,
+    load_mission,
+    read_solution,
+    save_mission,
+    simulate_policy,
+)
 from botohe_moo.cli.progress import showing
 from botohe_moo.explorer import replay_page
 from botohe_moo.underway import play_mission
@@ -843,6 +852,30 @@ class TestReplay:
         assert "Expected number >= 0" in refused(*given, 0, "--number", -1)
         assert "ends in one of .html" in refused("replay", solved[1], "--plan", 0, "--out", "a.txt")
         assert not (tmp_path / "page.html").exists()
+
+
+class TestSimulate:
+    def test_a_table_and_a_picture(self, botohe, solved, tmp_path):
+        given = ("--plan", 0, "--price", 2, "--missions", 30, "--policy", "losses")
+        ended = botohe("simulate", solved[1], *given, "--out", "policies.png")
+        assert ended.status == 0
+        solution = read_solution(solved[1])
+        outcomes = simulate_policy(
+            solution.mission, solution.plans[0], "losses", price=2, missions=30
+        )
+        header, *rows = (line.split() for line in ended.out.splitlines()[1:4])
+        table = outcomes.table
+        assert header == list(table.columns)
+        found = np.array([row[1:-1] for row in rows], float)
+        assert found == pytest.approx(table.iloc[:, 1:-1].to_numpy(float), abs=1e-4)
+        assert ended.out.startswith("A robot more costs 2 reward.")
+        assert (tmp_path / "policies.png").stat().st_size > 10_000
+
+    def test_bad_input(self, refused, solved):
+        given = ("simulate", solved[1], "--plan", 0)
+        assert "Expected policy" in refused(*given, "--policy", "often")
+        assert "Expected missions >= 2" in refused(*given, "--missions", 1)
+        assert "ends in one of .png" in refused(*given, "--out", "a.txt")
 
 
 @pytest.mark.slow

@@ -11,13 +11,15 @@ collect what is in the cellar with a share of 1/2. All ways back are safe:
 import csv
 import io
 import json
+from itertools import combinations
 
 import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 
-from botohe_moo import Kind, Mission, TrailPlan, read_solution
+from botohe_moo import Kind, Mission, TrailPlan, read_solution, worst_case
 from botohe_moo.cli.choose import trails_text
 from botohe_moo.decide import (
     Chance,
@@ -36,6 +38,7 @@ from botohe_moo.decide import (
     write_plan,
 )
 from botohe_moo.solution import Solution
+from tests import twins
 from tests.decide.made import MISSION
 from tests.strategies import team_missions_with_plans
 
@@ -161,6 +164,23 @@ def test_losses_before_the_start():
     # Without the rover BOTH keeps 4 x 0.5 + 6 x 0.125; with the rover alone it would be 4.5.
     assert table["reward_left"].tolist() == [2, 0, 2.75]
     assert table["lost"].tolist() == [(2,), (2,), (2,)]
+
+
+@given(team_missions_with_plans(), st.data())
+def test_the_worst_case_by_hand(drawn, data):
+    mission, plan = drawn
+    losses = data.draw(st.integers(0, mission.robots))
+    rewards = []
+    for lost in combinations(range(mission.robots), losses):
+        missed = dict.fromkeys(mission.nodes, 1.0)
+        for robot, trail in enumerate(mission.labels(plan)):
+            followed = trail[:1] if robot in lost else trail
+            chances = twins.collects(mission, mission.kind_of[robot], followed)
+            for node, chance in chances.items():
+                missed[node] *= 1 - chance
+        nodes = mission.graph.nodes
+        rewards.append(sum(nodes[node]["reward"] * (1 - of) for node, of in missed.items()))
+    assert worst_case(mission, [plan], losses)[0] == pytest.approx(min(rewards), abs=1e-9)
 
 
 @given(team_missions_with_plans())

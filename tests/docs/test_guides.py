@@ -143,7 +143,7 @@ def underway():
     names = {
         "losses": "after losses",
         "one by one": "one by one",
-        "one by one, shortest first": "shortest first",
+        "shortest first": "shortest first",
     }
     rows = {}
     for one in pd.read_csv(ROOT / "results" / "underway" / "underway.csv").to_dict("records"):

@@ -11,9 +11,10 @@ from botohe_moo.explorer import replay, replay_page
 from botohe_moo.explorer.replays import replay_data
 from botohe_moo.explorer.texts import LITTLE
 from botohe_moo.underway import play_mission
+from botohe_moo.underway.playing import POLICIES
 from tests.explorer.test_browser import NASTY, WIDTHS
 from tests.plots.test_kinds import TRAILS, mixed
-from tests.underway.corner import PLAYED
+from tests.underway.corner import MISSION, NUMBER, PLAN, PLAYED
 
 
 class TestData:
@@ -33,7 +34,7 @@ class TestData:
         ]
         assert self.DATA["at"] == [(0, 0), (0, 1), (0, 2), (0, 3), (0, 3)]
         assert self.DATA["lost"] == [(), (0,), (0,), (0,), (0, 1)]
-        assert self.DATA["told"] == [1]
+        assert self.DATA["told"] == [1, 4]
 
     def test_nodes_are_filled_when_their_rewards_count(self):
         names = self.DATA["names"]
@@ -47,7 +48,14 @@ class TestData:
         assert self.DATA["banked"] == ["0", "1", "1", "11", "11"]
 
     def test_the_same_mission_gives_the_same_page(self):
-        assert replay_page(PLAYED) == replay_page(PLAYED)
+        again = play_mission(MISSION, PLAN, price=2, number=NUMBER)
+        assert replay_page(again) == replay_page(PLAYED)
+
+    def test_policies_are_said_and_losses_told(self):
+        for policy, words in POLICIES.items():
+            data = replay_data(play_mission(MISSION, PLAN, policy, price=2, number=NUMBER))
+            assert words in data["about"]
+            assert data["told"][0] == data["lost"].index((0,))
 
 
 # Where robots are drawn from now on.

@@ -1,13 +1,18 @@
 """Missions under way: what is left of them after some events."""
 
+import math
+import warnings
+from dataclasses import replace
 from itertools import pairwise, product
 from math import prod
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from botohe_moo import Event, MissionError, load_mission
+from botohe_moo import Event, Mission, MissionError, load_mission
+from botohe_moo.mission import PlanError
+from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.underway import EventError, under_way
 from tests import twins
 from tests.examples import examples
@@ -83,18 +88,18 @@ def test_what_is_left_is_what_enumeration_gives(case, data):
     mission, plan = case
     trails = mission.labels(plan)
     states, events = data.draw(moments(trails))
-    if not events:
+    if not events and keeps_limits(mission, plan):
         assert mission.after(plan, events) is mission
         return
-    if all(how == LOST for _, how in states):
+    if keeps_limits(mission, plan) and all(how == LOST for _, how in states):
         with pytest.raises(MissionError, match="all robots are lost"):
             mission.after(plan, events)
         return
-    try:
-        left = under_way(mission, plan, events)
-    except MissionError:  # a robot cannot keep its limits any more
-        assert not keeps_limits(mission, plan)
+    if not keeps_limits(mission, plan):
+        with pytest.raises(PlanError, match=r"^Robot \d: expected a trail"):
+            under_way(mission, plan, events)
         return
+    left = under_way(mission, plan, events)
     reward, survivors = expected(mission, trails, states)
     [found] = left.mission.evaluate([left.plan])
     assert left.banked + found[0] == pytest.approx(reward, rel=1e-12, abs=1e-12)
@@ -102,6 +107,64 @@ def test_what_is_left_is_what_enumeration_gives(case, data):
     assert [trails[robot][-1] for robot in left.robots] == [
         trail[-1] for trail in left.mission.labels(left.plan)
     ]
+
+
+@given(missions_with_plans(max_robots=3) | team_missions_with_plans(), st.data())
+def test_two_cuts_are_as_good_as_one(case, data):
+    mission, plan = case
+    states, events = data.draw(moments(mission.labels(plan)))
+    assume(keeps_limits(mission, plan) and any(how != LOST for _, how in states))
+    cut = data.draw(st.integers(0, len(events)))
+    whole, first = under_way(mission, plan, events), under_way(mission, plan, events[:cut])
+    row = {old: new for new, old in enumerate(first.robots)}
+    later = [replace(event, robot=row[event.robot]) for event in events[cut:]]
+    second = under_way(first.mission, first.plan, later)
+    assert first.banked + second.banked == pytest.approx(whole.banked, abs=1e-9)
+    [once], [twice] = (left.mission.evaluate([left.plan]) for left in (whole, second))
+    assert twice == pytest.approx(once, abs=1e-9)
+
+
+@given(team_missions_with_plans(), st.data())
+def test_what_is_left_is_a_valid_mission(case, data):
+    """Which is not checked when it is made."""
+    mission, plan = case
+    states, events = data.draw(moments(mission.labels(plan)))
+    assume(events and keeps_limits(mission, plan) and any(how != LOST for _, how in states))
+    left = mission.after(plan, events)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*no kind of robots can collect")
+        again = Mission(left.graph, base=left.base, kinds=left.kinds, pays=left.pays)
+    assert numbers_digest(again) == numbers_digest(left)
+
+
+def test_limits_are_kept_without_any_event():
+    museum = load_mission("art_museum")
+    home = museum.stay_home()
+    left = under_way(museum, home, [], min_survival=0.5, max_length=10)
+    assert [(kind.min_survival, kind.max_length) for kind in left.mission.kinds] == [(0.5, 10)]
+    assert museum.after(home, [], max_length=10).robots == 3
+
+
+def test_no_budget_is_no_budget():
+    """inf takes the place of the mission's own budget, in what is left, too."""
+    graph = load_mission("toy").graph.copy()
+    graph.graph["max_length"] = 4
+    toy = Mission(graph, base=1, robots=2)
+    plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    kinds = toy.after(plan, [Event("reached", 0, 4)]).kinds
+    assert [kind.max_length for kind in kinds] == [2, 4]
+    left = toy.after(plan, [Event("reached", 0, 4)], max_length=math.inf)
+    assert [kind.max_length for kind in left.kinds] == [None, None]
+    assert left.max_length is None
+
+
+def test_robots_keep_their_names():
+    toy = load_mission("toy")
+    plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    first = under_way(toy, plan, [Event("reached", 0, 2)])
+    rest = first.mission.after(first.plan, [Event("reached", "robot 0", 4)])
+    assert [kind.name for kind in rest.kinds] == ["robot 0", "robot"]
+    assert rest.kinds[0].start == 4
 
 
 def test_played_to_its_end_nothing_is_left():

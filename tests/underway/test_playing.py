@@ -4,13 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Event, load_mission, simulate_policy
 from botohe_moo.underway import play_mission
 from botohe_moo.underway.playing import POLICIES
 from tests.examples import examples
+from tests.mission.test_underway import keeps_limits
 from tests.strategies import missions_with_plans, team_missions_with_plans
 from tests.underway.corner import MISSION, NUMBER, PLAN, PLAYED
 
@@ -18,11 +19,12 @@ from tests.underway.corner import MISSION, NUMBER, PLAN, PLAYED
 @examples(40)
 @given(
     missions_with_plans(max_robots=3) | team_missions_with_plans(),
-    st.sampled_from(POLICIES),
+    st.sampled_from(tuple(POLICIES)),
     st.integers(0, 3),
 )
 def test_steps_are_consistent(case, policy, number):
     mission, plan = case
+    assume(keeps_limits(mission, plan))
     played = play_mission(mission, plan, policy, price=1, number=number, evaluations=20)
     start, *_ = played.steps
     assert (start.events, start.trails, set(start.at)) == ((), mission.labels(plan), {0})

@@ -1,16 +1,19 @@
 """Plans made anew, and what replanning is worth."""
 
+from pathlib import Path
+
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Event, Kind, Mission, load_mission, replan, simulate_policy, solve
+from botohe_moo.mission import PlanError
 from botohe_moo.underway import EventError, read_events, robot_price
 from botohe_moo.underway.playing import POLICIES
 from tests.examples import examples
-from tests.mission.test_underway import LOST, moments
+from tests.mission.test_underway import LOST, keeps_limits, moments
 from tests.strategies import missions_with_plans, team_missions_with_plans
 
 
@@ -22,16 +25,28 @@ def test_it_is_never_worse_and_keeps_limits(case, data):
     if all(how == LOST for _, how in states):
         return
     price = data.draw(st.sampled_from([0.0, 1.0, 30.0]))
+    assume(keeps_limits(mission, plan))
     longest = float(mission.trail_lengths([plan]).max())
     found = replan(mission, plan, events, price=price, evaluations=50, max_length=longest)
     rest = found.left.mission
     assert found.gain >= 0
+    assert found.plan in found.plans
+    assert not (found.before >= found.objectives).all() or found.plan == found.left.plan
     assert rest.evaluate([found.plan])[0] == pytest.approx(found.objectives, rel=1e-12)
-    if events:
-        lengths = rest.trail_lengths([found.left.plan])[0]
-        for robot, old in enumerate(found.left.robots):
-            walked = mission.trail_lengths([plan])[0][old] - lengths[robot]
-            assert walked + rest.trail_lengths([found.plan])[0][robot] <= longest * (1 + 1e-9)
+    lengths = rest.trail_lengths([found.left.plan])[0]
+    for robot, old in enumerate(found.left.robots):
+        walked = mission.trail_lengths([plan])[0][old] - lengths[robot]
+        assert walked + rest.trail_lengths([found.plan])[0][robot] <= longest * (1 + 1e-9)
+
+
+def test_limits_of_the_plan_are_checked():
+    museum = load_mission("art_museum")
+    solution = solve(museum, evaluations=1_000)
+    for limit in ({"min_survival": 0.9}, {"max_length": 3}):
+        with pytest.raises(PlanError, match=r"^Robot \d: expected a trail"):
+            replan(museum, solution.plans[0], [], **limit)
+        with pytest.raises(PlanError, match=r"^Robot \d: expected a trail"):
+            simulate_policy(museum, solution.plans[0], **limit)
 
 
 def test_a_robot_is_sent_on_where_another_was_lost():
@@ -70,17 +85,18 @@ def test_policies_meet_the_same_dangers():
     museum = load_mission("art_museum")
     solution = solve(museum, evaluations=3_000)
     row = int(np.argmin(abs(solution.objectives[:, 1] - 1.6)))
-    price = robot_price(museum, solution.objectives, row)
-    given = {"price": price, "missions": 60, "evaluations": 60}
-    plan = solution.plans[row]
-    table = simulate_policy(museum, plan, POLICIES, **given).table
+    plan, price = solution.plans[row], robot_price(museum, solution.objectives, row)
+    given = {"price": price, "evaluations": 60}
+    table = simulate_policy(museum, plan, tuple(POLICIES), missions=20, **given).table
     assert table["policy"].tolist() == list(POLICIES)
     assert table["gain"][0] == table["replans"][0] == 0
-    assert table["reward"][0] == pytest.approx(solution.objectives[row, 0], abs=1.2)
-    assert (table["replans"][1:] > 0).all()
-    again = simulate_policy(museum, plan, "losses", **given).table
+    assert (table["replans"][1:] > 0.5).all()
+    again = simulate_policy(museum, plan, "losses", missions=20, **given).table
     columns = ["reward", "survivors", "gain", "gain_se", "replans"]
     assert again[columns].to_numpy().tolist() == table[columns][:2].to_numpy().tolist()
+    static = simulate_policy(museum, plan, "static", missions=4_000, **given).played
+    for name, expected in zip(("reward", "survivors"), solution.objectives[row], strict=True):
+        assert abs(static[name].mean() - expected) < 3 * static[name].sem()
 
 
 def test_a_plan_implies_a_price():
@@ -95,48 +111,52 @@ def test_a_plan_implies_a_price():
 
 
 @pytest.mark.slow
-def test_any_number_of_workers_plays_the_same_missions(capsys):
+def test_any_number_of_workers_plays_the_same_missions():
     toy = load_mission("toy")
     plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
+    done = []
     one, two = (
-        simulate_policy(toy, plan, price=2, missions=60, workers=workers, progress=True)
+        simulate_policy(toy, plan, price=2, missions=60, workers=workers, progress=done.append)
         for workers in (1, 2)
     )
     assert one.played.drop(columns="seconds").equals(two.played.drop(columns="seconds"))
-    assert "missions played" in capsys.readouterr().err
+    assert done == [25, 50, 60] * 2
 
 
 class TestTables:
-    def read(self, tmp_path, text):
-        path = tmp_path / "events.csv"
-        path.write_text(text)
-        return read_events(load_mission("toy"), path)
+    @pytest.fixture(autouse=True)
+    def folder(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
 
-    def test_what_happened(self, tmp_path):
+    def read(self, text):
+        Path("events.csv").write_text(text)
+        return read_events(load_mission("toy"), "events.csv")
+
+    def test_what_happened(self):
         text = "Robot,Event,Node\n0,reached,2\n0,Lost,\n1,home,\n"
-        assert self.read(tmp_path, text) == [
+        assert self.read(text) == [
             Event("reached", 0, 2),
             Event("lost", 0),
             Event("home", 1),
         ]
 
-    def test_a_log_has_times(self, tmp_path):
+    def test_a_log_has_times(self):
         text = "time,robot,event,node\n12:00:05,1,reached,2\n12:00:09,0,lost,\n"
-        assert self.read(tmp_path, text) == [Event("reached", 1, 2), Event("lost", 0)]
+        assert self.read(text) == [Event("reached", 1, 2), Event("lost", 0)]
 
-    def test_what_is_wrong(self, tmp_path):
+    def test_what_is_wrong(self):
         with pytest.raises(EventError) as caught:
-            self.read(tmp_path, "robot,event,node\nx,lost,\n0,reached,9\n")
+            self.read("robot,event,node\n0,lost\n0,reached,9\n")
         assert str(caught.value).splitlines() == [
-            "events.csv, row 2: expected a robot, a whole number, got 'x'.",
+            "events.csv, row 2: expected 3 cells, as the first row has, found 2",
             "events.csv, row 3: mission 'toy' has no node '9'; most alike are 1, 2, 3, 4, 5.",
         ]
-        with pytest.raises(EventError, match="expected the columns robot, event and node, found"):
-            self.read(tmp_path, "robot,node\n0,1\n")
+        with pytest.raises(EventError, match="expected the columns robot, event and node, and"):
+            self.read("robot,node\n0,1\n")
 
-    def test_rows_are_named(self, tmp_path):
+    def test_rows_are_named(self):
         toy = load_mission("toy")
-        events = self.read(tmp_path, "robot,event,node\n0,lost,\n0,lost,\n")
+        events = self.read("robot,event,node\n0,lost,\n0,lost,\n")
         plan = toy.plan([[1, 2, 1], [1]])
         with pytest.raises(EventError, match=r"^events\.csv, row 3: robot 0 lost: it is lost alr"):
             toy.after(plan, events)
@@ -148,4 +168,4 @@ def test_kinds_keep_their_names():
     mission = Mission(toy.graph, base=1, kinds=kinds)
     plan = mission.plan([[1, 2, 1], [1], [1, 3, 1]])
     rest = mission.after(plan, [Event("reached", 0, 2), Event("lost", 2)])
-    assert [kind.name for kind in rest.kinds] == ["drone", "drone 0"]
+    assert [kind.name for kind in rest.kinds] == ["drone 0", "drone"]

@@ -47,6 +47,7 @@ from botohe_moo.cli.shell import (
     stoppable,
     tell,
 )
+from botohe_moo.cli.simulate import simulate_missions
 from botohe_moo.cli.study import study_app
 
 if TYPE_CHECKING:
@@ -72,6 +73,7 @@ app.command("choose")(choose_plan)
 app.command("explore")(explore_front)
 app.command("replan")(replan_mission)
 app.command("replay")(replay_mission)
+app.command("simulate")(simulate_missions)
 app.add_typer(missions_app, name="missions")
 app.add_typer(study_app, name="study")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +14,7 @@ from botohe_moo.cli.shell import failing, paragraph, tell
 
 if TYPE_CHECKING:
     from botohe_moo.solution import Solution
+    from botohe_moo.trails import TrailPlan
     from botohe_moo.underway import Replan
 
 PICTURE = "replan.png"
@@ -29,6 +30,26 @@ PriceOption = Annotated[
         help="What a robot more is worth; by default the slope of the front at the plan.",
     ),
 ]
+ReplansOption = Annotated[
+    int,
+    typer.Option("--evaluations", "-n", metavar="N", help="Trail plans to evaluate each time."),
+]
+
+
+def plan_under_way(
+    folder: Path, plan: int, price: float | None
+) -> tuple[Solution, TrailPlan, dict[str, Any]]:
+    """Return a solution, one of its plans, and the price and limits with which it is replanned."""
+    from botohe_moo.decide.fronts import check_row
+    from botohe_moo.solution import read_solution
+    from botohe_moo.underway import robot_price
+
+    solution = read_solution(folder)
+    row = check_row("--plan", plan, len(solution.plans))
+    if price is None:
+        price = robot_price(solution.mission, solution.objectives, row)
+    limits = {"min_survival": solution.min_survival, "max_length": solution.max_length}
+    return solution, solution.plans[row], {"price": price, **limits}
 
 
 def replan_mission(
@@ -37,8 +58,8 @@ def replan_mission(
         Path,
         typer.Argument(
             metavar="EVENTS",
-            help="CSV file with the columns robot (its row in the plan, from 0), event (reached, "
-            "lost or home) and node.",
+            help="CSV file with the columns robot (its row in the plan, from 0, or the name of its "
+            "kind, if it is the only one), event (reached, lost or home) and node.",
         ),
     ],
     plan: UnderWayOption,
@@ -58,8 +79,9 @@ def replan_mission(
 ) -> None:
     """Make a plan anew after some events of a mission under way.
 
-    `reached` a node means all nodes of the trail before it, too. The node of a robot that is `lost`
-    is the one to which it was on its way, or empty. A robot that is `home` stays there.
+    `reached` a node means the next visit of it, and all nodes of the trail before, too. The node of
+    a robot that is `lost` is the one to which it was on its way, or empty. A robot that is `home`
+    has followed its trail to the end, and stays there.
 
     The new plan is never worth less than what is left of the old one, at the price of a robot.
 
@@ -69,26 +91,19 @@ def replan_mission(
     """
     with failing():
         from botohe_moo._base.files import check_folder
-        from botohe_moo.decide.fronts import check_row
-        from botohe_moo.solution import read_solution
-        from botohe_moo.underway import read_events, replan, robot_price
+        from botohe_moo.cli.progress import showing
+        from botohe_moo.underway import read_events, replan
 
-        solution = read_solution(folder)
-        mission, row = solution.mission, check_row("--plan", plan, len(solution.plans))
+        solution, chosen, how = plan_under_way(folder, plan, price)
         if out is not None:
             if out.resolve() == folder.resolve():
                 raise ValueError(f"{out}: the folder of the plan itself; give another one.")
             check_folder(out)
-        found = replan(
-            mission,
-            solution.plans[row],
-            read_events(mission, events),
-            price=robot_price(mission, solution.objectives, row) if price is None else price,
-            evaluations=evaluations,
-            seed=seed,
-            min_survival=solution.min_survival,
-            max_length=solution.max_length,
-        )
+        happened = read_events(solution.mission, events)
+        with showing("searching"):
+            found = replan(
+                solution.mission, chosen, happened, evaluations=evaluations, seed=seed, **how
+            )
     left = found.left
     reward, survivors = found.objectives.tolist()
     tell(
@@ -98,8 +113,9 @@ def replan_mission(
         )
     )
     tell(f"\n{trails_text(left.mission, found.plan)}")
-    rows = ", ".join(f"{new} was {old}" for new, old in enumerate(left.robots))
-    tell(f"\nRobots by row: {rows}.")
+    if any(new != old for new, old in enumerate(left.robots)):
+        rows = ", ".join(f"row {new} was row {old}" for new, old in enumerate(left.robots))
+        tell(f"\nRobots have new rows: {rows}.")
     if out is not None:
         with failing():
             _write(solution, found, evaluations, seed, out)
@@ -130,6 +146,5 @@ def _write(solution: Solution, found: Replan, evaluations: int, seed: int, out: 
         tell(f"wrote {path}")
     draw_picture(out / PICTURE, plot_replan, found)
     tell(f"wrote {out / PICTURE}")
-    if found.plan in found.plans:
-        row, where = found.plans.index(found.plan), shlex.quote(str(out))
-        tell(f"\nThe new plan is plan {row} of {out}:\n  botohe choose {where} --plan {row}")
+    row, where = found.plans.index(found.plan), shlex.quote(str(out))
+    tell(f"\nThe new plan is plan {row} of {out}:\n  botohe choose {where} --plan {row}")

@@ -9,7 +9,7 @@ import typer
 
 from botohe_moo.cli.choose import OpenOption, SolutionArgument, open_in_browser
 from botohe_moo.cli.options import SeedOption, out_option
-from botohe_moo.cli.replan import PriceOption, UnderWayOption
+from botohe_moo.cli.replan import PriceOption, ReplansOption, UnderWayOption, plan_under_way
 from botohe_moo.cli.shell import failing, paragraph, tell
 
 
@@ -23,17 +23,15 @@ def replay_mission(
             "--policy",
             metavar="NAME",
             help='When the plan is made anew: "losses", after each; "arrivals", whenever robots '
-            'get to a node; "one by one", for robots that go one after another; "static", never.',
+            'get to a node; "one by one", for robots that go one after another, that with most '
+            'hops first; "shortest first", the same with fewest hops first; "static", never.',
         ),
     ] = "losses",
     price: PriceOption = None,
     number: Annotated[
         int, typer.Option("--number", metavar="N", help="Which mission of the seed, from 0.")
     ] = 0,
-    evaluations: Annotated[
-        int,
-        typer.Option("--evaluations", "-n", metavar="N", help="Trail plans to evaluate each time."),
-    ] = 400,
+    evaluations: ReplansOption = 400,
     seed: SeedOption = 1,
     open_page: OpenOption = False,
 ) -> None:
@@ -45,26 +43,23 @@ def replay_mission(
     The exit status is 2 for bad input, and if the page cannot be written.
     """
     with failing():
-        from botohe_moo.decide.fronts import check_row
+        from botohe_moo.cli.progress import showing
         from botohe_moo.explorer import replay
         from botohe_moo.explorer.page import check_page_file
-        from botohe_moo.solution import read_solution
-        from botohe_moo.underway import play_mission, robot_price
+        from botohe_moo.underway import play_mission
 
         check_page_file(out)
-        solution = read_solution(folder)
-        mission, row = solution.mission, check_row("--plan", plan, len(solution.plans))
-        played = play_mission(
-            mission,
-            solution.plans[row],
-            policy,
-            price=robot_price(mission, solution.objectives, row) if price is None else price,
-            seed=seed,
-            number=number,
-            evaluations=evaluations,
-            min_survival=solution.min_survival,
-            max_length=solution.max_length,
-        )
+        solution, chosen, how = plan_under_way(folder, plan, price)
+        with showing("playing"):
+            played = play_mission(
+                solution.mission,
+                chosen,
+                policy,
+                seed=seed,
+                number=number,
+                evaluations=evaluations,
+                **how,
+            )
     tell(paragraph(str(played)))
     with failing():
         replay(played, out)

@@ -14,14 +14,9 @@ from botohe_moo.explorer.texts import LITTLE, isolating, probability_codes
 from botohe_moo.mission.model import Mission
 from botohe_moo.underway import PlayedMission
 from botohe_moo.underway.played import PlayedStep
+from botohe_moo.underway.playing import POLICIES
 
 SCRIPTS = ("data", "map", "site", "replay")
-_POLICIES = {
-    "static": "the plan stays as it is",
-    "losses": "the plan is made anew after each loss",
-    "arrivals": "the plan is made anew whenever robots get to a node",
-    "one by one": "robots go one after another, and the plan is made anew for each",
-}
 
 
 def replay(played: PlayedMission, path: str | os.PathLike[str]) -> Path:
@@ -92,7 +87,7 @@ def replay_data(played: PlayedMission) -> dict[str, Any]:
     price = f"a robot more costs {short_text(played.price)} reward"
     return {
         "about": f"Mission {played.number} of seed {played.seed}: "
-        f"{_POLICIES[played.policy]}; {price}",
+        f"{POLICIES[played.policy]}; {price}",
         "robots": mission.robots,
         **site_data(mission),
         "trails": [[mission.index(node) for node in trail] for trail in number],
@@ -102,7 +97,11 @@ def replay_data(played: PlayedMission) -> dict[str, Any]:
         "reached": [_codes(mission, step) for step in steps],
         "banked": [short_text(step.reward) for step in steps],
         "said": [isolate(text) for text in played.sentences],
-        "told": [i for i in range(1, len(steps)) if plans[i] != plans[i - 1]],
+        "told": [
+            i
+            for i in range(1, len(steps))
+            if plans[i] != plans[i - 1] or steps[i].lost != steps[i - 1].lost
+        ],
     }
 
 

@@ -6,6 +6,8 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.words import counted
 from botohe_moo.mission.kinds import Kind
@@ -39,13 +41,13 @@ class Event:
     ----------
     what
         ``"reached"`` a node of its trail, and all nodes of the trail before it; ``"lost"``;
-        ``"home"``, at the end of its trail, and does not leave again.
+        ``"home"``, which has followed its trail to the end, and does not leave again.
     robot
-        Its row in the plan, from 0.
+        Its row in the plan, from 0; or the name of its kind, if it is the only one of that.
     node
-        The node that it has reached. Of a lost robot, the node to which it was on its way, so that
-        it has reached all before; None if it is not known where it was lost: then nothing counts
-        that it may have reached since its last event.
+        The node that it has reached, where its trail visits it next. Of a lost robot, the node to
+        which it was on its way, so that it has reached all before; None if it is not known where it
+        was lost: then only what it had collected by its last event counts.
     where
         What errors call the event, such as the row of a file; by default its number in the list.
 
@@ -57,7 +59,7 @@ class Event:
     """
 
     what: str
-    robot: int
+    robot: int | str
     node: Hashable | None = None
     where: str | None = field(default=None, compare=False)
 
@@ -105,24 +107,32 @@ def happen(robots: Sequence[RobotState], event: Event, number: int) -> str | Non
     where = f"{named}: {event}"
     if event.what not in HAPPENINGS:
         return f"{named}: expected 'reached', 'lost' or 'home', got {quoted(event.what)}."
-    is_row = isinstance(event.robot, int) and not isinstance(event.robot, bool)
-    if not is_row or not 0 <= event.robot < len(robots):
+    robot = _find(robots, event.robot)
+    if robot is None:
         team = counted(len(robots), "robot")
         return f"{where}: expected a row of the plan, which has {team}, from 0."
-    robot = robots[event.robot]
     if robot.state != "out":
         return f"{where}: it is {robot.state} already."
     ahead = robot.trail[robot.at + 1 :]
-    if event.what == "home":
+    if event.what == "home" and event.node in (None, robot.trail[-1]):
         robot.at, robot.state = len(robot.trail) - 1, "home"
         return None
     if event.what == "lost" and event.node is None:
         robot.state = "lost"
         return None
-    if event.node not in ahead:
+    if event.node not in ahead or event.what == "home":
         rest = ", ".join(map(quoted, ahead)) or "which has ended"
         return f"{where}: expected a node of the rest of its trail, {rest}."
     robot.at += 1 + ahead.index(event.node)
     if event.what == "lost":
         robot.at, robot.state = robot.at - 1, "lost"
     return None
+
+
+def _find(robots: Sequence[RobotState], given: object) -> RobotState | None:
+    """Find a robot by its row, or by the kind of which it is the only one."""
+    if isinstance(given, str):
+        found = [robot for robot in robots if robot.kind.name == given]
+        return found[0] if len(found) == 1 else None
+    is_row = isinstance(given, int | np.integer) and 0 <= given < len(robots)
+    return robots[int(given)] if is_row else None  # type: ignore[call-overload]

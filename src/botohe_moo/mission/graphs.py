@@ -40,20 +40,19 @@ class _Attributes(dict[str, Any]):
         return type(self), (dict(self),)  # by default it would be filled item by item
 
 
-def frozen_copy(graph: nx.DiGraph[Any]) -> nx.DiGraph[Any]:
-    """Return a copy of which neither nodes and arcs nor their attributes can be changed.
+def freeze(graph: nx.DiGraph[Any]) -> nx.DiGraph[Any]:
+    """Let neither nodes and arcs nor their attributes be changed any more.
 
     :func:`networkx.freeze` leaves the attributes as they are.
     """
-    copied = graph.copy()
-    copied.graph = _Attributes.of(copied.graph)
-    inside: Any = copied  # networkx has no public way to replace its dictionaries
+    graph.graph = _Attributes.of(graph.graph)
+    inside: Any = graph  # networkx has no public way to replace its dictionaries
     for node, attributes in inside._node.items():
         inside._node[node] = _Attributes.of(attributes)
     for tail, heads in inside._succ.items():
         for head, attributes in heads.items():
             heads[head] = inside._pred[head][tail] = _Attributes.of(attributes)
-    frozen: nx.DiGraph[Any] = nx.freeze(copied)
+    frozen: nx.DiGraph[Any] = nx.freeze(graph)
     return frozen
 
 

@@ -18,7 +18,7 @@ from botohe_moo._base.words import counted
 from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.events import Event
-from botohe_moo.mission.graphs import frozen_copy, given_places
+from botohe_moo.mission.graphs import freeze, given_places
 from botohe_moo.mission.kinds import (
     ONLY_KIND,
     Kind,
@@ -117,20 +117,34 @@ class Mission:
         if faults := faults or graph_faults(graph, base, robots, listed, pays):
             raise MissionError(faults, source)
 
-        self.graph: nx.DiGraph[Any] = frozen_copy(graph)
-        self.base = base
         of_one = (Kind(ONLY_KIND, robots),)  # type: ignore[arg-type]
-        self.kinds = tuple(kind.normalized() for kind in listed or of_one)
-        self.robots = sum(kind.robots for kind in self.kinds)
-        self.pays = pays
-        self.name = str(name) if name else "mission"
-        self.nodes: tuple[Any, ...] = tuple(self.graph)
-        self._index = {node: i for i, node in enumerate(self.nodes)}
-        self.arrays = graph_of_kinds(self.graph, base, self.kinds, pays, self._index)
+        self._set_up(graph.copy(), base, listed or of_one, pays, str(name) if name else "mission")
         if lost := [self.nodes[v] for v in uncollected(self.arrays)]:
             named = ", ".join(map(quoted, lost[:_MOST_NAMED])) + ", …" * (len(lost) > _MOST_NAMED)
             text = f"{source}: no kind of robots can collect the reward of {named}."
             warnings.warn(text, stacklevel=2)
+
+    def _set_up(
+        self, graph: nx.DiGraph[Any], base: Hashable, kinds: Iterable[Kind], pays: str, name: str
+    ) -> None:
+        self.graph: nx.DiGraph[Any] = freeze(graph)
+        self.base = base
+        self.kinds = tuple(kind.normalized() for kind in kinds)
+        self.robots = sum(kind.robots for kind in self.kinds)
+        self.pays = pays
+        self.name = name
+        self.nodes: tuple[Any, ...] = tuple(self.graph)
+        self._index = {node: i for i, node in enumerate(self.nodes)}
+        self.arrays = graph_of_kinds(self.graph, base, self.kinds, pays, self._index)
+
+    def _derive(self, graph: nx.DiGraph[Any], kinds: Iterable[Kind]) -> Mission:
+        """Return the mission on another graph with other kinds, which are known to be valid.
+
+        Checks would take most of the time of a replan.
+        """
+        derived = Mission.__new__(Mission)
+        derived._set_up(graph, self.base, kinds, self.pays, self.name)
+        return derived
 
     @property
     def title(self) -> str:
@@ -295,8 +309,18 @@ class Mission:
             return TrailPlan([[self.arrays.base]] * self.robots)
         return TrailPlan(ways_to_ends(self.arrays, self.limits() if limits is None else limits))
 
-    def after(self, plan: TrailPlan, events: Iterable[Event]) -> Mission:
-        """Return the mission that is left after some events, as `under_way` says.
+    def after(
+        self,
+        plan: TrailPlan,
+        events: Iterable[Event],
+        *,
+        min_survival: float = 0.0,
+        max_length: float | None = None,
+    ) -> Mission:
+        """Return the mission that is left after some events.
+
+        Parameters are those of :func:`botohe_moo.underway.under_way`, which says what is raised,
+        and returns what is left of the plan, too.
 
         Examples
         --------
@@ -304,10 +328,11 @@ class Mission:
         >>> toy = load_mission("toy")
         >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
         >>> rest = toy.after(plan, [Event("reached", 0, 4)])
-        >>> rest.team, rest.kinds[1].start
-        ('2 robots (1 robot, 1 robot 0)', 4)
+        >>> rest.team, rest.kinds[0].start
+        ('2 robots (1 robot 0, 1 robot)', 4)
         """
-        rest: Mission = under_way(self, plan, events).mission
+        left = under_way(self, plan, events, min_survival=min_survival, max_length=max_length)
+        rest: Mission = left.mission
         return rest
 
     def check_ways(self, limits: Limits) -> None:

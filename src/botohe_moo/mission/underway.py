@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -15,7 +14,7 @@ from botohe_moo._base.checks import quoted
 from botohe_moo.kernels.graph.graph import Limits, limit_at
 from botohe_moo.mission.events import Event, EventError, RobotState, happen, robots_at_start
 from botohe_moo.mission.kinds import Kind, by_kind
-from botohe_moo.mission.validation import MissionError
+from botohe_moo.mission.validation import MissionError, PlanError
 from botohe_moo.trails import TrailPlan
 
 _ROUNDING = 1e-12  # relative, of lengths
@@ -73,14 +72,16 @@ def under_way(
     Parameters
     ----------
     mission, plan
-        A mission, and the plan that it follows; a PlanError is raised if that is not valid.
+        A mission, and the plan that it follows.
     events
         What has happened, in the order in which it did. Of two robots it may be in any order.
     min_survival, max_length
-        The limits that the plan was made for, as for :class:`BOTOHE`.
+        The limits that the plan was made for, as for :class:`BOTOHE`; it has to keep them.
 
     Raises
     ------
+    PlanError
+        If the plan is not valid, or does not keep the limits.
     EventError
         If events are not of the robots of the plan, or not in the order of their trails.
     MissionError
@@ -94,16 +95,45 @@ def under_way(
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
     >>> left = under_way(toy, plan, [Event("reached", 0, 4)])
     >>> left.mission.labels(left.plan), left.robots, left.banked
-    (((1,), (4, 2, 1)), (1, 0), 4.0)
+    (((4, 2, 1), (1,)), (0, 1), 4.0)
     """
-    mission.evaluate([plan])
+    limits = mission.limits(min_survival, max_length)
+    check_limits(mission, plan, limits)
     robots, events = robots_at_start(mission, plan), list(events)
-    if not events:
+    for event in events:
+        if not isinstance(event, Event):
+            raise TypeError(f"Expected events to be of type Event, got {quoted(event)}.")
+    if not events and not min_survival and max_length is None:
         return UnderWay(mission, plan, tuple(range(mission.robots)), 0.0)
     faults = [fault for i, event in enumerate(events) if (fault := happen(robots, event, i))]
     if faults:
         raise EventError("\n".join(faults))
-    return left_of(mission, robots, mission.limits(min_survival, max_length))
+    return left_of(mission, robots, limits)
+
+
+def check_limits(mission: Any, plan: TrailPlan, limits: Limits) -> None:
+    """Refuse, by a PlanError, a plan that is not valid or does not keep limits."""
+    [survivals], [lengths] = mission.robot_survival([plan]), mission.trail_lengths([plan])
+    kinds = [kind for kind, of in enumerate(mission.kinds) for _ in range(of.robots)]
+    for robot, kind in enumerate(kinds):
+        least, longest = _limits_of(mission, limits, kind)
+        survival, length = float(survivals[robot]), float(lengths[robot])
+        if survival < least * (1.0 - _ROUNDING):
+            raise PlanError(
+                f"Robot {robot}: expected a trail that is survived with at least {least:g}, got "
+                f"{survival:.4g}."
+            )
+        if length > longest * (1.0 + _ROUNDING):
+            raise PlanError(
+                f"Robot {robot}: expected a trail of length {longest:g} or less, got {length:g}."
+            )
+
+
+def _limits_of(mission: Any, limits: Limits, kind: int) -> tuple[float, float]:
+    """Return the survival floor and the travel budget of a kind, by its number."""
+    first = kind * len(mission.nodes)
+    least = limit_at(limits.min_survival, limits.floors, first)
+    return float(least), float(limit_at(limits.max_length, limits.budgets, first))
 
 
 def left_of(mission: Any, robots: Sequence[RobotState], limits: Limits) -> UnderWay:
@@ -112,12 +142,9 @@ def left_of(mission: Any, robots: Sequence[RobotState], limits: Limits) -> Under
     kept = [robot for robot in robots if robot.state != "lost"]
     if not kept:
         raise MissionError("all robots are lost", f"Mission {quoted(mission.name)}")
-    kinds, members = _kinds_left(mission, kept, limits)
+    kinds, members = zip(*_kinds_left(mission, kept, limits), strict=True)
     graph = _graph_left(mission, kinds, members, left)
-    with warnings.catch_warnings():  # that nobody can collect what is behind used arcs
-        warnings.simplefilter("ignore", UserWarning)
-        given = {"base": mission.base, "pays": mission.pays, "name": mission.name}
-        rest = type(mission)(graph, kinds=kinds, **given)
+    rest = mission._derive(graph, kinds)
     order = [robot for group in members for robot in group]
     tails = [robot.trail[robot.at :] for robot in order]
     return UnderWay(rest, rest.plan(tails), tuple(robot.number for robot in order), banked)
@@ -144,32 +171,27 @@ def pay(mission: Any, robots: Sequence[RobotState]) -> tuple[dict[Hashable, floa
         for node in paid:
             left[node] *= 1.0 - shares[node][robot.kind.name]
         robot.paid, robot.aboard = paid, [node for node in carried if node != robot.place]
-    total = sum(float(attributes["reward"]) for attributes in nodes.values())
-    return left, total - math.fsum(left.values())
+    paid_by_node = (float(nodes[node]["reward"]) - pays for node, pays in left.items())
+    return left, math.fsum(paid_by_node)
 
 
 def _kinds_left(
     mission: Any, robots: Sequence[RobotState], limits: Limits
-) -> tuple[list[Kind], list[list[RobotState]]]:
-    """Return the kinds of robots that are left, and the robots of each."""
+) -> list[tuple[Kind, list[RobotState]]]:
+    """Return the kinds of robots that are left with the robots of each, by their first rows."""
     taken = {kind.name for kind in mission.kinds}
-    kinds, members = [], []
-    for layer, kind in enumerate(mission.kinds):
-        first = layer * len(mission.nodes)
-        longest = float(limit_at(limits.max_length, limits.budgets, first))
-        least = float(limit_at(limits.min_survival, limits.floors, first))
+    found = []
+    for number, kind in enumerate(mission.kinds):
+        least, longest = _limits_of(mission, limits, number)
         own = [robot for robot in robots if robot.kind == kind]
         if waiting := [robot for robot in own if not robot.has_left]:
-            kinds.append(
-                replace(
-                    kind,
-                    robots=len(waiting),
-                    min_survival=least,
-                    max_length=None if longest == math.inf else longest,
-                    aboard=tuple(waiting[0].aboard),
-                )
-            )
-            members.append(waiting)
+            kept = {
+                "robots": len(waiting),
+                "min_survival": least,
+                "max_length": None if longest == math.inf else longest,
+                "aboard": tuple(waiting[0].aboard),
+            }
+            found.append((replace(kind, **kept), waiting))
         for robot in own:
             if not robot.has_left:
                 continue
@@ -182,21 +204,18 @@ def _kinds_left(
             hops = list(pairwise(robot.trail))
             lengths = [mission.graph.edges[hop].get("length", 1.0) for hop in hops]
             walked, ahead = sum(lengths[: robot.at]), sum(lengths[robot.at :])
-            is_kept = walked + ahead <= longest * (1.0 + _ROUNDING)
-            left = max(longest - walked, ahead if is_kept else 0.0)
-            kinds.append(
-                Kind(
-                    name,
-                    1,
-                    start=robot.place,
-                    end=kind.ends(mission.base)[1],
-                    min_survival=least,
-                    max_length=None if left == math.inf else left,
-                    aboard=tuple(robot.aboard),
-                )
+            left = max(longest - walked, ahead)  # which may be less by rounding
+            alone = Kind(
+                name,
+                1,
+                start=robot.place,
+                end=kind.ends(mission.base)[1],
+                min_survival=least,
+                max_length=None if left == math.inf else left,
+                aboard=tuple(robot.aboard),
             )
-            members.append([robot])
-    return kinds, members
+            found.append((alone, [robot]))
+    return sorted(found, key=lambda pair: pair[1][0].number)
 
 
 def _graph_left(
@@ -207,8 +226,8 @@ def _graph_left(
 ) -> nx.DiGraph[Any]:
     """Return the graph with what each robot can still do and collect."""
     graph: nx.DiGraph[Any] = mission.graph.copy()
-    graph.graph.pop("robots", None)
-    graph.graph.pop("kinds", None)
+    for of_before in ("robots", "kinds", "max_length"):  # kinds have their own budgets
+        graph.graph.pop(of_before, None)
     of = [group[0].kind.name for group in members]
     for node, attributes in graph.nodes(data=True):
         attributes["reward"] = left[node]

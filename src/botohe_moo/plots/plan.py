@@ -225,8 +225,8 @@ def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
             shown = DrawnPlan(mission, plan)
             named = zip(shown.styles, found.left.robots, strict=True)
             shown.styles = [replace(style, name=f"R{robot}") for style, robot in named]
-            notes += [*shown.staying, *shown.draw_team(ax), *shown.marks]
-            name_map(ax, f"{words}: {shown.objectives}")
+            notes += [*shown.draw_team(ax), *shown.marks]
+            name_map(ax, "; ".join([f"{words}: {shown.objectives}", *shown.staying]))
         if title is None:
             title = f"{mission.title}\n{found}"
         title_sheet(old, title, "; ".join(dict.fromkeys(notes)))

@@ -84,7 +84,7 @@ def plot_policies(
             )
         ax.set(
             xlabel="team reward R",
-            ylabel="number of survivors S",
+            ylabel="number of survivors S, a band for each policy",
             xlim=(-0.02 * mission.total_reward, 1.02 * mission.total_reward or 1.0),
             ylim=(-0.5, mission.robots + 0.5),
             yticks=range(mission.robots + 1),

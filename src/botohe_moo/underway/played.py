@@ -159,7 +159,7 @@ class PlayedMission:
 
     def _losses(self, step: PlayedStep, verb: str = "is lost ") -> list[str]:
         """Write which robots are lost in a step, and where."""
-        lost = [event.robot for event in step.events if event.what == "lost"]
+        lost = [int(event.robot) for event in step.events if event.what == "lost"]
         ways = {robot: map(label_text, step.trails[robot][-2:]) for robot in lost}
         return [
             f"{self._name(robot)} {verb}between {' and '.join(way)}" for robot, way in ways.items()

@@ -13,13 +13,20 @@ from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.events import Event, RobotState, robots_at_start
 from botohe_moo.mission.kinds import by_kind
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.mission.underway import left_of, pay
+from botohe_moo.mission.underway import check_limits, left_of, pay
 from botohe_moo.trails import TrailPlan
 from botohe_moo.underway.played import PlayedMission, PlayedStep
 from botohe_moo.underway.replanning import Replan, check_price, replan_left
 
-_ORDERS = {"one by one": max, "one by one, shortest first": min}  # which trail goes next
-POLICIES = ("static", "losses", "arrivals", *_ORDERS)
+POLICIES = {
+    "static": "the plan stays as it is",
+    "losses": "the plan is made anew after each loss",
+    "arrivals": "the plan is made anew whenever robots get to a node",
+    "one by one": "robots go one after another, that with most hops first; the plan is made anew "
+    "when one is home or lost",
+    "shortest first": "as one by one, but that with fewest hops goes first",
+}
+_ORDERS = {"one by one": max, "shortest first": min}  # which trail goes next
 
 
 class Policy(NamedTuple):
@@ -66,6 +73,13 @@ def play_mission(
     number
         Which of the missions of this seed, from 0.
 
+    Raises
+    ------
+    ValueError
+        If the policy is unknown, or a parameter is out of its range.
+    PlanError
+        If the plan is not valid for the mission, or does not keep the limits.
+
     Examples
     --------
     >>> from botohe_moo import load_mission
@@ -77,7 +91,7 @@ def play_mission(
     """
     seed = check_integer("seed", seed, at_least=0)
     given = evaluations, min_survival, max_length
-    [made] = policies_of(mission, plan, [policy], price, seed, *given)
+    [made] = policies_of(mission, plan, [policy], price, *given)
     number = check_integer("number", number, at_least=0)
     steps: list[PlayedStep] = []
     end = play(mission, plan, made, seed, number, steps)
@@ -91,18 +105,17 @@ def policies_of(
     plan: TrailPlan,
     names: Sequence[str],
     price: float | None,
-    seed: int,
     evaluations: int,
     min_survival: float,
     max_length: float | None,
 ) -> list[Policy]:
     """Return policies for a plan, all of which is checked."""
     for name in names:
-        check_choice("policy", name, POLICIES)
+        check_choice("policy", name, tuple(POLICIES))
     evaluations = check_integer("evaluations", evaluations, at_least=0)
-    check_mission(mission).evaluate([plan])
-    limits = mission.limits(min_survival, max_length)
-    price = check_price(mission, plan, price, limits, np.random.default_rng(seed))
+    limits = check_mission(mission).limits(min_survival, max_length)
+    check_limits(mission, plan, limits)
+    price = check_price(mission, plan, price, limits)
     return [Policy(name, price, evaluations, limits) for name in names]
 
 

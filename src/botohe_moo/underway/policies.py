@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -101,7 +101,7 @@ def simulate_policy(
     min_survival: float = 0.0,
     max_length: float | None = None,
     workers: int = 1,
-    progress: bool = False,
+    progress: Callable[[int], None] | None = None,
 ) -> PolicyOutcomes:
     """Play missions under policies of replanning, and with the plan as it is.
 
@@ -115,8 +115,9 @@ def simulate_policy(
     policy
         When a plan is made anew, one or more of: ``"losses"``, after each; ``"arrivals"``, whenever
         robots get to a node; ``"one by one"``, where robots go one after another, that with most
-        hops first, and each is planned for when the one before is home or lost; ``"one by one,
-        shortest first"``; ``"static"``, never, which is always played.
+        hops first, and each is planned for when the one before is home or lost;
+        ``"shortest first"``, the same, but that with fewest hops goes first; ``"static"``, never,
+        which is always played.
     price
         What a survivor is worth, as reward; default: what the plan implies, as for :func:`replan`.
     missions
@@ -128,16 +129,17 @@ def simulate_policy(
     min_survival, max_length
         The limits of the plan, as for :func:`botohe_moo.underway.under_way`.
     workers
-        Processes that play missions, at least 1; the outcomes do not depend on their number.
+        Processes that play missions, at least 1; the outcomes do not depend on their number. In a
+        script, more than one need ``if __name__ == "__main__":`` (see :mod:`multiprocessing`).
     progress
-        Show a bar on standard error.
+        Called with the number of missions played, whenever some have been.
 
     Raises
     ------
     ValueError
         If a policy is unknown, or a parameter is out of its range.
     PlanError
-        If the plan is not valid for the mission.
+        If the plan is not valid for the mission, or does not keep the limits.
 
     Examples
     --------
@@ -149,8 +151,6 @@ def simulate_policy(
     ['static', 'losses']
     """
     import pandas as pd
-    from rich.console import Console
-    from rich.progress import track
 
     names = [policy] if isinstance(policy, str) else list(policy)
     names = list(dict.fromkeys(["static", *names]))
@@ -158,7 +158,7 @@ def simulate_policy(
     seed = check_integer("seed", seed, at_least=0)
     workers = check_integer("workers", workers, at_least=1)
     given = evaluations, min_survival, max_length
-    policies = policies_of(mission, plan, names, price, seed, *given)
+    policies = policies_of(mission, plan, names, price, *given)
     blocks = [range(i, min(i + _AT_ONCE, missions)) for i in range(0, missions, _AT_ONCE)]
     play_block = partial(_play_missions, mission, plan, policies, seed)
     with ExitStack() as stack:
@@ -167,11 +167,12 @@ def simulate_policy(
             context = multiprocessing.get_context("spawn")
             pool = ProcessPoolExecutor(min(workers, len(blocks)), mp_context=context)
             results = stack.enter_context(pool).map(play_block, blocks)
-        console = Console(stderr=True)
-        shown = track(
-            results, "missions played", total=len(blocks), console=console, disable=not progress
-        )
-        played = pd.DataFrame(row for rows in shown for row in rows)
+        rows = []
+        for block, found in zip(blocks, results, strict=True):
+            rows += found
+            if progress is not None:
+                progress(block.stop)
+    played = pd.DataFrame(rows)
     order = played["policy"].map(names.index)
     played = played.iloc[np.argsort(order, kind="stable")].reset_index(drop=True)
     return PolicyOutcomes(mission, plan, policies[0].price, played)

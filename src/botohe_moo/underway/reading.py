@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Hashable
-from pathlib import Path
 
 from botohe_moo._base.checks import quoted
 from botohe_moo.decide.grammar import node_of
 from botohe_moo.mission.events import Event, EventError
-from botohe_moo.mission.formats.tables import read_table
+from botohe_moo.mission.formats.tables import FAULTS, read_table
 from botohe_moo.mission.model import Mission, check_mission
 
 COLUMNS = ("time", "robot", "event", "node")
@@ -19,7 +19,8 @@ def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
     r"""Read what has happened from a CSV file with the columns ``robot``, ``event`` and ``node``.
 
     Rows are in the order in which it happened, as in the log of a mission, which may also have the
-    column ``time``; that is not read. Robots are rows of the plan, from 0. Events are ``reached``,
+    column ``time``; that is not read. Robots are rows of the plan, from 0, or names of
+    kinds of one robot. Events are ``reached``,
     ``lost`` and ``home``, as of :class:`Event`; the node may be empty where it may be None. Labels
     are written as in wishes.
 
@@ -33,8 +34,8 @@ def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
     Raises
     ------
     EventError
-        If a column is missing or unknown, or a row has no robot or an unknown node. All faults are
-        listed, by row.
+        If a column is missing or unknown, or a row has too few or too many cells or an unknown
+        node. All such rows are listed.
     MissionError
         If the file is not a table.
 
@@ -48,23 +49,22 @@ def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
     robot 0 lost on the way to 4
     """
     check_mission(mission)
-    frame, name = read_table(path), Path(path).name
+    frame = read_table(path)
     columns = [str(column).strip().lower() for column in frame.columns]
     if not {"robot", "event"} <= set(columns) <= set(COLUMNS) or len(columns) > len(set(columns)):
-        expected = "the columns robot, event and node"
-        raise EventError(f"{name}: expected {expected}, found {quoted(', '.join(columns))}.")
-    events, faults = [], []
+        expected = "the columns robot, event and node, and perhaps time"
+        raise EventError(f"{path}: expected {expected}, found {quoted(', '.join(columns))}.")
+    events, faults = [], list(frame.attrs[FAULTS])
     cells = frame.astype(object).where(frame.notna(), None)
     for row, *values in cells.itertuples(name=None):
         given = dict(zip(columns, (str(value or "").strip() for value in values), strict=True))
-        where = f"{name}, row {row}"
+        where = f"{path}, row {row}"
         try:
-            robot, node = int(given["robot"]), _node(mission, given.get("node", ""))
+            node = _node(mission, given.get("node", ""))
         except ValueError as error:
-            bad = not given["robot"].lstrip("-").isdigit()
-            what = f"expected a robot, a whole number, got {quoted(given['robot'])}."
-            faults.append(f"{where}: {what if bad else error}")
+            faults.append(f"{where}: {error}")
             continue
+        robot = int(given["robot"]) if re.fullmatch(r"-?[0-9]+", given["robot"]) else given["robot"]
         events.append(Event(given["event"].lower(), robot, node, where))
     if faults:
         raise EventError("\n".join(faults))

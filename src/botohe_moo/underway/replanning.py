@@ -87,7 +87,7 @@ def robot_price(mission: Mission, plans: PlansOrObjectives, index: int) -> float
     Parameters
     ----------
     mission, plans, index
-        As for :func:`neighbours`.
+        As for :func:`botohe_moo.decide.neighbours`, which also says what is raised.
 
     Examples
     --------
@@ -101,20 +101,15 @@ def robot_price(mission: Mission, plans: PlansOrObjectives, index: int) -> float
     return _slope(objectives, objectives[check_row("index", index, len(objectives)), 1])
 
 
-def check_price(
-    mission: Mission,
-    plan: TrailPlan,
-    price: float | None,
-    limits: Limits,
-    random_state: np.random.Generator,
-) -> float:
+def check_price(mission: Mission, plan: TrailPlan, price: float | None, limits: Limits) -> float:
     """Check the price of a survivor; if there is none, compute what a plan implies.
 
-    That is the slope of the front near the plan, which a short local search finds.
+    That is the slope of the front near the plan, which a short local search finds, always with the
+    same seed, since a plan implies one price.
     """
     if price is not None:
         return check_number("price", price, at_least=0)
-    search = LocalSearch(mission, limits, random_state=random_state)
+    search = LocalSearch(mission, limits, random_state=np.random.default_rng(1))
     search.insert(mission.batch([plan, mission.stay_home()]))
     search.run(_EVALUATIONS_OF_A_PRICE)
     return _slope(search.plans()[1], mission.evaluate([plan])[0, 1])
@@ -160,7 +155,7 @@ def replan(
     Parameters
     ----------
     mission, plan, events
-        As for :func:`under_way`, which also says what is raised.
+        As for :func:`botohe_moo.underway.under_way`.
     price
         What a survivor is worth, as reward, at least 0; :func:`botohe_moo.underway.robot_price`
         gives that of a plan of a front. Default: what the plan implies, by the slope of a front
@@ -170,7 +165,14 @@ def replan(
     seed
         Seed of the search, at least 0.
     min_survival, max_length
-        As for :func:`under_way`.
+        As for :func:`botohe_moo.underway.under_way`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    PlanError, EventError, MissionError
+        As for :func:`botohe_moo.underway.under_way`.
 
     Examples
     --------
@@ -187,7 +189,7 @@ def replan(
         check_mission(mission), plan, events, min_survival=min_survival, max_length=max_length
     )
     limits = mission.limits(min_survival, max_length)
-    price = check_price(mission, plan, price, limits, generator)
+    price = check_price(mission, plan, price, limits)
     return replan_left(left, price, evaluations, generator)
 
 
@@ -200,13 +202,15 @@ def replan_left(
     search.insert(rest.batch([left.plan, rest.stay_home()]))
     search.run(evaluations)
     batch, objectives, _ = search.plans()
-    plans = tuple(batch)
+    plans = list(batch)
     [before] = rest.evaluate([left.plan])
     worth = objectives @ np.array([1.0, price])
     best = int(np.argmax(worth))
-    if worth[best] <= _worth(before, price):
-        return Replan(left, price, left.plan, before, before, plans, objectives)
-    return Replan(left, price, plans[best], objectives[best], before, plans, objectives)
+    same = np.isclose(objectives, before, rtol=1e-12, atol=0.0).all(axis=1)
+    if same.any() and np.isclose(worth[same][0], worth[best], rtol=1e-12, atol=0.0):
+        best = int(np.argmax(same))
+        plans[best], objectives[best] = left.plan, before
+    return Replan(left, price, plans[best], objectives[best], before, tuple(plans), objectives)
 
 
 def _worth(objectives: FloatArray, price: float) -> float:

@@ -27,7 +27,7 @@ _SEPARATORS = ",;\t"
 _NUMBERS = ("reward", "x", "y", "share", "survival", "length")
 _FLAGS = dict.fromkeys(("true", "yes", "1", "1.0"), True)
 _FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
-_FILE, _FAULTS = "botohe_moo file", "botohe_moo faults"  # attributes of tables read from files
+_FILE, FAULTS = "botohe_moo file", "botohe_moo faults"  # attributes of tables read from files
 
 
 def mission_from_tables(
@@ -149,7 +149,7 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
     index = pd.Index(list(whole), dtype=int)
     table = pd.DataFrame(list(whole.values()), index=index, columns=header, dtype=object)
     table.attrs[_FILE] = str(path)
-    table.attrs[_FAULTS] = [
+    table.attrs[FAULTS] = [
         f"{path}, row {i}: expected {len(header)} cells, as the first row has, found {len(cells)}"
         for i, cells in rows.items()
         if i not in whole
@@ -176,7 +176,7 @@ def _rows(
     if faults := [*faults, *(f"{table}: {fault}" for fault in column_faults(names, kinds))]:
         return [], faults
     rows: list[Entry] = []
-    faults = list(frame.attrs.get(_FAULTS, ()))
+    faults = list(frame.attrs.get(FAULTS, ()))
     cells = frame.astype(object).where(frame.notna(), None)
     for index, *values in cells.itertuples(name=None):
         stripped = [value.strip() if isinstance(value, str) else value for value in values]
