@@ -108,6 +108,18 @@ class TestBadInput:
     def test_kinds(self, kinds, faults):
         assert faults_of(site(), kinds) == faults
 
+    def test_what_is_aboard(self):
+        graph = site()
+        graph.nodes["lab"]["pays"] = "return"
+        for aboard, fault in (
+            ("lab", "expected aboard to be a list of nodes, got 'lab'"),
+            (["lab", "lab"], "aboard: 'lab' is there more than once"),
+            (["labs"], "aboard 'labs': there is no such node; most alike are lab"),
+            (["roof"], "aboard 'roof': expected a node that pays on return"),
+        ):
+            [found] = faults_of(graph, [DRONE, Kind("rover", 1, aboard=aboard)])
+            assert found.startswith(f"kind 'rover': {fault}")
+
     @pytest.mark.parametrize("name", ["a:b", "a,b", "a=b", " a", "a\n", "a\nb"])
     def test_names_that_columns_and_options_cannot_hold(self, name):
         graph = nx.DiGraph(base=0)

@@ -2,13 +2,22 @@
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given
 
+from botohe_moo import Event, replan, simulate_policy
 from botohe_moo.decide import judging, knees, representatives
 from botohe_moo.outcomes import reward_distribution, survivors_distribution
-from botohe_moo.plots import plot_case_study, plot_choices, plot_outcomes, save_plot
+from botohe_moo.plots import (
+    plot_case_study,
+    plot_choices,
+    plot_outcomes,
+    plot_policies,
+    plot_replan,
+    save_plot,
+)
 from tests.examples import examples
 from tests.plots.test_plan_plots import arcs_drawn, arcs_of, map_name, maps_of
 from tests.plots.test_plots import (
@@ -197,3 +206,32 @@ class TestCaseStudy:
         for name in ("trace", "pheromone"):
             with pytest.raises(TypeError, match=rf"Expected {name} to be a pandas\.DataFrame"):
                 plot_case_study(mission, plans, **{name: 5})
+
+
+class TestUnderWay:
+    def test_clouds_and_means(self):
+        mission, plans = toy_plans()
+        outcomes = simulate_policy(mission, plans[2], "losses", price=2, missions=30)
+        front = mission.evaluate(plans)
+        ax = plot_policies(outcomes, front)
+        clouds = [np.asarray(cloud.get_offsets()) for cloud in ax.collections if cloud.get_alpha()]
+        for cloud, (_, played) in zip(
+            clouds, outcomes.played.groupby("policy", sort=False), strict=True
+        ):
+            assert cloud[:, 0].tolist() == played["reward"].tolist()
+            assert abs(cloud[:, 1] - played["survivors"]).max() < 0.36
+        gain, error = outcomes.table.loc[1, ["gain", "gain_se"]]
+        assert legend_texts(ax) == ["front", "static", f"losses: {gain:+.2f} ± {error:.2f}"]
+        assert "a robot more costs 2 reward; 30 missions" in words(ax)
+
+    def test_the_old_plan_and_the_new(self):
+        mission, plans = toy_plans()
+        found = replan(mission, plans[2], [Event("reached", 0, 4)], price=2)
+        old, new, *_ = plot_replan(found).figure.axes
+        assert [map_name(ax).partition(":")[0] for ax in (old, new)] == [
+            "what is left of the plan",
+            "the new plan",
+        ]
+        assert "R1 stays at base" in map_name(old)
+        assert old.get_xlim() == new.get_xlim()
+        assert not old.axison
