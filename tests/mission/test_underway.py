@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import pairwise, product
 from math import prod
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -190,6 +191,9 @@ def test_bad_events():
                 Event("reached", 1, 2),
                 Event("home", 2),
                 Event("arrived", 1),
+                Event("home", 1, 2),
+                Event("lost", "robot"),
+                Event("home", np.int64(1)),
             ],
         )
     assert str(caught.value).splitlines() == [
@@ -198,4 +202,8 @@ def test_bad_events():
         "Event 4: robot 1 reached 2: expected a node of the rest of its trail, which has ended.",
         "Event 5: robot 2 home: expected a row of the plan, which has 2 robots, from 0.",
         "Event 6: expected 'reached', 'lost' or 'home', got 'arrived'.",
+        "Event 7: robot 1 home at 2: expected the end of its trail, 1.",
+        "Event 8: robot robot lost: expected a row of the plan, which has 2 robots, from 0.",
     ]
+    with pytest.raises(TypeError, match=r"^Expected events to be of type Event, got '1,lost'\.$"):
+        toy.after(plan, ["1,lost"])

@@ -114,13 +114,16 @@ def happen(robots: Sequence[RobotState], event: Event, number: int) -> str | Non
     if robot.state != "out":
         return f"{where}: it is {robot.state} already."
     ahead = robot.trail[robot.at + 1 :]
-    if event.what == "home" and event.node in (None, robot.trail[-1]):
+    if event.what == "home":
+        if event.node not in (None, robot.trail[-1]):
+            end = quoted(robot.trail[-1])
+            return f"{where} at {quoted(event.node)}: expected the end of its trail, {end}."
         robot.at, robot.state = len(robot.trail) - 1, "home"
         return None
     if event.what == "lost" and event.node is None:
         robot.state = "lost"
         return None
-    if event.node not in ahead or event.what == "home":
+    if event.node not in ahead:
         rest = ", ".join(map(quoted, ahead)) or "which has ended"
         return f"{where}: expected a node of the rest of its trail, {rest}."
     robot.at += 1 + ahead.index(event.node)
