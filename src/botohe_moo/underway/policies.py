@@ -130,7 +130,7 @@ def simulate_policy(
         The limits of the plan, as for :func:`botohe_moo.underway.under_way`.
     workers
         Processes that play missions, at least 1; the outcomes do not depend on their number. In a
-        script, more than one need ``if __name__ == "__main__":`` (see :mod:`multiprocessing`).
+        script, more than one need ``if __name__ == "__main__":``.
     progress
         Called with the number of missions played, whenever some have been.
 
