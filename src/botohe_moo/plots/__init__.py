@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from botohe_moo.plots.pheromone import plot_pheromone as plot_pheromone
     from botohe_moo.plots.plan import plot_choices as plot_choices
     from botohe_moo.plots.plan import plot_plan as plot_plan
-    from botohe_moo.plots.plan import plot_replan as plot_replan
-    from botohe_moo.plots.policies import plot_policies as plot_policies
     from botohe_moo.plots.study.attainment import plot_attainment as plot_attainment
     from botohe_moo.plots.study.attainment import (
         plot_attainment_difference as plot_attainment_difference,
@@ -30,5 +28,7 @@ if TYPE_CHECKING:
     from botohe_moo.plots.study.curves import plot_curves as plot_curves
     from botohe_moo.plots.study.curves import plot_reached as plot_reached
     from botohe_moo.plots.study.fronts import plot_fronts as plot_fronts
+    from botohe_moo.plots.underway import plot_policies as plot_policies
+    from botohe_moo.plots.underway import plot_replan as plot_replan
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -1,7 +1,5 @@
 """Pictures of plans: the trails of one on maps, and a front with maps of some of its plans."""
 
-from dataclasses import replace
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.transforms import Bbox
@@ -28,7 +26,6 @@ from botohe_moo.plots.draw.texts import objectives_text, title_above
 from botohe_moo.plots.draw.trails import robot_styles
 from botohe_moo.plots.front import front_summary, plot_front
 from botohe_moo.trails import Plans, TrailPlan
-from botohe_moo.underway import Replan
 
 _MAX_MAPS = 24
 # The marker of each mark, and a letter that looks like it.
@@ -184,53 +181,6 @@ def plot_choices(
             name_map(small, "; ".join(parts))
         title_above(ax, mission.title if title is None else title, "; ".join(dict.fromkeys(notes)))
     return ax
-
-
-def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
-    """Draw what is left of a plan, and beside it the plan that was made anew.
-
-    Robots that are under way have a triangle where they are, and are called by their rows in the
-    plan that was made before: R0, R1, ...
-
-    Parameters
-    ----------
-    found
-        What :func:`botohe_moo.replan` returns.
-    title
-        Name of the picture; default: the mission's title, and what changes.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes of the map of the old plan.
-
-    Examples
-    --------
-    >>> from botohe_moo import Event, load_mission, replan
-    >>> from botohe_moo.plots import plot_replan, save_plot
-    >>> toy = load_mission("toy")
-    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
-    >>> found = replan(toy, plan, [Event("lost", 0, 4)], price=1)
-    >>> save_plot(plot_replan(found), "replan.png")
-    """
-    mission, notes = found.left.mission, []
-    with theme():
-        old, new = open_sheet(mission, 1, 1, widest=6.4, room=name_room(mission))
-        open_axes(node_positions(mission), old)
-        add_reach_bar(old, new)
-        for ax, plan, words in (
-            (old, found.left.plan, "what is left of the plan"),
-            (new, found.plan, "the new plan"),
-        ):
-            shown = DrawnPlan(mission, plan)
-            named = zip(shown.styles, found.left.robots, strict=True)
-            shown.styles = [replace(style, name=f"R{robot}") for style, robot in named]
-            notes += [*shown.draw_team(ax), *shown.marks]
-            name_map(ax, "; ".join([f"{words}: {shown.objectives}", *shown.staying]))
-        if title is None:
-            title = f"{mission.title}\n{found}"
-        title_sheet(old, title, "; ".join(dict.fromkeys(notes)))
-    return old
 
 
 def _draw_mark(ax: Axes, mark: Mark) -> None:

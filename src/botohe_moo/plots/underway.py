@@ -1,18 +1,71 @@
-"""The picture of missions that were played under policies of replanning."""
+"""Pictures of missions under way: a plan made anew, and what came of missions that were played."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 from botohe_moo.decide.fronts import check_objectives, short_text
+from botohe_moo.plots.draw.canvas import open_axes
+from botohe_moo.plots.draw.maps import add_reach_bar, name_map, name_room, open_sheet, title_sheet
+from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, colours, new_axes, theme
 from botohe_moo.plots.draw.texts import title_above
 from botohe_moo.plots.front import staircase
-from botohe_moo.underway import PolicyOutcomes
+from botohe_moo.plots.plan import DrawnPlan
+from botohe_moo.underway import PolicyOutcomes, Replan
 
 _SPREAD = 0.7  # of the distance between two numbers of survivors, for the clouds of all policies
+
+
+def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
+    """Draw what is left of a plan, and beside it the plan that was made anew.
+
+    Robots that are under way have a triangle where they are, and are called by their rows in the
+    plan that was made before: R0, R1, ...
+
+    Parameters
+    ----------
+    found
+        What :func:`botohe_moo.replan` returns.
+    title
+        Name of the picture; default: the mission's title, and what changes.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes of the map of the old plan.
+
+    Examples
+    --------
+    >>> from botohe_moo import Event, load_mission, replan
+    >>> from botohe_moo.plots import plot_replan, save_plot
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> found = replan(toy, plan, [Event("lost", 0, 4)], price=1)
+    >>> save_plot(plot_replan(found), "replan.png")
+    """
+    mission, notes = found.left.mission, []
+    with theme():
+        old, new = open_sheet(mission, 1, 1, widest=6.4, room=name_room(mission))
+        open_axes(node_positions(mission), old)
+        add_reach_bar(old, new)
+        for ax, plan, words in (
+            (old, found.left.plan, "what is left of the plan"),
+            (new, found.plan, "the new plan"),
+        ):
+            shown = DrawnPlan(mission, plan)
+            named = zip(shown.styles, found.left.robots, strict=True)
+            shown.styles = [replace(style, name=f"R{robot}") for style, robot in named]
+            notes += [*shown.draw_team(ax), *shown.marks]
+            name_map(ax, "; ".join([f"{words}: {shown.objectives}", *shown.staying]))
+        if title is None:
+            title = f"{mission.title}\n{found}"
+        title_sheet(old, title, "; ".join(dict.fromkeys(notes)))
+    return old
 
 
 def plot_policies(
