@@ -6,6 +6,7 @@ import pytest
 from botohe_moo import BOTOHE, area_indicator, load_mission, outcomes, plot_front, save_mission
 from botohe_moo import decide as d
 from botohe_moo import plots as p
+from botohe_moo import underway as u
 
 TOY = load_mission("toy")
 PLAN = TOY.plan([[1, 2, 1], [1]])
@@ -30,6 +31,12 @@ TAKE_A_MISSION = {
     "plan_json": lambda m: d.plan_json(m, PLAN),
     "representatives": lambda m: d.representatives(m, [PLAN]),
     "robustness": lambda m: d.robustness(m, [PLAN]),
+    "worst_case": lambda m: d.worst_case(m, [PLAN]),
+    "play_mission": lambda m: u.play_mission(m, PLAN),
+    "read_events": lambda m: u.read_events(m, "events.csv"),
+    "replan": lambda m: u.replan(m, PLAN, []),
+    "robot_price": lambda m: u.robot_price(m, POINTS, 0),
+    "simulate_policy": lambda m: u.simulate_policy(m, PLAN),
     "toward": lambda m: d.toward(m, [PLAN], reward=1, survivors=1),
     "plot_case_study": lambda m: p.plot_case_study(m, [PLAN]),
     "plot_choices": lambda m: p.plot_choices(m, [PLAN]),

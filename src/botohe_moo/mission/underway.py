@@ -85,7 +85,9 @@ def under_way(
     EventError
         If events are not of the robots of the plan, or not in the order of their trails.
     MissionError
-        If all robots are lost, or a robot has no way left to its end.
+        If all robots are lost. The others have a way to their ends: what is left of their trails.
+    TypeError
+        If one of the events is not an Event.
 
     Examples
     --------
