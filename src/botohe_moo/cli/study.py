@@ -55,7 +55,7 @@ PatienceOption = Annotated[
 
 def _workers(given: int | None) -> int:
     from botohe_moo._base.checks import check_integer
-    from botohe_moo.study.run.environment import n_cpus
+    from botohe_moo._base.cpus import n_cpus
 
     return n_cpus() if given is None else check_integer("--workers", given, at_least=1)
 

@@ -11,6 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from botohe_moo._base.cpus import n_cpus
+
 # One thread each: thread pools of other libraries would take cores from other workers, and make
 # nothing faster here.
 THREAD_SETTINGS = tuple(f"{pool}_NUM_THREADS" for pool in ("OMP", "OPENBLAS", "MKL", "NUMBA"))
@@ -35,14 +37,6 @@ def environment() -> dict[str, Any]:
     }
     digest = hashlib.sha256(json.dumps(columns, sort_keys=True).encode()).hexdigest()[:12]
     return {"environment": digest, **columns}
-
-
-def n_cpus() -> int:
-    """Return how many processors this process may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # not on every system
-        return os.cpu_count() or 1
 
 
 def _processor() -> str:
