@@ -19,12 +19,14 @@ from pymoo.termination.max_gen import MaximumGenerationTermination
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import check_keywords, checked
+from botohe_moo._plugins.types import SameResult
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE, FrontOutput, overrides
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 MaxTies: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000_000)]
+Threads: TypeAlias = Annotated[int, Field(ge=1, le=1_024), SameResult()]
 
 PYMOO_OPTIONS = sorted({*inspect.signature(Algorithm).parameters} - {"archive", "kwargs"})
 

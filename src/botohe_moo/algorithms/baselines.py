@@ -10,8 +10,8 @@ from pydantic import Field
 from botohe_moo._base.types import ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, Positive
-from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
-from botohe_moo.algorithms.bo_aco import BOACO, Threads
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, Threads
+from botohe_moo.algorithms.bo_aco import BOACO
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.exact import MEMORY_LIMIT, TIME_LIMIT, FrontSearch, MemoryLimit

@@ -10,8 +10,8 @@ from pydantic import Field
 
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Count, NotNegative, Positive, Probability, SameResult
-from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, settings_of
+from botohe_moo._plugins.types import Count, NotNegative, Positive, Probability
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, Threads, settings_of
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.colony import Allocation, Colony, ColonyRule, tabulate_pheromone
 from botohe_moo.search.local_search import IterationSearch
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 Evaporation: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
 InitialPheromone: TypeAlias = Positive | Literal["bounds"]
-Threads: TypeAlias = Annotated[int, Field(ge=1, le=1_024), SameResult()]
 
 
 class BOACO(ArchiveAlgorithm):

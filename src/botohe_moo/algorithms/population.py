@@ -25,6 +25,7 @@ from botohe_moo.algorithms.base import (
     PYMOO_OPTIONS,
     BudgetedAlgorithm,
     MaxTies,
+    Threads,
     check_n_objectives,
     check_options,
     check_problem,
@@ -78,6 +79,8 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         Probability of crossing a pair and of changing a child.
     max_ties
         Plans with equal objectives but different trails that the archive keeps.
+    n_threads
+        Threads that repair plans on large missions; the result does not depend on it.
     **options
         pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
 
@@ -140,6 +143,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         prob_crossover: Probability = 0.9,
         prob_mutation: Probability = 0.7,
         max_ties: MaxTies = 1_000,
+        n_threads: Threads = 1,
         **options: Any,
     ) -> None:
         check_options(self, options)
@@ -159,6 +163,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         }
         self._least_infeasible: Population | None = None
         made = make_repair(repair)
+        made.n_threads = self.n_threads = n_threads
         operators = {
             "sampling": make_sampling(sampling, corners=corners),
             "crossover": make_crossover(

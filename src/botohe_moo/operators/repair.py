@@ -2,6 +2,8 @@
 
 import time
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -9,12 +11,17 @@ from pymoo.core.duplicate import DuplicateElimination
 from pymoo.core.population import Population
 from pymoo.core.repair import Repair
 
-from botohe_moo._base.types import ObjectArray
+from botohe_moo._base.types import ObjectArray, OffsetArray
+from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.repair import SAFEST_PATH, TRUNCATE, repair
 from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
+from botohe_moo.search.threads import mapping
 from botohe_moo.trails import PlanBatch
+
+# Trails times arcs: threads take longer to start than they save with less.
+_MUCH = 200_000
 
 
 @dataclass
@@ -77,6 +84,7 @@ class PlanRepair(Repair):
     def __init__(self) -> None:
         super().__init__()
         self.counts = RepairCounts()
+        self.n_threads = 1  # the result does not depend on it
 
     def repair_batch(self, mission: Mission, drafts: PlanBatch) -> PlanBatch:
         """Repair many plans; return valid ones in the same order.
@@ -92,15 +100,28 @@ class PlanRepair(Repair):
         repaired = drafts = mission.batch(drafts)
         changes = np.zeros(len(drafts.offsets) - 1, np.int64)
         if self._kind is not None:
-            given = read_trails(*drafts.arrays)
-            nodes, offsets, changes = repair(mission.arrays, self._kind, given)
-            repaired = PlanBatch._wrap(nodes, offsets, drafts.n_robots)
+            repaired, changes = self._repaired(mission.arrays, self._kind, drafts)
         per_plan = changes.reshape(len(drafts), drafts.n_robots).sum(axis=1)
         self.counts.plans += len(drafts)
         self.counts.repaired += int(np.count_nonzero(per_plan))
         self.counts.arcs_changed += int(per_plan.sum())
         self.counts.seconds += time.perf_counter() - started
         return repaired
+
+    def _repaired(
+        self, graph: Graph, kind: int, drafts: PlanBatch
+    ) -> tuple[PlanBatch, OffsetArray]:
+        """Return valid plans, and the changes of each trail."""
+        is_much = len(drafts.offsets) * graph.n_arcs > _MUCH
+        n_parts = min(self.n_threads, len(drafts)) if is_much else 1
+        cuts = [len(drafts) * i // n_parts for i in range(n_parts + 1)]
+        given = [read_trails(*drafts[a:b].arrays) for a, b in pairwise(cuts)]
+        with mapping(n_parts) as map_:
+            nodes, offsets, changes = zip(*map_(partial(repair, graph, kind), given), strict=True)
+        wrapped = [
+            PlanBatch._wrap(*part, drafts.n_robots) for part in zip(nodes, offsets, strict=True)
+        ]
+        return PlanBatch.concatenate(wrapped), np.concatenate(changes)
 
     def _do(self, problem: BOTOHE, X: ObjectArray, **_: Any) -> ObjectArray:
         return self.repair_batch(problem.mission, problem.mission.batch(X)).to_array()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -26,6 +25,7 @@ from botohe_moo.kernels.graph.paths import Paths, new_budget, new_paths
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
+from botohe_moo.search.threads import mapping
 from botohe_moo.trails import PlanBatch
 
 if TYPE_CHECKING:
@@ -107,13 +107,11 @@ class Colony:
         """
         self._catch_up()
         n_threads = min(self.n_threads, n_ants)
-        if n_threads == 1:
-            return self._construct_span(0, n_ants, 0, n_ants)
         cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
         spans = range(n_threads), [n_ants] * n_threads, cuts[:-1], cuts[1:]
-        # Threads end with the iteration, so that none is left to pickle, to fork or to close.
-        with ThreadPoolExecutor(n_threads) as pool:
-            return PlanBatch.concatenate([*pool.map(self._construct_span, *spans)])
+        with mapping(n_threads) as map_:
+            found = map_(self._construct_span, *spans)
+        return found[0] if n_threads == 1 else PlanBatch.concatenate(found)
 
     def _construct_span(self, part: int, n_ants: int, begin: int, end: int) -> PlanBatch:
         """Build the plans of the ants ``begin`` to ``end``, in the thread with number ``part``."""
