@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from botohe_moo.kernels import local_search
+from botohe_moo.kernels.fronts.ordered import read_front
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 
 
@@ -515,3 +516,8 @@ def plain_local_search():
                 if hasattr(function, "py_func"):
                     patch.setattr(module, key, function.py_func)
         yield patch
+
+
+def slots(search):
+    """The slots of a search's front, in order."""
+    return read_front(search._front)[0]

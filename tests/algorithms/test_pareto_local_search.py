@@ -302,7 +302,7 @@ class TestErrors:
 
     def test_moves_by_name(self, museum):
         result = solve(museum, 3_000, moves={"visit": 2, "splice": 1})
-        weights = np.diff(result.algorithm._search._weights, prepend=0.0).tolist()
+        weights = np.diff(result.algorithm._search._lanes[0]._weights, prepend=0.0).tolist()
         assert {name: weight for name, weight in zip(MOVES, weights, strict=True) if weight} == {
             "visit": 2,
             "splice": 1,

@@ -166,3 +166,27 @@ def test_a_named_mission():
     for goal in range(len(museum.nodes)):
         search(museum, routes, goal)
         assert_routes(museum, routes, goal, len(museum.nodes))
+
+
+@pytest.mark.parametrize("full_up_to", [3, 100])
+@pytest.mark.parametrize("with_costs", [False, True])
+def test_all_at_once_are_those_one_by_one(monkeypatch, full_up_to, with_costs):
+    monkeypatch.setattr(kernels, "FULL_UP_TO", full_up_to)
+    monkeypatch.setattr(kernels, "NEAR", 4)
+    graph = load_mission("art_museum").arrays
+    with_costs = with_costs and full_up_to == 100
+    whole, single = kernels.new_routes(graph, 0.0), kernels.new_routes(graph, 0.0)
+    kernels.search_routes(graph, whole, 7)  # some may be known
+    if with_costs:
+        kernels.search_costs(graph, whole, 5)
+    search_all = getattr(kernels.search_all, "py_func", kernels.search_all)
+    search_all(graph, whole, with_costs)
+    for node in range(graph.n_nodes):
+        kernels.search_near(graph, single, node)
+        kernels.search_routes(graph, single, node)
+        if with_costs:
+            kernels.search_costs(graph, single, node)
+    for name in ("n_known", "near", *(("is_known", "leaving", "coming") if with_costs else ())):
+        assert (getattr(whole, name) == getattr(single, name)).all(), name
+    for node, n in enumerate(single.n_known):
+        assert (whole.entries[node, :n] == single.entries[node, :n]).all()

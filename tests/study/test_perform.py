@@ -173,8 +173,9 @@ for schedule, budget in {budgets!r}:
     def test_nor_is_local_search(self, monkeypatch):
         counted = Counted(monkeypatch)
         with plain_local_search() as patch:
-            # Each tells what a child brings, or makes one.
+            # Each inserts a plan to start from, tells what a child brings, or makes one.
             for module, name in (
+                (search, "_insert_given"),
                 (search, "evaluate_child"),
                 (search, "evaluate_trail"),
                 (refill, "_make_child"),

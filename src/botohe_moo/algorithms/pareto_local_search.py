@@ -12,11 +12,12 @@ from botohe_moo._base.checks import check_weights
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability
-from botohe_moo.algorithms.base import ArchiveAlgorithm
+from botohe_moo.algorithms.base import ArchiveAlgorithm, Threads
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.kernels.fronts.archive import Archive
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
+from botohe_moo.search.lanes import Lanes
+from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -42,7 +43,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     ----------
     evaluations_per_generation
         Evaluations in one pymoo generation. The first generations are shorter: 100, and then a
-        tenth of what has been evaluated.
+        tenth of what has been evaluated. With lanes, a generation ends when about a tenth of the
+        front is new.
     moves
         How likely each move is to be drawn, relative, by name; those left out are not drawn.
         ``shortcut``, ``visit``, ``visit-two``: cut out a segment, and reconnect by safest paths
@@ -65,6 +67,11 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     max_size
         Plans that the front keeps after each generation; None keeps all. While there are more, the
         plan that contributes the least area is removed.
+    n_lanes
+        Searches that go on side by side after 20 000 evaluations. After every generation they tell
+        each other what has entered their fronts. The result depends on their number.
+    n_threads
+        Threads that run the lanes; the result does not depend on their number.
     sampling
         Trail plans to start from, evaluated first: an iterable of plans, or ``X`` of another
         result.
@@ -96,7 +103,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     A child counts as an evaluation also when an upper bound of its E[R], computed before its trail
     has been walked to the end, shows that it cannot enter.
 
-    There is one thread: its results depend on the seed alone.
+    Lanes are a cooperative parallel search in which all processes share one archive: Crainic and
+    Toulouse, "Parallel meta-heuristics", in Handbook of Metaheuristics, 2010.
 
     Examples
     --------
@@ -119,6 +127,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         prob_refill: Probability | None = None,
         greedy_start: bool = True,
         max_size: Annotated[int, Field(ge=10, le=1_000_000_000)] | None = None,
+        n_lanes: Annotated[int, Field(ge=1, le=1_024)] = 1,
+        n_threads: Threads = 1,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
@@ -129,12 +139,16 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         self.prob_refill = prob_refill
         self.greedy_start = greedy_start
         self.max_size = max_size
+        self.n_lanes = n_lanes
+        self.n_threads = n_threads
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        self._search = LocalSearch(
+        self._search = Lanes(
             problem.mission,
             problem.planning_limits,
+            n_lanes=self.n_lanes,
+            n_threads=self.n_threads,
             random_state=self.random_state,
             moves=self.moves,
             p_refill=self.prob_refill,
@@ -146,6 +160,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     def _initialize_advance(self, **_: Any) -> None:
         problem: BOTOHE = self.problem
         mission = problem.mission
+        if self.sampling:
+            mission.evaluate(self.sampling)  # names what is wrong with plans from elsewhere
         plans = [*self.sampling, mission.stay_home(problem.planning_limits)]
         if self.greedy_start and not mission.has_returns and len(plans) < self._n_left():
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
@@ -155,9 +171,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
                 beam_width=_WIDE_BEAM if wide else _NARROW_BEAM,
             )
             plans += planner.plans(1.0)
-        batch = mission.batch(plans)
-        mission.evaluate(batch)  # names what is wrong with plans from elsewhere
-        batch = batch[: self._n_left()]
+        batch = mission.batch(plans)[: self._n_left()]
         self.evaluator.n_eval += len(batch)
         if problem.n_ieq_constr:
             batch = batch.take((problem.constrain_batch(batch) <= 0).all(axis=1))
@@ -165,7 +179,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         self._advance()
 
     def _advance(self, **_: Any) -> None:
-        n = max(_FIRST_GENERATION, self.evaluator.n_eval // 10)
+        n = max(_FIRST_GENERATION, self._search.most_at_once(self.evaluator.n_eval))
         n = min(n, self.evaluations_per_generation, self._n_left())
         if n == 0:
             return
@@ -184,7 +198,7 @@ class _SearchArchive(PopulationArchive):
 
     def __init__(
         self,
-        search: LocalSearch,
+        search: Lanes,
         n_robots: int,
         constrain: Callable[[PlanBatch], FloatArray] | None,
     ) -> None:

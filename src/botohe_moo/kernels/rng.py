@@ -7,6 +7,7 @@ Mathematical Software 47(4), 2021. A state is two 64-bit words, not both zero.
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from botohe_moo._base.types import SeedArray
 from botohe_moo.kernels.compile import helper
@@ -45,6 +46,16 @@ def mixed(word: Words) -> Words:
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return word ^ (word >> np.uint64(31))
+
+
+@helper
+def hash_stretch(items: NDArray[np.integer], start: int, stop: int) -> np.uint64:
+    """Hash a stretch of an array to 64 bits."""
+    bits = GOLDEN
+    for i in range(start, stop):
+        bits = (bits ^ np.uint64(items[i])) * np.uint64(0xBF58476D1CE4E5B9)
+        bits ^= bits >> np.uint64(29)
+    return mixed(bits)
 
 
 def hash_keys(n: int) -> SeedArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,9 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.kernels.fronts.ordered import copy_front, new_front, read_front
 from botohe_moo.kernels.graph.graph import Graph, Limits, with_costs
+from botohe_moo.kernels.local_search.exchange import News, add_turns, gather_news, insert_news
 from botohe_moo.kernels.local_search.refill import refill
-from botohe_moo.kernels.local_search.routes import FULL_UP_TO, new_routes
+from botohe_moo.kernels.local_search.routes import FULL_UP_TO, new_routes, search_all
 from botohe_moo.kernels.local_search.search import has_room, improve
 from botohe_moo.kernels.local_search.trail_store import TrailStore, copy_trails, new_store, ragged
 from botohe_moo.kernels.local_search.workspace import (
@@ -125,6 +126,16 @@ class LocalSearch:
         store = self._store
         self._store = new_store(len(store.trails), len(store.arc), len(store.node))
 
+    def share_routes(self, others: Iterable[LocalSearch]) -> None:
+        """Search all safest paths, and let others that search the same mission read them.
+
+        Then these stay in the caches of processors, and in memory once.
+        """
+        search_all(self._graph, self._routes, self._p_refill > 0.0)
+        for other in others:
+            own = other._routes.paths
+            other._routes = self._routes._replace(paths=own)
+
     def insert(self, batch: PlanBatch) -> None:
         """Insert valid plans for the mission's team into the front, unless it dominates them."""
         self._search(batch, len(batch))
@@ -144,8 +155,6 @@ class LocalSearch:
         n, n_robots = 0, self.mission.robots
         given = read_trails(np.empty(0, np.int32), np.zeros(1, np.int64))
         while n < n_evaluations:
-            if not has_room(self._parts):
-                self._keep(read_front(self._front)[0])
             if batch is not None:
                 given = read_trails(batch.nodes, batch.offsets[n * n_robots :].copy())
             n += improve(self._parts, given, n_evaluations - n)
@@ -153,9 +162,9 @@ class LocalSearch:
                 n += refill(self._parts, n_evaluations - n)
             elif n < n_evaluations and has_room(self._parts):  # no move makes another plan
                 break
-        if self.max_size is not None and len(self) > self.max_size:
-            slots, objectives = read_front(self._front)
-            self._keep(slots[_most_contributing(objectives, self.max_size)])
+            if n < n_evaluations and not has_room(self._parts):
+                self._keep(read_front(self._front)[0])
+        self._trim()
         return n
 
     def __len__(self) -> int:
@@ -187,6 +196,32 @@ class LocalSearch:
         nodes[is_head] = graph.head[store.arc[ragged(trails["first_arc"], trails["n_arcs"])]]
         batch = PlanBatch._wrap(nodes, offsets, self.mission.robots)
         return batch, objectives, front.serial[slots]
+
+    def news(self, since: int) -> News:
+        """Return those plans of the front before which ``since`` plans or more had entered.
+
+        Beside them are turns of others as parents, which only :meth:`take_over` counts again.
+        """
+        return gather_news(self._parts, since)
+
+    def take_over(self, news: News) -> None:
+        """Insert what searches for the same mission, within the same limits, have found.
+
+        This search's own news have to be among them.
+        """
+        n = 0
+        while n < len(news.reward):
+            n = insert_news(self._parts, news, n)
+            if n < len(news.reward):
+                self._keep(read_front(self._front)[0])
+        add_turns(self._front, news)
+        self._trim()
+
+    def _trim(self) -> None:
+        """Keep only as many plans as the front may have."""
+        if self.max_size is not None and len(self) > self.max_size:
+            slots, objectives = read_front(self._front)
+            self._keep(slots[_most_contributing(objectives, self.max_size)])
 
     def _keep(self, slots: OffsetArray) -> None:
         """Keep only the plans of some slots of the front; make room for twice as many."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.rng import GOLDEN, mixed
+from botohe_moo.kernels.rng import hash_stretch
 
 
 class Batch(NamedTuple):
@@ -71,11 +71,7 @@ def plan_hash(batch: Batch, n_robots: int, plan: int) -> np.uint64:
     """Hash the multiset of a plan's trails to 64 bits; the order of the robots does not matter."""
     total = np.uint64(0)
     for trail in range(plan * n_robots, (plan + 1) * n_robots):
-        bits = GOLDEN
-        for i in range(batch.offsets[trail], batch.offsets[trail + 1]):
-            bits = (bits ^ np.uint64(batch.nodes[i])) * np.uint64(0xBF58476D1CE4E5B9)
-            bits ^= bits >> np.uint64(29)
-        total += mixed(bits)
+        total += hash_stretch(batch.nodes, batch.offsets[trail], batch.offsets[trail + 1])
     return total
 
 

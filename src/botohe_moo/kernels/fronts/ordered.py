@@ -36,10 +36,11 @@ class OrderedFront(NamedTuple):
     spare_slots: OffsetArray
     # The plan in each slot: numbers of its trails, in lexicographic order (n_slots, n_robots).
     plan: IntArray
-    # How many plans had entered before that in each slot, and how often it has been a parent
-    # (n_slots).
+    # How many plans had entered before that in each slot; how many turns as a parent it has had,
+    # and how many of these since other lanes were told of them (n_slots).
     serial: OffsetArray
     tried: OffsetArray
+    untold: OffsetArray
 
 
 def new_front(n_slots: int, n_robots: int) -> OrderedFront:
@@ -55,6 +56,7 @@ def new_front(n_slots: int, n_robots: int) -> OrderedFront:
         plan=np.zeros((n_slots, n_robots), np.int32),
         serial=np.zeros(n_slots, np.int64),
         tried=np.zeros(n_slots, np.int64),
+        untold=np.zeros(n_slots, np.int64),
     )
     front.n.free, front.n.spare = n_blocks, n_slots
     return front
@@ -80,7 +82,7 @@ def copy_front(front: OrderedFront, kept: OffsetArray, n_slots: int) -> OrderedF
     copy.places["slot"][at, place] = np.arange(n)
     copy.places["reward"][at, place] = objectives[rows, 0]
     copy.places["survivors"][at, place] = objectives[rows, 1]
-    for name in ("plan", "serial", "tried"):
+    for name in ("plan", "serial", "tried", "untold"):
         getattr(copy, name)[:n] = getattr(front, name)[kept]
     counts = copy.n
     counts.blocks, counts.plans, counts.entered = n_blocks, n, front.n.entered
@@ -176,6 +178,13 @@ def draw_place(front: OrderedFront, states: SeedArray) -> tuple[int, int]:
         place = below(states, BLOCK if n > 1 else size)
         if place < size:
             return at, place
+
+
+@inlined
+def count_turn(front: OrderedFront, slot: int) -> None:
+    """Count a plan's turn as a parent."""
+    front.tried[slot] += 1
+    front.untold[slot] += 1
 
 
 @inlined
@@ -305,7 +314,7 @@ def add_place(front: OrderedFront, reward: float, survivors: float) -> int:
     slot = front.spare_slots[n.spare]
     new = front.places[block, place]
     new.slot, new.reward, new.survivors = slot, reward, survivors
-    front.serial[slot], front.tried[slot] = n.entered, 0
+    front.serial[slot], front.tried[slot], front.untold[slot] = n.entered, 0, 0
     n.entered += 1
     n.plans += 1
     return int(slot)

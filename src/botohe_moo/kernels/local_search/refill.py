@@ -9,7 +9,7 @@ It is a kernel of its own, so that runs which end before any refill do not compi
 """
 
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.fronts.ordered import slope_at
+from botohe_moo.kernels.fronts.ordered import count_turn, slope_at
 from botohe_moo.kernels.graph.kinds import behind_kind, first_of_kind, n_origins
 from botohe_moo.kernels.local_search.plans import (
     acquire_parent,
@@ -77,7 +77,7 @@ def _select_robots(search: Search, survivors: float) -> None:
     block, place = find_plan(front, survivors)
     acquire_parent(search, block, place)
     found = front.places[front.directory[block], place]
-    front.tried[found.slot] += 1
+    count_turn(front, found.slot)
     draft.slope = slope_at(front, block, place) if block > 0 or place > 0 else 0.0
     draft.value = found.reward + draft.slope * found.survivors
     _draw_robots(search)

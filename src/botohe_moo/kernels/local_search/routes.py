@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
-from botohe_moo.kernels.compile import helper
+from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.kinds import has_kinds
 from botohe_moo.kernels.graph.paths import ANYWHERE, Paths, new_paths, search_paths
+from botohe_moo.kernels.sharing import shared
 
 FULL_UP_TO = 1_000
 NEAR = 200
@@ -75,6 +76,19 @@ def new_routes(graph: Graph, per_length: float) -> Routes:
         used=np.zeros(graph.n_arcs, np.int64),
         paths=new_paths(graph),
     )
+
+
+@kernel
+def search_all(graph: Graph, routes: Routes, with_costs: bool) -> None:
+    """Search all paths that have not been searched yet, so that several threads may read them."""
+    graph, routes = shared(graph), shared(routes)
+    for node in range(graph.reward.shape[0]):
+        if routes.near.shape[1] > 0 and routes.near[node, 0] < 0:
+            search_near(graph, routes, node)
+        if routes.n_known[node] == 0:
+            search_routes(graph, routes, node)
+        if with_costs:
+            search_costs(graph, routes, node)
 
 
 @helper

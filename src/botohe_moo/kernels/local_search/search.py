@@ -4,7 +4,7 @@ A child differs from its parent in the trail of one robot.
 """
 
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.fronts.ordered import contribution, draw_place
+from botohe_moo.kernels.fronts.ordered import contribution, count_turn, draw_place
 from botohe_moo.kernels.graph.graph import find_arc
 from botohe_moo.kernels.graph.kinds import Kinds, has_kinds
 from botohe_moo.kernels.local_search.children import evaluate_child, evaluate_trail, write_child
@@ -118,7 +118,7 @@ def _waits_for_refill(search: Search, block: int, place: int) -> bool:
     """
     front, memory, p_refill = search.front, search.work.memory, search.p_refill
     parent = front.places[front.directory[block], place]
-    front.tried[parent.slot] += 1
+    count_turn(front, parent.slot)
     if p_refill > 0.0:  # plans of a small front, which has few trails to combine, more often
         n_tried = front.tried[parent.slot]
         p_refill = max(p_refill, 0.5 / front.n.plans, 1.0 / (n_tried * n_tried))

@@ -1,0 +1,123 @@
+"""Threads change no result: of each algorithm that has them, wherever it runs."""
+
+import multiprocessing
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+
+import pytest
+
+from botohe_moo import BOTOHE, load_mission, make_algorithm, solve
+from botohe_moo._base import cpus
+from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
+from botohe_moo.operators import repair
+from botohe_moo.search import lanes
+from botohe_moo.study import run_study
+
+NAMES = [
+    name
+    for name in algorithm_names()
+    if "n_threads" in {parameter.name for parameter in algorithm_parameters(name)}
+]
+EVALUATIONS = 700
+LANES = {"pareto-local-search": {"n_lanes": 4}}
+
+
+@pytest.fixture(autouse=True)
+def shared(monkeypatch):
+    """Work is shared from the first evaluations on; forked processes inherit this."""
+    monkeypatch.setattr(lanes, "FIRST_ALONE", 200)
+    monkeypatch.setattr(repair, "_MUCH", 0)
+
+
+def begun(name, n_threads, mission="art_museum"):
+    algorithm = make_algorithm(name, **LANES.get(name, {}), n_threads=n_threads)
+    problem = BOTOHE(load_mission(mission))
+    return algorithm.setup(problem, termination=("n_eval", EVALUATIONS), seed=3)
+
+
+def finished(algorithm):
+    """The front of a run that goes on to its end: trails, and the bits of the objectives."""
+    while algorithm.has_next():
+        algorithm.next()
+    assert algorithm.evaluator.n_eval == EVALUATIONS
+    opt = algorithm.opt
+    return [plan.trails for plan in opt.get("X")[:, 0]], opt.get("F").tobytes()
+
+
+def finished_with(name, n_threads):
+    return finished(begun(name, n_threads))
+
+
+def test_which_have_threads():
+    assert {"bo-aco", "nsga2", "pareto-local-search", "random"} <= {*NAMES}
+
+
+@pytest.mark.parametrize("mission", ["art_museum", "drones_and_rovers"])
+@pytest.mark.parametrize("name", NAMES)
+def test_any_number_gives_the_same_front(name, mission):
+    one = finished(begun(name, 1, mission))
+    for n_threads in (2, 3, 7):
+        assert finished(begun(name, n_threads, mission)) == one
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_after_pickling_half_way(name):
+    algorithm = begun(name, 2)
+    while algorithm.evaluator.n_eval < EVALUATIONS // 2:
+        algorithm.next()
+    again = pickle.loads(pickle.dumps(algorithm))
+    again.n_threads = 3
+    assert finished(again) == finished(algorithm) == finished_with(name, 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_in_a_forked_process(name):
+    """Also where the process that forks has run threads before."""
+    here = finished_with(name, 2)
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork")) as pool:
+        assert pool.submit(finished_with, name, 2).result() == here
+
+
+@pytest.mark.slow
+def test_in_the_worker_of_a_study(tmp_path, monkeypatch):
+    budget = 30_000  # workers are other processes: lanes begin as they do for users
+    study = {
+        "name": "threads",
+        "missions": {"museum": {"mission": "art_museum"}},
+        "algorithms": {
+            "two": {
+                "algorithm": "pareto-local-search",
+                "parameters": {"n_lanes": 4, "n_threads": 2},
+            }
+        },
+        "budget": {"evaluations": budget},
+        "seeds": [3],
+    }
+    tables = run_study(study, out=tmp_path / "out", workers=2)
+    monkeypatch.setattr(lanes, "FIRST_ALONE", 20_000)
+    here = solve("art_museum", n_lanes=4, n_threads=1, evaluations=budget, seed=3)
+    [row] = tables.runs.to_dict("records")
+    assert row["area"] == here.area
+
+
+class TestProcessors:
+    @pytest.mark.parametrize(
+        ("files", "expected"),
+        [
+            ({}, 6),
+            ({"cpu.max": "max 100000"}, 6),
+            ({"cpu.max": "250000 100000"}, 3),
+            ({"cpu.max": "10000 100000"}, 1),
+            ({"cpu.max": "900000 100000"}, 6),
+            ({"cpu/cpu.cfs_quota_us": "200000", "cpu/cpu.cfs_period_us": "100000"}, 2),
+            ({"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, 6),
+        ],
+    )
+    def test_those_of_the_affinity_within_the_quota(self, tmp_path, monkeypatch, files, expected):
+        monkeypatch.setattr(cpus.os, "sched_getaffinity", lambda _: set(range(6)), raising=False)
+        for name, text in files.items():
+            path = tmp_path / name
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(f"{text}\n")
+        assert cpus.n_cpus(tmp_path) == expected

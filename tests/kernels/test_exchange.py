@@ -1,0 +1,163 @@
+"""What searches give each other, in plain Python, against the front of all that they hold."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import TrailPlan, load_mission
+from botohe_moo.kernels.fronts.ordered import count_turn
+from botohe_moo.kernels.local_search import exchange
+from botohe_moo.kernels.local_search.exchange import join_news
+from botohe_moo.search.local_search import LocalSearch
+from tests import twins
+from tests.examples import examples
+from tests.strategies import missions_with_plans, team_missions_with_plans
+from tests.twins import plain_local_search
+
+# Plans of the toy mission, none of which dominates another one.
+PLANS = ([[1, 3, 1], [1]], [[1, 3, 1], [1, 3, 1]], [[1, 2, 4, 3, 1], [1]])
+
+
+@pytest.fixture(autouse=True)
+def plain():
+    with plain_local_search() as patch:
+        yield patch
+
+
+def searches(mission, plan, n, *, evaluations=30, **options):
+    """Searches from the same start that have gone on by themselves."""
+    found = []
+    for seed in range(n):
+        rng = np.random.default_rng(seed)
+        search = LocalSearch(mission, twins.alike(mission, 0.0, np.inf), random_state=rng)
+        search.insert(mission.batch([mission.stay_home(), plan]))
+        search.run(evaluations)
+        found.append(search)
+    return found
+
+
+def front(objectives):
+    """The non-dominated of some points, by descending reward, as far as doubles tell them apart."""
+    kept, most = [], -1.0
+    for reward, survivors in sorted(objectives.tolist(), reverse=True):
+        if survivors > most * (1 + 1e-11):
+            kept.append((reward, survivors))
+            most = survivors
+    return np.array(kept)
+
+
+def assert_whole(search):
+    """The front's objectives are those of its plans, and each trail is counted by its users."""
+    plans, objectives, numbers = search.plans()
+    assert np.array_equal(search.mission.evaluate(plans), objectives)
+    assert len(set(numbers.tolist())) == len(plans)
+    users = np.bincount(search._front.plan[twins.slots(search)].ravel())
+    stored = search._store.trails["n_users"]
+    assert np.array_equal(stored[: len(users)], users)
+    assert not stored[len(users) :].any()
+
+
+@examples(40)
+@given(case=st.one_of(missions_with_plans(), team_missions_with_plans()), n=st.integers(1, 3))
+def test_all_fronts_become_the_front_of_all(case, n):
+    mission, plan = case
+    found = searches(mission, plan, n)
+    expected = front(np.vstack([search.objectives() for search in found]))
+    news = join_news([search.news(0) for search in found])
+    assert len(news.reward) == sum(map(len, found))
+    for search in found:
+        search.take_over(news)
+        assert_whole(search)
+        np.testing.assert_allclose(front(search.objectives()), expected, rtol=1e-10)
+
+
+def test_news_are_what_has_entered_since():
+    mission = load_mission("toy")
+    [search] = searches(mission, mission.stay_home(), 1, evaluations=0)
+    known = search.version
+    assert len(search.news(known).reward) == 0
+    search.insert(mission.batch([mission.plan([[1, 3, 1], [1]])]))
+    news = search.news(known)
+    assert news.reward.tolist() == [search.objectives()[0, 0]]
+    assert news.survivors.tolist() == [search.objectives()[0, 1]]
+    # Robots come in the order of their trails; each trail is given once, also one without arcs.
+    arcs = search._graph.head[news.arc].tolist()
+    assert (news.plan.tolist(), news.first.tolist(), arcs) == ([[0, 1]], [0, 0, 2], [2, 0])
+
+
+def turns(search):
+    return search._front.tried[twins.slots(search)].tolist()
+
+
+def take_turns(search, *numbers):
+    for slot, n in zip(twins.slots(search), numbers, strict=True):
+        for _ in range(n):
+            count_turn(search._front, slot)
+
+
+def exchanged(found, known):
+    news = join_news([search.news(n) for search, n in zip(found, known, strict=True)])
+    for search in found:
+        search.take_over(news)
+        assert not search._front.untold.any()
+    return [search.version for search in found]
+
+
+def test_turns_are_those_of_all():
+    mission = load_mission("toy")
+    found = searches(mission, mission.stay_home(), 2, evaluations=0)
+    found[0].insert(mission.batch([mission.plan(plan) for plan in PLANS]))
+    take_turns(found[0], 0, 5, 1, 2)
+    # The first turn of a new plan is its finder's, also where it is still to come.
+    known = exchanged(found, [1, 1])
+    assert [turns(search) for search in found] == [[0, 5, 1, 2], [1, 5, 1, 2]]
+    take_turns(found[0], 3, 0, 1, 0)
+    take_turns(found[1], 2, 4, 0, 0)
+    for _ in range(2):  # each is told once
+        known = exchanged(found, known)
+        assert [turns(search) for search in found] == [[5, 9, 2, 2], [6, 9, 2, 2]]
+
+
+def test_turns_of_plans_that_have_left_are_forgotten():
+    mission = load_mission("toy")
+    found = searches(mission, mission.plan([[1, 2, 1], [1, 3, 1]]), 2, evaluations=0)
+    known = exchanged(found, [0, 0])
+    take_turns(found[0], 7, 0)
+    found[1].insert(mission.batch([mission.plan([[1, 3, 1], [1]])]))
+    exchanged(found, known)
+    assert [turns(search) for search in found] == [[1, 0], [0, 0]]
+
+
+@pytest.mark.parametrize("room", [0, 1, 2])
+def test_where_there_is_no_room_it_says_how_far_it_came(room):
+    mission = load_mission("toy")
+    one, other = searches(mission, mission.stay_home(), 2, evaluations=0)
+    one.insert(mission.batch([mission.plan(plan) for plan in PLANS]))
+    news = join_news([one.news(1)])
+    other._front.n.spare = room
+    n = exchange.insert_news(other._parts, news, 0)
+    assert n <= len(news.reward)
+    assert (other._front.n.spare == 0) == (n < len(news.reward))
+    other.take_over(news)
+    assert np.array_equal(one.objectives(), other.objectives())
+    assert_whole(other)
+
+
+def test_trails_that_are_there_are_not_stored_again():
+    mission = load_mission("toy")
+    one, other = searches(mission, mission.plan(PLANS[0]), 2, evaluations=0)
+    one.insert(mission.batch([mission.plan(plan) for plan in PLANS]))
+    before = np.count_nonzero(other._store.trails["n_users"])
+    other.take_over(join_news([one.news(0), other.news(0), one.news(0)]))
+    assert len(other) == 4
+    assert np.count_nonzero(other._store.trails["n_users"]) == before + 1
+    assert_whole(other)
+
+
+def test_a_plan_that_is_as_good_is_not_taken_over():
+    mission = load_mission("toy")
+    one, other = searches(mission, TrailPlan([[0, 1, 0], [0]]), 2, evaluations=0)
+    before = other.version
+    other.take_over(join_news([one.news(0), one.news(0)]))
+    assert other.version == before
