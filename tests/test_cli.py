@@ -152,6 +152,11 @@ class TestSolve:
         assert "5 nodes, 12 arcs, 2 robots, total reward 10" in ended.out
         assert "spent 250 evaluations" in ended.out
 
+    def test_lanes_and_threads(self, botohe, tmp_path):
+        told = botohe("solve", "toy", "-n", 60, "--lanes", 2, "--threads", 1, "-o", "out")
+        assert told.status == 0
+        assert plans_in(tmp_path / "out")["parameters"] == {"n_lanes": 2, "n_threads": 1}
+
     def test_what_comes_next(self, solved):
         ended, folder = solved
         commands = ended.out.partition("\nNext:\n")[2].splitlines()
@@ -482,6 +487,8 @@ class TestBadOptions:
                     "Expected heuristic to be true or false, got 'maybe'.",
                 ],
             ),
+            (["--lanes", "0"], ["Expected n_lanes in [1, 1024], got 0."]),
+            (["-a", "greedy", "--threads", "2"], ["'greedy': there is no parameter 'n_threads'"]),
             (["-p", "n_ants"], ["Expected a parameter as NAME=VALUE, got 'n_ants'."]),
             (["-p", "n_ants=[1"], ["a number, true, false or text for 'n_ants', got '[1'"]),
         ],

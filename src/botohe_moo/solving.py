@@ -13,9 +13,10 @@ import numpy as np
 from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._base.checks import check_integer
+from botohe_moo._base.cpus import n_cpus
 from botohe_moo._base.signals import hold_signals
 from botohe_moo._base.types import FloatArray
-from botohe_moo.algorithms.registry import make_algorithm
+from botohe_moo.algorithms.registry import algorithm_parameters, make_algorithm
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.library import load_mission
 from botohe_moo.mission.model import Mission
@@ -24,6 +25,8 @@ from botohe_moo.solution import Solution
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["RefusalError", "solve"]
+
+N_LANES = 8  # of a search that nobody has told how many
 
 Progress = Callable[[int, Callable[[], float]], None]
 """Takes the evaluations so far, and a function that computes the area of what was found."""
@@ -52,6 +55,8 @@ def solve(
     seed: int = 1,
     min_survival: float = 0.0,
     max_length: float | None = None,
+    n_lanes: int | None = None,
+    n_threads: int | None = None,
     progress: Progress | None = None,
     stop: threading.Event | None = None,
     **parameters: Any,
@@ -77,6 +82,12 @@ def solve(
     max_length
         Travel budget: how long every robot's trail may be, at least 0. Default: the mission's own
         (:attr:`Mission.max_length`), if it has one; ``math.inf`` for none.
+    n_lanes
+        Searches that go on side by side once that pays. Default: 8, for algorithms that have lanes.
+        The result depends on it.
+    n_threads
+        Threads. Default: as many as there are processors for this process, for algorithms that have
+        threads. The result does not depend on it.
     progress
         Called after each iteration with the evaluations so far, and a function that computes the
         area of the front so far.
@@ -116,8 +127,10 @@ def solve(
         path, mission = mission, load_mission(mission)
         source = {"name_or_path": os.fspath(path)}
     name = None
+    given = {"n_lanes": n_lanes, "n_threads": n_threads}
+    parameters |= {key: value for key, value in given.items() if value is not None}
     if isinstance(algorithm, str):
-        name, algorithm = algorithm, make_algorithm(algorithm, **parameters)
+        name, (algorithm, parameters) = algorithm, make_for_this_machine(algorithm, parameters)
     elif parameters:
         raise ValueError(
             f"Expected parameters only for an algorithm that is given by its name, got "
@@ -132,6 +145,20 @@ def solve(
         progress=progress,
         stop=stop,
     )
+
+
+def make_for_this_machine(
+    name: str, parameters: Mapping[str, Any]
+) -> tuple[Algorithm, dict[str, Any]]:
+    """Make an algorithm that uses all processors that this process may use.
+
+    Returns it with its parameters: those given and, where it has lanes, their number. The number of
+    threads is added to these only if it was given, since results do not depend on it.
+    """
+    known = {parameter.name for parameter in algorithm_parameters(name)}
+    stated = {"n_lanes": N_LANES, **parameters} if "n_lanes" in known else dict(parameters)
+    threads = {"n_threads": n_cpus()} if "n_threads" in known else {}
+    return make_algorithm(name, **{**threads, **stated}), stated
 
 
 def search(

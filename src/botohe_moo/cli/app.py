@@ -121,6 +121,23 @@ def solve_mission(
     mission_parameter: MissionParameterOption = None,
     min_survival: MinSurvivalOption = 0.0,
     max_length: MaxLengthOption = None,
+    lanes: Annotated[
+        int | None,
+        typer.Option(
+            "--lanes",
+            metavar="L",
+            help="Searches that go on side by side, where the algorithm has lanes; by default 8. "
+            "The front depends on it.",
+        ),
+    ] = None,
+    threads: Annotated[
+        int | None,
+        typer.Option(
+            "--threads",
+            metavar="T",
+            help="Threads; by default one for each processor. The front does not depend on it.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         out_option("DIR", "Folder to write to; by default a new one, results/solve/MISSION."),
@@ -161,16 +178,18 @@ def solve_mission(
     with failing():
         source = mission_source(mission, robots, mission_parameter)
         parameters = read_parameters(parameter)
+        given = {"n_lanes": lanes, "n_threads": threads}
+        parameters |= {name: value for name, value in given.items() if value is not None}
         from botohe_moo._base.checks import check_integer, check_number
-        from botohe_moo.algorithms import make_algorithm
         from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
         from botohe_moo.mission.model import check_plain
         from botohe_moo.problem import BOTOHE
+        from botohe_moo.solving import make_for_this_machine
 
         loaded = load_mission(**source)
         wishes = parse_wishes(loaded, wish) if wish else ()
-        built = make_algorithm(algorithm, **parameters)
+        built, parameters = make_for_this_machine(algorithm, parameters)
         problem = BOTOHE(loaded, min_survival=min_survival, max_length=max_length)
         check_integer("--evaluations", evaluations, at_least=1)
         check_integer("--seed", seed, at_least=0)
