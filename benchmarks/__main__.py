@@ -2,9 +2,10 @@
 
 The names are curves, speed, growth, allocations (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, budgets, orienteering (results/local-
-search/), fronts, large (results/growth/), bounds (results/bounds/), pictures (results/choosing/),
-gallery (results/gallery/), explorer (results/explorer/), teams (results/teams/), underway, learning
-(results/underway/), start and pace (results/start/). ``--before`` names another checkout, which
+search/), lanes (results/lanes/), fronts, large (results/growth/), bounds (results/bounds/),
+pictures (results/choosing/), gallery (results/gallery/), explorer (results/explorer/), teams
+(results/teams/), underway, learning (results/underway/), start and pace (results/start/).
+``--before`` names another checkout, which
 start and pace measure beside this one. The exit status is 1 if a curve is not the published one, or
 an area, a reward, a gap, a gain, a ratio to BO-ACO or a size misses its bound; times themselves,
 and ratios to another checkout, are never judged, machines differ.
@@ -26,6 +27,7 @@ from benchmarks import (
     fronts,
     gallery,
     growth,
+    lanes,
     large,
     learning,
     operators,
@@ -52,6 +54,7 @@ BENCHMARKS = {
     "search": (search.run, "local-search"),
     "budgets": (budgets.run, "local-search"),
     "orienteering": (orienteering.run, "local-search"),
+    "lanes": (lanes.run, "lanes"),
     "fronts": (fronts.run, "growth"),
     "large": (large.run, "growth"),
     "bounds": (bounds.run, "bounds"),

@@ -157,7 +157,31 @@ def underway():
     return pd.DataFrame(list(rows.values()))
 
 
+def lanes():
+    """Areas by evaluations of the longest lane, at two marks of each mission."""
+    rows = {}
+    found = pd.read_csv(ROOT / "results" / "lanes" / "areas.csv")
+    for one in found[found["counted"] == "a lane"].itertuples():
+        first = {"mission": one.mission, "evaluations of a lane": one.mark}
+        row = rows.setdefault(tuple(first.values()), first)
+        row["1 lane" if one.lanes == 1 else f"{one.lanes} lanes"] = f"{one.area:.4f}"
+    shown = pd.DataFrame(list(rows.values()))
+    return shown[shown["evaluations of a lane"].isin((30_000, 125_000))]
+
+
+def threads():
+    """Seconds of a search with eight lanes."""
+    rows = {}
+    found = pd.read_csv(ROOT / "results" / "lanes" / "clock.csv")
+    for one in found[found["threads"] <= 2].itertuples():
+        first = {"mission": one.mission, "evaluations": one.evaluations}
+        row = rows.setdefault(one.mission, first)
+        row["s with one thread" if one.threads == 1 else "s with two"] = f"{one.seconds:.2f}"
+    return pd.DataFrame(list(rows.values()))
+
+
 KEPT = {
+    "local-search": (lanes, threads),
     "paper": (published,),
     "performance": (speed, growth),
     "under-way": (underway, learning),

@@ -1,0 +1,159 @@
+"""What lanes bring: areas by evaluations of a lane and of all, and the clock by threads.
+
+``areas.csv`` has a row for each mission, number of lanes, and mark. A mark is a number of
+evaluations, either of the longest lane, which the clock would see if each lane had a processor
+(``counted`` is "a lane"), or of all lanes ("all"). ``behind`` is by how much the area is smaller
+than that of one lane after as many evaluations of all, with its standard error: means of seeds 1,
+2, ... ``clock.csv`` has seconds of whole searches in one process, with their shares of those of
+one thread: medians of five, in turn.
+"""
+
+import statistics
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from benchmarks.budgets import missions
+from benchmarks.measure import in_process
+from benchmarks.memory import peak_resident
+from botohe_moo import BOTOHE, Mission, area_indicator, load_mission, make_algorithm
+from botohe_moo._base.cpus import n_cpus
+
+LANES = (1, 2, 4, 8, 16)
+MARKS = (1_000, 3_000, 10_000, 30_000, 100_000, 125_000, 300_000, 1_000_000)
+USUAL = 8  # lanes: those that are judged
+MOST_BEHIND = 0.0003  # of the area of one lane after as many evaluations
+WANTED = ("terrain_200", 125_000, 0.4640)  # after as many evaluations of one of the usual lanes
+THREADS = (1, 2, 4, 8, 16)
+REPEATS = 5
+LARGEST = {"nodes": 10_000, "robots": 50, "seed": 0}
+IN_LARGEST = 200_000  # evaluations
+
+
+class Site(NamedTuple):
+    """A mission, its seeds, evaluations of all lanes and of one, and those for the clock."""
+
+    mission: Mission
+    seeds: int
+    of_all: int
+    of_one: int
+    for_clock: int
+
+
+def sites() -> dict[str, Site]:
+    """Return the missions; only those with evaluations for it are timed."""
+    large = load_mission("terrain", nodes=1_000, robots=10, seed=0)
+    return {
+        "art_museum": Site(load_mission("art_museum"), 10, 1_000_000, 125_000, 1_000_000),
+        "power_plant": Site(load_mission("power_plant"), 10, 1_000_000, 125_000, 1_000_000),
+        "one-way, 80 nodes": Site(missions()["one-way, 80 nodes"], 10, 300_000, 30_000, 0),
+        "terrain_200": Site(load_mission("terrain_200"), 10, 1_000_000, 125_000, 500_000),
+        "terrain, 1000 nodes": Site(large, 3, 100_000, 10_000, 200_000),
+    }
+
+
+def run(out: Path) -> bool:
+    """Print and keep the tables; judge areas."""
+    memory = pd.DataFrame(_memory())
+    print(memory.to_string(index=False), flush=True)
+    memory.to_csv(out / "memory.csv", index=False)
+    clock = pd.DataFrame(_clock())
+    print(clock.to_string(index=False), flush=True)
+    clock.to_csv(out / "clock.csv", index=False)
+    table = _areas()
+    print(table.to_string(index=False))
+    table.to_csv(out / "areas.csv", index=False)
+    usual = table[table["lanes"] == USUAL]
+    behind = usual["behind"] - 2 * usual["behind_se"] > MOST_BEHIND
+    found = usual.set_index(["mission", "counted", "mark"])["area"]
+    return not behind.any() and bool(found[WANTED[0], "a lane", WANTED[1]] >= WANTED[2])
+
+
+def _memory() -> Iterator[dict[str, object]]:
+    alone = 0.0
+    for lanes in LANES[:-1]:
+        evaluations, front, mib = map(float, in_process("benchmarks.lanes", lanes))
+        alone = alone or mib
+        of_each = (mib - alone) / (lanes - 1) if lanes > 1 else float("nan")
+        row = {"lanes": lanes, "evaluations": int(evaluations), "front": int(front)}
+        yield {**row, "peak_mib": round(mib), "mib_of_each_further": round(of_each, 1)}
+
+
+def _clock() -> Iterator[dict[str, object]]:
+    for name, site in sites().items():
+        if not site.for_clock:
+            continue
+        numbers = [n for n in THREADS if n <= n_cpus()]
+        seconds: dict[int, list[float]] = {n: [] for n in numbers}
+        for repeat in range(REPEATS + 1):
+            for n in numbers:
+                started = time.perf_counter()
+                algorithm = make_algorithm("pareto-local-search", n_lanes=USUAL, n_threads=n)
+                _search(site.mission, algorithm, site.for_clock, 1)
+                if repeat:  # the first may compile
+                    seconds[n].append(time.perf_counter() - started)
+        one = statistics.median(seconds[1])
+        for n in numbers:
+            median = statistics.median(seconds[n])
+            row = {"mission": name, "lanes": USUAL, "evaluations": site.for_clock, "threads": n}
+            yield {**row, "seconds": round(median, 3), "of_one_thread": round(median / one, 3)}
+
+
+def _search(mission: Mission, algorithm: Any, evaluations: int, seed: int) -> None:
+    algorithm.setup(BOTOHE(mission), termination=("n_eval", evaluations), seed=seed)
+    while algorithm.has_next():
+        algorithm.next()
+
+
+def _areas() -> pd.DataFrame:
+    cases = [
+        (name, lanes, seed)
+        for name, site in sites().items()
+        for lanes in LANES
+        for seed in range(1, site.seeds + 1)
+    ]
+    with ProcessPoolExecutor(n_cpus()) as pool:
+        rows = [row for found in pool.map(_found, *zip(*cases, strict=True)) for row in found]
+    case, keys = ["mission", "lanes", "counted", "mark"], ["mission", "counted", "mark", "seed"]
+    runs = pd.DataFrame(rows)
+    alone = runs[(runs["lanes"] == 1) & (runs["counted"] == "all")].set_index(keys)["area"]
+    runs["behind"] = runs.set_index(keys).index.map(alone).to_numpy() - runs["area"]
+    grouped = runs.groupby(case, sort=False)
+    table = grouped[["evaluations", "area", "behind"]].mean()
+    table["behind_se"] = grouped["behind"].sem()
+    table["seeds"] = grouped.size()
+    rounded = {"evaluations": 0, "area": 5, "behind": 5, "behind_se": 5}
+    return table.round(rounded).astype({"evaluations": int}).reset_index()
+
+
+def _found(name: str, lanes: int, seed: int) -> list[dict[str, object]]:
+    """Search with some lanes; give the areas at all marks."""
+    site = sites()[name]
+    algorithm = make_algorithm("pareto-local-search", n_lanes=lanes)
+    algorithm.setup(BOTOHE(site.mission), termination=("n_eval", 10**9), seed=seed)
+    last = {"all": site.of_all, "a lane": site.of_one}
+    marks = {counted: [m for m in MARKS if m <= most] for counted, most in last.items()}
+    of_one, before, rows = 0, 0, []
+    while any(marks.values()):
+        algorithm.next()
+        spent = algorithm.evaluator.n_eval
+        of_one += -(-(spent - before) // algorithm._search.n_running)
+        before = spent
+        for counted, n in (("all", spent), ("a lane", of_one)):
+            while marks[counted] and n >= marks[counted][0]:
+                area = area_indicator(algorithm.archive.objectives, site.mission)
+                row = {"mission": name, "lanes": lanes, "counted": counted}
+                row |= {"mark": marks[counted].pop(0), "seed": seed, "evaluations": spent}
+                rows.append({**row, "area": area})
+    return rows
+
+
+if __name__ == "__main__":  # one search of the largest mission: evaluations, front, peak memory
+    searching = make_algorithm("pareto-local-search", n_lanes=int(sys.argv[1]))
+    _search(load_mission("terrain", **LARGEST), searching, IN_LARGEST, 1)
+    print(searching.evaluator.n_eval, len(searching.archive), peak_resident())
