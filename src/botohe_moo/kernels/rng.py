@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from botohe_moo._base.types import SeedArray
-from botohe_moo.kernels.compile import helper
+from botohe_moo.kernels.compile import helper, inlined
 
 Words = TypeVar("Words", np.uint64, SeedArray)
 
@@ -48,7 +48,7 @@ def mixed(word: Words) -> Words:
     return word ^ (word >> np.uint64(31))
 
 
-@helper
+@inlined
 def hash_stretch(items: NDArray[np.integer], start: int, stop: int) -> np.uint64:
     """Hash a stretch of an array to 64 bits."""
     bits = GOLDEN

@@ -107,11 +107,13 @@ class Colony:
         """
         self._catch_up()
         n_threads = min(self.n_threads, n_ants)
+        if n_threads == 1:
+            return self._construct_span(0, n_ants, 0, n_ants)
         cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
         spans = range(n_threads), [n_ants] * n_threads, cuts[:-1], cuts[1:]
         with mapping(n_threads) as map_:
             found = map_(self._construct_span, *spans)
-        return found[0] if n_threads == 1 else PlanBatch.concatenate(found)
+        return PlanBatch.concatenate(found)
 
     def _construct_span(self, part: int, n_ants: int, begin: int, end: int) -> PlanBatch:
         """Build the plans of the ants ``begin`` to ``end``, in the thread with number ``part``."""
