@@ -66,7 +66,6 @@ def test_after_pickling_half_way(name):
     while algorithm.evaluator.n_eval < EVALUATIONS // 2:
         algorithm.next()
     again = pickle.loads(pickle.dumps(algorithm))
-    again.n_threads = 3
     assert finished(again) == finished(algorithm) == finished_with(name, 1)
 
 

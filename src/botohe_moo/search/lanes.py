@@ -8,7 +8,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.graph.graph import Limits
-from botohe_moo.kernels.local_search.exchange import join_news
+from botohe_moo.kernels.local_search.exchange import News, join_news
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.local_search import LocalSearch
 from botohe_moo.search.threads import mapping
@@ -115,7 +115,7 @@ class Lanes:
             self._lanes[0].share_routes(self._lanes[1:])
 
 
-def _run(lane: LocalSearch, n_evaluations: int) -> tuple[int, Any]:
+def _run(lane: LocalSearch, n_evaluations: int) -> tuple[int, News]:
     """Let a lane search; return how many plans it evaluated, and what entered its front."""
     known = lane.version
     return lane.run(n_evaluations), lane.news(known)
