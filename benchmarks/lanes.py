@@ -2,19 +2,22 @@
 
 ``areas.csv`` has a row for each mission, number of lanes, and mark. A mark is a number of
 evaluations, either of the longest lane, which the clock would see if each lane had a processor
-(``counted`` is "a lane"), or of all lanes ("all"). ``behind`` is by how much the area is smaller
-than that of one lane after as many evaluations of all, with its standard error: means of seeds 1,
-2, ... A run is read at the end of the generation that reaches the mark; ``evaluations`` says where
-that is. ``clock.csv`` has seconds of whole searches in one process, with their shares of those of
-one thread: medians of five, in turn. ``memory.csv`` has the peak memory of a search on 10 000 nodes
-with 50 robots, and what each lane after the first has added.
+(``counted`` is "a lane"), or of all lanes ("all"). Areas between the ends of two generations are
+interpolated by the logarithm of evaluations; ``evaluations`` are those of all lanes at the mark.
+``behind`` is by how much the area is smaller than that of one lane after as many evaluations of
+all, with its standard error: means of seeds 1, 2, ... ``clock.csv`` has seconds of whole searches
+in one process, with their shares of those of one thread: medians of five, in turn. ``memory.csv``
+has the peak memory of a search on 10 000 nodes with 50 robots, and what each lane after the first
+has added.
 """
 
+import math
 import statistics
 import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -47,6 +50,7 @@ class Site(NamedTuple):
     for_clock: int
 
 
+@cache
 def sites() -> dict[str, Site]:
     """Return the missions; only those with evaluations for it are timed."""
     large = load_mission("terrain", nodes=1_000, robots=10, seed=0)
@@ -54,8 +58,8 @@ def sites() -> dict[str, Site]:
         "art_museum": Site(load_mission("art_museum"), 10, 1_000_000, 125_000, 1_000_000),
         "power_plant": Site(load_mission("power_plant"), 10, 1_000_000, 125_000, 1_000_000),
         "one-way, 80 nodes": Site(missions()["one-way, 80 nodes"], 10, 300_000, 30_000, 0),
-        "terrain_200": Site(load_mission("terrain_200"), 10, 1_000_000, 125_000, 500_000),
-        "terrain, 1000 nodes": Site(large, 3, 100_000, 10_000, 200_000),
+        "terrain_200": Site(load_mission("terrain_200"), 10, 1_000_000, 125_000, 1_000_000),
+        "terrain, 1000 nodes": Site(large, 3, 300_000, 30_000, 300_000),
     }
 
 
@@ -140,19 +144,33 @@ def _found(name: str, lanes: int, seed: int) -> list[dict[str, object]]:
     algorithm.setup(BOTOHE(site.mission), termination=("n_eval", 10**9), seed=seed)
     last = {"all": site.of_all, "a lane": site.of_one}
     marks = {counted: [m for m in MARKS if m <= most] for counted, most in last.items()}
-    of_one, before, rows = 0, 0, []
+    before, rows = State(0.0, 0.0, 0.0), []
     while any(marks.values()):
         algorithm.next()
         spent = algorithm.evaluator.n_eval
-        of_one += -(-(spent - before) // algorithm._search.n_running)
-        before = spent
-        for counted, n in (("all", spent), ("a lane", of_one)):
+        area = area_indicator(algorithm.archive.objectives, site.mission)
+        of_one = before.of_one + (spent - before.of_all) / algorithm._search.n_running
+        now = State(spent, of_one, area)
+        for counted, n_before, n in (
+            ("all", before.of_all, now.of_all),
+            ("a lane", before.of_one, now.of_one),
+        ):
             while marks[counted] and n >= marks[counted][0]:
-                area = area_indicator(algorithm.archive.objectives, site.mission)
-                row = {"mission": name, "lanes": lanes, "counted": counted}
-                row |= {"mark": marks[counted].pop(0), "seed": seed, "evaluations": spent}
-                rows.append({**row, "area": area})
+                mark = marks[counted].pop(0)
+                share = math.log(mark / n_before) / math.log(n / n_before) if n_before else 1.0
+                at = [(1 - share) * old + share * new for old, new in zip(before, now, strict=True)]
+                row = {"mission": name, "lanes": lanes, "counted": counted, "mark": mark}
+                rows.append({**row, "seed": seed, "evaluations": at[0], "area": at[2]})
+        before = now
     return rows
+
+
+class State(NamedTuple):
+    """Evaluations of all lanes and of one, and the area, after a generation."""
+
+    of_all: float
+    of_one: float
+    area: float
 
 
 if __name__ == "__main__":  # one search of the largest mission: evaluations, front, peak memory

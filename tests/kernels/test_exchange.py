@@ -136,7 +136,7 @@ def test_where_there_is_no_room_it_says_how_far_it_came(room):
     one.insert(mission.batch([mission.plan(plan) for plan in PLANS]))
     news = join_news([one.news(1)])
     other._front.n.spare = room
-    n = exchange.insert_news(other._parts, news, 0)
+    n = exchange.take_over(other.parts, news, 0)
     assert n <= len(news.reward)
     assert (other._front.n.spare == 0) == (n < len(news.reward))
     other.take_over(news)

@@ -102,7 +102,7 @@ class TestChoosing:
             work = search._work
             for trial in range(200):
                 work.draft.robot = trial % robots
-                kernels._draw_robots(search._parts)
+                kernels._draw_robots(search.parts)
                 assert sorted(work.chosen.tolist()) == list(range(robots))
                 assert work.chosen[0] == work.draft.robot
                 seen[p_pair, int(work.draft.n_chosen)] += 1
@@ -128,7 +128,7 @@ class TestRooms:
             plain.setattr(filling, "P_FULL", p_full)
             plain.setattr(filling, "SPREAD", spread)
             search = holding(mission, plan, [0], **rule)
-            filling._draw_slack(search._parts, 0)
+            filling._draw_slack(search.parts, 0)
             return slacks_of(search._work)[0]
 
         return room
@@ -221,7 +221,7 @@ def test_where_nothing_is_dangerous_there_is_always_room(plain, max_length):
     nx.set_edge_attributes(graph, 1.0, "survival")
     mission = Mission(graph, base=0, robots=1)
     search = holding(mission, [(0,)], [0], max_length=max_length)
-    assert kernels._make_child(search._parts)
+    assert kernels._make_child(search.parts)
     assert {0, 1, 2, 3} == set(nodes_of(search, search._work.refilled[0]))
 
 
@@ -314,7 +314,7 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
     work.draft.mark += 1
     work.draft.n_legs = 0
     for which in range(len(chosen)):
-        filling.build_tour(search._parts, which)
+        filling.build_tour(search.parts, which)
     opened, rooms = tours_of(work), slacks_of(work)
     states, left = work.states.copy(), work.nodes["left"].copy()
     noise, worth = uniform(states, 0), np.zeros(n_nodes)
@@ -322,7 +322,7 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
         if left[node] > 0 and all(node not in stops for stops in opened):
             worth[node] = left[node] * (1 - noise * uniform(states, 0))
     expected = Filler(mission, routes.per_length, left, worth).fill(opened, rooms)
-    filling.fill_tours(search._parts)
+    filling.fill_tours(search.parts)
     assert work.states.tolist() == states.tolist()
     assert tours_of(work) == expected[0]
     assert np.allclose(slacks_of(work), expected[1], rtol=1e-9, atol=1e-9)
@@ -371,7 +371,7 @@ def test_children_are_plans_within_their_slack(case, floor, budget, data):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(filling, "_draw_slack", noted_room)
         patch.setattr(kernels, "fill_tours", noted_fill)
-        is_new = kernels._make_child(search._parts)
+        is_new = kernels._make_child(search.parts)
     (opened_tours, before), tours, after = opened, tours_of(work), slacks_of(work)
     added = []
     for start, stops in zip(opened_tours, tours, strict=True):
@@ -417,7 +417,7 @@ def test_a_tour_beyond_the_limits_is_not_stored(rule):
         search = holding(mission, [(0, 1, 2, 3, 4, 0), (0,)], [0], seed=seed, **rule)
         store, work = search._store, search._work
         before = store.n.item()
-        assert not kernels._make_child(search._parts)
+        assert not kernels._make_child(search.parts)
         assert work.refilled.tolist() == work.parent.tolist()
         assert store.n.item() == before
         assert store.trails["n_users"][work.parent].tolist() == [2, 1]
@@ -452,7 +452,7 @@ def refilling(mission, plans, *, n_waiting=3, seed=0, **limits):
 
 
 def refill(search, n_most):
-    return kernels.refill(search._parts, n_most)
+    return kernels.refill(search.parts, n_most)
 
 
 @examples(100)

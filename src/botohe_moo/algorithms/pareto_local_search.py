@@ -42,9 +42,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     Parameters
     ----------
     evaluations_per_generation
-        Evaluations in one pymoo generation. The first generations are shorter: 100, and then a
-        tenth of what has been evaluated. With lanes, a generation ends when about a tenth of the
-        front is new.
+        Evaluations of each lane in one pymoo generation. The first generations are shorter: 100,
+        and then a tenth of what has been evaluated.
     moves
         How likely each move is to be drawn, relative, by name; those left out are not drawn.
         ``shortcut``, ``visit``, ``visit-two``: cut out a segment, and reconnect by safest paths
@@ -68,8 +67,9 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         Plans that the front keeps after each generation; None keeps all. While there are more, the
         plan that contributes the least area is removed.
     n_lanes
-        Searches that go on side by side after 20 000 evaluations. After every generation they tell
-        each other what has entered their fronts. The result depends on their number.
+        Searches that go on side by side after 20 000 evaluations. Each time when about a twentieth
+        of the front is new, they tell each other what has entered their fronts. The result depends
+        on their number.
     n_threads
         Threads that run the lanes; the result does not depend on their number.
     sampling
@@ -179,8 +179,9 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         self._advance()
 
     def _advance(self, **_: Any) -> None:
-        n = max(_FIRST_GENERATION, self._search.most_at_once(self.evaluator.n_eval))
-        n = min(n, self.evaluations_per_generation, self._n_left())
+        n = max(_FIRST_GENERATION, self.evaluator.n_eval // 10)
+        most = self.evaluations_per_generation * self._search.n_running
+        n = min(n, most, self._n_left())
         if n == 0:
             return
         n_evaluated = self._search.run(n)

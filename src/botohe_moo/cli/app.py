@@ -226,7 +226,9 @@ def _search_and_write(
     problem: BOTOHE, algorithm: Algorithm, out: Path | None, *, show_all: bool, **how: Any
 ) -> tuple[Solution, Path]:
     from botohe_moo._base.files import check_folder, new_folder
+    from botohe_moo.algorithms import ParetoLocalSearch
     from botohe_moo.cli.progress import showing_search
+    from botohe_moo.search.ahead import compile_ahead
     from botohe_moo.solution import PictureError
     from botohe_moo.solving import RefusalError, search
 
@@ -238,6 +240,9 @@ def _search_and_write(
         tell(f"{problem.mission.title}: {brief(problem.mission, problem.max_length)}\n")
         try:
             with showing_search(how["evaluations"]) as progress:
+                if isinstance(algorithm, ParetoLocalSearch):
+                    limits = problem.planning_limits
+                    compile_ahead(problem.mission, limits, how["evaluations"])
                 solution = search(
                     problem, algorithm, progress=progress, stop=stop, started=_STARTED, **how
                 )

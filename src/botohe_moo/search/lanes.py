@@ -16,16 +16,16 @@ from botohe_moo.trails import PlanBatch
 
 # Lanes begin after as many evaluations; before, one search alone finds more with as many.
 FIRST_ALONE = 20_000
-# How many plans enter all fronts, as a share of one front, until the lanes tell each other: later,
-# they have found much twice; sooner, telling takes longer than it brings.
-EXCHANGED = 0.1
+# About how many plans enter the fronts until the lanes tell each other: later, they have found much
+# twice; sooner, telling takes longer than it brings.
+N_NEWS = 50
 
 
 class Lanes:
     """A local search that goes on as ``n_lanes`` searches, by ``n_threads``, once that pays.
 
-    All lanes hold the same front after each call, but for plans that are equal to 1e-12. Results
-    do not depend on ``n_threads``. Other arguments are those of :class:`LocalSearch`.
+    The first lane holds the front of all after each call; the others are told when they go on.
+    Results do not depend on ``n_threads``. Other arguments are those of :class:`LocalSearch`.
     """
 
     def __init__(
@@ -44,18 +44,12 @@ class Lanes:
         self._lanes = [LocalSearch(**self._how)]
         self._n_evaluated = 0
         self._rate = 1.0  # of the last evaluations, the share that has entered a front
+        self._untold: list[News | None] = [None]  # what each lane has still to be told
 
     @property
     def n_running(self) -> int:
         """How many lanes there are by now."""
         return len(self._lanes)
-
-    def most_at_once(self, n_evaluated: int) -> int:
-        """Return how many evaluations the next call may have, after as many as there were."""
-        most = n_evaluated // 10
-        if self.n_running == 1:
-            return most
-        return min(most, int(EXCHANGED * len(self) / self._rate))
 
     def insert(self, batch: PlanBatch) -> None:
         """Insert valid plans for the mission's team into the front, unless it dominates them."""
@@ -70,18 +64,31 @@ class Lanes:
         """
         if self.n_running < self.n_lanes and self._n_evaluated >= FIRST_ALONE:
             self._split()
-        lanes, n_lanes = self._lanes, self.n_running
-        if n_lanes == 1:
-            n = lanes[0].run(n_evaluations)
-        else:
-            shares = [(n_evaluations + lane) // n_lanes for lane in range(n_lanes)]
-            with mapping(min(self.n_threads, n_lanes)) as map_:
-                spent, parts = zip(*map_(_run, lanes, shares), strict=True)
-                news = join_news(parts)
-                map_(lambda lane: lane.take_over(news), lanes)
-            n = sum(spent)
-            self._rate = (1 + len(news.reward)) / (n + 1)
+        alone = self.n_running == 1
+        n = (self._lanes[0].run if alone else self._run_lanes)(n_evaluations)
         self._n_evaluated += n
+        return n
+
+    def _run_lanes(self, n_evaluations: int) -> int:
+        """Let all lanes search, in rounds, after each of which they tell each other."""
+        lanes, n_lanes, n = self._lanes, self.n_running, 0
+        with mapping(min(self.n_threads, n_lanes)) as map_:
+            while n < n_evaluations:
+                n_round = min(n_evaluations - n, max(n_lanes, int(N_NEWS / self._rate)))
+                shares = [(n_round + lane) // n_lanes for lane in range(n_lanes)]
+                turns = list(zip(lanes, self._untold, shares, strict=True))
+                # Whichever takes longest goes first, lest all others wait for it in the end.
+                order = np.argsort([-lane.n_waiting for lane in lanes], kind="stable")
+                found = map_(_run_lane, *zip(*(turns[i] for i in order), strict=True))
+                spent, parts = zip(*(found[i] for i in np.argsort(order)), strict=True)
+                news = join_news(parts)
+                self._untold = [news] * n_lanes
+                self._rate = (1 + len(news.reward)) / (n_round + 1)
+                n += sum(spent)
+                if sum(spent) < n_round:
+                    break
+        _take_over(lanes[0], self._untold[0])
+        self._untold[0] = None
         return n
 
     def _split(self) -> None:
@@ -90,8 +97,8 @@ class Lanes:
         self._lanes += [LocalSearch(**self._how) for _ in range(self.n_lanes - 1)]
         news = join_news([first.news(0)])
         first.share_routes(self._lanes[1:])
-        for lane in self._lanes:
-            lane.take_over(news)
+        first.take_over(news)
+        self._untold = [None, *[news] * (self.n_lanes - 1)]
 
     def __len__(self) -> int:
         return len(self._lanes[0])
@@ -115,7 +122,13 @@ class Lanes:
             self._lanes[0].share_routes(self._lanes[1:])
 
 
-def _run(lane: LocalSearch, n_evaluations: int) -> tuple[int, News]:
-    """Let a lane search; return how many plans it evaluated, and what entered its front."""
+def _run_lane(lane: LocalSearch, news: News | None, n_evaluations: int) -> tuple[int, News]:
+    """Tell a lane the news, and let it search; return how many plans it evaluated, and its news."""
+    _take_over(lane, news)
     known = lane.version
     return lane.run(n_evaluations), lane.news(known)
+
+
+def _take_over(lane: LocalSearch, news: News | None) -> None:
+    if news is not None:
+        lane.take_over(news)

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo.kernels.apart import apart
 from botohe_moo.kernels.fronts.ordered import copy_front, new_front, read_front
 from botohe_moo.kernels.graph.graph import Graph, Limits, with_costs
-from botohe_moo.kernels.local_search.exchange import News, add_turns, gather_news, insert_news
+from botohe_moo.kernels.local_search.exchange import News, gather_news, take_over
 from botohe_moo.kernels.local_search.refill import refill
 from botohe_moo.kernels.local_search.routes import FULL_UP_TO, new_routes, search_all
 from botohe_moo.kernels.local_search.search import has_room, improve
@@ -94,6 +95,8 @@ class LocalSearch:
 
     def _prepare(self) -> None:
         """Compute what is not pickled: what follows from the mission, and scratch."""
+        kept = self._memory, self._waiting, self._states, self._front, self._store
+        self._memory, self._waiting, self._states, self._front, self._store = apart(kept)
         self._graph, per_length = _priced(self.mission.arrays, self.limits)
         self._routes = new_routes(self._graph, per_length)
         self._work = new_workspace(
@@ -106,7 +109,7 @@ class LocalSearch:
         )
 
     @property
-    def _parts(self) -> Search:
+    def parts(self) -> Search:
         """What the kernels work with."""
         return Search(
             graph=self._graph,
@@ -157,15 +160,21 @@ class LocalSearch:
         while n < n_evaluations:
             if batch is not None:
                 given = read_trails(batch.nodes, batch.offsets[n * n_robots :].copy())
-            n += improve(self._parts, given, n_evaluations - n)
+            found = improve(self.parts, given, n_evaluations - n)
             if self._memory[0].n_waiting == REFILLED_AT_ONCE:
-                n += refill(self._parts, n_evaluations - n)
-            elif n < n_evaluations and has_room(self._parts):  # no move makes another plan
-                break
-            if n < n_evaluations and not has_room(self._parts):
+                found += refill(self.parts, n_evaluations - n - found)
+            n += found
+            if found == 0:
+                if has_room(self.parts):  # no move makes another plan
+                    break
                 self._keep(read_front(self._front)[0])
         self._trim()
         return n
+
+    @property
+    def n_waiting(self) -> int:
+        """How many plans wait to be refilled; with 32, the next evaluations take longer."""
+        return int(self._memory[0].n_waiting)
 
     def __len__(self) -> int:
         return int(self._front.n.plans)
@@ -202,7 +211,7 @@ class LocalSearch:
 
         Beside them are turns of others as parents, which only :meth:`take_over` counts again.
         """
-        return gather_news(self._parts, since)
+        return gather_news(self.parts, since)
 
     def take_over(self, news: News) -> None:
         """Insert what searches for the same mission, within the same limits, have found.
@@ -210,11 +219,8 @@ class LocalSearch:
         This search's own news have to be among them.
         """
         n = 0
-        while n < len(news.reward):
-            n = insert_news(self._parts, news, n)
-            if n < len(news.reward):
-                self._keep(read_front(self._front)[0])
-        add_turns(self._front, news)
+        while (n := take_over(self.parts, news, n)) < len(news.reward):
+            self._keep(read_front(self._front)[0])
         self._trim()
 
     def _trim(self) -> None:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
+from botohe_moo.kernels.apart import apart
 from botohe_moo.kernels.compile import helper, inlined
 from botohe_moo.kernels.rng import below
 
@@ -46,7 +47,7 @@ class OrderedFront(NamedTuple):
 def new_front(n_slots: int, n_robots: int) -> OrderedFront:
     """Return room for ``n_slots`` plans of ``n_robots`` trails."""
     n_blocks = n_slots // 8 + 2  # two neighbours always hold more than half a block together
-    front = OrderedFront(
+    parts = OrderedFront(
         n=np.zeros(1, _COUNTS).view(np.recarray)[0],
         directory=np.zeros(n_blocks, np.int64),
         size=np.zeros(n_blocks, np.int64),
@@ -58,6 +59,7 @@ def new_front(n_slots: int, n_robots: int) -> OrderedFront:
         tried=np.zeros(n_slots, np.int64),
         untold=np.zeros(n_slots, np.int64),
     )
+    front: OrderedFront = apart(parts)
     front.n.free, front.n.spare = n_blocks, n_slots
     return front
 

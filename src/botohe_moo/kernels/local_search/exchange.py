@@ -42,7 +42,7 @@ def gather_news(search: Search, since: int) -> News:
     """Copy those plans of the front before which ``since`` plans or more had entered.
 
     And turns of the others that have not been told before. They are no longer counted then, until
-    ``add_turns`` counts the turns in all searches.
+    ``take_over`` counts the turns in all searches.
     """
     search = shared(search)
     store, front, n_robots = search.store, search.front, search.work.parent.shape[0]
@@ -98,8 +98,8 @@ def join_news(parts: Sequence[News]) -> News:
 
 
 @kernel
-def insert_news(search: Search, news: News, begin: int) -> int:
-    """Insert plans into the front, from the one with number ``begin`` on.
+def take_over(search: Search, news: News, begin: int) -> int:
+    """Insert plans into the front, from the one with number ``begin`` on; then count turns.
 
     Returns the number of the first plan for which there was no room, or how many plans there are.
     """
@@ -115,7 +115,7 @@ def insert_news(search: Search, news: News, begin: int) -> int:
     for trail in range(store.trails.shape[0]):
         stored = store.trails[trail]
         if stored.n_users > 0:
-            at = _hashed(store.arc, stored.first_arc, stored.end_arc, known)
+            at = _place(stored.hash, known)
             while known[at] != NOT_STORED:
                 at = (at + 1) & (size - 1)
             known[at] = trail
@@ -126,13 +126,15 @@ def insert_news(search: Search, news: News, begin: int) -> int:
     for trail in number:
         if trail != NOT_STORED:
             release(store, trail)
+    if n == news.reward.shape[0]:
+        _add_turns(search.front, news)
     return n
 
 
 @helper
-def _hashed(arcs: IntArray, start: int, stop: int, known: OffsetArray) -> int:
+def _place(trail_hash: np.uint64, known: OffsetArray) -> int:
     """Return where the search for a trail in the table begins."""
-    bits = hash_stretch(arcs, start, stop) & np.uint64(known.shape[0] - 1)
+    bits = trail_hash & np.uint64(known.shape[0] - 1)
     return int(np.int64(bits))  # numba's int() leaves it unsigned, and a sum with it a float
 
 
@@ -160,7 +162,7 @@ def _hold_trail(search: Search, news: News, trail: int, robot: int, known: Offse
     """Find a trail in the store, or store it; return its number, of which there is a user more."""
     graph, store, work = search.graph, search.store, search.work
     begin, stop = news.first[trail], news.first[trail + 1]
-    at = _hashed(news.arc, begin, stop, known)
+    at = _place(hash_stretch(news.arc, begin, stop), known)
     while known[at] != NOT_STORED:
         if _is_trail(graph, store, known[at], news, begin, stop):
             store.trails[known[at]].n_users += 1
@@ -191,10 +193,9 @@ def _is_trail(
     return bool(i == stored.n_arcs)
 
 
-@kernel
-def add_turns(front: OrderedFront, news: News) -> None:
+@helper
+def _add_turns(front: OrderedFront, news: News) -> None:
     """Count the turns of those parents that are still in the front."""
-    front, news = shared(front), shared(news)
     for i in range(news.turns.shape[0]):
         reward, survivors = news.parent[i, 0], news.parent[i, 1]
         at, place = find_place(front, survivors)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray
+from botohe_moo.kernels.apart import apart
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
 
@@ -22,6 +23,7 @@ _TRAIL = np.dtype(
         ("n_visits", np.int64),
         ("n_users", np.int64),
         ("alive", np.float64),
+        ("hash", np.uint64),
     ]
 )
 
@@ -31,7 +33,8 @@ class TrailStore(NamedTuple):
 
     n: Record  # how many ``arcs`` and ``visits`` are in use, and how many trails are ``spare``
     # Of each trail, where its arcs and visits begin, and its arcs end; how many there are; how many
-    # plans have it (``n_users``), and with what probability a robot survives it (``alive``).
+    # plans have it (``n_users``); with what probability a robot survives it (``alive``); and the
+    # ``hash`` of its arcs.
     trails: RecordArray
     arc: IntArray  # the arcs of all trails, one trail after another
     # Also the nodes that each trail visits, in order of first visits, except the base and nodes
@@ -43,7 +46,7 @@ class TrailStore(NamedTuple):
 
 def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
     """Return a store with room for some trails, and for the arcs and visits of all of them."""
-    store = TrailStore(
+    parts = TrailStore(
         n=np.zeros(1, _COUNTS).view(np.recarray)[0],
         trails=np.zeros(n_trails, _TRAIL).view(np.recarray),
         arc=np.zeros(n_arcs, np.int32),
@@ -51,6 +54,7 @@ def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
         reach=np.zeros(n_visits),
         spare=np.arange(n_trails)[::-1].copy(),
     )
+    store: TrailStore = apart(parts)
     store.n.spare = n_trails
     return store
 

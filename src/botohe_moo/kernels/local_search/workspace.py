@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, Record, RecordArray, SeedArray
+from botohe_moo.kernels.apart import apart
 from botohe_moo.kernels.fronts.ordered import OrderedFront
 from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.graph.kinds import has_kinds, has_returns
@@ -156,7 +157,7 @@ def new_workspace(
     if graph.kinds is None:  # all robots collect it, whatever they do
         nodes["left"][graph.base] = 0.0
     arcs["position"] = -1
-    return Workspace(
+    work = Workspace(
         memory=memory,
         waiting=waiting,
         states=states,
@@ -184,3 +185,5 @@ def new_workspace(
         insertion_cost=np.empty(n_nodes),
         cheapest_leg=np.zeros(n_nodes, np.int64),
     )
+    scratch: Workspace = apart(work)
+    return scratch._replace(memory=memory, waiting=waiting, states=states)
