@@ -215,7 +215,13 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     """
     k = check_integer("k", k, at_least=1)
     batch = check_mission(mission).batch(plans)
-    objectives = objectives_of(mission, batch)
+    return representing(mission, batch, objectives_of(mission, batch), k)
+
+
+def representing(
+    mission: Mission, batch: PlanBatch, objectives: FloatArray, k: int
+) -> tuple[int, ...]:
+    """Select ``k`` rows as :func:`representatives` does, of plans whose objectives are known."""
     rows = front_rows(objectives)
     dominated = np.setdiff1d(np.arange(len(batch)), rows)
     order = np.append(rows, dominated)

@@ -16,7 +16,7 @@ from botohe_moo.decide.fronts import (
     front_rows,
     knees,
     objectives_of,
-    representatives,
+    representing,
     scales,
     short_text,
 )
@@ -239,7 +239,8 @@ def shown_rows(
     if len(plans) <= _ROWS:
         return tuple(range(len(plans)))
     marked = {0, len(plans) - 1, knees(mission, objectives)[0].index}
-    return tuple(sorted(marked.union(representatives(mission, plans, _ROWS - len(marked)))))
+    others = representing(mission, mission.batch(plans), objectives, _ROWS - len(marked))
+    return tuple(sorted(marked.union(others)))
 
 
 def front_table(mission: Mission, objectives: FloatArray, rows: tuple[int, ...]) -> str:
