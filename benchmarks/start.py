@@ -2,7 +2,7 @@
 
 Everything runs in a process of its own, on a copy of a checkout's package whose caches are empty at
 first: a cold start compiles kernels and Python's bytecode. CPU seconds are those of the whole
-process tree.
+process tree. Each row says on how many processors (``cores``), as ``taskset`` would set it.
 """
 
 import os
@@ -20,7 +20,15 @@ import pandas as pd
 import psutil
 
 HERE = Path(__file__).parents[1]
-ALGORITHMS = ("pareto-local-search", "bo-aco", "nsga2", "exact")
+COLD = (  # missions, evaluations and algorithms
+    ("toy", 100, "pareto-local-search"),
+    ("art_museum", 100, "pareto-local-search"),
+    ("art_museum", 100_000, "pareto-local-search"),
+    ("toy", 100, "bo-aco"),
+    ("toy", 100, "nsga2"),
+    ("toy", 100, "exact"),
+)
+CORES = (1, 2)
 REPEATS = 5  # of what is warm
 
 
@@ -39,8 +47,9 @@ def run(folder: Path, before: Path | None = None) -> bool:
     rows = []
     with tempfile.TemporaryDirectory(prefix="botohe-start-") as made:
         copies = {name: Copy(root, Path(made, name)) for name, root in checkouts.items()}
-        for start, checkout, cost in (*cold(copies), *warm(copies)):
-            rows.append({"start": start, "checkout": checkout, **cost._asdict()})
+        for start, cores, checkout, cost in (*cold(copies), *warm(copies)):
+            row = {"start": start, "cores": cores, "checkout": checkout}
+            rows.append({**row, **cost._asdict()})
     table = pd.DataFrame(rows).round(2)
     print(table.to_string(index=False))
     table.to_csv(folder / "start.csv", index=False)
@@ -67,13 +76,19 @@ class Copy:
         for cache in list(self.folder.rglob("__pycache__")):
             shutil.rmtree(cache)
 
-    def cost(self, *arguments: str, until: str = "") -> Cost:
-        """Run Python and wait for a line with a text, and for the end."""
+    def cost(self, *arguments: str, cores: int, until: str = "") -> Cost:
+        """Run Python on some cores and wait for a line with a text, and for the end."""
         usual = resource.getrusage(resource.RUSAGE_CHILDREN)
         started = time.perf_counter()
         command = [str(self.python), *arguments]
+        usable = set(sorted(os.sched_getaffinity(0))[:cores])
         with subprocess.Popen(
-            command, cwd=self.folder, env=self.environment, stdout=subprocess.PIPE, text=True
+            command,
+            cwd=self.folder,
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            text=True,
+            preexec_fn=lambda: os.sched_setaffinity(0, usable),
         ) as process:
             front = None
             for line in process.stdout or ():
@@ -86,10 +101,10 @@ class Copy:
         end = cpu, time.perf_counter() - started
         return Cost(*(front or end), *end)
 
-    def solve(self, algorithm: str, evaluations: int = 100) -> Cost:
-        """Run ``botohe solve toy`` and wait for its front."""
-        arguments = ("-m", "botohe_moo.cli", "solve", "toy", "-a", algorithm, "--out", "out")
-        return self.cost(*arguments, "-n", str(evaluations), until="plan_id")
+    def solve(self, mission: str, evaluations: int, algorithm: str, cores: int) -> Cost:
+        """Run ``botohe solve`` and wait for its front."""
+        search = ("solve", mission, "-n", str(evaluations), "-a", algorithm, "--out", "out")
+        return self.cost("-m", "botohe_moo.cli", *search, cores=cores, until="plan_id")
 
 
 def cpu_of_tree(pid: int) -> float:
@@ -99,23 +114,26 @@ def cpu_of_tree(pid: int) -> float:
     return sum(sum(one.cpu_times()[:4]) for one in processes)  # ended children included
 
 
-def cold(copies: Mapping[str, Copy]) -> Iterator[tuple[str, str, Cost]]:
-    """Measure each algorithm with empty caches, one after another, copies in turn."""
-    for algorithm in ALGORITHMS:
-        for name, copy in copies.items():
-            copy.forget()
-            cost = copy.solve(algorithm)
-            print(f"{name}: cold {algorithm}, {cost.cpu:.1f} CPU s", flush=True)
-            yield f"cold {algorithm}", name, cost
+def cold(copies: Mapping[str, Copy]) -> Iterator[tuple[str, int, str, Cost]]:
+    """Measure searches with empty caches, one after another, copies in turn."""
+    for case in COLD:
+        for cores in CORES:
+            for name, copy in copies.items():
+                copy.forget()
+                cost = copy.solve(*case, cores)
+                start = "cold {} -n {} -a {}".format(*case)
+                print(f"{name}: {start} on {cores}: {cost.seconds_to_front:.1f} s", flush=True)
+                yield start, cores, name, cost
 
 
-def warm(copies: Mapping[str, Copy]) -> Iterator[tuple[str, str, Cost]]:
+def warm(copies: Mapping[str, Copy]) -> Iterator[tuple[str, int, str, Cost]]:
     """Measure what is warm: the median of several processes, copies in turn."""
+    cores = max(CORES)
     commands = {
-        "warm solve toy -n 100": lambda copy: copy.solve("pareto-local-search"),
-        "warm botohe --help": lambda copy: copy.cost("-m", "botohe_moo.cli", "--help"),
-        "warm import botohe_moo": lambda copy: copy.cost("-c", "import botohe_moo"),
-        "warm python": lambda copy: copy.cost("-c", ""),
+        "warm solve toy -n 100": lambda copy: copy.solve(*COLD[0], cores),
+        "warm botohe --help": lambda copy: copy.cost("-m", "botohe_moo.cli", "--help", cores=cores),
+        "warm import botohe_moo": lambda copy: copy.cost("-c", "import botohe_moo", cores=cores),
+        "warm python": lambda copy: copy.cost("-c", "", cores=cores),
     }
     for command, measure in commands.items():
         costs: dict[str, list[Cost]] = {name: [] for name in copies}
@@ -125,4 +143,4 @@ def warm(copies: Mapping[str, Copy]) -> Iterator[tuple[str, str, Cost]]:
                 if repeat:  # the first fills the caches
                     costs[name].append(cost)
         for name, measured in costs.items():
-            yield command, name, Cost(*pd.DataFrame(measured).median())
+            yield command, cores, name, Cost(*pd.DataFrame(measured).median())

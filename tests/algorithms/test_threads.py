@@ -114,9 +114,16 @@ class TestProcessors:
         ],
     )
     def test_those_of_the_affinity_within_the_quota(self, tmp_path, monkeypatch, files, expected):
+        monkeypatch.delattr(cpus.os, "process_cpu_count", raising=False)
         monkeypatch.setattr(cpus.os, "sched_getaffinity", lambda _: set(range(6)), raising=False)
         for name, text in files.items():
             path = tmp_path / name
             path.parent.mkdir(exist_ok=True)
             path.write_text(f"{text}\n")
+        assert cpus.n_cpus(tmp_path) == expected
+
+    @pytest.mark.parametrize(("told", "expected"), [(5, 3), (2, 2), (None, 1)])
+    def test_as_many_as_python_was_told(self, tmp_path, monkeypatch, told, expected):
+        monkeypatch.setattr(cpus.os, "process_cpu_count", lambda: told, raising=False)
+        (tmp_path / "cpu.max").write_text("300000 100000\n")
         assert cpus.n_cpus(tmp_path) == expected

@@ -178,8 +178,6 @@ def solve_mission(
     with failing():
         source = mission_source(mission, robots, mission_parameter)
         parameters = read_parameters(parameter)
-        given = {"n_lanes": lanes, "n_threads": threads}
-        parameters |= {name: value for name, value in given.items() if value is not None}
         from botohe_moo._base.checks import check_integer, check_number
         from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
@@ -187,6 +185,10 @@ def solve_mission(
         from botohe_moo.problem import BOTOHE
         from botohe_moo.solving import make_for_this_machine
 
+        for name, value in (("lanes", lanes), ("threads", threads)):
+            if value is not None:
+                check_integer(f"--{name}", value, at_least=1, at_most=1_024)
+                parameters[f"n_{name}"] = value
         loaded = load_mission(**source)
         wishes = parse_wishes(loaded, wish) if wish else ()
         built, parameters = make_for_this_machine(algorithm, parameters)
