@@ -6,6 +6,7 @@ import subprocess
 import sys
 from multiprocessing.context import SpawnProcess
 
+import numba
 import pytest
 
 from botohe_moo import load_mission
@@ -24,7 +25,7 @@ def started(monkeypatch):
 
     monkeypatch.setattr(SpawnProcess, "start", recorded)
     monkeypatch.setattr(ahead, "n_cpus", lambda: 2)
-    monkeypatch.setattr(ahead, "_is_compiled", lambda _: False)
+    monkeypatch.setattr(ahead, "_is_missing", lambda _: True)
     return found
 
 
@@ -57,10 +58,14 @@ def test_nothing_is_started_with_one_processor(started, monkeypatch):
 
 
 def test_nothing_is_started_when_all_is_compiled(started, monkeypatch):
-    monkeypatch.setattr(ahead, "_is_compiled", lambda _: True)
+    monkeypatch.setattr(ahead, "_is_missing", lambda _: False)
     mission = load_mission("toy")
     ahead.compile_ahead(mission, mission.limits(), 100)
     assert started == []
+
+
+def test_what_cannot_be_kept_is_not_compiled_ahead():
+    assert not ahead._is_missing(numba.njit(lambda: 1))
 
 
 SEARCH = """
@@ -71,9 +76,9 @@ from botohe_moo.search import ahead
 
 if __name__ == "__main__":
     mission = load_mission("art_museum")
-    assert not ahead._is_compiled(improve)
+    assert ahead._is_missing(improve)
     ahead.compile_ahead(mission, mission.limits(), 30_000)
-    assert ahead._is_compiled(improve)
+    assert not ahead._is_missing(improve)
     solve(mission, evaluations=30_000)
     for kernel in (improve, take_over):
         assert sum(kernel.stats.cache_misses.values()) == 0, kernel

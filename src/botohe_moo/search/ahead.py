@@ -22,9 +22,10 @@ def compile_ahead(mission: Mission, limits: Limits, n_evaluations: int) -> None:
 
     Another process compiles the largest, ``improve``; meanwhile this one compiles the others. Where
     there are enough evaluations for lanes, they share what these need as well. With one processor,
-    nothing is compiled ahead. Only the main thread may call this.
+    or where machine code is not kept on disk, nothing is compiled ahead. Only the main thread may
+    call this.
     """
-    if n_cpus() == 1 or _is_compiled(improve):
+    if n_cpus() == 1 or not _is_missing(improve):
         return
     lanes = n_evaluations > FIRST_ALONE
     other = get_context("spawn").Process(target=_compile_improve, args=(mission, limits, lanes))
@@ -43,10 +44,10 @@ def compile_ahead(mission: Mission, limits: Limits, n_evaluations: int) -> None:
         other.kill()
 
 
-def _is_compiled(kernel: Any) -> bool:
-    """Return whether some process has kept the kernel's machine code."""
+def _is_missing(kernel: Any) -> bool:
+    """Return whether no process has kept the kernel's machine code so far, but one could."""
     folder, name = kernel.stats.cache_path, kernel.py_func.__qualname__
-    return folder is not None and any(Path(folder).glob(f"*.{name}-*.nbi"))
+    return folder is not None and not any(Path(folder).glob(f"*.{name}-*.nbi"))
 
 
 def _compile_improve(mission: Mission, limits: Limits, lanes: bool) -> None:
