@@ -16,8 +16,8 @@ from botohe_moo.trails import PlanBatch
 
 # Lanes begin after as many evaluations; before, one search alone finds more with as many.
 FIRST_ALONE = 20_000
-# About how many plans enter the fronts until the lanes tell each other: later, they have found much
-# twice; sooner, telling takes longer than it brings.
+# About how many plans enter the fronts until the lanes tell each other. With more, they find much
+# twice; with fewer, telling takes longer than it brings.
 N_NEWS = 50
 
 
@@ -77,7 +77,8 @@ class Lanes:
                 n_round = min(n_evaluations - n, max(n_lanes, int(N_NEWS / self._rate)))
                 shares = [(n_round + lane) // n_lanes for lane in range(n_lanes)]
                 turns = list(zip(lanes, self._untold, shares, strict=True))
-                # Whichever takes longest goes first, lest all others wait for it in the end.
+                # Lanes that will refill plans take longest: they go first, so that no thread is left
+                # with one of them when the others have finished.
                 order = np.argsort([-lane.n_waiting for lane in lanes], kind="stable")
                 found = map_(_run_lane, *zip(*(turns[i] for i in order), strict=True))
                 spent, parts = zip(*(found[i] for i in np.argsort(order)), strict=True)

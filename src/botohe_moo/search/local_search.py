@@ -161,19 +161,20 @@ class LocalSearch:
             if batch is not None:
                 given = read_trails(batch.nodes, batch.offsets[n * n_robots :].copy())
             found = improve(self.parts, given, n_evaluations - n)
-            if self._memory[0].n_waiting == REFILLED_AT_ONCE:
+            are_waiting = self.n_waiting == REFILLED_AT_ONCE
+            if are_waiting:
                 found += refill(self.parts, n_evaluations - n - found)
             n += found
-            if found == 0:
-                if has_room(self.parts):  # no move makes another plan
-                    break
+            if found == 0 and not has_room(self.parts):
                 self._keep(read_front(self._front)[0])
+            elif found == 0 and not are_waiting:  # no move makes another plan
+                break
         self._trim()
         return n
 
     @property
     def n_waiting(self) -> int:
-        """How many plans wait to be refilled; with 32, the next evaluations take longer."""
+        """How many plans wait to be refilled."""
         return int(self._memory[0].n_waiting)
 
     def __len__(self) -> int:
