@@ -77,8 +77,8 @@ class Lanes:
                 n_round = min(n_evaluations - n, max(n_lanes, int(N_NEWS / self._rate)))
                 shares = [(n_round + lane) // n_lanes for lane in range(n_lanes)]
                 turns = list(zip(lanes, self._untold, shares, strict=True))
-                # Lanes that will refill plans take longest: they go first, so that no thread is left
-                # with one of them when the others have finished.
+                # Lanes that refill plans take longest: they go first, so that no thread is left
+                # with one when the others have finished.
                 order = np.argsort([-lane.n_waiting for lane in lanes], kind="stable")
                 found = map_(_run_lane, *zip(*(turns[i] for i in order), strict=True))
                 spent, parts = zip(*(found[i] for i in np.argsort(order)), strict=True)
