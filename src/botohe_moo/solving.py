@@ -27,6 +27,7 @@ from botohe_moo.trails import TrailPlan
 __all__ = ["RefusalError", "solve"]
 
 N_LANES = 8  # of a search that nobody has told how many
+MOST_THREADS = 1_024  # that algorithms take
 
 Progress = Callable[[int, Callable[[], float]], None]
 """Takes the evaluations so far, and a function that computes the area of what was found."""
@@ -157,7 +158,7 @@ def make_for_this_machine(
     """
     known = {parameter.name for parameter in algorithm_parameters(name)}
     stated = {"n_lanes": N_LANES, **parameters} if "n_lanes" in known else dict(parameters)
-    threads = {"n_threads": n_cpus()} if "n_threads" in known else {}
+    threads = {"n_threads": min(n_cpus(), MOST_THREADS)} if "n_threads" in known else {}
     return make_algorithm(name, **{**threads, **stated}), stated
 
 

@@ -66,6 +66,7 @@ def test_nothing_is_started_when_all_is_compiled(started, monkeypatch):
 
 def test_what_cannot_be_kept_is_not_compiled_ahead():
     assert not ahead._is_missing(numba.njit(lambda: 1))
+    assert not ahead._is_missing(lambda: 1)  # what numba makes of it with NUMBA_DISABLE_JIT
 
 
 SEARCH = """

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-_LINE = 128  # bytes: as long as any, or as two that are fetched together
+_LINE = 128  # bytes, as on Apple's processors; on x86 two of 64 are fetched together
 _SMALL = 65_536  # bytes: of larger arrays only the ends may lie in a line with others
 
 

@@ -113,7 +113,7 @@ class PlanRepair(Repair):
     ) -> tuple[PlanBatch, OffsetArray]:
         """Return valid plans, and the changes of each trail."""
         is_much = len(drafts.offsets) * graph.n_arcs > _MUCH
-        n_parts = min(self.n_threads, len(drafts)) if is_much else 1
+        n_parts = max(1, min(self.n_threads, len(drafts))) if is_much else 1
         cuts = [len(drafts) * i // n_parts for i in range(n_parts + 1)]
         given = [read_trails(*drafts[a:b].arrays) for a, b in pairwise(cuts)]
         with mapping(n_parts) as map_:

@@ -30,13 +30,16 @@ def compile_ahead(mission: Mission, limits: Limits, n_evaluations: int) -> None:
     lanes = n_evaluations > FIRST_ALONE
     other = get_context("spawn").Process(target=_compile_improve, args=(mission, limits, lanes))
     usual = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which the other process inherits
-    other.start()
-    signal.signal(signal.SIGINT, usual)
+    try:
+        other.start()
+    finally:
+        signal.signal(signal.SIGINT, usual)
     try:
         if not mission.has_returns:  # else the search does not begin with such plans
             SequentialPlanner(mission, limits, beam_width=1).plan(1.0)
         search = _new_search(mission, limits)
-        refill(search.parts, 0)
+        if search.parts.p_refill > 0.0:
+            refill(search.parts, 0)
         if lanes:
             search.share_routes(())
         other.join()  # if it fails, the search compiles what is missing
@@ -46,8 +49,11 @@ def compile_ahead(mission: Mission, limits: Limits, n_evaluations: int) -> None:
 
 def _is_missing(kernel: Any) -> bool:
     """Return whether no process has kept the kernel's machine code so far, but one could."""
-    folder, name = kernel.stats.cache_path, kernel.py_func.__qualname__
-    return folder is not None and not any(Path(folder).glob(f"*.{name}-*.nbi"))
+    stats = getattr(kernel, "stats", None)  # none where numba is told to compile nothing
+    folder = None if stats is None else stats.cache_path
+    if folder is None:
+        return False
+    return not any(Path(folder).glob(f"*.{kernel.py_func.__qualname__}-*.nbi"))
 
 
 def _compile_improve(mission: Mission, limits: Limits, lanes: bool) -> None:

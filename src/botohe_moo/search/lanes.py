@@ -14,7 +14,7 @@ from botohe_moo.search.local_search import LocalSearch
 from botohe_moo.search.threads import mapping
 from botohe_moo.trails import PlanBatch
 
-# Lanes begin after as many evaluations; before, one search alone finds more with as many.
+# Lanes begin after this many evaluations. Until then, one search alone finds more.
 FIRST_ALONE = 20_000
 # About how many plans enter the fronts until the lanes tell each other. With more, they find much
 # twice; with fewer, telling takes longer than it brings.
@@ -64,8 +64,10 @@ class Lanes:
         """
         if self.n_running < self.n_lanes and self._n_evaluated >= FIRST_ALONE:
             self._split()
-        alone = self.n_running == 1
-        n = (self._lanes[0].run if alone else self._run_lanes)(n_evaluations)
+        if self.n_running == 1:
+            n = self._lanes[0].run(n_evaluations)
+        else:
+            n = self._run_lanes(n_evaluations)
         self._n_evaluated += n
         return n
 

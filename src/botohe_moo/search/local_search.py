@@ -210,7 +210,8 @@ class LocalSearch:
     def news(self, since: int) -> News:
         """Return those plans of the front before which ``since`` plans or more had entered.
 
-        Beside them are turns of others as parents, which only :meth:`take_over` counts again.
+        Beside them are turns of other plans as parents, which are taken away here: they count again
+        once :meth:`take_over` is called with the same news.
         """
         return gather_news(self.parts, since)
 

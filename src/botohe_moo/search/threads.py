@@ -8,8 +8,9 @@ from typing import Any
 
 @contextmanager
 def mapping(n_threads: int) -> Iterator[Callable[..., list[Any]]]:
-    """Give a ``map`` whose calls are made by threads, this one among them; kernels hold no lock.
+    """Give a ``map`` whose calls are made by threads, this one among them.
 
+    Kernels release Python's lock, so that they run at the same time.
     Whichever is free makes the next call. The threads end with the context, so that none is left to
     pickle, to fork or to close.
     """
@@ -28,7 +29,10 @@ def mapping(n_threads: int) -> Iterator[Callable[..., list[Any]]]:
                     made[i] = function(*calls[i])
 
             others = [pool.submit(make_some) for _ in range(n_threads - 1)]
-            make_some()
+            try:
+                make_some()
+            finally:  # also where a call fails: the others begin no more
+                list(left)
             for other in others:
                 other.result()
             return made

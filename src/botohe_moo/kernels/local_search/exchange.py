@@ -24,7 +24,7 @@ class News(NamedTuple):
     """Plans with their trails, each trail once, and turns of plans that need not be among them."""
 
     # Of each plan the numbers of its trails (n_plans, n_robots), E[R] and E[S], and its turns as a
-    # parent, among which others count the first one, though it may be still to come (n_plans).
+    # parent, at least 1: its finder takes the first one, so others count it already (n_plans).
     plan: IntArray
     reward: FloatArray
     survivors: FloatArray
@@ -41,8 +41,8 @@ class News(NamedTuple):
 def gather_news(search: Search, since: int) -> News:
     """Copy those plans of the front before which ``since`` plans or more had entered.
 
-    And turns of the others that have not been told before. They are no longer counted then, until
-    ``take_over`` counts the turns in all searches.
+    Also take away the turns of other plans that have not been told before: ``take_over`` counts
+    them again, in all searches.
     """
     search = shared(search)
     store, front, n_robots = search.store, search.front, search.work.parent.shape[0]
@@ -116,9 +116,9 @@ def take_over(search: Search, news: News, begin: int) -> int:
         stored = store.trails[trail]
         if stored.n_users > 0:
             at = _place(stored.hash, known)
-            while known[at] != NOT_STORED:
+            while known[at] != NOT_STORED and store.trails[known[at]].hash != stored.hash:
                 at = (at + 1) & (size - 1)
-            known[at] = trail
+            known[at] = trail  # one of those that are equal
     n = begin
     while n < news.reward.shape[0] and search.front.n.spare > 0 and fits(graph, store, n_robots):
         _insert_plan(search, news, n, number, known)
