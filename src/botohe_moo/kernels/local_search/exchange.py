@@ -116,9 +116,9 @@ def take_over(search: Search, news: News, begin: int) -> int:
         stored = store.trails[trail]
         if stored.n_users > 0:
             at = _place(stored.hash, known)
-            while known[at] != NOT_STORED and store.trails[known[at]].hash != stored.hash:
+            while known[at] != NOT_STORED:
                 at = (at + 1) & (size - 1)
-            known[at] = trail  # one of those that are equal
+            known[at] = trail
     n = begin
     while n < news.reward.shape[0] and search.front.n.spare > 0 and fits(graph, store, n_robots):
         _insert_plan(search, news, n, number, known)
