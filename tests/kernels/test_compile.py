@@ -128,6 +128,11 @@ def test_the_garbage_collector_is_as_it_was_after_compiling():
     [
         (True, None, {}, True),
         (False, None, {"NUMBA_CACHE_DIR": "/cache"}, True),
+        (False, None, {"NUMBA_CACHE_DIR": ""}, False),
+        (False, None, {"XDG_CACHE_HOME": "/cache"}, True),
+        (False, "/home/me", {"XDG_CACHE_HOME": ""}, False),
+        (False, "/home/me", {"XDG_CACHE_HOME": "cache"}, False),
+        (False, "/home/me", {}, True),
         (False, None, {}, False),
     ],
 )

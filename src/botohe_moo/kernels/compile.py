@@ -85,12 +85,14 @@ def _has_place_to_keep() -> bool:
     """Return whether numba finds a folder for what it compiles.
 
     It may be beside the source, named by the environment, or in the user's home. Without any, numba
-    would make a folder named "~" in the working directory, and load code from one that is there.
+    would make a folder in the working directory, named "~" or, where ``XDG_CACHE_HOME`` is no
+    absolute path, by that, and load code from one that is there.
     """
-    if {"NUMBA_CACHE_DIR", "XDG_CACHE_HOME"} & os.environ.keys():
+    if os.environ.get("NUMBA_CACHE_DIR") or os.access(Path(__file__).parent, os.W_OK):
         return True
+    named = os.environ.get("XDG_CACHE_HOME")
     try:
-        return os.access(Path(__file__).parent, os.W_OK) or bool(Path.home())
+        return bool(Path.home()) if named is None else Path(named).is_absolute()
     except RuntimeError:  # neither is HOME set nor does the system know the user
         return False
 
