@@ -10,7 +10,7 @@ from botohe_moo import BOTOHE, load_mission, make_algorithm, solve
 from botohe_moo._base import cpus
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
 from botohe_moo.operators import repair
-from botohe_moo.search import lanes
+from botohe_moo.search import colony, lanes
 from botohe_moo.study import run_study
 
 NAMES = [
@@ -27,6 +27,7 @@ def shared(monkeypatch):
     """Work is shared from the first evaluations on; forked processes inherit this."""
     monkeypatch.setattr(lanes, "FIRST_ALONE", 200)
     monkeypatch.setattr(repair, "_MUCH", 0)
+    monkeypatch.setattr(colony, "_MUCH", 0)
 
 
 def begun(name, n_threads, mission="art_museum"):

@@ -1,4 +1,4 @@
-"""Lanes: the same front in all, the same result for any number of threads, and what they share."""
+"""Lanes: what they are told, the same result for any number of threads, and what they share."""
 
 import copy
 import pickle
@@ -61,7 +61,7 @@ def test_threads_do_not_change_results(mission, n_threads):
         assert same(one, other)
 
 
-def test_all_lanes_hold_the_same_front(mission):
+def test_all_lanes_are_told_what_others_found(mission):
     lanes = started(mission, n_lanes=3)
     for n in (300, 1, 400, 1_000):
         version, before = lanes.version, lanes.objectives()

@@ -36,6 +36,11 @@ Allocation = Literal["sequential", "concurrent"]
 _log = np.frompyfunc(math.log, 1, 1)  # has the bits of the kernels' logarithm; numpy's may differ
 
 
+# Trails of an iteration times arcs: with fewer, one thread builds them in the time that it takes to
+# start others.
+_MUCH = 50_000
+
+
 @dataclass(frozen=True)
 class ColonyRule:
     """The rule by which ants weigh arcs and pheromone changes.
@@ -106,7 +111,8 @@ class Colony:
         The ants' weights on the objectives are spread evenly.
         """
         self._catch_up()
-        n_threads = min(self.n_threads, n_ants)
+        is_much = n_ants * self.n_robots * self._graph.n_arcs > _MUCH
+        n_threads = min(self.n_threads, n_ants) if is_much else 1
         if n_threads == 1:
             return self._construct_span(0, n_ants, 0, n_ants)
         cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]

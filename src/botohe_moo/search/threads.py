@@ -10,9 +10,9 @@ from typing import Any
 def mapping(n_threads: int) -> Iterator[Callable[..., list[Any]]]:
     """Give a ``map`` whose calls are made by threads, this one among them.
 
-    Kernels release Python's lock, so that they run at the same time.
-    Whichever is free makes the next call. The threads end with the context, so that none is left to
-    pickle, to fork or to close.
+    Kernels release Python's lock, so that they run at the same time. Whichever thread is free makes
+    the next call. The threads end with the context, so that none is left to pickle, to fork or to
+    close.
     """
     if n_threads == 1:
         yield lambda function, *arguments: list(map(function, *arguments))
