@@ -19,6 +19,8 @@ from typing import NamedTuple
 import pandas as pd
 import psutil
 
+from botohe_moo._base.cpus import n_cpus
+
 HERE = Path(__file__).parents[1]
 COLD = (  # missions, evaluations and algorithms
     ("toy", 100, "pareto-local-search"),
@@ -28,7 +30,7 @@ COLD = (  # missions, evaluations and algorithms
     ("toy", 100, "nsga2"),
     ("toy", 100, "exact"),
 )
-CORES = (1, 2)
+CORES = tuple(n for n in (1, 2) if n <= n_cpus())
 REPEATS = 5  # of what is warm
 
 

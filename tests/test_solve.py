@@ -267,6 +267,8 @@ class TestThisMachine:
         monkeypatch.setattr(solving, "n_cpus", lambda: 5)
         assert solving.make_for_this_machine(name, {})[0].n_threads == 5
         assert solving.make_for_this_machine(name, {"n_threads": 2})[0].n_threads == 2
+        monkeypatch.setattr(solving, "n_cpus", lambda: 5_000)
+        assert solving.make_for_this_machine(name, {})[0].n_threads == 1_024
 
     @pytest.mark.parametrize(
         ("name", "given", "message"),

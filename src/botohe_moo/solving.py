@@ -16,6 +16,7 @@ from botohe_moo._base.checks import check_integer
 from botohe_moo._base.cpus import n_cpus
 from botohe_moo._base.signals import hold_signals
 from botohe_moo._base.types import FloatArray
+from botohe_moo.algorithms.base import MOST_THREADS
 from botohe_moo.algorithms.registry import algorithm_parameters, make_algorithm
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.library import load_mission
@@ -27,7 +28,6 @@ from botohe_moo.trails import TrailPlan
 __all__ = ["RefusalError", "solve"]
 
 N_LANES = 8  # of a search that nobody has told how many
-MOST_THREADS = 1_024  # that algorithms take
 
 Progress = Callable[[int, Callable[[], float]], None]
 """Takes the evaluations so far, and a function that computes the area of what was found."""

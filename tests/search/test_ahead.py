@@ -10,7 +10,6 @@ import numba
 import pytest
 
 from botohe_moo import load_mission
-from botohe_moo._base.cpus import n_cpus
 from botohe_moo.search import ahead
 
 
@@ -76,6 +75,7 @@ from botohe_moo.kernels.local_search.search import improve
 from botohe_moo.search import ahead
 
 if __name__ == "__main__":
+    ahead.n_cpus = lambda: 2  # also where there is one
     mission = load_mission("art_museum")
     assert ahead._is_missing(improve)
     ahead.compile_ahead(mission, mission.limits(), 30_000)
@@ -88,7 +88,6 @@ if __name__ == "__main__":
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(n_cpus() == 1, reason="needs two processors")
 def test_the_search_loads_what_the_other_process_compiled(tmp_path):
     script = tmp_path / "search.py"
     script.write_text(SEARCH)

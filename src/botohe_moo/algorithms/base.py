@@ -26,7 +26,8 @@ from botohe_moo.problem import BOTOHE, FrontOutput, overrides
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 MaxTies: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000_000)]
-Threads: TypeAlias = Annotated[int, Field(ge=1, le=1_024), SameResult()]
+MOST_THREADS = 1_024
+Threads: TypeAlias = Annotated[int, Field(ge=1, le=MOST_THREADS), SameResult()]
 
 PYMOO_OPTIONS = sorted({*inspect.signature(Algorithm).parameters} - {"archive", "kwargs"})
 

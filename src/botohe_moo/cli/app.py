@@ -188,6 +188,8 @@ def solve_mission(
         for name, value in (("lanes", lanes), ("threads", threads)):
             if value is not None:
                 check_integer(f"--{name}", value, at_least=1, at_most=1_024)
+                if f"n_{name}" in parameters:
+                    raise ValueError(f"Expected --{name} or the parameter n_{name}, got both.")
                 parameters[f"n_{name}"] = value
         loaded = load_mission(**source)
         wishes = parse_wishes(loaded, wish) if wish else ()
@@ -228,9 +230,7 @@ def _search_and_write(
     problem: BOTOHE, algorithm: Algorithm, out: Path | None, *, show_all: bool, **how: Any
 ) -> tuple[Solution, Path]:
     from botohe_moo._base.files import check_folder, new_folder
-    from botohe_moo.algorithms import ParetoLocalSearch
     from botohe_moo.cli.progress import showing_search
-    from botohe_moo.search.ahead import compile_ahead
     from botohe_moo.solution import PictureError
     from botohe_moo.solving import RefusalError, search
 
@@ -242,7 +242,9 @@ def _search_and_write(
         tell(f"{problem.mission.title}: {brief(problem.mission, problem.max_length)}\n")
         try:
             with showing_search(how["evaluations"]) as progress:
-                if isinstance(algorithm, ParetoLocalSearch):
+                if how["record"]["algorithm"] == "pareto-local-search":
+                    from botohe_moo.search.ahead import compile_ahead
+
                     limits = problem.planning_limits
                     compile_ahead(problem.mission, limits, how["evaluations"])
                 solution = search(
