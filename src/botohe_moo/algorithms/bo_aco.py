@@ -75,7 +75,7 @@ class BOACO(ArchiveAlgorithm):
     max_ties
         Plans with equal objectives that the archive keeps; the journal version keeps all.
     n_threads
-        Threads that build plans; the result does not depend on it.
+        Threads that build plans on large missions; the result does not depend on it.
     sampling
         Trail plans to start from, which deposit pheromone, too, or ``X`` of another result.
     **options
