@@ -2,7 +2,7 @@
 
 The names are curves, speed, growth, allocations (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, budgets, orienteering (results/local-
-search/), lanes (results/lanes/), fronts, large (results/growth/), bounds (results/bounds/),
+search/), lanes, threads (results/lanes/), fronts, large (results/growth/), bounds (results/bounds/),
 pictures (results/choosing/), gallery (results/gallery/), explorer (results/explorer/), teams
 (results/teams/), underway, learning (results/underway/), start and pace (results/start/).
 ``--before`` names another checkout, which start and pace measure beside this one. The exit status
@@ -39,6 +39,7 @@ from benchmarks import (
     start,
     studies,
     teams,
+    threads,
     underway,
 )
 
@@ -55,6 +56,7 @@ BENCHMARKS = {
     "budgets": (budgets.run, "local-search"),
     "orienteering": (orienteering.run, "local-search"),
     "lanes": (lanes.run, "lanes"),
+    "threads": (threads.run, "lanes"),
     "fronts": (fronts.run, "growth"),
     "large": (large.run, "growth"),
     "bounds": (bounds.run, "bounds"),

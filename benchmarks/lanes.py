@@ -5,16 +5,13 @@ evaluations, either of the longest lane, which the clock would see if each lane 
 (``counted`` is "a lane"), or of all lanes ("all"). Areas between the ends of two generations are
 interpolated by the logarithm of evaluations; ``evaluations`` are those of all lanes at the mark.
 ``behind`` is by how much the area is smaller than that of one lane after as many evaluations of
-all, with its standard error: means of seeds 1, 2, ... ``clock.csv`` has seconds of whole searches
-in one process, with their shares of those of one thread: medians of five, in turn. ``memory.csv``
-has the peak memory of a search on 10 000 nodes with 50 robots, and what each lane after the first
-has added.
+all, with its standard error: means of seeds 1, 2, ... ``memory.csv`` has the peak memory of a
+search on 10 000 nodes with 50 robots, and what each lane after the first has added. The clock is
+that of ``benchmarks.threads``.
 """
 
 import math
-import statistics
 import sys
-import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
@@ -23,9 +20,11 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from benchmarks import threads
 from benchmarks.budgets import missions
 from benchmarks.measure import in_process
 from benchmarks.memory import peak_resident
+from benchmarks.threads import search
 from botohe_moo import BOTOHE, Mission, area_indicator, load_mission, make_algorithm
 from botohe_moo._base.cpus import n_cpus
 
@@ -34,32 +33,29 @@ MARKS = (1_000, 3_000, 10_000, 30_000, 100_000, 125_000, 300_000, 1_000_000)
 USUAL = 8  # lanes: those that are judged
 MOST_BEHIND = 0.0003  # of the area of one lane after as many evaluations
 WANTED = ("terrain_200", 125_000, 0.4640)  # after as many evaluations of one of the usual lanes
-THREADS = (1, 2, 4, 8, 16)
-REPEATS = 5
 LARGEST = {"nodes": 10_000, "robots": 50, "seed": 0}
 IN_LARGEST = 200_000  # evaluations
 
 
 class Site(NamedTuple):
-    """A mission, its seeds, evaluations of all lanes and of one, and those for the clock."""
+    """A mission, its seeds, and evaluations of all lanes and of one."""
 
     mission: Mission
     seeds: int
     of_all: int
     of_one: int
-    for_clock: int
 
 
 @cache
 def sites() -> dict[str, Site]:
-    """Return the missions; only those with evaluations for it are timed."""
+    """Return the missions by name."""
     large = load_mission("terrain", nodes=1_000, robots=10, seed=0)
     return {
-        "art_museum": Site(load_mission("art_museum"), 10, 1_000_000, 125_000, 1_000_000),
-        "power_plant": Site(load_mission("power_plant"), 10, 1_000_000, 125_000, 1_000_000),
-        "one-way, 80 nodes": Site(missions()["one-way, 80 nodes"], 10, 300_000, 30_000, 0),
-        "terrain_200": Site(load_mission("terrain_200"), 10, 1_000_000, 125_000, 1_000_000),
-        "terrain, 1000 nodes": Site(large, 3, 300_000, 30_000, 300_000),
+        "art_museum": Site(load_mission("art_museum"), 10, 1_000_000, 125_000),
+        "power_plant": Site(load_mission("power_plant"), 10, 1_000_000, 125_000),
+        "one-way, 80 nodes": Site(missions()["one-way, 80 nodes"], 10, 300_000, 30_000),
+        "terrain_200": Site(load_mission("terrain_200"), 10, 1_000_000, 125_000),
+        "terrain, 1000 nodes": Site(large, 3, 300_000, 30_000),
     }
 
 
@@ -68,9 +64,7 @@ def run(out: Path) -> bool:
     memory = pd.DataFrame(_memory())
     print(memory.to_string(index=False), flush=True)
     memory.to_csv(out / "memory.csv", index=False)
-    clock = pd.DataFrame(_clock())
-    print(clock.to_string(index=False), flush=True)
-    clock.to_csv(out / "clock.csv", index=False)
+    threads.run(out)
     table = _areas()
     print(table.to_string(index=False))
     table.to_csv(out / "areas.csv", index=False)
@@ -88,32 +82,6 @@ def _memory() -> Iterator[dict[str, object]]:
         of_each = (mib - alone) / (lanes - 1) if lanes > 1 else float("nan")
         row = {"lanes": lanes, "evaluations": int(evaluations), "front": int(front)}
         yield {**row, "peak_mib": round(mib), "mib_of_each_further": round(of_each, 1)}
-
-
-def _clock() -> Iterator[dict[str, object]]:
-    for name, site in sites().items():
-        if not site.for_clock:
-            continue
-        numbers = [n for n in THREADS if n <= n_cpus()]
-        seconds: dict[int, list[float]] = {n: [] for n in numbers}
-        for repeat in range(REPEATS + 1):
-            for n in numbers:
-                started = time.perf_counter()
-                algorithm = make_algorithm("pareto-local-search", n_lanes=USUAL, n_threads=n)
-                _search(site.mission, algorithm, site.for_clock, 1)
-                if repeat:  # the first may compile
-                    seconds[n].append(time.perf_counter() - started)
-        one = statistics.median(seconds[1])
-        for n in numbers:
-            median = statistics.median(seconds[n])
-            row = {"mission": name, "lanes": USUAL, "evaluations": site.for_clock, "threads": n}
-            yield {**row, "seconds": round(median, 3), "of_one_thread": round(median / one, 3)}
-
-
-def _search(mission: Mission, algorithm: Any, evaluations: int, seed: int) -> None:
-    algorithm.setup(BOTOHE(mission), termination=("n_eval", evaluations), seed=seed)
-    while algorithm.has_next():
-        algorithm.next()
 
 
 def _areas() -> pd.DataFrame:
@@ -175,5 +143,5 @@ class State(NamedTuple):
 
 if __name__ == "__main__":  # one search of the largest mission: evaluations, front, peak memory
     searching = make_algorithm("pareto-local-search", n_lanes=int(sys.argv[1]))
-    _search(load_mission("terrain", **LARGEST), searching, IN_LARGEST, 1)
+    search(load_mission("terrain", **LARGEST), searching, IN_LARGEST)
     print(searching.evaluator.n_eval, len(searching.archive), peak_resident())

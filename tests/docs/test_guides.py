@@ -172,8 +172,8 @@ def lanes():
 def threads():
     """Seconds of a search with eight lanes."""
     rows = {}
-    found = pd.read_csv(ROOT / "results" / "lanes" / "clock.csv")
-    for one in found[found["threads"] <= 2].itertuples():
+    found = pd.read_csv(ROOT / "results" / "lanes" / "clock-2.csv")
+    for one in found[found["lanes"] == 8].itertuples():
         first = {"mission": one.mission, "evaluations": one.evaluations}
         row = rows.setdefault(one.mission, first)
         row["s with one thread" if one.threads == 1 else "s with two"] = f"{one.seconds:.2f}"

@@ -13,7 +13,6 @@ from botohe_moo.kernels.graph.graph import find_arc
 from botohe_moo.kernels.local_search import plans, workspace
 from botohe_moo.kernels.local_search import trail_store as kernels
 from botohe_moo.kernels.plans.trails import sort_trails
-from botohe_moo.kernels.rng import hash_stretch
 from tests.examples import examples
 from tests.strategies import missions, missions_with_plans, team_missions_with_plans, trails
 
@@ -37,10 +36,7 @@ class Stored:
         arcs = [find_arc(self.mission.arrays, u, v) for u, v in pairwise(nodes)]
         self.work.child[: len(arcs)] = arcs
         self.work.child[len(arcs) :] = -1  # there is room for more than is used
-        with np.errstate(over="ignore"):  # hashes overflow
-            trail = plans.add_trail(self.mission.arrays, self.store, self.work, robot, len(arcs))
-            hashed = hash_stretch(np.array(arcs, np.int32), 0, len(arcs))
-        assert self.store.trails[trail].hash == hashed
+        trail = plans.add_trail(self.mission.arrays, self.store, self.work, robot, len(arcs))
         self.nodes[trail] = tuple(nodes)
         return trail
 

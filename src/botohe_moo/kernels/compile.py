@@ -139,15 +139,8 @@ def _leave_helpers_to_kernels(compiling: _Compiling) -> None:
     """
     library: Any = CPUCodeLibrary
     context: Any = CPUContext
-    optimize_functions = library._optimize_functions
     optimize, finish = library._optimize_final_module, library._finalize_final_module
     make_executable = context.get_executable
-
-    def optimize_functions_unless_helper(self: Any, module: Any) -> None:
-        if not compiling.is_helper():
-            optimize_functions(self, module)
-            return
-        module.data_layout = self._codegen._data_layout
 
     def optimize_unless_helper(self: Any) -> None:
         if not compiling.is_helper():
@@ -166,7 +159,6 @@ def _leave_helpers_to_kernels(compiling: _Compiling) -> None:
         made._ensure_finalized()
         return [].append  # stands in for machine code: numba wants a different object each time
 
-    library._optimize_functions = optimize_functions_unless_helper
     library._optimize_final_module = optimize_unless_helper
     library._finalize_final_module = finish_unless_helper
     context.get_executable = executable_unless_helper

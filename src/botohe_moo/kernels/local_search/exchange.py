@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.fronts.ordered import OrderedFront, best_reward, find_place
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.kinds import has_kinds
 from botohe_moo.kernels.local_search.plans import NOT_STORED, add_trail, insert
-from botohe_moo.kernels.local_search.trail_store import TrailStore, fits, release
+from botohe_moo.kernels.local_search.trail_store import TrailStore, fits, place_of, release
 from botohe_moo.kernels.local_search.workspace import TOLERANCE, Search
 from botohe_moo.kernels.rng import hash_stretch
 from botohe_moo.kernels.sharing import shared
@@ -29,9 +29,10 @@ class News(NamedTuple):
     reward: FloatArray
     survivors: FloatArray
     tried: OffsetArray
-    # The arcs of trail t are ``arc[first[t]:first[t + 1]]``.
+    # The arcs of trail t are ``arc[first[t]:first[t + 1]]``; their hash (n_trails).
     first: OffsetArray
     arc: IntArray
+    hash: SeedArray
     # E[R] and E[S] of other plans that have been parents (n_parents, 2), and how often (n_parents).
     parent: FloatArray
     turns: OffsetArray
@@ -77,13 +78,18 @@ def gather_news(search: Search, since: int) -> News:
                 plan[n, k] = number[trail]
             n += 1
     first, arc = np.zeros(n_trails + 1, np.int64), np.empty(n_arcs, np.int32)
+    hashes = np.empty(n_trails, np.uint64)
     for t in range(n_trails):
         stored = store.trails[used[t]]
+        if stored.hash == 0:
+            stored.hash = hash_stretch(store.arc, stored.first_arc, stored.end_arc)
+        hashes[t] = stored.hash
+        store.told[place_of(store, stored.hash)] = used[t]
         for i in range(stored.n_arcs):
             arc[first[t] + i] = store.arc[stored.first_arc + i]
         first[t + 1] = first[t] + stored.n_arcs
     entered = plan[:n], reward[:n], survivors[:n], tried[:n]
-    return News(*entered, first, arc, parent[:n_parents], turns[:n_parents])
+    return News(*entered, first, arc, hashes, parent[:n_parents], turns[:n_parents])
 
 
 def join_news(parts: Sequence[News]) -> News:
@@ -107,21 +113,9 @@ def take_over(search: Search, news: News, begin: int) -> int:
     graph, store, n_robots = search.graph, search.store, search.work.parent.shape[0]
     number = np.empty(news.first.shape[0] - 1, np.int64)  # of each trail in the store
     number[:] = NOT_STORED
-    size = 1
-    while size < 2 * (store.trails.shape[0] + number.shape[0]):
-        size *= 2
-    known = np.empty(size, np.int64)  # trails of the store, by their hashes
-    known[:] = NOT_STORED
-    for trail in range(store.trails.shape[0]):
-        stored = store.trails[trail]
-        if stored.n_users > 0:
-            at = _place(stored.hash, known)
-            while known[at] != NOT_STORED:
-                at = (at + 1) & (size - 1)
-            known[at] = trail
     n = begin
     while n < news.reward.shape[0] and search.front.n.spare > 0 and fits(graph, store, n_robots):
-        _insert_plan(search, news, n, number, known)
+        _insert_plan(search, news, n, number)
         n += 1
     for trail in number:
         if trail != NOT_STORED:
@@ -132,16 +126,7 @@ def take_over(search: Search, news: News, begin: int) -> int:
 
 
 @helper
-def _place(trail_hash: np.uint64, known: OffsetArray) -> int:
-    """Return where the search for a trail in the table begins."""
-    bits = trail_hash & np.uint64(known.shape[0] - 1)
-    return int(np.int64(bits))  # numba's int() leaves it unsigned, and a sum with it a float
-
-
-@helper
-def _insert_plan(
-    search: Search, news: News, plan: int, number: OffsetArray, known: OffsetArray
-) -> None:
+def _insert_plan(search: Search, news: News, plan: int, number: OffsetArray) -> None:
     """Insert a plan into the front, unless that has one as good; store its trails if need be."""
     store, front, work = search.store, search.front, search.work
     reward, survivors = news.reward[plan], news.survivors[plan]
@@ -150,7 +135,7 @@ def _insert_plan(
     for k in range(work.trails.shape[0]):
         trail = np.int64(news.plan[plan, k])
         if number[trail] == NOT_STORED:
-            number[trail] = _hold_trail(search, news, int(trail), k, known)
+            number[trail] = _hold_trail(search, news, int(trail), k)
         work.trails[k] = number[trail]
     insert(store, front, work.trails, reward, survivors, TOLERANCE)
     at, place = find_place(front, survivors)
@@ -158,20 +143,20 @@ def _insert_plan(
 
 
 @helper
-def _hold_trail(search: Search, news: News, trail: int, robot: int, known: OffsetArray) -> int:
+def _hold_trail(search: Search, news: News, trail: int, robot: int) -> int:
     """Find a trail in the store, or store it; return its number, of which there is a user more."""
     graph, store, work = search.graph, search.store, search.work
     begin, stop = news.first[trail], news.first[trail + 1]
-    at = _place(hash_stretch(news.arc, begin, stop), known)
-    while known[at] != NOT_STORED:
-        if _is_trail(graph, store, known[at], news, begin, stop):
-            store.trails[known[at]].n_users += 1
-            return int(known[at])
-        at = (at + 1) & (known.shape[0] - 1)
+    place = place_of(store, news.hash[trail])
+    told = store.told[place]
+    if _is_trail(graph, store, told, news, begin, stop):
+        store.trails[told].n_users += 1
+        return int(told)
     for i in range(begin, stop):
         work.child[i - begin] = news.arc[i]
-    known[at] = add_trail(graph, store, work, robot, stop - begin)
-    return int(known[at])
+    told = store.told[place] = add_trail(graph, store, work, robot, stop - begin)
+    store.trails[told].hash = news.hash[trail]
+    return int(told)
 
 
 @helper

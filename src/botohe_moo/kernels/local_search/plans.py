@@ -47,7 +47,7 @@ from botohe_moo.kernels.local_search.workspace import (
 )
 from botohe_moo.kernels.plans.evaluate import begin_team, combine, team_reward
 from botohe_moo.kernels.plans.trails import sort_trails
-from botohe_moo.kernels.rng import below, hash_stretch, uniform
+from botohe_moo.kernels.rng import below, uniform
 
 NOT_STORED = -1  # instead of the number of a trail
 
@@ -269,8 +269,7 @@ def add_trail(graph: Graph, store: TrailStore, work: Workspace, robot: int, leng
         credit_carried(kinds, layer, store.node, store.reach, uncredited, n.visits, 0.0)
     n.arcs += length
     added.end_arc, added.n_visits = n.arcs, n.visits - added.first_visit
-    added.alive, added.n_users = alive, 1
-    added.hash = hash_stretch(store.arc, added.first_arc, added.end_arc)
+    added.alive, added.n_users, added.hash = alive, 1, 0
     return int(trail)
 
 

@@ -33,8 +33,8 @@ class TrailStore(NamedTuple):
 
     n: Record  # how many ``arcs`` and ``visits`` are in use, and how many trails are ``spare``
     # Of each trail, where its arcs and visits begin, and its arcs end; how many there are; how many
-    # plans have it (``n_users``); with what probability a robot survives it (``alive``); and the
-    # ``hash`` of its arcs.
+    # plans have it (``n_users``); with what probability a robot survives it (``alive``); and once it
+    # was told to other searches, or by them, the ``hash`` of its arcs, else 0.
     trails: RecordArray
     arc: IntArray  # the arcs of all trails, one trail after another
     # Also the nodes that each trail visits, in order of first visits, except the base and nodes
@@ -42,6 +42,9 @@ class TrailStore(NamedTuple):
     node: IntArray
     reach: FloatArray
     spare: OffsetArray  # numbers that are free, as a stack
+    # Trails that were told, at the places of their hashes. Entries may be out of date, and a later
+    # trail takes the place of an earlier one.
+    told: OffsetArray
 
 
 def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
@@ -53,6 +56,7 @@ def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
         node=np.zeros(n_visits, np.int32),
         reach=np.zeros(n_visits),
         spare=np.arange(n_trails)[::-1].copy(),
+        told=np.zeros(1 << (4 * n_trails).bit_length(), np.int64),
     )
     store: TrailStore = apart(parts)
     store.n.spare = n_trails
@@ -74,12 +78,21 @@ def copy_trails(store: TrailStore, into: TrailStore) -> None:
     free = np.flatnonzero(into.trails["n_users"] == 0)[::-1]
     into.spare[: len(free)] = free
     into.n.spare = len(free)
+    told = trails["hash"] != 0
+    into.told[trails["hash"][told] & np.uint64(len(into.told) - 1)] = used[told]
 
 
 def ragged(first: OffsetArray, lengths: OffsetArray) -> OffsetArray:
     """Return the indices of stretches of an array, one stretch after another."""
     before = np.cumsum(lengths) - lengths
     return np.repeat(first - before, lengths) + np.arange(lengths.sum())
+
+
+@helper
+def place_of(store: TrailStore, trail_hash: np.uint64) -> int:
+    """Return the place in ``told`` of trails with some hash."""
+    bits = trail_hash & np.uint64(store.told.shape[0] - 1)
+    return int(np.int64(bits))  # numba's int() leaves it unsigned, and a sum with it a float
 
 
 @helper
