@@ -1,10 +1,11 @@
 """Run the benchmarks, by default all: ``python -m benchmarks [NAME ...] [--before PATH]``.
 
 The names are curves, speed, growth, allocations (results/bo-aco/), operators, annealing
-(results/operators/), studies (results/studies/), search, budgets, orienteering (results/local-
-search/), lanes, threads (results/lanes/), fronts, large (results/growth/), bounds (results/bounds/),
-pictures (results/choosing/), gallery (results/gallery/), explorer (results/explorer/), teams
-(results/teams/), underway, learning (results/underway/), start and pace (results/start/).
+(results/operators/), studies (results/studies/), search, budgets, orienteering
+(results/local-search/), lanes, threads (results/lanes/), fronts, large (results/growth/), bounds
+(results/bounds/), pictures (results/choosing/), gallery (results/gallery/), explorer
+(results/explorer/), teams (results/teams/), underway, learning (results/underway/), start and pace
+(results/start/).
 ``--before`` names another checkout, which start and pace measure beside this one. The exit status
 is 1 if a curve is not the published one, or an area, a reward, a gap, a gain, a ratio to BO-ACO or
 a size misses its bound; times themselves, and ratios to another checkout, are never judged,

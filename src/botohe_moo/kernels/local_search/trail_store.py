@@ -33,8 +33,8 @@ class TrailStore(NamedTuple):
 
     n: Record  # how many ``arcs`` and ``visits`` are in use, and how many trails are ``spare``
     # Of each trail, where its arcs and visits begin, and its arcs end; how many there are; how many
-    # plans have it (``n_users``); with what probability a robot survives it (``alive``); and once it
-    # was told to other searches, or by them, the ``hash`` of its arcs, else 0.
+    # plans have it (``n_users``); with what probability a robot survives it (``alive``); and once
+    # it was told to other searches, or by them, the ``hash`` of its arcs, else 0.
     trails: RecordArray
     arc: IntArray  # the arcs of all trails, one trail after another
     # Also the nodes that each trail visits, in order of first visits, except the base and nodes
