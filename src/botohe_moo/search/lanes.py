@@ -98,6 +98,8 @@ class Lanes:
         """Let the one search go on as several, which begin with its front."""
         [first] = self._lanes
         self._lanes += [LocalSearch(**self._how) for _ in range(self.n_lanes - 1)]
+        for lane in self._lanes:
+            lane.refill_sooner()
         news = join_news([first.news(0)])
         first.share_routes(self._lanes[1:])
         first.take_over(news)

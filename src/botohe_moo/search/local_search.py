@@ -21,6 +21,7 @@ from botohe_moo.kernels.local_search.workspace import (
     MEMORY,
     N_CHILDREN,
     REFILLED_AT_ONCE,
+    REFILLED_IN_LANES,
     Search,
     new_workspace,
 )
@@ -87,7 +88,7 @@ class LocalSearch:
         self._weights: FloatArray = np.cumsum([float(moves.get(name, 0.0)) for name in MOVES])
         self._states: SeedArray = draw_state(random_state)
         # An array, since numpy writes to a copy of a record alone, once it is unpickled.
-        self._memory = np.array([(-1.0, 0, 0)], MEMORY).view(np.recarray)
+        self._memory = np.array([(-1.0, 0, 0, REFILLED_AT_ONCE)], MEMORY).view(np.recarray)
         self._waiting = np.zeros(REFILLED_AT_ONCE)
         self._front = new_front(_FIRST_PLANS, mission.robots)
         self._store = self._new_store(0, 0, 0)
@@ -120,6 +121,10 @@ class LocalSearch:
             limits=self.limits,
             p_refill=self._p_refill,
         )
+
+    def refill_sooner(self) -> None:
+        """Let fewer plans wait until they are refilled, as it is best for searches side by side."""
+        self._memory[0].most_waiting = REFILLED_IN_LANES
 
     def restart(self) -> None:
         """Forget all plans, but not the random numbers."""
@@ -161,7 +166,7 @@ class LocalSearch:
             if batch is not None:
                 given = read_trails(batch.nodes, batch.offsets[n * n_robots :].copy())
             found = improve(self.parts, given, n_evaluations - n)
-            are_waiting = self.n_waiting == REFILLED_AT_ONCE
+            are_waiting = self.n_waiting >= self._memory[0].most_waiting
             if are_waiting:
                 found += refill(self.parts, n_evaluations - n - found)
             n += found

@@ -31,7 +31,6 @@ from botohe_moo.kernels.local_search.workspace import (
     N_CHILDREN_BUSY,
     N_DRAWN,
     N_DRAWN_BUSY,
-    REFILLED_AT_ONCE,
     Search,
     Workspace,
 )
@@ -80,7 +79,7 @@ def improve(search: Search, given: Trails, n_evaluations: int) -> int:
             _insert_given(search, given, n)
             n += 1
             continue
-        if memory.n_waiting == REFILLED_AT_ONCE:
+        if memory.n_waiting >= memory.most_waiting:
             break
         block, place = _draw_parent(search)
         if _waits_for_refill(search, block, place):
