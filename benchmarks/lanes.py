@@ -1,4 +1,4 @@
-"""What lanes bring: areas by evaluations of a lane and of all, and the clock by threads.
+"""What lanes bring: areas by evaluations of a lane and of all, and what memory they take.
 
 ``areas.csv`` has a row for each mission, number of lanes, and mark. A mark is a number of
 evaluations, either of the longest lane, which the clock would see if each lane had a processor
@@ -6,8 +6,8 @@ evaluations, either of the longest lane, which the clock would see if each lane 
 interpolated by the logarithm of evaluations; ``evaluations`` are those of all lanes at the mark.
 ``behind`` is by how much the area is smaller than that of one lane after as many evaluations of
 all, with its standard error: means of seeds 1, 2, ... ``memory.csv`` has the peak memory of a
-search on 10 000 nodes with 50 robots, and what each lane after the first has added. The clock is
-that of ``benchmarks.threads``.
+search on 10 000 nodes with 50 robots, and what each lane after the first has added. ``threads`` has
+the clock.
 """
 
 import math
@@ -20,7 +20,6 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from benchmarks import threads
 from benchmarks.budgets import missions
 from benchmarks.measure import in_process
 from benchmarks.memory import peak_resident
@@ -64,7 +63,6 @@ def run(out: Path) -> bool:
     memory = pd.DataFrame(_memory())
     print(memory.to_string(index=False), flush=True)
     memory.to_csv(out / "memory.csv", index=False)
-    threads.run(out)
     table = _areas()
     print(table.to_string(index=False))
     table.to_csv(out / "areas.csv", index=False)

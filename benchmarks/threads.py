@@ -1,7 +1,7 @@
 """What threads bring: the clock of whole searches in one process.
 
 ``clock-N.csv``, of a machine with N processors, has seconds and their shares of those of one thread
-with as many lanes: medians of five, in turn.
+with as many lanes: medians of five repeats, in turn.
 """
 
 import statistics
@@ -16,6 +16,7 @@ from botohe_moo._base.cpus import n_cpus
 
 THREADS = (1, 2, 4, 8, 16)
 REPEATS = 5
+COMPILING = 30_000  # evaluations of a search that is not timed
 
 
 class Case(NamedTuple):
@@ -40,26 +41,25 @@ CASES = (
 
 def run(out: Path) -> bool:
     """Print and keep the table; nothing is judged."""
-    numbers = [n for n in THREADS if n <= n_cpus()]
     rows = []
     for case in CASES:
-        mission = _mission(case.mission)
+        mission, most = _mission(case.mission), case.lanes or THREADS[-1]
         lanes = {"n_lanes": case.lanes} if case.lanes else {}
-        seconds: dict[int, list[float]] = {n: [] for n in numbers}
-        for repeat in range(REPEATS + 1):
-            for n in numbers:
+        seconds: dict[int, list[float]] = {n: [] for n in THREADS if n <= min(n_cpus(), most)}
+        search(mission, make_algorithm(case.algorithm, **lanes), min(case.evaluations, COMPILING))
+        for _ in range(REPEATS):
+            for n, found in seconds.items():
                 algorithm = make_algorithm(case.algorithm, **lanes, n_threads=n)
                 started = time.perf_counter()
                 search(mission, algorithm, case.evaluations)
-                if repeat:  # the first may compile
-                    seconds[n].append(time.perf_counter() - started)
+                found.append(time.perf_counter() - started)
         one = statistics.median(seconds[1])
-        for n in numbers:
-            median = statistics.median(seconds[n])
+        for n, found in seconds.items():
+            median = statistics.median(found)
             of_one = {"seconds": round(median, 3), "of_one_thread": round(median / one, 3)}
-            rows.append({**case._asdict(), "threads": n, **of_one})
+            rows.append({**case._asdict(), "threads": n, "repeats": REPEATS, **of_one})
         table = pd.DataFrame(rows).astype({"lanes": "Int64"})
-        print(table.tail(len(numbers)).to_string(index=False), flush=True)
+        print(table.tail(len(seconds)).to_string(index=False), flush=True)
         table.to_csv(out / f"clock-{n_cpus()}.csv", index=False)
     return True
 

@@ -11,6 +11,7 @@ from botohe_moo._base import cpus
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
 from botohe_moo.operators import repair
 from botohe_moo.search import colony, lanes
+from botohe_moo.search.threads import mapping
 from botohe_moo.study import run_study
 
 NAMES = [
@@ -28,6 +29,18 @@ def shared(monkeypatch):
     monkeypatch.setattr(lanes, "FIRST_ALONE", 200)
     monkeypatch.setattr(repair, "_MUCH", 0)
     monkeypatch.setattr(colony, "_MUCH", 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted({*NAMES} - {*LANES}))
+def test_large_missions_have_much_to_share(name, monkeypatch):
+    """As it is for users, and for the workers of studies."""
+    monkeypatch.undo()
+    used = set()
+    for module in (colony, repair):
+        monkeypatch.setattr(module, "mapping", lambda n: (used.add(n), mapping(n))[1])
+    solve("terrain_200", algorithm=name, n_threads=2, evaluations=300, seed=3)
+    assert 2 in used
 
 
 def begun(name, n_threads, mission="art_museum"):
@@ -80,23 +93,23 @@ def test_in_a_forked_process(name):
 
 
 @pytest.mark.slow
-def test_in_the_worker_of_a_study(tmp_path, monkeypatch):
-    budget = 30_000  # workers are other processes: lanes begin as they do for users
+@pytest.mark.parametrize("name", NAMES)
+def test_in_the_worker_of_a_study(name, tmp_path, monkeypatch):
+    """Workers are other processes: work is shared as it is for users, where there is much."""
+    in_lanes = name in LANES
+    mission, evaluations = ("art_museum", 30_000) if in_lanes else ("terrain_200", 2_000)
+    parameters = LANES.get(name, {})
     study = {
         "name": "threads",
-        "missions": {"museum": {"mission": "art_museum"}},
-        "algorithms": {
-            "two": {
-                "algorithm": "pareto-local-search",
-                "parameters": {"n_lanes": 4, "n_threads": 2},
-            }
-        },
-        "budget": {"evaluations": budget},
+        "missions": [mission],
+        "algorithms": {"two": {"algorithm": name, "parameters": {**parameters, "n_threads": 2}}},
+        "budget": {"evaluations": evaluations},
         "seeds": [3],
     }
     tables = run_study(study, out=tmp_path / "out", workers=2)
     monkeypatch.setattr(lanes, "FIRST_ALONE", 20_000)
-    here = solve("art_museum", n_lanes=4, n_threads=1, evaluations=budget, seed=3)
+    options = {**parameters, "n_threads": 1, "evaluations": evaluations, "seed": 3}
+    here = solve(mission, algorithm=name, **options)
     [row] = tables.runs.to_dict("records")
     assert row["area"] == here.area
 

@@ -170,14 +170,15 @@ def lanes():
 
 
 def threads():
-    """Seconds of a search with eight lanes."""
+    """Seconds of a search with eight lanes, by processors of the machine."""
     rows = {}
-    found = pd.read_csv(ROOT / "results" / "lanes" / "clock-2.csv")
-    for one in found[found["lanes"] == 8].itertuples():
-        first = {"mission": one.mission, "evaluations": one.evaluations}
-        row = rows.setdefault(one.mission, first)
-        row["s with one thread" if one.threads == 1 else "s with two"] = f"{one.seconds:.2f}"
-    return pd.DataFrame(list(rows.values()))
+    for processors in (2, 16):
+        found = pd.read_csv(ROOT / "results" / "lanes" / f"clock-{processors}.csv")
+        for one in found[found["lanes"] == 8].itertuples():
+            first = {"processors": processors, "mission": one.mission}
+            row = rows.setdefault(tuple(first.values()), first)
+            row["1 thread" if one.threads == 1 else f"{one.threads} threads"] = f"{one.seconds:.2f}"
+    return pd.DataFrame(list(rows.values())).fillna("")
 
 
 KEPT = {

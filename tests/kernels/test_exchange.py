@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 from botohe_moo import TrailPlan, load_mission
 from botohe_moo.kernels.fronts.ordered import count_turn
 from botohe_moo.kernels.local_search import exchange
+from botohe_moo.kernels.local_search import plans as plans_module
 from botohe_moo.kernels.local_search.exchange import join_news
+from botohe_moo.kernels.rng import hash_stretch
 from botohe_moo.search.local_search import LocalSearch
 from tests import twins
 from tests.examples import examples
@@ -56,6 +58,20 @@ def assert_whole(search):
     stored = search._store.trails["n_users"]
     assert np.array_equal(stored[: len(users)], users)
     assert not stored[len(users) :].any()
+    store = search._store
+    used = np.flatnonzero(stored)
+    assert not np.isin(store.spare[: store.n.spare], used).any()
+    for trail in store.trails[used]:  # those that were told have a hash
+        arcs = store.arc[trail["first_arc"] : trail["end_arc"]]
+        assert trail["hash"] in (0, hash_stretch(arcs, 0, len(arcs)))
+    kinds, plan = search.mission.arrays.kinds, search._front.plan[twins.slots(search)]
+    if kinds is not None:  # trails without arcs differ by where they start
+        starts = np.broadcast_to(kinds.start, plan.shape)
+        assert len({*zip(plan.ravel(), starts.ravel(), strict=True)}) == len(np.unique(plan))
+    work = search._work
+    for slot, found in zip(twins.slots(search), objectives, strict=True):
+        work.trails[:] = search._front.plan[slot]  # what they reach is stored, too
+        assert list(plans_module.evaluate_trails(search._graph, store, work)) == found.tolist()
 
 
 @examples(40)
@@ -161,3 +177,74 @@ def test_a_plan_that_is_as_good_is_not_taken_over():
     before = other.version
     other.take_over(join_news([one.news(0), one.news(0)]))
     assert other.version == before
+
+
+def with_trails_of_plans():
+    """A search that was told of all trails in PLANS, and another one, of the toy mission."""
+    mission = load_mission("toy")
+    one, other = searches(mission, mission.plan(PLANS[0]), 2, evaluations=0)
+    one.insert(mission.batch([mission.plan(plan) for plan in PLANS]))
+    other.take_over(join_news([one.news(0), other.news(0)]))
+    return one, other
+
+
+def told_of_another_plan(one, other):
+    """Tell a search of a plan that consists of known trails; return how many it has stored."""
+    known, before = one.version, np.count_nonzero(other._store.trails["n_users"])
+    one.insert(one.mission.batch([one.mission.plan(([1, 2, 4, 3, 1], [1, 3, 1]))]))
+    other.take_over(join_news([one.news(known), other.news(other.version)]))
+    assert len(other) == len(one) == 5
+    assert np.array_equal(one.objectives(), other.objectives())
+    assert_whole(other)
+    return np.count_nonzero(other._store.trails["n_users"]) - before
+
+
+def test_trails_are_found_again_where_there_is_more_room():
+    one, other = with_trails_of_plans()
+    other._keep(twins.slots(other))
+    assert told_of_another_plan(one, other) == 0
+
+
+@pytest.mark.parametrize(("n_arcs", "n_stored"), [(0, 2), (2, 1), (4, 1)])
+def test_what_is_noted_of_trails_may_be_out_of_date(n_arcs, n_stored):
+    """All places lead to a trail of some length."""
+    one, other = with_trails_of_plans()
+    trails = other._store.trails
+    other._store.told[:] = np.flatnonzero((trails["n_users"] > 0) & (trails["n_arcs"] == n_arcs))[0]
+    assert told_of_another_plan(one, other) == n_stored
+
+
+def test_a_trail_that_no_plan_has_any_more_is_stored_anew():
+    one, other = with_trails_of_plans()
+    trails = other._store.trails
+    longest = (trails["n_arcs"] * (trails["n_users"] > 0)).argmax()
+    [*_, unused] = np.flatnonzero(trails["n_users"] == 0)
+    trails[unused] = trails[longest]
+    trails["n_users"][unused] = 0
+    other._store.told[:] = unused
+    assert told_of_another_plan(one, other) == 2
+
+
+def test_trails_of_equal_length_are_told_apart():
+    mission = load_mission("toy")
+    one, other = searches(mission, mission.plan(([1, 3, 4, 3, 1], [1])), 2, evaluations=0)
+    trails = other._store.trails
+    [stored] = np.flatnonzero((trails["n_users"] > 0) & (trails["n_arcs"] == 4))
+    other._store.told[:] = stored
+    known = one.version
+    one.insert(mission.batch([mission.plan(([1, 2, 4, 3, 1], [1]))]))
+    other.take_over(join_news([one.news(known), other.news(other.version)]))
+    assert one.version > known
+    assert np.array_equal(one.objectives(), other.objectives())
+    assert_whole(other)
+
+
+def test_trails_without_arcs_differ_by_kind():
+    mission = load_mission("drones_and_rovers")
+    one, other = searches(mission, mission.stay_home(), 2, evaluations=0)
+    other._store.told[:] = other._front.plan[twins.slots(other)[0], 0]
+    known = one.version
+    one.run(30)
+    other.take_over(join_news([one.news(known), other.news(other.version)]))
+    assert len(other) > 1
+    assert_whole(other)

@@ -37,6 +37,8 @@ class Stored:
         self.work.child[: len(arcs)] = arcs
         self.work.child[len(arcs) :] = -1  # there is room for more than is used
         trail = plans.add_trail(self.mission.arrays, self.store, self.work, robot, len(arcs))
+        assert self.store.trails[trail].hash == 0
+        self.store.trails[trail].hash = 7  # as if others had been told of it
         self.nodes[trail] = tuple(nodes)
         return trail
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from botohe_moo import Mission, load_mission
+from botohe_moo.kernels.local_search.workspace import REFILLED_AT_ONCE, REFILLED_IN_LANES
 from botohe_moo.search import lanes as module
 from botohe_moo.search.lanes import Lanes
 from botohe_moo.search.local_search import LocalSearch
@@ -91,6 +92,16 @@ def test_lanes_begin_when_the_first_has_searched_for_long(mission):
 
 def pickled(search):
     return pickle.loads(pickle.dumps(search))
+
+
+def test_lanes_refill_fewer_plans_at_once(mission):
+    lanes = started(mission, n_lanes=3)
+    lanes.run(300)
+    assert [lane._memory[0].most_waiting for lane in lanes._lanes] == [REFILLED_AT_ONCE]
+    lanes.run(1)
+    for each in (lanes, pickled(lanes)):
+        most = [lane._memory[0].most_waiting for lane in each._lanes]
+        assert most == [REFILLED_IN_LANES] * 3
 
 
 @pytest.mark.parametrize("again", [copy.deepcopy, pickled])

@@ -90,6 +90,18 @@ def test_the_front_of_what_is_inserted(museum, robots):
     assert search.version == version
 
 
+def test_plans_are_inserted_where_others_wait_to_be_refilled(museum, monkeypatch):
+    """Also where there is little room at first."""
+    found = started(museum)
+    found.run(20_000)
+    monkeypatch.setattr(local_search, "_FIRST_PLANS", 3)
+    search = started(museum)
+    search._waiting[:] = museum.robots  # E[S] of the only plan
+    search._memory[0].n_waiting = len(search._waiting)
+    search.insert(found.plans()[0])
+    assert search.plans()[1].tolist() == found.plans()[1].tolist()
+
+
 def test_room_grows_with_the_front(museum, monkeypatch):
     monkeypatch.setattr(local_search, "_FIRST_PLANS", 3)
     search = started(museum)

@@ -55,9 +55,10 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         How likely a parent is refilled instead, at least: stops of one robot or several are
         removed, and the nodes inserted that gain most for their danger. On a plan's n-th turn as a
         parent it is refilled with probability 1 / n² or more. Plans wait for this until there are
-        32. When no plan has entered the front for long, some refills go on from plans that are a
-        little worse. With 0, and on more than 1 000 nodes, nothing is refilled. Default: 0.02
-        if nodes times robots are at most 1 000, else 0, since refills take long then.
+        32, or 8 in each of several lanes. When no plan has entered the front for long, some refills
+        go on from plans that are a little worse. With 0, and on more than 1 000 nodes, nothing is
+        refilled. Default: 0.02 if nodes times robots are at most 1 000, else 0, since refills take
+        long then.
     greedy_start
         Whether to begin with plans that
         :func:`~botohe_moo.search.sequential.plan_sequentially` makes for reward alone, for

@@ -166,7 +166,7 @@ class LocalSearch:
             if batch is not None:
                 given = read_trails(batch.nodes, batch.offsets[n * n_robots :].copy())
             found = improve(self.parts, given, n_evaluations - n)
-            are_waiting = self.n_waiting >= self._memory[0].most_waiting
+            are_waiting = batch is None and self.n_waiting >= self._memory[0].most_waiting
             if are_waiting:
                 found += refill(self.parts, n_evaluations - n - found)
             n += found

@@ -31,7 +31,7 @@ def mapping(n_threads: int) -> Iterator[Callable[..., list[Any]]]:
             others = [pool.submit(make_some) for _ in range(n_threads - 1)]
             try:
                 make_some()
-            finally:  # also where a call fails: the others begin no more
+            finally:  # where a call of this thread fails, the others begin no more
                 list(left)
             for other in others:
                 other.result()

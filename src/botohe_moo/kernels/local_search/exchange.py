@@ -96,8 +96,8 @@ def join_news(parts: Sequence[News]) -> News:
     """Return the news of several searches as one."""
     n_trails = np.cumsum([0, *(len(part.first) - 1 for part in parts)])
     n_arcs = np.cumsum([0, *(len(part.arc) for part in parts)])
-    plans = [part.plan + np.int32(n) for part, n in zip(parts, n_trails, strict=False)]
-    firsts = [part.first[:-1] + n for part, n in zip(parts, n_arcs, strict=False)]
+    plans = [part.plan + np.int32(n) for part, n in zip(parts, n_trails[:-1], strict=True)]
+    firsts = [part.first[:-1] + n for part, n in zip(parts, n_arcs[:-1], strict=True)]
     joined = News._make(map(np.concatenate, zip(*parts, strict=True)))
     first = np.append(np.concatenate(firsts), n_arcs[-1])
     return joined._replace(plan=np.concatenate(plans), first=first)
@@ -148,15 +148,16 @@ def _hold_trail(search: Search, news: News, trail: int, robot: int) -> int:
     graph, store, work = search.graph, search.store, search.work
     begin, stop = news.first[trail], news.first[trail + 1]
     place = place_of(store, news.hash[trail])
-    told = store.told[place]
+    told = np.int64(store.told[place])
     if _is_trail(graph, store, told, news, begin, stop):
         store.trails[told].n_users += 1
         return int(told)
     for i in range(begin, stop):
         work.child[i - begin] = news.arc[i]
-    told = store.told[place] = add_trail(graph, store, work, robot, stop - begin)
-    store.trails[told].hash = news.hash[trail]
-    return int(told)
+    added = add_trail(graph, store, work, robot, stop - begin)
+    store.told[place] = added
+    store.trails[added].hash = news.hash[trail]
+    return int(added)
 
 
 @helper
@@ -165,7 +166,7 @@ def _is_trail(
 ) -> bool:
     """Return whether a trail that some plan has consists of these arcs.
 
-    Plans may have left the front since it was found. Trails without arcs differ by kind.
+    Trails without arcs differ by kind, and are stored anew.
     """
     stored = store.trails[trail]
     if stored.n_users == 0 or stored.n_arcs != stop - begin:

@@ -42,9 +42,9 @@ class TrailStore(NamedTuple):
     node: IntArray
     reach: FloatArray
     spare: OffsetArray  # numbers that are free, as a stack
-    # Trails that were told, at the places of their hashes. Entries may be out of date, and a later
-    # trail takes the place of an earlier one.
-    told: OffsetArray
+    # Numbers of trails that were told, at the places of their hashes. They may be out of date or
+    # never written, so trails found here are compared; a later one takes the place of an earlier.
+    told: IntArray
 
 
 def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
@@ -56,7 +56,7 @@ def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
         node=np.zeros(n_visits, np.int32),
         reach=np.zeros(n_visits),
         spare=np.arange(n_trails)[::-1].copy(),
-        told=np.zeros(1 << (4 * n_trails).bit_length(), np.int64),
+        told=np.zeros(1 << (4 * n_trails).bit_length(), np.int32),
     )
     store: TrailStore = apart(parts)
     store.n.spare = n_trails

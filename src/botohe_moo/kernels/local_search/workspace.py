@@ -30,8 +30,7 @@ PATIENCE, PATIENCE_KINDS = 2_000, 500
 
 # How many plans wait until they are refilled, one after another: a short run compiles no refilling.
 REFILLED_AT_ONCE = 32
-# And where several searches go on side by side, so that none takes much longer than the others: on
-# 200 nodes, eight threads would take 0.4 of the time of one instead of 0.25.
+# And where several searches go on side by side, so that none takes much longer than the others.
 REFILLED_IN_LANES = 8
 
 MOST_GOALS = 64  # how many nodes a move visits at most
