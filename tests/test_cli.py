@@ -490,7 +490,7 @@ class TestBadOptions:
             (["--lanes", "0"], ["Expected --lanes >= 1, got 0."]),
             (["--lanes", "2", "-p", "n_lanes=4"], ["--lanes or the parameter n_lanes, got both"]),
             (["--threads", "1025"], ["Expected --threads <= 1024, got 1025."]),
-            (["-a", "greedy", "--threads", "2"], ["'greedy': there is no parameter 'n_threads'"]),
+            (["-a", "greedy", "--threads", "2"], ["'greedy' has no threads: leave out --threads."]),
             (["-p", "n_ants"], ["Expected a parameter as NAME=VALUE, got 'n_ants'."]),
             (["-p", "n_ants=[1"], ["a number, true, false or text for 'n_ants', got '[1'"]),
         ],

@@ -27,6 +27,7 @@ LANES = {"pareto-local-search": {"n_lanes": 4}}
 def shared(monkeypatch):
     """Work is shared from the first evaluations on; forked processes inherit this."""
     monkeypatch.setattr(lanes, "FIRST_ALONE", 200)
+    monkeypatch.setattr(lanes, "N_NEWS", 10)
     monkeypatch.setattr(repair, "_MUCH", 0)
     monkeypatch.setattr(colony, "_MUCH", 0)
 
@@ -107,7 +108,7 @@ def test_in_the_worker_of_a_study(name, tmp_path, monkeypatch):
         "seeds": [3],
     }
     tables = run_study(study, out=tmp_path / "out", workers=2)
-    monkeypatch.setattr(lanes, "FIRST_ALONE", 20_000)
+    monkeypatch.undo()
     options = {**parameters, "n_threads": 1, "evaluations": evaluations, "seed": 3}
     here = solve(mission, algorithm=name, **options)
     [row] = tables.runs.to_dict("records")

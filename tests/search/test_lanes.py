@@ -12,12 +12,14 @@ from botohe_moo.kernels.local_search.workspace import REFILLED_AT_ONCE, REFILLED
 from botohe_moo.search import lanes as module
 from botohe_moo.search.lanes import Lanes
 from botohe_moo.search.local_search import LocalSearch
+from botohe_moo.search.sequential import SequentialPlanner
 
 
 @pytest.fixture(autouse=True)
 def soon(monkeypatch):
-    """Lanes begin after few evaluations."""
+    """Lanes begin after few evaluations, with few plans."""
     monkeypatch.setattr(module, "FIRST_ALONE", 300)
+    monkeypatch.setattr(module, "N_NEWS", 10)
 
 
 @pytest.fixture(scope="module", params=["art_museum", "drones_and_rovers", "art_museum_return"])
@@ -88,6 +90,22 @@ def test_lanes_begin_when_the_first_has_searched_for_long(mission):
         lanes.run(100)
         numbers.append(len(lanes._lanes))
     assert numbers == [1, 1, 1, 5]
+
+
+def test_small_fronts_need_no_lanes(mission):
+    lanes = started(mission, n_lanes=3, max_size=9)
+    assert lanes.run(300) == 300
+    assert lanes.run(300) == 300
+    assert lanes.n_running == 1
+
+
+def test_lanes_that_find_no_move_leave_the_evaluations_to_others():
+    museum = load_mission("art_museum")
+    lanes = started(museum, n_lanes=8, moves={"adopt": 1.0}, p_refill=0.0)
+    plans = SequentialPlanner(museum, museum.limits(), beam_width=20).plans(1.0)
+    lanes.insert(museum.batch(plans))
+    for _ in range(3):
+        assert lanes.run(20_000) == 20_000
 
 
 def pickled(search):

@@ -68,8 +68,9 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         Plans that the front keeps after each generation; None keeps all. While there are more, the
         plan that contributes the least area is removed.
     n_lanes
-        Searches that go on side by side after 20 000 evaluations. Whenever about 50 plans have
-        entered their fronts, they tell each other which ones. The result depends on their number.
+        Searches that go on side by side after 20 000 evaluations, once the front has 50 plans.
+        Whenever about 50 plans have entered their fronts, they tell each other which ones. The
+        result depends on their number.
     n_threads
         Threads that run the lanes; the result does not depend on their number.
     sampling

@@ -179,15 +179,19 @@ def solve_mission(
         source = mission_source(mission, robots, mission_parameter)
         parameters = read_parameters(parameter)
         from botohe_moo._base.checks import check_integer, check_number
+        from botohe_moo.algorithms.registry import algorithm_parameters
         from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
         from botohe_moo.mission.model import check_plain
         from botohe_moo.problem import BOTOHE
         from botohe_moo.solving import make_for_this_machine
 
+        known = {each.name for each in algorithm_parameters(algorithm)}
         for name, value in (("lanes", lanes), ("threads", threads)):
             if value is not None:
                 check_integer(f"--{name}", value, at_least=1, at_most=1_024)
+                if f"n_{name}" not in known:
+                    raise ValueError(f"Algorithm {algorithm!r} has no {name}: leave out --{name}.")
                 if f"n_{name}" in parameters:
                     raise ValueError(f"Expected --{name} or the parameter n_{name}, got both.")
                 parameters[f"n_{name}"] = value
