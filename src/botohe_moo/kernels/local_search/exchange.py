@@ -148,10 +148,10 @@ def _hold_trail(search: Search, news: News, trail: int, robot: int) -> int:
     graph, store, work = search.graph, search.store, search.work
     begin, stop = news.first[trail], news.first[trail + 1]
     place = place_of(store, news.hash[trail])
-    told = np.int64(store.told[place])
+    told = int(store.told[place])
     if _is_trail(graph, store, told, news, begin, stop):
         store.trails[told].n_users += 1
-        return int(told)
+        return told
     for i in range(begin, stop):
         work.child[i - begin] = news.arc[i]
     added = add_trail(graph, store, work, robot, stop - begin)
