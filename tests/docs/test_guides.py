@@ -181,7 +181,19 @@ def threads():
     return pd.DataFrame(list(rows.values())).fillna("")
 
 
+def gaps():
+    """Gaps of fronts after some seconds, by mission."""
+    rows = {}
+    for one in pd.read_csv(ROOT / "results" / "bounds" / "bounds.csv").itertuples():
+        row = rows.setdefault(one.mission, {"mission": one.mission, "robots": one.robots})
+        before = row.get("gap after seconds")
+        found = f"{one.gap:.2f} % ({one.seconds_given} s)"
+        row["gap after seconds"] = f"{before}, {found}" if before else found
+    return pd.DataFrame(list(rows.values()))
+
+
 KEPT = {
+    "bounds": (gaps,),
     "local-search": (lanes, threads),
     "paper": (published,),
     "performance": (speed, growth),

@@ -8,7 +8,13 @@ from hypothesis import strategies as st
 
 from botohe_moo.mission import generators, save_mission, sites
 
-ALL = [generators.two_communities, generators.random, generators.complete, generators.terrain]
+ALL = [
+    generators.two_communities,
+    generators.random,
+    generators.complete,
+    generators.terrain,
+    generators.tunnel,
+]
 seeds = st.integers(0, 2**64)
 
 
@@ -54,6 +60,7 @@ def test_parameters_out_of_range():
         (generators.random, (3, 20, 100, 0, 11.7952, 51.6377)),
         (generators.complete, (2, 25, 600, 0, 25.3035, 424.4402)),
         (generators.terrain, (5, 200, 1310, 160, 102.315, 1239.9792)),
+        (generators.tunnel, (3, 45, 102, 0, 18.25, 93.4446)),
     ],
 )
 def test_seed_zero(generate, expected):
@@ -64,7 +71,7 @@ def test_seed_zero(generate, expected):
 
 
 def test_sizes():
-    for generate in (generators.random, generators.complete, generators.terrain):
+    for generate in ALL[1:]:
         for nodes in (2, 40):
             mission = generate(nodes=nodes, seed=1)
             assert mission.nodes == tuple(range(nodes))
@@ -179,6 +186,29 @@ class TestTerrain:
         mission = generators.terrain()
         pos = dict(mission.graph.nodes(data="pos"))
         assert mission.base == min(pos, key=lambda node: math.dist(pos[node], (0.5, 0.5)))
+
+
+class TestTunnel:
+    @given(seeds, st.integers(2, 60))
+    def test_loops_are_few_and_what_is_near_is_joined(self, seed, nodes):
+        mission = generators.tunnel(nodes=nodes, seed=seed)
+        pos = dict(mission.graph.nodes(data="pos"))
+        passages = mission.graph.to_undirected()
+        assert nx.is_connected(passages)
+        assert len(passages.edges) <= nodes - 1 + nodes // 6
+        every = nx.Graph()
+        every.add_weighted_edges_from((u, v, math.dist(pos[u], pos[v])) for u in pos for v in pos)
+        joined = nx.Graph(passages)
+        nx.set_edge_attributes(
+            joined, {e: every.edges[e]["weight"] for e in joined.edges}, "weight"
+        )
+        shortest, found = (
+            nx.minimum_spanning_tree(each).size(weight="weight") for each in (every, joined)
+        )
+        assert found == pytest.approx(shortest)
+        for (u, v), survival in nx.get_edge_attributes(mission.graph, "survival").items():
+            assert survival == pytest.approx(math.exp(-math.dist(pos[u], pos[v]) / 500), abs=1e-4)
+        assert {*mission.arrays.reward.tolist()} <= {0.0, 0.15, 0.3, 0.5, 1.0}
 
 
 class TestDronesAndRovers:

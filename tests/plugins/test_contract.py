@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 OURS = distribution("botohe-moo").entry_points
 ALGORITHMS = sorted(OURS.select(group="botohe_moo.algorithms").names)
-GENERATORS = ["complete", "drones_and_rovers", "random", "terrain", "two_communities"]
+GENERATORS = ["complete", "drones_and_rovers", "random", "terrain", "tunnel", "two_communities"]
 BOTH = [*((name, "algorithm") for name in ALGORITHMS), *((name, "mission") for name in GENERATORS)]
 
 # At their bounds these take memory for arrays.

@@ -18,7 +18,7 @@ from botohe_moo._base.checks import ParameterError
 from botohe_moo._base.types import FloatArray, OffsetArray, Rng
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Robots
-from botohe_moo.mission.formats.benchmark import near_pairs, spanning_pairs
+from botohe_moo.mission.formats.benchmark import near_pairs, nearest_pairs, spanning_pairs
 from botohe_moo.mission.model import Mission
 
 Nodes: TypeAlias = Annotated[int, Field(ge=2, description="Number of nodes.")]
@@ -149,6 +149,32 @@ def terrain(*, nodes: Nodes = 200, robots: Robots = 5, seed: Seed = 0) -> Missio
         positions,
         pairs,
         np.round(0.9 + 0.095 * rng.random((len(pairs), 2)), _DIGITS),
+    )
+
+
+@checked
+def tunnel(*, nodes: Nodes = 45, robots: Robots = 3, seed: Seed = 0) -> Mission:
+    """Tunnels of an old mine: few junctions, long loops, and rewards nearly everywhere.
+
+    The shortest passages that join all places in a square of 400 m, and a sixth as many more as
+    there are places, drawn from those that lead to one of the four nearest. Survival falls by a
+    factor of e every 500 m, alike both ways, and rewards are 0, 0.15, 0.3, 0.5 or 1.
+    """
+    rng = np.random.default_rng(seed)
+    positions = np.round(400 * rng.random((nodes, 2)), 1)
+    tree = spanning_pairs(positions)
+    near = sorted({*nearest_pairs(positions, min(4, nodes - 1))} - {*tree})
+    further = [near[i] for i in rng.permutation(len(near))[: nodes // 6].tolist()]
+    pairs = np.array(sorted({*tree, *further}))
+    lengths = np.hypot(*(positions[pairs[:, 0]] - positions[pairs[:, 1]]).T)
+    survivals = np.round(np.exp(-lengths / 500), _DIGITS)
+    title = f"Tunnels with {nodes} places, seed {seed}"
+    return _mission(
+        nx.DiGraph(name="tunnel", title=title, base=0, robots=robots),
+        rng.choice([0.0, 0.15, 0.3, 0.5, 1.0], nodes),
+        positions,
+        pairs,
+        np.column_stack([survivals, survivals]),
     )
 
 

@@ -55,7 +55,7 @@ def read_benchmark(
     for node, (x, y, score) in enumerate(table.tolist()):
         graph.add_node(node, reward=score, pos=[x, y])
     degree = len(points) - 1 if neighbours == "all" else min(neighbours, len(points) - 1)
-    for tail, head in sorted({*_nearest_pairs(points, degree), *spanning_pairs(points)}):
+    for tail, head in sorted({*nearest_pairs(points, degree), *spanning_pairs(points)}):
         distance = math.dist(points[tail], points[head])
         survival = math.exp(-distance / scale)
         graph.add_edge(tail, head, survival=survival, length=distance)
@@ -124,7 +124,8 @@ def near_pairs(points: FloatArray, radius: float) -> list[tuple[int, int]]:
     return sorted(KDTree(points).query_pairs(radius))
 
 
-def _nearest_pairs(points: FloatArray, degree: int) -> Iterator[tuple[int, int]]:
+def nearest_pairs(points: FloatArray, degree: int) -> Iterator[tuple[int, int]]:
+    """Give the pairs of each point (n, 2) with its ``degree`` nearest, the lower index first."""
     for i in range(len(points) if degree else 0):
         squares = _squares(points, points[i])
         squares[i] = np.inf

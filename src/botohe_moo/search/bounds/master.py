@@ -16,15 +16,14 @@ _CUTS_AT_ONCE = 8  # trails that are added before the programme is solved again,
 _MOST_MU = 20.0  # the highest price of survival, in total rewards: it keeps the programme bounded
 
 
-class Master:
-    """The linear programme for the prices with the least bound.
+class Programme:
+    """A linear programme for prices, whose rows are added where its solution violates them.
 
-    It minimises Σ c + n_robots · theta − x · mu, where c is the most that a node gives beside
-    prices, theta the most that a known trail is worth, and mu the price of survival. Rows are added
-    where the solution violates them, and HiGHS goes on from the last basis.
+    Its columns are the prices of each node and level, what each node gives beside these, and
+    others, with costs and upper bounds of their own. HiGHS goes on from the last basis.
     """
 
-    def __init__(self, team: PricedTeam, total: float) -> None:
+    def __init__(self, team: PricedTeam, cost: FloatArray, upper: FloatArray) -> None:
         import highspy
 
         class Silent(highspy.Highs):
@@ -38,27 +37,19 @@ class Master:
         self._inf = highspy.kHighsInf
         n_nodes, n_levels = len(team.nodes), team.n_levels
         self._n_prices = n_nodes * n_levels
-        self._theta = self._n_prices + n_nodes
-        self._mu = self._theta + 1
-        cost = np.zeros(self._mu + 1)
-        cost[self._n_prices : self._theta] = 1.0
-        cost[self._theta] = team.n_robots
-        self._upper = upper = np.full(self._mu + 1, self._inf)
-        upper[: self._n_prices] = (team.reward[:, None] * team.alive[:, 1:]).ravel()
-        upper[self._mu] = _MOST_MU * total
+        self._first_other = self._n_prices + n_nodes
+        most = (team.reward[:, None] * team.alive[:, 1:]).ravel()
+        self._upper = np.concatenate([most, np.full(n_nodes, self._inf), upper])
+        cost = np.concatenate([np.zeros(self._n_prices), np.ones(n_nodes), cost])
         self._lp: Any = Silent()  # type: ignore[no-untyped-call]
         self._lp.setOptionValue("threads", 1)
-        self._lp.addVars(len(cost), np.zeros(len(cost)), upper)
+        self._lp.addVars(len(cost), np.zeros(len(cost)), self._upper)
         self._lp.changeColsCost(len(cost), np.arange(len(cost), dtype=np.int32), cost)
         self._n_rows = 0
         for node in range(n_nodes):
             self._shape_prices(node)
-        self._last = np.zeros(self._mu + 1)
+        self._last = np.zeros(len(cost))
         self._configurations: set[tuple[int, int]] = set()
-        # The row of each trail of the pool, and of those relaxed ones that do not count at present.
-        self._rows: dict[int, int] = {}
-        self._unused: dict[int, int] = {}
-        self._takes_relaxed = True
 
     def _shape_prices(self, node: int) -> None:
         """Keep a node's prices convex, and their steepest rise at most the reward it brings.
@@ -76,22 +67,68 @@ class Master:
         used = 2 if n_levels > 1 else 1
         self._add(-steepest, [last, last - 1][:used], [-1.0, 1.0][:used])
 
-    def solve(self, pool: Pool, x: float, deadline: float) -> tuple[float, Prices, float]:
-        """Return the least bound over known trails, its prices, and theta.
+    def _run(self, deadline: float) -> tuple[FloatArray, FloatArray]:
+        """Return a solution, and its prices (n_nodes that pay, n_levels + 1).
 
         When the time is over, prices may be far from the best, but any prices are valid.
         """
+        left = max(0.01, deadline - time.monotonic())
+        self._lp.setOptionValue("time_limit", self._lp.getRunTime() + left)
+        self._lp.run()
+        found = np.array(self._lp.getSolution().col_value)
+        if found.shape == self._last.shape and np.isfinite(found).all():
+            self._last = np.clip(found, 0.0, self._upper)
+        solution = self._last  # the previous one, where HiGHS has found none
+        visits = np.zeros((len(self.team.nodes), self.team.n_levels + 1))
+        visits[:, 1:] = solution[: self._n_prices].reshape(visits[:, 1:].shape)
+        return solution, visits
+
+    def _cut_configurations(self, prices: FloatArray, solution: FloatArray) -> int:
+        """Add the worst violated configuration of each node; return how many rows are new."""
+        left = self.team.beside(prices)
+        worst = left.argmax(axis=1)
+        over = left[np.arange(len(left)), worst] - solution[self._n_prices : self._first_other]
+        n = 0
+        for node in np.flatnonzero(over > _CUT).tolist():
+            cut = (node, int(worst[node]))
+            if cut in self._configurations:
+                continue
+            self._configurations.add(cut)
+            counts = self.team.counts[cut[1], 1:]
+            levels = np.flatnonzero(counts)
+            columns = [self._n_prices + node, *(node * self.team.n_levels + levels).tolist()]
+            self._add(float(self.team.gains[cut]), columns, [1.0, *counts[levels].tolist()])
+            n += 1
+        return n
+
+    def _add(self, least: float, columns: list[int], weights: list[float]) -> None:
+        """Add a row: the weighted sum of some columns is at least ``least``."""
+        indices = np.array(columns, np.int32)
+        self._lp.addRow(least, self._inf, len(columns), indices, np.array(weights))
+        self._n_rows += 1
+
+
+class Master(Programme):
+    """The linear programme for the prices with the least bound.
+
+    It minimises Σ c + n_robots · theta − x · mu, where c is the most that a node gives beside
+    prices, theta the most that a known trail is worth, and mu the price of survival.
+    """
+
+    def __init__(self, team: PricedTeam, total: float) -> None:
+        cost = np.array([team.n_robots, 0.0])
+        super().__init__(team, cost, np.array([np.inf, _MOST_MU * total]))
+        self._theta, self._mu = self._first_other, self._first_other + 1
+        # The row of each trail of the pool, and of those relaxed ones that do not count at present.
+        self._rows: dict[int, int] = {}
+        self._unused: dict[int, int] = {}
+        self._takes_relaxed = True
+
+    def solve(self, pool: Pool, x: float, deadline: float) -> tuple[float, Prices, float]:
+        """Return the least bound over known trails, its prices, and theta."""
         self._lp.changeColCost(self._mu, -x)
         while True:
-            left = max(0.01, deadline - time.monotonic())
-            self._lp.setOptionValue("time_limit", self._lp.getRunTime() + left)
-            self._lp.run()
-            found = np.array(self._lp.getSolution().col_value)
-            if found.shape == self._last.shape and np.isfinite(found).all():
-                self._last = np.clip(found, 0.0, self._upper)
-            solution = self._last  # the previous one, where HiGHS has found none
-            visits = np.zeros((len(self.team.nodes), self.team.n_levels + 1))
-            visits[:, 1:] = solution[: self._n_prices].reshape(visits[:, 1:].shape)
+            solution, visits = self._run(deadline)
             prices, theta = Prices(visits, float(solution[self._mu])), float(solution[self._theta])
             n = self._cut_configurations(visits, solution)
             n = n or self._cut_trails(pool, prices, theta)
@@ -108,24 +145,6 @@ class Master:
         order = np.argsort(-used, kind="stable")
         return [int(i) for i in numbers[order[used[order] > _CUT]]]
 
-    def _cut_configurations(self, prices: FloatArray, solution: FloatArray) -> int:
-        """Add the worst violated configuration of each node; return how many rows are new."""
-        left = self.team.beside(prices)
-        worst = left.argmax(axis=1)
-        over = left[np.arange(len(left)), worst] - solution[self._n_prices : self._theta]
-        n = 0
-        for node in np.flatnonzero(over > _CUT).tolist():
-            cut = (node, int(worst[node]))
-            if cut in self._configurations:
-                continue
-            self._configurations.add(cut)
-            counts = self.team.counts[cut[1], 1:]
-            levels = np.flatnonzero(counts)
-            columns = [self._n_prices + node, *(node * self.team.n_levels + levels).tolist()]
-            self._add(float(self.team.gains[cut]), columns, [1.0, *counts[levels].tolist()])
-            n += 1
-        return n
-
     def _cut_trails(self, pool: Pool, prices: Prices, theta: float) -> int:
         """Add the trails that are worth the most above theta; return how many rows are new."""
         worth = pool.values(prices, relaxed=self._takes_relaxed)
@@ -140,12 +159,6 @@ class Master:
                 columns = [self._theta, self._mu, *visits.columns.tolist()]
                 self._add(0.0, columns, [1.0, -visits.survival, *(-visits.weights).tolist()])
         return n
-
-    def _add(self, least: float, columns: list[int], weights: list[float]) -> None:
-        """Add a row: the weighted sum of some columns is at least ``least``."""
-        indices = np.array(columns, np.int32)
-        self._lp.addRow(least, self._inf, len(columns), indices, np.array(weights))
-        self._n_rows += 1
 
     def drop(self, number: int) -> None:
         """Leave out a trail that the pool has dropped."""

@@ -21,8 +21,9 @@ from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import most_levels
 from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import Relaxation
-from botohe_moo.search.bounds.steps import BYTES_A_STATE, Steps
-from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
+from botohe_moo.search.bounds.stairs import MOST_MOVING, TeamStairs
+from botohe_moo.search.bounds.steps import BYTES_A_STATE, LEAST_SURVIVAL, Steps
+from botohe_moo.search.bounds.targets import CELLS, Known, LineTargets, StepTargets
 from botohe_moo.search.exact import TooLargeError, exact_front
 from botohe_moo.search.local_search import LocalSearch
 
@@ -31,16 +32,20 @@ from botohe_moo.search.local_search import LocalSearch
 # in `python -m benchmarks bounds`.
 
 # Shares of the time limit.
-_EXACT_SHARE = 0.2  # for the true front
+_EXACT_SHARE = 0.05  # for the true front
 _SEARCH_SHARE = 0.05  # to find trails
 # Shares of the time that is left.
 _FIRST_SHARE = 0.1  # for one robot: without a limit it took all of the time on 200 nodes
 _LINES_SHARE = 0.4  # for lines, before steps
+_STAIRS_SHARE = 0.6  # for stairs
 _STEPS_SHARE = 0.5  # for steps
+# Searches for stairs get this many times the effort once all places were tried, unless the last
+# effort left more than a share of the gap.
+_MORE_EFFORT, _STILL_HELPS = 4, 0.9
+_EFFORT_OF_LINES = 16  # times the usual search, once the easy steps are known
 # Relaxed trails get a memory where this many times the preparation without one still fits.
 _PREPARING = 4
 _LEAST_GAIN = 1e-3  # a line that is lowered by a larger share is worth another try
-_EFFORT_OF_LINES = 16  # times the usual search, once the easy steps are known
 _SECONDS_OF_EFFORT = 0.3  # that a search for a step took, for each unit of effort
 # Where the first lines of one robot are found, in shares of its best survival: three suffice for
 # its steps.
@@ -126,6 +131,7 @@ class Proof:
         for lines in self._lines:
             lines.others = [other for other in self._lines if other is not lines]
         self._steps = [Steps(lines, self._most_survival) for lines in self._lines]
+        self._stairs = TeamStairs(self._lines[:MOST_MOVING], self._most_survival)
 
     def _levels(self) -> int:
         """Return how many levels prices have; 0 where the memory has no room for one."""
@@ -190,6 +196,8 @@ class Proof:
                 self._lines[0].tighten(share * self._most_survival, 1, until)
             self._find_steps(steps, 1, until)
         self._find_lines(1, self._until(_LINES_SHARE))
+        self._find_stairs(self._until(_STAIRS_SHARE))
+        steps = StepTargets(self.known, robots, self._most_survival)
         self._find_steps(steps, robots, self._until(_STEPS_SHARE))
         self._find_lines(_EFFORT_OF_LINES, self._deadline)
         self._find_steps(steps, robots, self._deadline)
@@ -224,6 +232,26 @@ class Proof:
             if not remembers_more or lines.bound(x) > before * (1 - _LEAST_GAIN):
                 targets.close(target)
 
+    def _find_stairs(self, until: float) -> None:
+        """Find stairs where the gap is the widest, with more effort as long as that helps."""
+        if self._most_survival < LEAST_SURVIVAL:
+            return
+        robots, effort, targets = self._mission.robots, 1, LineTargets(self.known)
+        first_gap = math.nan  # when searches with this effort began
+        while time.monotonic() < until and (bound := self._next_bound()) is not None:
+            gap = self.known.gap(bound.bound(self.known.survivors))
+            first_gap = gap if math.isnan(first_gap) else first_gap
+            target = targets.next(bound)
+            if target is None:
+                if gap > _STILL_HELPS * first_gap:
+                    return
+                first_gap, effort, targets = gap, _MORE_EFFORT * effort, LineTargets(self.known)
+                continue
+            targets.close(target)
+            if target.moving <= MOST_MOVING:
+                x = max(0.0, target.cell / CELLS * robots - (robots - target.moving))
+                self._stairs.improve(target.moving, x, effort, until)
+
     def _find_steps(self, targets: StepTargets, most_moving: int, until: float) -> None:
         """Find steps for up to ``most_moving`` robots, until the time is over or all are tried."""
         if most_moving > 1 and time.monotonic() < until:
@@ -250,9 +278,8 @@ class Proof:
             for each in self._lines
             for line in each.found
         )
-        steps = (
-            step._replace(most=step.most * unit) for each in self._steps for step in each.found
-        )
+        found = [*(step for each in self._steps for step in each.found), *self._stairs.found]
+        steps = (step._replace(most=step.most * unit) for step in found)
         return FrontBound(
             mission=self._mission,
             lines=tuple(lines),

@@ -30,13 +30,13 @@ _MOST_ROUNDS = 3  # in which thresholds are raised
 # Prices of survival that bound what lies ahead, in shares of that of the line; and what that is at
 # least, in shares of all reward.
 _SHARES = (0.0, 0.4, 0.7, 1.0, 1.5, 3.0, 8.0)
-_LEAST_MU = 0.01
+LEAST_MU = 0.01
 _LINES_SHARE = 0.4  # of the time that is left, to find a line at the place of the step
 # Memory for what lies ahead of a state, at all of these prices twice.
 BYTES_A_STATE = 16.0 * len(_SHARES) * 60
 _EPSILON = float(np.finfo(float).eps)
 _EDGE = 1e-12  # survivals this much below a step count as on it, relative
-_LEAST_SURVIVAL = 1e-280  # as good as 0: where no robot survives with more, there are no stairs
+LEAST_SURVIVAL = 1e-280  # as good as 0: where no robot survives with more, there are no stairs
 _HIGHER = 1e-9  # by how much thresholds have to rise for another round, in shares of all reward
 
 
@@ -62,7 +62,7 @@ class Steps:
         Where teams collect more than the goal, lower it to what they collect. Returns False where
         this takes too long, or robots survive too rarely for stairs.
         """
-        if self._most_survival < _LEAST_SURVIVAL:
+        if self._most_survival < LEAST_SURVIVAL:
             return False
         if self._n_robots == 1:
             return self._for_one(x, effort)
@@ -114,7 +114,7 @@ class Steps:
         """
         team = self._lines.team
         prices = self._lines.lowest(x, x, 1)[0]
-        mu = max(prices.mu, _LEAST_MU * self._relaxation.total)
+        mu = max(prices.mu, LEAST_MU * self._relaxation.total)
         ahead = [
             self._lines.look_ahead(Prices(prices.visits, share * mu), 2 * LEVELS)
             for share in _SHARES
@@ -173,7 +173,7 @@ class Steps:
             others = np.minimum(others, most[totals])
         wide = -(-n_steps // self._n_heights)
         starts = np.arange(0, n_steps, wide)
-        return _falling(np.repeat(np.minimum.reduceat(goal - others, starts), wide)[:n_steps])
+        return falling(np.repeat(np.minimum.reduceat(goal - others, starts), wide)[:n_steps])
 
     def _best_team(
         self, x: float, goal: float, arcs: OffsetArray, n_arcs: OffsetArray
@@ -192,7 +192,7 @@ class Steps:
         choices = new_choices(survival[order], reached[order], reward, no_slack, self._n_robots)
         # The search leaves out what the front covers: too little reward, or too few survivors.
         front = new_front(4, self._n_robots)
-        insert(front, np.inf, x * (1.0 - ROUNDING) - _LEAST_SURVIVAL)
+        insert(front, np.inf, x * (1.0 - ROUNDING) - LEAST_SURVIVAL)
         insert(front, goal, np.inf)
         ended = choose_teams(choices, front, _MOST_TEAMS, most_reward=True)
         return best_reward(front, np.inf) if ended == FINISHED else None
@@ -219,7 +219,7 @@ def stairs_of(values: FloatArray, survival: FloatArray, width: float, n_steps: i
     stairs = np.full(n_steps, -np.inf)
     steps = np.minimum((survival / width * (1 + _EDGE)).astype(np.int64), n_steps - 1)
     np.maximum.at(stairs, steps, values)
-    return _falling(stairs)
+    return falling(stairs)
 
 
 def last_steps(stairs: FloatArray) -> OffsetArray:
@@ -228,7 +228,7 @@ def last_steps(stairs: FloatArray) -> OffsetArray:
     return np.flatnonzero(falls & np.isfinite(stairs))
 
 
-def _falling(stairs: FloatArray) -> FloatArray:
+def falling(stairs: FloatArray) -> FloatArray:
     """Raise each step to the highest of those after it, so that stairs never rise."""
     falling: FloatArray = np.maximum.accumulate(stairs[::-1])[::-1]
     return falling
@@ -244,9 +244,14 @@ def add_stairs(stairs: FloatArray, n_trails: int) -> FloatArray:
     """Return the most that ``n_trails`` trails are worth together, by the sum of their steps."""
     most = stairs
     for _ in range(n_trails - 1):
-        after = np.full(len(most) + len(stairs) - 1, -np.inf)
-        for step in last_steps(stairs).tolist():
-            reached = after[step : step + len(most)]
-            np.maximum(reached, most + stairs[step], out=reached)
-        most = _falling(after)
+        most = add_two(stairs, most)
     return most
+
+
+def add_two(stairs: FloatArray, others: FloatArray) -> FloatArray:
+    """Return the most that a trail and others are worth together, by the sum of their steps."""
+    after = np.full(len(others) + len(stairs) - 1, -np.inf)
+    for step in last_steps(stairs).tolist():
+        reached = after[step : step + len(others)]
+        np.maximum(reached, others + stairs[step], out=reached)
+    return falling(after)

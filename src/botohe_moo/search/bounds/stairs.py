@@ -1,0 +1,291 @@
+"""Bounds for teams whose robots' survivals are kept whole, under prices that are made for them.
+
+Under any prices, stairs bound what a trail is worth that survives with s or more. A team of j
+robots whose survivals sum to x or more is worth at most the best sum of j steps that may do so.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.bounds.trails import Stairs
+from botohe_moo.search.bounds.lines import LEVELS, Lines
+from botohe_moo.search.bounds.master import Programme
+from botohe_moo.search.bounds.pool import Pool
+from botohe_moo.search.bounds.prices import PricedTeam, Prices
+from botohe_moo.search.bounds.record import Step
+from botohe_moo.search.bounds.steps import (
+    LEAST_MU,
+    add_stairs,
+    add_two,
+    falling,
+    least_total,
+    stairs_of,
+)
+
+# Prices of survival that bound what lies ahead, in shares of that of the line.
+_SHARES = (0.0, 0.5, 1.0, 2.5)
+_BINS = 100  # of survival, in the linear programme
+_MOST_SOLVED = 60  # times that the programme is solved for one pool
+_CUT = 1e-6  # by how much a row has to be violated to be added
+_TRAILS_AT_ONCE, _TEAMS_AT_ONCE = 30, 12  # rows that are added before it is solved again
+_MOST_LINKS = 2_000_000  # of a search, for each unit of effort
+_MOST_PRICES = 12  # that are tried at one place
+_CLOSE = 1e-3  # how near to the programme's value a bound has to come, as a share of it
+_MARGIN = 6  # steps by which a search begins below what it needs
+# The target of a search lies this share of the gap above the programme's value: at first and at
+# least. Where the search ends without a new trail it is halved, and where it gives up it grows to
+# ``_WIDER`` times as much and ``_FURTHER``, at most to ``_FURTHEST``.
+_FIRST_SHARE, _LEAST_SHARE = 0.5, 0.05
+_WIDER, _FURTHER, _FURTHEST = 1.5, 0.1, 0.95
+_STAY = 0.5  # how much of the best prices is kept in the next ones
+_EPSILON = float(np.finfo(float).eps)
+N_STEPS = 2_000
+MOST_MOVING = 20  # robots: sums of stairs take time that grows with the square of their number
+_FALL = 2e-5  # of all reward: steps that fall by less are left out
+
+
+class StairsMaster(Programme):
+    """The linear programme for prices of ``n_robots`` that survive with ``x`` together.
+
+    It minimises Σ c + z: c is the most that a node gives beside prices, and z the most that a team
+    is worth, which is at least the sum of F_b over any bins b whose survivals sum to x. F_b is at
+    least what any known trail in bin b is worth, and never rises.
+    """
+
+    def __init__(self, team: PricedTeam, most_survival: float, x: float) -> None:
+        cost = np.append(np.zeros(_BINS), 1.0)
+        super().__init__(team, cost, np.full(_BINS + 1, np.inf))
+        self._stairs = slice(self._first_other, self._first_other + _BINS)
+        self._worth = self._first_other + _BINS
+        for b in range(self._stairs.start, self._stairs.stop - 1):
+            self._add(0.0, [b, b + 1], [1.0, -1.0])
+        self._width = most_survival * (1 + 1e-9) / _BINS
+        # Trails lie half a bin above their bin's beginning, on average.
+        self._needed = max(0, round(x / self._width - (team.n_robots - 1) / 2))
+        self._trails: set[int] = set()
+        self.centre: FloatArray | None = None  # the best prices so far
+
+    def solve(self, pool: Pool, deadline: float) -> tuple[float, FloatArray]:
+        """Return the least bound over known trails, and its prices (n_nodes that pay, ·)."""
+        bins = np.minimum((pool.survival / self._width + 1e-9).astype(np.int64), _BINS - 1)
+        is_low = bins < self._needed - (self.team.n_robots - 1) * (_BINS - 1)
+        for _ in range(_MOST_SOLVED):
+            solution, visits = self._run(deadline)
+            stairs = solution[self._stairs]
+            n = self._cut_configurations(visits, solution)
+            over = pool.values(Prices(visits, 0.0), relaxed=False) - stairs[bins]
+            over[is_low] = -np.inf
+            n += self._cut_trails(pool, over, bins)
+            n += self._cut_teams(stairs, float(solution[self._worth]))
+            if n == 0 or time.monotonic() > deadline:
+                break
+        return self._lp.getObjectiveValue(), visits
+
+    def _cut_trails(self, pool: Pool, over: FloatArray, bins: OffsetArray) -> int:
+        n = 0
+        for i in np.argsort(-over)[:_TRAILS_AT_ONCE].tolist():
+            if over[i] <= _CUT:
+                break
+            if i not in self._trails:
+                self._trails.add(i)
+                visits = pool.visits[i]
+                columns = [self._stairs.start + int(bins[i]), *visits.columns.tolist()]
+                self._add(0.0, columns, [1.0, *(-visits.weights).tolist()])
+                n += 1
+        return n
+
+    def _cut_teams(self, stairs: FloatArray, worth: float) -> int:
+        """Add those teams of bins that are worth the most; return how many are worth too little."""
+        n = 0
+        for bins in self._best_teams(stairs):
+            if stairs[bins].sum() > worth + _CUT:
+                used, counts = np.unique(bins, return_counts=True)
+                columns = [self._worth, *(self._stairs.start + used).tolist()]
+                self._add(0.0, columns, [1.0, *(-counts.astype(float)).tolist()])
+                n += 1
+        return n
+
+    def _best_teams(self, stairs: FloatArray) -> list[list[int]]:
+        """Return the bins of teams that survive as needed, with the best ones for each last bin."""
+        totals = np.arange(self._needed + 1)
+        # What is left to the others once a robot is in a bin (n_bins, n_totals).
+        left = np.maximum(totals - np.arange(_BINS)[:, None], 0)
+        most, chosen = np.where(totals == 0, 0.0, -np.inf), []
+        for _ in range(self.team.n_robots):
+            sums = stairs[:, None] + most[left]
+            chosen.append(sums.argmax(axis=0))
+            most = sums.max(axis=0)
+        found = []
+        last = sums[:, self._needed]
+        for b in np.argsort(-last)[:_TEAMS_AT_ONCE].tolist():
+            if not math.isfinite(last[b]):
+                break
+            bins, total = [b], int(left[b, self._needed])
+            for best in chosen[-2::-1]:
+                bins.append(int(best[total]))
+                total = int(left[bins[-1], total])
+            found.append(bins)
+        return found
+
+
+class TeamStairs:
+    """What stairs prove for each number of moving robots, by the sum of their steps."""
+
+    def __init__(self, lines: list[Lines], most_survival: float) -> None:
+        self._lines, self._most_survival = lines, most_survival
+        self._relaxation, self._pool = lines[0].relaxation, lines[0].pool
+        self._width = most_survival * (1.0 + 1e-9) / N_STEPS
+        # Entry t of row j − 1: no team of j whose steps sum to t or more gets above it.
+        self._most = [np.full(j * (N_STEPS - 1) + 2, np.inf) for j in range(1, len(lines) + 1)]
+        self._masters: dict[tuple[int, float], StairsMaster] = {}
+
+    def bound(self, moving: int, x: float) -> float:
+        """Bound E[R] where the survivals of ``moving`` robots sum to ``x`` or more."""
+        most = self._most[moving - 1]
+        total = int(least_total(np.array([x]), self._width, moving)[0])
+        proved = float(most[: total + 1].min()) if total < len(most) else np.inf
+        return min(proved, self._lines[moving - 1].bound(x))
+
+    @property
+    def found(self) -> list[Step]:
+        """Steps, without those that hardly fall."""
+        steps = []
+        for moving, row in enumerate(self._most, 1):
+            most, last = np.minimum.accumulate(row), np.inf
+            for total in np.flatnonzero(most < np.append(np.inf, most[:-1])).tolist():
+                if most[total] < last - _FALL * self._relaxation.total:
+                    last = float(most[total])
+                    least = (total + moving - 1) * self._width if total else 0.0
+                    steps.append(Step(moving, last, least * (1 + 1e-12), "exact"))
+        return steps
+
+    def improve(self, moving: int, x: float, effort: int, until: float) -> None:
+        """Lower the bound where the survivals of ``moving`` robots sum to ``x`` or more."""
+        lines = self._lines[moving - 1]
+        team, base_reward = lines.team, lines.base_reward
+        start = lines.lowest(x, x, 1)[0]
+        mu = max(start.mu, LEAST_MU * self._relaxation.total)
+        key = (moving, x)
+        if key not in self._masters:
+            self._masters[key] = StairsMaster(team, self._most_survival, x)
+        master = self._masters[key]
+        best, share, stay = np.inf, _FIRST_SHARE, 1.0
+        centre = start.visits if master.centre is None else master.centre
+        for i in range(_MOST_PRICES):
+            if time.monotonic() > until:
+                return
+            least, wanted = master.solve(self._pool, until)
+            least += base_reward
+            bound = self.bound(moving, x)
+            if bound <= least * (1 + _CLOSE) + 1e-9:
+                return
+            visits = centre if stay == 1.0 else team.tidy(stay * centre + (1 - stay) * wanted)
+            beside = float(team.most(visits).sum()) + base_reward
+            known = self._known(visits, moving, x)
+            low = beside + self._best(known, moving, x)
+            target = least + share * (bound - least)
+            if low > target:  # whatever the search finds, these prices do not reach the target
+                if low > bound - 1e-9 and i > 0:
+                    if stay == 0.0 and i > 8:
+                        return
+                    stay = 0.0
+                    centre = wanted
+                    continue
+                target = low + 0.1 * abs(bound - low)
+            floor = self._lifted(known, moving, x, target - beside)
+            ended, stairs, n_found = self._search(Prices(visits, mu), moving, x, floor, effort)
+            if not ended:
+                share = _WIDER * share + _FURTHER
+                stay = _STAY
+                if share > _FURTHEST:
+                    return
+                continue
+            reached = beside + self._best(stairs, moving, x)
+            if reached < best:
+                best = reached
+                centre = master.centre = visits
+            if n_found:
+                stay = _STAY
+            elif share <= _LEAST_SHARE and stay == 0.0:
+                return
+            else:
+                stay, share = 0.0, max(_LEAST_SHARE, share / 2)
+
+    def _first_step(self, moving: int, x: float) -> float:
+        """Return the survival from which on trails are searched."""
+        return max(0.0, x - _MARGIN * self._width - (moving - 1) * self._most_survival)
+
+    def _known(self, visits: FloatArray, moving: int, x: float) -> FloatArray:
+        """Return the stairs of known trails that survive as a team needs it (n_steps)."""
+        worth = self._pool.values(Prices(visits, 0.0), relaxed=False)
+        known = np.maximum(stairs_of(worth, self._pool.survival, self._width, N_STEPS), 0.0)
+        first = int(self._first_step(moving, x) / self._width)
+        known[:first] = known[min(first, N_STEPS - 1)]
+        return known
+
+    def _best(self, stairs: FloatArray, moving: int, x: float) -> float:
+        """Return the most that ``moving`` robots are worth that survive with ``x`` together."""
+        most = add_stairs(np.maximum(stairs, 0.0), moving)
+        total = int(least_total(np.array([x]), self._width, moving)[0])
+        return float(most[min(total, len(most) - 1)])
+
+    def _lifted(self, stairs: FloatArray, moving: int, x: float, worth: float) -> FloatArray:
+        """Raise stairs as far as no team that survives with ``x`` is worth more than ``worth``.
+
+        Each of a team's robots takes an equal part of what is left to the best team with its step.
+        """
+        others = add_stairs(stairs, moving - 1) if moving > 1 else np.zeros(1)
+        total = int(least_total(np.array([x]), self._width, moving)[0])
+        left = np.maximum(total - np.arange(N_STEPS), 0)
+        is_possible = left < len(others)
+        best = stairs + others[np.minimum(left, len(others) - 1)]
+        room = np.maximum(0.0, worth - best) / moving
+        room[~is_possible] = self._relaxation.total
+        lifted: FloatArray = np.minimum.accumulate(stairs + room)
+        return lifted
+
+    def _search(
+        self, prices: Prices, moving: int, x: float, floor: FloatArray, effort: int
+    ) -> tuple[bool, FloatArray, int]:
+        """Raise a floor above all trails; return whether that ended, the stairs, and trails found.
+
+        Stairs are kept for all numbers of robots.
+        """
+        lines = self._lines[moving - 1]
+        none = np.zeros(self._relaxation.net.graph.n_nodes)
+        ahead = [
+            (lines.look_ahead(Prices(prices.visits, share * prices.mu), 2 * LEVELS), none)
+            for share in _SHARES
+        ]
+        least = self._first_step(moving, x)
+        stairs = Stairs(falling(floor), self._width, least)
+        spread = lines.team.spread(prices.visits, 2 * LEVELS)
+        ended, trails = self._relaxation.raise_stairs(spread, ahead, stairs, _MOST_LINKS * effort)
+        for arcs in trails:
+            self._pool.add(arcs)
+        if ended:
+            self._keep(prices.visits, stairs.heights, least)
+        return ended, stairs.heights, len(trails)
+
+    def _keep(self, visits: FloatArray, stairs: FloatArray, least: float) -> None:
+        """Keep what stairs prove that hold for survivals of ``least`` or more."""
+        graph = self._relaxation.net.graph
+        most = np.zeros(1)
+        for moving, lines in enumerate(self._lines, 1):
+            most = add_two(np.maximum(stairs, 0.0), most) if moving > 1 else stairs.copy()
+            row = self._most[moving - 1]
+            # Where teams survive with so much, each of their robots survives with ``least``.
+            x = least + (moving - 1) * self._most_survival
+            first = 0 if least == 0.0 else int(x / self._width * (1 + 1e-9)) + 1
+            if first >= len(most):
+                continue
+            worth = lines.base_reward + float(lines.team.most(visits).sum()) + most[first:]
+            n_terms = 2 * moving * (graph.n_arcs + 2) + graph.n_nodes + 8
+            scale = self._relaxation.total + lines.base_reward + worth
+            worth = worth + n_terms * _EPSILON * scale
+            row[first : len(most)] = np.minimum(row[first : len(most)], worth)

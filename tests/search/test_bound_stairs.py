@@ -1,0 +1,85 @@
+"""Stairs of bounds: teams whose survivals are kept whole, and the prices made for them."""
+
+from itertools import combinations_with_replacement
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import bound_front, load_mission
+from botohe_moo.search.bounds import proof as proof_module
+from botohe_moo.search.bounds import stairs as module
+from botohe_moo.search.bounds.stairs import StairsMaster, TeamStairs
+from botohe_moo.search.bounds.steps import add_stairs, falling, least_total
+from botohe_moo.search.exact import exact_front
+from tests.search.test_bounds import random_mission
+
+heights = st.lists(st.floats(0, 10), min_size=4, max_size=7)
+
+
+@given(heights, st.integers(1, 4), st.data())
+def test_the_best_teams_of_bins(known, n_robots, data):
+    """The first is the best of all teams that survive as needed; the others do, too."""
+    stairs = falling(np.array(known))
+    needed = data.draw(st.integers(0, n_robots * (len(stairs) - 1)))
+    master = SimpleNamespace(_needed=needed, team=SimpleNamespace(n_robots=n_robots))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_BINS", len(stairs))
+        found = StairsMaster._best_teams(master, stairs)
+    teams = combinations_with_replacement(range(len(stairs)), n_robots)
+    best = max(stairs[list(team)].sum() for team in teams if sum(team) >= needed)
+    assert stairs[found[0]].sum() == pytest.approx(best)
+    assert all(len(team) == n_robots and sum(team) >= needed for team in found)
+
+
+@given(heights, st.integers(1, 3), st.floats(0, 3), st.floats(0, 30))
+def test_lifted_stairs_leave_teams_where_they_may_be(known, moving, x, worth):
+    """No team that survives with x is worth more than before or than it may be."""
+    stairs, width = falling(np.array(known)), 1 / len(known)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "N_STEPS", len(known))
+        team = SimpleNamespace(_width=width, _relaxation=SimpleNamespace(total=100.0))
+        lifted = TeamStairs._lifted(team, stairs, moving, x, worth)
+    assert (lifted >= stairs).all()
+    assert (np.diff(lifted) <= 0).all()
+    total = int(least_total(np.array([x]), width, moving)[0])
+    before, after = add_stairs(stairs, moving), add_stairs(lifted, moving)
+    if total < len(before):
+        assert after[total] <= max(before[total], worth) + 1e-9
+
+
+@pytest.fixture
+def stairs_alone(monkeypatch):
+    """Bounds by stairs, and by the line of one price at most."""
+    monkeypatch.setattr(proof_module.Proof, "find_front", lambda _: False)
+    monkeypatch.setattr(proof_module.Proof, "_find_lines", lambda *_: None)
+    monkeypatch.setattr(proof_module.Proof, "_find_steps", lambda *_: None)
+
+
+@pytest.mark.parametrize("seeds", [range(20), pytest.param(range(20, 300), marks=pytest.mark.slow)])
+def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
+    n_steps = n_tight = 0
+    for seed in seeds:
+        mission, limits = random_mission(seed)
+        true = mission.evaluate(exact_front(mission, **limits))
+        stages = []
+        last = bound_front(mission, **limits, time_limit=60, seed=seed, callback=stages.append)
+        for bound in (*stages, last):
+            assert (bound.bound(true[:, 1]) >= true[:, 0]).all(), seed
+        n_steps += len(last.steps)
+        n_tight += last.gap(true) < 0.03
+    assert n_steps > 5 * len(seeds)
+    assert n_tight > 0.5 * len(seeds)
+
+
+@pytest.mark.slow
+def test_fronts_of_small_tunnels(monkeypatch):
+    monkeypatch.setattr(proof_module.Proof, "find_front", lambda _: False)
+    for seed in range(30):
+        mission = load_mission("tunnel", nodes=12 + seed % 5, robots=1 + seed % 3, seed=seed)
+        true = mission.evaluate(exact_front(mission, time_limit=60))
+        bound = bound_front(mission, time_limit=3, seed=seed)
+        assert (bound.bound(true[:, 1]) >= true[:, 0]).all(), seed
+        assert bound.gap(true) < 0.05, seed
