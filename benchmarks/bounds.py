@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -23,7 +24,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.plots import plot_front
 
 RESULTS = Path(__file__).parents[1] / "results"
-TUNNELS = ((45, 1.5), (75, 2.5))  # nodes, and the gap that is wanted
+TUNNELS, TUNNEL_SEEDS = ((45, 1.5), (75, 2.5)), (1, 2, 3)  # nodes, and the gap that is wanted
 # Mission, and seconds with the gap that is wanted then, in per cent; inf where none is.
 CASES: tuple[tuple[str, dict[int, float]], ...] = (
     ("terrain_200", {600: 4.0}),
@@ -32,7 +33,11 @@ CASES: tuple[tuple[str, dict[int, float]], ...] = (
     ("art_museum", {30: 0.65, 120: 0.45}),
     ("power_plant", {30: 0.84, 90: 0.77}),
     ("terrain, 1 000 nodes, 10 robots", {120: math.inf}),
-    *((f"tunnel, {n} nodes, seed {seed}", {60: most}) for n, most in TUNNELS for seed in (1, 2, 3)),
+    *(
+        (f"tunnel, {n} nodes, seed {seed}", {60: most})
+        for n, most in TUNNELS
+        for seed in TUNNEL_SEEDS
+    ),
     ("corridors, 2 x 40", {60: math.inf}),
     ("one-way, 40 nodes", {60: math.inf}),
     ("one-way, 80 nodes", {60: math.inf}),
@@ -51,7 +56,7 @@ def run(folder: Path) -> bool:
         for found, last, front in pool.map(_bounded, *zip(*CASES, strict=True)):
             rows += found
             bounds[found[0]["mission"]] = last, front
-            print(pd.DataFrame(found).to_string(index=False, header=False), flush=True)
+            print(pd.DataFrame(found).to_string(index=False), flush=True)
             pd.DataFrame(rows).to_csv(folder / "bounds.csv", index=False)
     gaps = _of_algorithms(lambda name: bounds[name][0].area)
     gaps.to_csv(folder / "algorithms.csv", index=False)
@@ -78,10 +83,14 @@ def _bounded(
 
 
 def _mission(name: str) -> Mission:
-    if name.startswith("tunnel"):
-        _, nodes, seed = (part.split()[0] for part in name.replace("seed ", "").split(","))
-        return load_mission("tunnel", nodes=int(nodes), seed=int(seed))
     drawn = {
+        f"tunnel, {nodes} nodes, seed {seed}": partial(
+            load_mission, "tunnel", nodes=nodes, seed=seed
+        )
+        for nodes, _ in TUNNELS
+        for seed in TUNNEL_SEEDS
+    }
+    drawn |= {
         "two_communities": lambda: load_mission("two_communities", seed=0),
         "terrain, 60 nodes, 3 robots": lambda: load_mission("terrain", nodes=60, robots=3, seed=12),
         "terrain, 60 nodes, 5 robots": lambda: load_mission("terrain", nodes=60, robots=5, seed=12),

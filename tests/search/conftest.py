@@ -9,3 +9,9 @@ from botohe_moo.search.bounds import proof
 def short_search(monkeypatch):
     """On missions of a few nodes, searches ten times as long find the same plans and bounds."""
     monkeypatch.setattr(proof, "_EVALUATIONS", 8_000)
+
+
+@pytest.fixture
+def no_front(monkeypatch):
+    """Small missions as if they were large: without looking for their true fronts."""
+    monkeypatch.setattr(proof.Proof, "find_front", lambda _: False)

@@ -8,13 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import bound_front, load_mission
+from botohe_moo import load_mission
 from botohe_moo.search.bounds import proof as proof_module
 from botohe_moo.search.bounds import stairs as module
 from botohe_moo.search.bounds.stairs import StairsMaster, TeamStairs
 from botohe_moo.search.bounds.steps import add_stairs, falling, least_total
-from botohe_moo.search.exact import exact_front
-from tests.search.test_bounds import random_mission
+from tests.search.test_bounds import bounded_at_all_stages, random_mission
 
 heights = st.lists(st.floats(0, 10), min_size=4, max_size=7)
 
@@ -51,9 +50,8 @@ def test_lifted_stairs_leave_teams_where_they_may_be(known, moving, x, worth):
 
 
 @pytest.fixture
-def stairs_alone(monkeypatch):
-    """Bounds by stairs, and by the line of one price at most."""
-    monkeypatch.setattr(proof_module.Proof, "find_front", lambda _: False)
+def stairs_alone(no_front, monkeypatch):
+    """Bounds by stairs, and by the first lines of one robot, which give others to more robots."""
     monkeypatch.setattr(proof_module.Proof, "_find_lines", lambda *_: None)
     monkeypatch.setattr(proof_module.Proof, "_find_steps", lambda *_: None)
 
@@ -62,12 +60,7 @@ def stairs_alone(monkeypatch):
 def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
     n_steps = n_tight = 0
     for seed in seeds:
-        mission, limits = random_mission(seed)
-        true = mission.evaluate(exact_front(mission, **limits))
-        stages = []
-        last = bound_front(mission, **limits, time_limit=60, seed=seed, callback=stages.append)
-        for bound in (*stages, last):
-            assert (bound.bound(true[:, 1]) >= true[:, 0]).all(), seed
+        true, [*_, last] = bounded_at_all_stages(*random_mission(seed), seed)
         n_steps += len(last.steps)
         n_tight += last.gap(true) < 0.03
     assert n_steps > 5 * len(seeds)
@@ -75,11 +68,8 @@ def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
 
 
 @pytest.mark.slow
-def test_fronts_of_small_tunnels(monkeypatch):
-    monkeypatch.setattr(proof_module.Proof, "find_front", lambda _: False)
+def test_fronts_of_small_tunnels(no_front):
     for seed in range(30):
         mission = load_mission("tunnel", nodes=12 + seed % 5, robots=1 + seed % 3, seed=seed)
-        true = mission.evaluate(exact_front(mission, time_limit=60))
-        bound = bound_front(mission, time_limit=3, seed=seed)
-        assert (bound.bound(true[:, 1]) >= true[:, 0]).all(), seed
-        assert bound.gap(true) < 0.05, seed
+        true, [*_, last] = bounded_at_all_stages(mission, {}, seed, gap=0.02)
+        assert last.gap(true) < 0.05, seed

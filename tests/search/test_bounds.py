@@ -56,10 +56,15 @@ def random_mission(seed):
     return mission, {"min_survival": floor, "max_length": longest}
 
 
-@pytest.fixture
-def no_front(monkeypatch):
-    """Small missions as if they were large: without looking for their true fronts."""
-    monkeypatch.setattr(proof_module.Proof, "find_front", lambda _: False)
+def bounded_at_all_stages(mission, limits, seed, **options):
+    """The true front, and the bounds on the way, the last one last: no plan exceeds any of them."""
+    true = mission.evaluate(exact_front(mission, **limits))
+    stages = []
+    options = {"time_limit": 60, "seed": seed, "callback": stages.append, **options}
+    stages.append(bound_front(mission, **limits, **options))
+    for bound in stages:
+        assert (bound.bound(true[:, 1]) >= true[:, 0]).all(), seed
+    return true, stages
 
 
 @pytest.mark.parametrize("seeds", [range(20), pytest.param(range(20, 300), marks=pytest.mark.slow)])
@@ -67,12 +72,8 @@ def test_no_plan_exceeds_the_bound_at_any_stage(no_front, short_search, seeds):
     tight = n_stages = 0
     for seed in seeds:
         mission, limits = random_mission(seed)
-        true = mission.evaluate(exact_front(mission, **limits))
-        stages = []
-        last = bound_front(mission, **limits, time_limit=60, seed=seed, callback=stages.append)
+        true, [*stages, last] = bounded_at_all_stages(mission, limits, seed)
         n_stages += len(stages)
-        for bound in (*stages, last):
-            assert (bound.bound(true[:, 1]) >= true[:, 0]).all(), seed
         assert last.area >= area_indicator(true, mission) - 1e-12
         points = last.points
         assert (points[:, None] >= true * (1 - 1e-12)).all(axis=2).any(axis=0).all(), seed

@@ -23,7 +23,7 @@ from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import Relaxation
 from botohe_moo.search.bounds.stairs import MOST_MOVING, TeamStairs
 from botohe_moo.search.bounds.steps import BYTES_A_STATE, LEAST_SURVIVAL, Steps
-from botohe_moo.search.bounds.targets import CELLS, Known, LineTargets, StepTargets
+from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.search.exact import TooLargeError, exact_front
 from botohe_moo.search.local_search import LocalSearch
 
@@ -214,8 +214,11 @@ class Proof:
         bound = self.bound()
         if self._callback is not None:
             self._callback(bound)
-        bounds = bound.by_robots(self.known.survivors).max(axis=0)
-        return bound if self.known.gap(bounds) > self._gap else None
+        return bound if self._gap_of(bound) > self._gap else None
+
+    def _gap_of(self, bound: FrontBound) -> float:
+        """Return the share by which a bound exceeds the known plans, on average."""
+        return self.known.gap(bound.bound(self.known.survivors))
 
     def _find_lines(self, effort: int, until: float) -> None:
         """Find lines until the time is over, or none can be lowered any more."""
@@ -236,20 +239,19 @@ class Proof:
         """Find stairs where the gap is the widest, with more effort as long as that helps."""
         if self._most_survival < LEAST_SURVIVAL:
             return
-        robots, effort, targets = self._mission.robots, 1, LineTargets(self.known)
-        first_gap = math.nan  # when searches with this effort began
+        effort, targets = 1, LineTargets(self.known)
+        before = self._gap_of(self.bound())
         while time.monotonic() < until and (bound := self._next_bound()) is not None:
-            gap = self.known.gap(bound.bound(self.known.survivors))
-            first_gap = gap if math.isnan(first_gap) else first_gap
             target = targets.next(bound)
             if target is None:
-                if gap > _STILL_HELPS * first_gap:
+                gap = self._gap_of(bound)
+                if gap > _STILL_HELPS * before:
                     return
-                first_gap, effort, targets = gap, _MORE_EFFORT * effort, LineTargets(self.known)
+                before, effort, targets = gap, _MORE_EFFORT * effort, LineTargets(self.known)
                 continue
             targets.close(target)
             if target.moving <= MOST_MOVING:
-                x = max(0.0, target.cell / CELLS * robots - (robots - target.moving))
+                x = max(0.0, target.begin - (self._mission.robots - target.moving))
                 self._stairs.improve(target.moving, x, effort, until)
 
     def _find_steps(self, targets: StepTargets, most_moving: int, until: float) -> None:

@@ -22,10 +22,12 @@ from botohe_moo.search.bounds.steps import (
     LEAST_MU,
     add_stairs,
     add_two,
-    falling,
     least_total,
     stairs_of,
 )
+
+# As in ``proof``, these constants were chosen by experiment, and every bound is valid whatever they
+# are.
 
 # Prices of survival that bound what lies ahead, in shares of that of the line.
 _SHARES = (0.0, 0.5, 1.0, 2.5)
@@ -42,9 +44,11 @@ _MARGIN = 6  # steps by which a search begins below what it needs
 # ``_WIDER`` times as much and ``_FURTHER``, at most to ``_FURTHEST``.
 _FIRST_SHARE, _LEAST_SHARE = 0.5, 0.05
 _WIDER, _FURTHER, _FURTHEST = 1.5, 0.1, 0.95
+# Where known trails alone are above the target, it lies this share of the gap beyond them.
+_BEYOND = 0.1
 _STAY = 0.5  # how much of the best prices is kept in the next ones
 _EPSILON = float(np.finfo(float).eps)
-N_STEPS = 2_000
+N_STEPS = 2_000  # of a trail's survival
 MOST_MOVING = 20  # robots: sums of stairs take time that grows with the square of their number
 _FALL = 2e-5  # of all reward: steps that fall by less are left out
 
@@ -87,6 +91,7 @@ class StairsMaster(Programme):
         return self._lp.getObjectiveValue(), visits
 
     def _cut_trails(self, pool: Pool, over: FloatArray, bins: OffsetArray) -> int:
+        """Add trails that are the most above the steps of their bins; return how many are new."""
         n = 0
         for i in np.argsort(-over)[:_TRAILS_AT_ONCE].tolist():
             if over[i] <= _CUT:
@@ -141,7 +146,7 @@ class TeamStairs:
         self._relaxation, self._pool = lines[0].relaxation, lines[0].pool
         self._width = most_survival * (1.0 + 1e-9) / N_STEPS
         # Entry t of row j − 1: no team of j whose steps sum to t or more gets above it.
-        self._most = [np.full(j * (N_STEPS - 1) + 2, np.inf) for j in range(1, len(lines) + 1)]
+        self._most = [np.full(j * (N_STEPS - 1) + 1, np.inf) for j in range(1, len(lines) + 1)]
         self._masters: dict[tuple[int, float], StairsMaster] = {}
 
     def bound(self, moving: int, x: float) -> float:
@@ -165,15 +170,18 @@ class TeamStairs:
         return steps
 
     def improve(self, moving: int, x: float, effort: int, until: float) -> None:
-        """Lower the bound where the survivals of ``moving`` robots sum to ``x`` or more."""
+        """Lower the bound where the survivals of ``moving`` robots sum to ``x`` or more.
+
+        Prices lie between the best ones known and those of the programme. Each search for trails is
+        given a target between the programme's value and the bound.
+        """
         lines = self._lines[moving - 1]
         team, base_reward = lines.team, lines.base_reward
         start = lines.lowest(x, x, 1)[0]
         mu = max(start.mu, LEAST_MU * self._relaxation.total)
-        key = (moving, x)
-        if key not in self._masters:
-            self._masters[key] = StairsMaster(team, self._most_survival, x)
-        master = self._masters[key]
+        if (moving, x) not in self._masters:
+            self._masters[moving, x] = StairsMaster(team, self._most_survival, x)
+        master = self._masters[moving, x]
         best, share, stay = np.inf, _FIRST_SHARE, 1.0
         centre = start.visits if master.centre is None else master.centre
         for i in range(_MOST_PRICES):
@@ -182,33 +190,30 @@ class TeamStairs:
             least, wanted = master.solve(self._pool, until)
             least += base_reward
             bound = self.bound(moving, x)
-            if bound <= least * (1 + _CLOSE) + 1e-9:
+            if bound <= least * (1 + _CLOSE):
                 return
             visits = centre if stay == 1.0 else team.tidy(stay * centre + (1 - stay) * wanted)
             beside = float(team.most(visits).sum()) + base_reward
             known = self._known(visits, moving, x)
-            low = beside + self._best(known, moving, x)
+            low = beside + self._best(known, moving, x)  # no search can show less
+            if low >= bound and i > 0:
+                if stay == 0.0:
+                    return
+                centre, stay = wanted, 0.0
+                continue
             target = least + share * (bound - least)
-            if low > target:  # whatever the search finds, these prices do not reach the target
-                if low > bound - 1e-9 and i > 0:
-                    if stay == 0.0 and i > 8:
-                        return
-                    stay = 0.0
-                    centre = wanted
-                    continue
-                target = low + 0.1 * abs(bound - low)
+            if low > target:
+                target = low + _BEYOND * abs(bound - low)
             floor = self._lifted(known, moving, x, target - beside)
             ended, stairs, n_found = self._search(Prices(visits, mu), moving, x, floor, effort)
             if not ended:
-                share = _WIDER * share + _FURTHER
-                stay = _STAY
+                share, stay = _WIDER * share + _FURTHER, _STAY
                 if share > _FURTHEST:
                     return
                 continue
             reached = beside + self._best(stairs, moving, x)
             if reached < best:
-                best = reached
-                centre = master.centre = visits
+                best, centre, master.centre = reached, visits, visits
             if n_found:
                 stay = _STAY
             elif share <= _LEAST_SHARE and stay == 0.0:
@@ -230,7 +235,7 @@ class TeamStairs:
 
     def _best(self, stairs: FloatArray, moving: int, x: float) -> float:
         """Return the most that ``moving`` robots are worth that survive with ``x`` together."""
-        most = add_stairs(np.maximum(stairs, 0.0), moving)
+        most = add_stairs(stairs, moving)
         total = int(least_total(np.array([x]), self._width, moving)[0])
         return float(most[min(total, len(most) - 1)])
 
@@ -263,7 +268,7 @@ class TeamStairs:
             for share in _SHARES
         ]
         least = self._first_step(moving, x)
-        stairs = Stairs(falling(floor), self._width, least)
+        stairs = Stairs(floor, self._width, least)
         spread = lines.team.spread(prices.visits, 2 * LEVELS)
         ended, trails = self._relaxation.raise_stairs(spread, ahead, stairs, _MOST_LINKS * effort)
         for arcs in trails:
@@ -273,19 +278,18 @@ class TeamStairs:
         return ended, stairs.heights, len(trails)
 
     def _keep(self, visits: FloatArray, stairs: FloatArray, least: float) -> None:
-        """Keep what stairs prove that hold for survivals of ``least`` or more."""
+        """Keep what stairs prove that hold for survivals of ``least`` or more.
+
+        Sums are raised as those of :class:`Steps` are: products at each factor, and over nodes.
+        """
         graph = self._relaxation.net.graph
         most = np.zeros(1)
         for moving, lines in enumerate(self._lines, 1):
-            most = add_two(np.maximum(stairs, 0.0), most) if moving > 1 else stairs.copy()
-            row = self._most[moving - 1]
+            most, row = add_two(stairs, most), self._most[moving - 1]
             # Where teams survive with so much, each of their robots survives with ``least``.
             x = least + (moving - 1) * self._most_survival
             first = 0 if least == 0.0 else int(x / self._width * (1 + 1e-9)) + 1
-            if first >= len(most):
-                continue
             worth = lines.base_reward + float(lines.team.most(visits).sum()) + most[first:]
             n_terms = 2 * moving * (graph.n_arcs + 2) + graph.n_nodes + 8
             scale = self._relaxation.total + lines.base_reward + worth
-            worth = worth + n_terms * _EPSILON * scale
-            row[first : len(most)] = np.minimum(row[first : len(most)], worth)
+            row[first:] = np.minimum(row[first:], worth + n_terms * _EPSILON * scale)

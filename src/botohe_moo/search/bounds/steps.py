@@ -230,8 +230,8 @@ def last_steps(stairs: FloatArray) -> OffsetArray:
 
 def falling(stairs: FloatArray) -> FloatArray:
     """Raise each step to the highest of those after it, so that stairs never rise."""
-    falling: FloatArray = np.maximum.accumulate(stairs[::-1])[::-1]
-    return falling
+    raised: FloatArray = np.maximum.accumulate(stairs[::-1])[::-1]
+    return raised
 
 
 def least_total(x: FloatArray, width: float, n_trails: int) -> OffsetArray:

@@ -12,7 +12,7 @@ from botohe_moo.search.bounds.front_bound import FrontBound
 # As in ``proof``, these constants were chosen by experiment, and every bound is valid whatever they
 # are.
 
-CELLS = 24  # of the range of E[S], for the widest gap
+_CELLS = 24  # of the range of E[S], for the widest gap
 _SAMPLES = 3_000  # of E[S], where known plans and bounds are compared
 _ROUNDING = 1e-12  # ends of steps are raised by this share: they are sums of rounded products
 _AFTER = 1e-9  # share of its survivors by which a step begins above a known plan
@@ -27,10 +27,10 @@ class Known:
     """The front of known plans, sampled at ``survivors`` (n); ``reached`` is their E[R] (n)."""
 
     def __init__(self, base_reward: float, robots: int) -> None:
-        self._robots = robots
+        self.robots = robots
         self._objectives = np.array([[base_reward, float(robots)]])
         self.survivors: FloatArray = (np.arange(_SAMPLES) + 0.5) / _SAMPLES * robots
-        self.cells: OffsetArray = (self.survivors / robots * CELLS).astype(np.int64)
+        self.cells: OffsetArray = (self.survivors / robots * _CELLS).astype(np.int64)
         self.reached: FloatArray = np.full(_SAMPLES, base_reward)
 
     def add(self, objectives: FloatArray) -> None:
@@ -57,15 +57,19 @@ class Known:
 
 
 class LineTarget(NamedTuple):
-    """Where lines are to be lowered: for ``moving`` robots, at an E[S] in a cell of its range."""
+    """Where a line or stairs are to be lowered: for ``moving`` robots, at an E[S] in a cell.
+
+    ``begin`` is the E[S] at which the cell begins.
+    """
 
     moving: int
     survivors: float
     cell: int
+    begin: float
 
 
 class LineTargets:
-    """The choice of the next line, in one of several cells of the range of E[S]."""
+    """The choice of the next line or stairs, in one of several cells of the range of E[S]."""
 
     def __init__(self, known: Known) -> None:
         self._known = known
@@ -76,17 +80,18 @@ class LineTargets:
         known, bounds = self._known, bound.by_robots(self._known.survivors)
         above = np.maximum(0.0, bounds.max(axis=0) - known.reached)
         highest = bounds.argmax(axis=0)
-        masses = np.bincount(known.cells, above, CELLS)
+        masses = np.bincount(known.cells, above, _CELLS)
         for cell in np.argsort(-masses, kind="stable").tolist():
             inside = np.flatnonzero((known.cells == cell) & (above > 0.0))
             for moving in np.unique(highest[inside]).tolist():
                 if moving > 0 and (cell, moving) not in self._closed:
                     at = inside[highest[inside] == moving]
-                    return LineTarget(moving, float(known.survivors[at[len(at) // 2]]), cell)
+                    middle = float(known.survivors[at[len(at) // 2]])
+                    return LineTarget(moving, middle, cell, cell / _CELLS * known.robots)
         return None
 
     def close(self, target: LineTarget) -> None:
-        """Close a cell for a number of robots, whose lines cannot be lowered."""
+        """Close a cell for a number of robots, where nothing can be lowered."""
         self._closed.add((target.cell, target.moving))
 
 
@@ -155,7 +160,7 @@ class StepTargets:
             near: BoolArray = np.arange(len(share)) == corner
         else:
             # Where fewer survivors are needed, there are more trails to search.
-            near = self._starts - self._starts[corner] < self._robots / CELLS / 2
+            near = self._starts - self._starts[corner] < self._robots / _CELLS / 2
             near &= (share == share[corner]) & (effort == effort[corner])
         # The front of one robot is found without a goal.
         if is_proved or share[corner] >= _EASIEST or moving == 1:
