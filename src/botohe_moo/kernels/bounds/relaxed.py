@@ -24,13 +24,17 @@ _LEAST_LOSS = 1e-9  # on a cycle of links; with less, its worth is lost in round
 class _Level(NamedTuple):
     """One level: what links are worth, a choice of a link for each state, and its value."""
 
-    # A link is worth ``gain`` + ``part`` × what lies ahead of its end (n_links).
+    # Links whose robots stay above the level below come first of each state: those of state s end
+    # at ``end[s]``. They are worth ``gain`` + ``part`` of their arc × what lies ahead of their end
+    # (n_states, n_links, n_arcs).
+    end: OffsetArray
     gain: FloatArray
     part: FloatArray
-    stop: FloatArray  # what stopping in each state is worth (n_states)
+    # What a state is worth that stops, or takes a link to a level that is known (n_states).
+    known: FloatArray
     cap: FloatArray  # what nothing gets above at each node (n_nodes)
     value: FloatArray  # what lies ahead of each state with these choices, or more (n_states)
-    chosen: OffsetArray  # −1 to stop (n_states)
+    chosen: OffsetArray  # −1 for what is known (n_states)
     # Scratch to follow the choices.
     path: OffsetArray  # states in the order in which they are followed (n_states)
     seen: OffsetArray  # 1 on the path, 2 where a state is valued (n_states)
@@ -99,13 +103,13 @@ def _follow_choices(states: States, level: _Level) -> bool:
             n += 1
             state = states.to[chosen[state]]
         if seen[state] == 0:
-            value[state], seen[state] = level.stop[state], 2
+            value[state], seen[state] = level.known[state], 2
         elif seen[state] == 1:  # a cycle
             total, left, at = 0.0, 1.0, state
             while True:
                 link = chosen[at]
                 total += left * level.gain[link]
-                left *= level.part[link]
+                left *= level.part[states.arc[link]]
                 at = states.to[link]
                 if at == state:
                     break
@@ -118,108 +122,125 @@ def _follow_choices(states: States, level: _Level) -> bool:
             at = path[i]
             if seen[at] == 1:
                 link = chosen[at]
-                worth = level.gain[link] + level.part[link] * value[states.to[link]]
+                part = level.part[states.arc[link]]
+                worth = level.gain[link] + part * value[states.to[link]]
                 value[at] = min(worth, cap[states.node[at]])
                 seen[at] = 2
     return True
 
 
 @inlined
-def _choose(states: States, level: _Level, tolerance: float, is_forward: bool) -> bool:
+def _choose(
+    states: States, level: _Level, tolerance: float, is_forward: bool
+) -> tuple[bool, float]:
     """Choose better links, and raise values; return whether there were any.
 
-    A raised value at once counts for states that come later in the pass, so passes alternate in
-    direction.
+    Also returns the most by which other values fall short of the best link. A raised value at once
+    counts for states that come later in the pass, so passes alternate in direction.
     """
-    cap, value, chosen = level.cap, level.value, level.chosen
-    is_better, n_states = False, value.shape[0]
+    value, n_states, is_better, short = level.value, level.value.shape[0], False, 0.0
     for i in range(n_states):
         state = i if is_forward else n_states - 1 - i
-        best, most = value[state], cap[states.node[state]]
-        if level.stop[state] > best + tolerance:
-            best, chosen[state], is_better = level.stop[state], -1, True
-        for link in range(states.first[state], states.first[state + 1]):
-            worth = min(level.gain[link] + level.part[link] * value[states.to[link]], most)
-            if worth > best + tolerance:
-                best, chosen[state], is_better = worth, link, True
-        value[state] = best
-    return is_better
+        best, chosen = level.known[state], -1
+        for link in range(states.first[state], level.end[state]):
+            worth = level.gain[link] + level.part[states.arc[link]] * value[states.to[link]]
+            if worth > best:
+                best, chosen = worth, link
+        best = min(best, level.cap[states.node[state]])
+        if best > value[state] + tolerance:
+            value[state], level.chosen[state], is_better = best, chosen, True
+        else:
+            short = max(short, best - value[state])
+    return is_better, short
+
+
+@inlined
+def _weigh_links(
+    states: States, level: _Level, low: OffsetArray, paid: FloatArray, values: FloatArray, at: int
+) -> None:
+    """Compute what links are worth at level ``at``, beside what is not known yet.
+
+    ``values`` are those of the levels below (n_levels + 1, n_states).
+    """
+    part, below = level.part, values[at - 1]
+    for state in range(level.end.shape[0]):
+        link, end, best = states.first[state], states.first[state + 1], level.known[state]
+        while link < end and low[states.arc[link]] == at - 1:
+            arc = states.arc[link]
+            level.gain[link] = below[states.to[link]] * (1.0 - part[arc])
+            if states.pays[link]:
+                level.gain[link] += paid[arc]
+            link += 1
+        level.end[state] = link
+        if level.chosen[state] >= link:
+            level.chosen[state] = -1
+        while link < end:
+            arc, to = states.arc[link], states.to[link]
+            before, after = values[low[arc], to], values[low[arc] + 1, to]
+            gain = before + (after - before) * part[arc]
+            if states.pays[link]:
+                gain += paid[arc]
+            best = max(best, gain)
+            link += 1
+        level.known[state] = min(best, level.cap[states.node[state]])
 
 
 @kernel
 def relax(
     net: Net, states: States, worth: Worth, cap: FloatArray, tolerance: float, values: FloatArray
-) -> bool:
+) -> float:
     """Write what lies ahead of each state at each level, to a tolerance (n_states, n_levels + 1).
 
     Levels are solved from the lowest up, each by policy iteration: Howard, "Dynamic Programming and
     Markov Processes", MIT Press, 1960. Given the levels below, what lies ahead of a state is linear
     in what lies ahead of the others, so that one choice of a link in each state can be valued at
     once. Choices begin with those of the level below, and are improved until none can be. Nothing
-    gets above ``cap`` (n_nodes, n_levels + 1).
+    gets above ``cap`` (n_nodes, n_levels + 1). The links of each state have to descend by the ratio
+    of their arcs.
 
-    Returns False where choices were improved too often.
+    Returns the most by which a value falls short of the best that one step leads to, up to
+    rounding; inf where choices were improved too often.
     """
     prices, mu = worth.prices, worth.mu
     n_states, n_levels, n_arcs = values.shape[0], values.shape[1] - 1, net.graph.head.shape[0]
-    low, part, paid = np.empty(n_arcs, np.int64), np.empty(n_arcs), np.empty(n_arcs)
-    n_links = states.arc.shape[0]
-    value, most = np.zeros(n_states), np.empty(cap.shape[0])
+    low, paid = np.empty(n_arcs, np.int64), np.empty(n_arcs)
     made = _Level(
-        gain=np.empty(n_links),
-        part=np.empty(n_links),
-        stop=np.empty(n_states),
-        cap=most,
-        value=value,
+        end=np.empty(n_states, np.int64),
+        gain=np.empty(states.arc.shape[0]),
+        part=np.empty(n_arcs),
+        known=np.empty(n_states),
+        cap=np.empty(cap.shape[0]),
+        value=np.zeros(n_states),
         chosen=np.full(n_states, -1, np.int64),
         path=np.empty(n_states, np.int64),
         seen=np.empty(n_states, np.int64),
     )
-    values[:, 0] = 0.0
+    # Levels in rows: values of one level are read together.
+    by_level = np.zeros((n_levels + 1, n_states))
     n_linear = _count_linear(prices) if np.isinf(cap).all() else 1
-    for level in range(n_linear, n_levels + 1):
-        _weigh_arcs(net, prices, level, low, part, paid)
-        most[:] = cap[:, level]
-        for link in range(n_links):
-            arc, to = states.arc[link], states.to[link]
-            gain = paid[arc] if states.pays[link] else 0.0
-            if level == n_linear:  # at this level and below, values are proportional to the level
-                made.part[link] = net.ratio[arc]
-            elif low[arc] == level - 1:
-                gain += values[to, level - 1] * (1.0 - part[arc])
-                made.part[link] = part[arc]
-            else:
-                before, after = values[to, low[arc]], values[to, low[arc] + 1]
-                gain += before + (after - before) * part[arc]
-                made.part[link] = 0.0
-            made.gain[link] = gain
+    most_short = _STRAIGHT * prices.max()
+    for at in range(n_linear, n_levels + 1):
+        _weigh_arcs(net, prices, at, low, made.part, paid)
+        if at == n_linear:  # at this level and below, values are proportional to the level
+            low[:], made.part[:] = at - 1, net.ratio
+        made.cap[:] = cap[:, at]
         for state in range(n_states):
             is_base = states.node[state] == net.graph.base
-            made.stop[state] = min(mu * level / n_levels, most[net.graph.base]) if is_base else 0.0
-        n = 0
-        while True:
+            made.known[state] = mu * at / n_levels if is_base else 0.0
+        _weigh_links(states, made, low, paid, by_level, at)
+        is_better, short, n = True, 0.0, 0
+        while is_better:
             if n == _MOST_CHOICES or not _follow_choices(states, made):
-                return False
+                return np.inf
             n += 1
-            if not _choose(states, made, tolerance, n % 2 == 0):
-                break
-        for below in range(1 if level == n_linear else level, level + 1):
-            values[:, below] = value * (below / level)
-    return True
-
-
-@kernel
-def shortfall(net: Net, states: States, worth: Worth, cap: FloatArray, values: FloatArray) -> float:
-    """Return the most by which a value falls short of the best that one step leads to."""
-    n_levels, most = values.shape[1] - 1, 0.0
-    for state in range(values.shape[0]):
-        node = states.node[state]
-        for level in range(1, n_levels + 1):
-            best = worth.mu * level / n_levels if node == net.graph.base else 0.0
-            for link in range(states.first[state], states.first[state + 1]):
-                best = max(best, _value_of(net, states, worth.prices, values, link, float(level)))
-            most = max(most, min(best, cap[node, level]) - values[state, level])
-    return most
+            is_better, short = _choose(states, made, tolerance, n % 2 == 0)
+        most_short = max(most_short, short)
+        for below in range(1 if at == n_linear else at, at + 1):
+            by_level[below] = made.value * (below / at)
+    for state in range(n_states):
+        for at in range(n_levels + 1):
+            values[state, at] = by_level[at, state]
+    return most_short
 
 
 @kernel

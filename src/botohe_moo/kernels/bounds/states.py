@@ -89,9 +89,15 @@ def _next_mask(memory: Memory, arc: int, mask: int) -> int:
 
 @kernel
 def find_states(net: Net, memory: Memory, n_most: int) -> States:
-    """Find all states that are reached from base; none where there are more than ``n_most``."""
+    """Find all states that are reached from base; none where there are more than ``n_most``.
+
+    The links of each state descend by the ratio of their arcs.
+    """
     graph = net.graph
-    n_nodes = graph.reward.shape[0]
+    n_nodes, order = graph.reward.shape[0], np.empty(graph.head.shape[0], np.int64)
+    for node in range(n_nodes):
+        first, end = graph.first[node], graph.first[node + 1]
+        order[first:end] = first + np.argsort(-net.ratio[first:end], kind="mergesort")
     offset = np.zeros(n_nodes + 1, np.int64)
     for i in range(n_nodes):
         offset[i + 1] = offset[i] + (1 << memory.n_bits[i])
@@ -100,14 +106,14 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
         offset[n_nodes] = 1
     number = np.full(offset[n_nodes], -1, np.int32)
     room = min(int(offset[n_nodes]), n_most)
-    node, mask = np.empty(room + 1, np.int64), np.empty(room + 1, np.int64)
+    node_of, mask = np.empty(room + 1, np.int64), np.empty(room + 1, np.int64)
     n, n_links, at = 1, 0, 0
-    node[0], mask[0] = graph.base, 0
+    node_of[0], mask[0] = graph.base, 0
     if n_most > 0:
         number[offset[graph.base]] = 0
     while at < n and n <= n_most:
-        tail = node[at]
-        for arc in range(graph.first[tail], graph.first[tail + 1]):
+        tail = node_of[at]
+        for arc in order[graph.first[tail] : graph.first[tail + 1]]:
             after = _next_mask(memory, arc, mask[at])
             if after < 0:
                 continue
@@ -116,17 +122,17 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
             if number[offset[to] + after] < 0 and n <= n_most:
                 number[offset[to] + after] = n
                 if n < room:
-                    node[n], mask[n] = to, after
+                    node_of[n], mask[n] = to, after
                 n += 1
         at += 1
     if n > n_most:
         n = n_links = 0
-    first, pays = np.zeros(n + 1, np.int64), np.zeros(n_links, np.bool_)
+    first_link, pays = np.zeros(n + 1, np.int64), np.zeros(n_links, np.bool_)
     way, target = np.empty(n_links, np.int64), np.empty(n_links, np.int64)
     link = 0
     for state in range(n):
-        tail = node[state]
-        for arc in range(graph.first[tail], graph.first[tail + 1]):
+        tail = node_of[state]
+        for arc in order[graph.first[tail] : graph.first[tail + 1]]:
             after = _next_mask(memory, arc, mask[state])
             if after < 0:
                 continue
@@ -134,5 +140,5 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
             unpaid = memory.unpaid[arc]
             pays[link] = unpaid == NONE or (unpaid >= 0 and not (mask[state] >> unpaid) & 1)
             link += 1
-        first[state + 1] = link
-    return States(node[:n].copy(), first, way, target, pays)
+        first_link[state + 1] = link
+    return States(node_of[:n].copy(), first_link, way, target, pays)

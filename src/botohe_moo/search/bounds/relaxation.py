@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.bounds.relaxed import follow, relax, shortfall
+from botohe_moo.kernels.bounds.relaxed import follow, relax
 from botohe_moo.kernels.bounds.states import Net, Worth, find_states
 from botohe_moo.kernels.bounds.trails import Completions, Stairs, TrailRule, find_trails, new_depths
 from botohe_moo.search.bounds.memory import RelaxedTrail, Remembered
@@ -94,12 +94,13 @@ class Relaxation:
         cap = np.full(shape, np.inf)
         # Where arcs are sure, relaxed trails may collect without end.
         if not self._is_capped:
-            self._is_capped = not relax(net, states, worth, cap, tolerance, values)
+            short = relax(net, states, worth, cap, tolerance, values)
+            self._is_capped = short == np.inf
         if self._is_capped:
             cap = self._everything(prices, mu)
-            if not relax(net, states, worth, cap, tolerance, values):
-                values = cap[states.node]
-        short = shortfall(net, states, worth, cap, values)
+            short = relax(net, states, worth, cap, tolerance, values)
+            if short == np.inf:
+                values, short = cap[states.node], 0.0
         # A step adds some ten roundings. One of a level counts for each level, since a price may
         # rise in the last one alone. A trail has at most as many steps as there are arcs.
         scale = self.total + mu + float(values.max(initial=0.0))
@@ -217,10 +218,10 @@ class Relaxation:
         states, state = self.states, 0
         for arc, pays in zip(*trail, strict=True):
             first, end = states.first[state : state + 2].tolist()
-            link = first + int(np.searchsorted(states.arc[first:end], arc))
-            if link == end or states.arc[link] != arc or (pays and not states.pays[link]):
+            found = first + np.flatnonzero(states.arc[first:end] == arc)
+            if len(found) == 0 or (pays and not states.pays[found[0]]):
                 return False
-            state = int(states.to[link])
+            state = int(states.to[found[0]])
         return True
 
 

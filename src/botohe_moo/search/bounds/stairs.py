@@ -20,6 +20,7 @@ from botohe_moo.search.bounds.prices import PricedTeam, Prices
 from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.steps import (
     LEAST_MU,
+    SHARES,
     add_stairs,
     add_two,
     least_total,
@@ -29,8 +30,6 @@ from botohe_moo.search.bounds.steps import (
 # As in ``proof``, these constants were chosen by experiment, and every bound is valid whatever they
 # are.
 
-# Prices of survival that bound what lies ahead, in shares of that of the line.
-_SHARES = (0.0, 0.5, 1.0, 2.5)
 _BINS = 100  # of survival, in the linear programme
 _MOST_SOLVED = 60  # times that the programme is solved for one pool
 _CUT = 1e-6  # by how much a row has to be violated to be added
@@ -264,12 +263,12 @@ class TeamStairs:
         lines = self._lines[moving - 1]
         none = np.zeros(self._relaxation.net.graph.n_nodes)
         ahead = [
-            (lines.look_ahead(Prices(prices.visits, share * prices.mu), 2 * LEVELS), none)
-            for share in _SHARES
+            (lines.look_ahead(Prices(prices.visits, share * prices.mu), LEVELS), none)
+            for share in SHARES
         ]
         least = self._first_step(moving, x)
         stairs = Stairs(floor, self._width, least)
-        spread = lines.team.spread(prices.visits, 2 * LEVELS)
+        spread = lines.team.spread(prices.visits, LEVELS)
         ended, trails = self._relaxation.raise_stairs(spread, ahead, stairs, _MOST_LINKS * effort)
         for arcs in trails:
             self._pool.add(arcs)

@@ -29,11 +29,11 @@ _MOST_TEAMS = 20_000_000  # choices that are tried for the best team
 _MOST_ROUNDS = 3  # in which thresholds are raised
 # Prices of survival that bound what lies ahead, in shares of that of the line; and what that is at
 # least, in shares of all reward.
-_SHARES = (0.0, 0.4, 0.7, 1.0, 1.5, 3.0, 8.0)
+SHARES = (0.3, 1.0)
 LEAST_MU = 0.01
 _LINES_SHARE = 0.4  # of the time that is left, to find a line at the place of the step
 # Memory for what lies ahead of a state, at all of these prices twice.
-BYTES_A_STATE = 16.0 * len(_SHARES) * 60
+BYTES_A_STATE = 16.0 * MOST_LINES * 2 * LEVELS
 _EPSILON = float(np.finfo(float).eps)
 _EDGE = 1e-12  # survivals this much below a step count as on it, relative
 LEAST_SURVIVAL = 1e-280  # as good as 0: where no robot survives with more, there are no stairs
@@ -94,7 +94,7 @@ class Steps:
         prices = Prices(team.reward[:, None] * team.alive, 0.0)
         stairs = np.maximum(self._known(prices), 0.0)
         lines = [
-            (self._lines.look_ahead(other, 2 * LEVELS), team.to_all(team.most(other.visits)))
+            (self._lines.look_ahead(other, LEVELS), team.to_all(team.most(other.visits)))
             for other in self._lines.lowest(x, self._most_survival, MOST_LINES)
         ]
         if not self._raise(prices, lines, Stairs(stairs, self._width, x), effort):
@@ -116,8 +116,8 @@ class Steps:
         prices = self._lines.lowest(x, x, 1)[0]
         mu = max(prices.mu, LEAST_MU * self._relaxation.total)
         ahead = [
-            self._lines.look_ahead(Prices(prices.visits, share * mu), 2 * LEVELS)
-            for share in _SHARES
+            self._lines.look_ahead(Prices(prices.visits, share * mu), LEVELS)
+            for share in SHARES
         ]
         lines = [(each, team.to_all(np.zeros(len(team.nodes)))) for each in ahead]
         goal_beside = goal - float(team.most(prices.visits).sum())
@@ -132,7 +132,7 @@ class Steps:
             if (needed <= before + _HIGHER * self._relaxation.total).all():
                 break
         above, n_most = Stairs(needed, self._width, least), _MOST_LINKS * effort
-        spread = team.spread(prices.visits, 2 * LEVELS)
+        spread = team.spread(prices.visits, LEVELS)
         found = self._relaxation.find_all(spread, lines, above, n_most)
         height = None if found is None else self._best_team(x, goal, *found)
         if height is None:
@@ -142,7 +142,7 @@ class Steps:
 
     def _raise(self, prices: Prices, lines: BoundLines, stairs: Stairs, effort: int) -> bool:
         """Raise stairs above all trails; return whether the search ended."""
-        spread = self._lines.team.spread(prices.visits, 2 * LEVELS)
+        spread = self._lines.team.spread(prices.visits, LEVELS)
         ended, trails = self._relaxation.raise_stairs(spread, lines, stairs, _MOST_LINKS * effort)
         for arcs in trails:
             self._pool.add(arcs)
