@@ -95,14 +95,14 @@ def test_the_step_that_lowers_the_bound_the_most_is_next(known):
     targets = StepTargets(known, 2, 0.8)
     steps = []
     for expected in ((2, 1, 5.0), (1, 1, 5.0), (1, 2, 0.0)):
-        target = targets.next(bound_of(*steps), 2, 1)
+        target = targets.take(bound_of(*steps), 2, 1)
         assert (target.moving, target.corner, target.goal) == expected
-        targets.close(target, is_proved=True)
+        targets.give_back(target, is_proved=True)
         stay = 2 - target.moving
         least = max(0.0, target.survivors - stay)
         steps.append(Step(target.moving, target.goal, least, "exact"))
     again = StepTargets(known, 2, 0.8)
-    assert again.next(bound_of(), 0, 1) is None  # nobody moves
+    assert again.take(bound_of(), 0, 1) is None  # nobody moves
 
 
 def test_what_is_too_hard_is_made_easier_before_more_effort(known):
@@ -113,26 +113,27 @@ def test_what_is_too_hard_is_made_easier_before_more_effort(known):
     ):
         targets, found = StepTargets(known, 2, 0.8), []
         while len(found) < len(expected):
-            target = targets.next(bound_of(), 2, 64)
+            target = targets.take(bound_of(), 2, 64)
             is_hard = target.moving == moving and target.corner == 1
             if is_hard:
                 found.append((target.goal, target.effort))
-            targets.close(target, is_proved=not is_hard)
+            targets.give_back(target, is_proved=not is_hard)
         assert found == expected
-    assert StepTargets(known, 2, 0.8).next(bound_of(), 2, 0.5) is None  # no time for any
+    assert StepTargets(known, 2, 0.8).take(bound_of(), 2, 0.5) is None  # no time for any
 
 
 def test_lines_are_found_where_the_gap_is_the_widest(known):
     targets = LineTargets(known)
-    first = targets.next(bound_of())
+    first = targets.take(bound_of())
     assert first.moving == 2
     assert 1.25 < first.survivors < 1.6  # 12 above 0
     found = set()
-    while (target := targets.next(bound_of())) is not None:
+    while (target := targets.take(bound_of())) is not None:
         assert target not in found
         found.add(target)
-        targets.close(target)
-    assert first in found
+    assert first not in found
+    targets.reopen(first)
+    assert targets.take(bound_of()) == first
     assert {target.moving for target in found} == {1, 2}
 
 

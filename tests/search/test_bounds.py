@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import threading
 from fractions import Fraction
 from itertools import combinations_with_replacement
 
@@ -81,6 +82,38 @@ def test_no_plan_exceeds_the_bound_at_any_stage(no_front, short_search, seeds):
         tight += last.gap(true) < 1e-6
     assert n_stages > 5 * len(seeds)
     assert tight > 0.4 * len(seeds)
+
+
+@pytest.mark.parametrize("seeds", [range(10), pytest.param(range(10, 100), marks=pytest.mark.slow)])
+def test_no_plan_exceeds_what_threads_prove(no_front, short_search, seeds):
+    for seed in seeds:
+        mission, limits = random_mission(seed)
+        true, [*_, last] = bounded_at_all_stages(mission, limits, seed, n_threads=2 + seed % 3)
+        assert last.gap(true) < 0.02, seed
+
+
+@pytest.mark.parametrize("n_threads", [1, 3])
+def test_what_a_callback_raises_ends_all_threads(no_front, n_threads):
+    """Ctrl-C returns what is proved; other errors are raised."""
+    mission, limits = random_mission(4)
+    seen, running = [], threading.active_count()
+
+    def interrupt(bound):
+        seen.append(bound)
+        if len(seen) > 2:
+            raise error
+
+    error = KeyboardInterrupt()
+    given = {"time_limit": 60, "callback": interrupt, "n_threads": n_threads}
+    last = bound_front(mission, **limits, **given)
+    assert last.area <= seen[-1].area
+    assert len(seen) == 3
+    seen.clear()
+    error = RuntimeError("enough")
+    with pytest.raises(RuntimeError, match="enough"):
+        bound_front(mission, **limits, **given)
+    assert len(seen) == 3
+    assert threading.active_count() == running
 
 
 def test_steps_are_raised_to_better_teams(no_front, monkeypatch):

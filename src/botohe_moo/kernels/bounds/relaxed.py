@@ -240,7 +240,7 @@ def relax(
     for state in range(n_states):
         for at in range(n_levels + 1):
             values[state, at] = by_level[at, state]
-    return most_short
+    return float(most_short)
 
 
 @kernel

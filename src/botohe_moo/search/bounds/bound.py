@@ -30,6 +30,7 @@ def bound_front(
     time_limit: Positive = TIME_LIMIT,
     memory_limit: MemoryLimit = MEMORY_LIMIT,
     gap: NotNegative = 0.0,
+    n_threads: Annotated[int, Field(ge=1, le=1_024)] = 1,
     min_survival: Probability = 0.0,
     max_length: TravelBudget | None = None,
     seed: Annotated[int, Field(ge=0)] = 1,
@@ -55,6 +56,8 @@ def bound_front(
     gap
         At least 0: it ends when the bound's area exceeds that of the known plans by at most this
         share.
+    n_threads
+        Threads that work at different places of the front, from 1 to 1 024.
     min_survival
         Survival floor of every robot, in [0, 1].
     max_length
@@ -62,9 +65,9 @@ def bound_front(
         no budget.
     seed
         Of the search for trails, at least 0. The same seed gives the same bound if it ends before
-        the time is over; otherwise the bounds may differ, and all are valid.
+        the time is over with one thread; otherwise the bounds may differ, and all are valid.
     callback
-        Called with each bound on the way; these are valid, too.
+        Called with each bound on the way, by one thread at a time; these are valid, too.
 
     Returns
     -------
@@ -107,6 +110,7 @@ def bound_front(
         seconds=time_limit,
         memory=memory_limit,
         gap=gap,
+        n_threads=n_threads,
         callback=callback,
     )
     if callback is not None and not callable(callback):

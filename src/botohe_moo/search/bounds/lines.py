@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from botohe_moo.kernels.bounds.states import Worth
 from botohe_moo.search.bounds.envelopes import lower_envelope
 from botohe_moo.search.bounds.master import Master
 from botohe_moo.search.bounds.pool import Pool
@@ -18,8 +19,7 @@ from botohe_moo.search.bounds.relaxation import Ahead, Relaxation
 # As in ``proof``, these constants were chosen by experiment, and every line is valid whatever they
 # are.
 
-# Levels of relaxed trails, at least; a depth-first search has twice as many.
-LEVELS = 24
+LEVELS = 24  # of relaxed trails, at least
 # How near to the programme's value a line has to come, in shares of the bound: by relaxed trails,
 # and by search.
 _RELAXED_TOLERANCE, _SEARCH_TOLERANCE = 1e-3, 2e-4
@@ -54,7 +54,8 @@ class Lines:
         self._found: list[tuple[Line, Prices | None]] = [
             (self._line(everything, 0.0, "everything"), None)
         ]
-        self._made: Master | None = None
+        # Linear programmes that no thread uses: they are large, and made when they are needed.
+        self._masters: list[Master] = []
         self.others: list[Lines] = []
 
     @property
@@ -66,13 +67,6 @@ class Lines:
     def team(self) -> PricedTeam:
         """The robots that move, as prices see them."""
         return PricedTeam(self.relaxation.net, self.n_robots, self.pool.n_levels)
-
-    @property
-    def _master(self) -> Master:
-        """The linear programme, which is large, and made when it is needed."""
-        if self._made is None:
-            self._made = Master(self.team, self.relaxation.total)
-        return self._made
 
     def _line(self, most: float, mu: float, proof: LineProof) -> Line:
         """Return a line that is raised by what rounding may have taken from sums over nodes."""
@@ -114,42 +108,43 @@ class Lines:
 
         Returns whether relaxed trails remember more than before, so that another try may pay.
         """
-        prices = self._by_relaxed(x, deadline)
-        used = [self.pool.relaxed[number] for number in self._master.active()]
-        is_exact = self._by_search(x, prices, effort, deadline)
+        relaxation = self.relaxation
+        master = (
+            self._masters.pop()
+            if self._masters
+            else Master(self.team, relaxation.total, relaxation.turns)
+        )
+        prices = self._by_relaxed(master, x, deadline)
+        used = [self.pool.relaxed[number] for number in master.active()]
+        is_exact = self._by_search(master, x, prices, effort, deadline)
+        self._masters.append(master)
         if is_exact or time.monotonic() > deadline:
             return False
-        if not self.relaxation.remember([trail for trail in used if trail is not None]):
+        if not relaxation.remember([trail for trail in used if trail is not None]):
             return False
-        self.drop_forbidden()
+        self.pool.drop_forbidden(relaxation.allows)
         return True
 
-    def drop_forbidden(self) -> None:
-        """Drop trails that break the rules of relaxed trails, since these remember more."""
-        for number in self.pool.drop_forbidden(self.relaxation.allows):
-            for lines in (self, *self.others):
-                if lines._made is not None:
-                    lines._made.drop(number)
-
-    def look_ahead(self, prices: Prices, n_levels: int) -> Ahead:
-        """Bound all trails under prices, on a grid of ``n_levels`` or a few more."""
-        return self.relaxation.look_ahead(self.team.spread(prices.visits, n_levels), prices.mu)
+    def look_ahead(self, *prices: Prices) -> list[Ahead]:
+        """Bound all trails under each of several prices, on a grid of ``LEVELS`` or a few more."""
+        worths = [Worth(self.team.spread(each.visits, LEVELS), each.mu) for each in prices]
+        return self.relaxation.look_ahead(worths)
 
     def _tidied(self, prices: Prices) -> Prices:
         return Prices(self.team.tidy(prices.visits), prices.mu)
 
-    def _by_relaxed(self, x: float, deadline: float) -> Prices:
+    def _by_relaxed(self, master: Master, x: float, deadline: float) -> Prices:
         """Step from the best prices to those of the programme; return the best."""
         pool, best, value, step = self.pool, None, np.inf, _SMOOTHING
-        self._master.allow_relaxed(pool, allowed=True)
+        master.allow_relaxed(pool, allowed=True)
         for _ in range(_MOST_RELAXED):
-            least, wanted, theta = self._master.solve(pool, x, deadline)
+            least, wanted, theta = master.solve(pool, x, deadline)
             least += self.base_reward
             bound = min(value, self.bound(x))
             if bound - least < _RELAXED_TOLERANCE * bound or time.monotonic() > deadline:
                 break
             prices = self._tidied(wanted if best is None else best.towards(wanted, step))
-            ahead = self.look_ahead(prices, LEVELS)
+            (ahead,) = self.look_ahead(prices)
             reached = self._keep_all(prices, ahead.most, "relaxed", deadline) - prices.mu * x
             added = [pool.add(*trail) for trail in self.relaxation.best_trails(ahead)]
             if reached < value:
@@ -160,21 +155,23 @@ class Lines:
             step = _SMOOTHING if is_new else 1.0
         return self._tidied(wanted) if best is None else best
 
-    def _by_search(self, x: float, best: Prices, effort: int, deadline: float) -> bool:
+    def _by_search(
+        self, master: Master, x: float, best: Prices, effort: int, deadline: float
+    ) -> bool:
         """Step from the best prices to those of the programme, as far as they can be searched.
 
         Returns whether the search at the best prices ended.
         """
         pool, value, step, is_exact = self.pool, np.inf, 0.0, False
-        self._master.allow_relaxed(pool, allowed=False)
+        master.allow_relaxed(pool, allowed=False)
         for i in range(_MOST_SEARCHED):
-            least, wanted, theta = self._master.solve(pool, x, deadline)
+            least, wanted, theta = master.solve(pool, x, deadline)
             least += self.base_reward
             bound = self.bound(x)
             if bound - least < _SEARCH_TOLERANCE * bound or time.monotonic() > deadline:
                 break
             prices = self._tidied(best.towards(wanted, step))
-            ahead = self.look_ahead(prices, 2 * LEVELS)
+            (ahead,) = self.look_ahead(prices)
             worth = pool.values(prices, relaxed=False)
             at_least = max(0.0, float(worth.max(initial=0.0))) + 1e-9
             n_most = _MOST_STEPS * effort * (1 if i else _FIRST_STEPS)

@@ -10,6 +10,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import PricedTeam, Prices
+from botohe_moo.search.bounds.turns import Turns
 
 _CUT = 1e-7  # by how much a row has to be violated to be added
 _CUTS_AT_ONCE = 8  # trails that are added before the programme is solved again, by experiment
@@ -23,7 +24,7 @@ class Programme:
     others, with costs and upper bounds of their own. HiGHS goes on from the last basis.
     """
 
-    def __init__(self, team: PricedTeam, cost: FloatArray, upper: FloatArray) -> None:
+    def __init__(self, team: PricedTeam, cost: FloatArray, upper: FloatArray, turns: Turns) -> None:
         import highspy
 
         class Silent(highspy.Highs):
@@ -33,7 +34,7 @@ class Programme:
                 self.setOptionValue("output_flag", False)
                 super().enableCallbacks()  # type: ignore[no-untyped-call]
 
-        self.team = team
+        self.team, self._turns = team, turns
         self._inf = highspy.kHighsInf
         n_nodes, n_levels = len(team.nodes), team.n_levels
         self._n_prices = n_nodes * n_levels
@@ -74,7 +75,8 @@ class Programme:
         """
         left = max(0.01, deadline - time.monotonic())
         self._lp.setOptionValue("time_limit", self._lp.getRunTime() + left)
-        self._lp.run()
+        with self._turns.aside():
+            self._lp.run()
         found = np.array(self._lp.getSolution().col_value)
         if found.shape == self._last.shape and np.isfinite(found).all():
             self._last = np.clip(found, 0.0, self._upper)
@@ -115,9 +117,9 @@ class Master(Programme):
     prices, theta the most that a known trail is worth, and mu the price of survival.
     """
 
-    def __init__(self, team: PricedTeam, total: float) -> None:
+    def __init__(self, team: PricedTeam, total: float, turns: Turns) -> None:
         cost = np.array([team.n_robots, 0.0])
-        super().__init__(team, cost, np.array([np.inf, _MOST_MU * total]))
+        super().__init__(team, cost, np.array([np.inf, _MOST_MU * total]), turns)
         self._theta, self._mu = self._first_other, self._first_other + 1
         # The row of each trail of the pool, and of those relaxed ones that do not count at present.
         self._rows: dict[int, int] = {}
@@ -160,15 +162,12 @@ class Master(Programme):
                 self._add(0.0, columns, [1.0, -visits.survival, *(-visits.weights).tolist()])
         return n
 
-    def drop(self, number: int) -> None:
-        """Leave out a trail that the pool has dropped."""
-        self._unused.pop(number, None)
-        if number in self._rows:
-            self._switch_off(self._rows.pop(number))
-
     def allow_relaxed(self, pool: Pool, *, allowed: bool) -> None:
-        """Count relaxed trails, too, or trails only."""
+        """Count relaxed trails that the pool has not dropped, too, or trails only."""
         self._takes_relaxed = allowed
+        for number in [number for number in self._rows if pool.dropped[number]]:
+            self._switch_off(self._rows.pop(number))
+        self._unused = {i: row for i, row in self._unused.items() if not pool.dropped[i]}
         if allowed:
             for number in list(self._unused):
                 self._restore(number)

@@ -146,13 +146,8 @@ class Pool:
         """The probabilities to come home (n)."""
         return np.array([visits.survival for visits in self.visits])
 
-    def drop_forbidden(self, allows: Callable[[RelaxedTrail], bool]) -> list[int]:
-        """Drop relaxed trails that are not allowed any more; return their numbers."""
-        found = [
-            number
-            for number, trail in enumerate(self.relaxed)
-            if trail is not None and not self.dropped[number] and not allows(trail)
-        ]
-        for number in found:
-            self.dropped[number] = True
-        return found
+    def drop_forbidden(self, allows: Callable[[RelaxedTrail], bool]) -> None:
+        """Drop relaxed trails that are not allowed any more."""
+        for number, trail in enumerate(self.relaxed):
+            if trail is not None and not self.dropped[number]:
+                self.dropped[number] = not allows(trail)

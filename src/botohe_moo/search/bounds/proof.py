@@ -24,6 +24,7 @@ from botohe_moo.search.bounds.relaxation import Relaxation
 from botohe_moo.search.bounds.stairs import MOST_MOVING, TeamStairs
 from botohe_moo.search.bounds.steps import BYTES_A_STATE, LEAST_SURVIVAL, Steps
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
+from botohe_moo.search.bounds.turns import Turns
 from botohe_moo.search.exact import TooLargeError, exact_front
 from botohe_moo.search.local_search import LocalSearch
 
@@ -79,6 +80,7 @@ class Proof:
         seed: int,
         seconds: float,
         memory: float,
+        n_threads: int = 1,
         gap: float = 0.0,
         callback: Callable[[FrontBound], Any] | None = None,
     ) -> None:
@@ -87,6 +89,7 @@ class Proof:
         self._mission, self._limits, self._memory = mission, limits, memory
         self._seconds, self._deadline = seconds, self._began + seconds
         self._random_state = np.random.default_rng(seed)
+        self._turns = Turns(n_threads)
         graph = mission.arrays
         # In units in which all reward is about 100: a power of 2, so that nothing is rounded.
         self._unit = 2.0 ** round(math.log2(mission.total_reward / 100 or 1.0))
@@ -119,6 +122,7 @@ class Proof:
             # Four tables of all pairs of nodes, in a quarter of the memory.
             Remembered(net, nearest, n_bits, min(_MOST_COMPARED, math.isqrt(int(n_bytes / 128)))),
             self._random_state,
+            self._turns,
             most_bits=_MOST_BITS,
             most_states=max(net.graph.n_nodes + 1, min(_MOST_STATES, fits)),
             n_seen=n_seen,
@@ -190,11 +194,9 @@ class Proof:
         self._find_trails()
         robots = self._mission.robots
         steps = StepTargets(self.known, robots, self._most_survival)
-        if self._next_bound() is not None:
-            until = self._until(_FIRST_SHARE)
-            for share in _FIRST_LINES:
-                self._lines[0].tighten(share * self._most_survival, 1, until)
-            self._find_steps(steps, 1, until)
+        until = self._until(_FIRST_SHARE)
+        self._find_first_lines(until)
+        self._find_steps(steps, 1, until)
         self._find_lines(1, self._until(_LINES_SHARE))
         self._find_stairs(self._until(_STAIRS_SHARE))
         steps = StepTargets(self.known, robots, self._most_survival)
@@ -207,9 +209,9 @@ class Proof:
         moment = time.monotonic()
         return moment + share * (self._deadline - moment)
 
-    def _next_bound(self) -> FrontBound | None:
+    def _next_bound(self, until: float) -> FrontBound | None:
         """Return the bound to improve on; None if the time is over or the gap small enough."""
-        if time.monotonic() > self._deadline:
+        if time.monotonic() > until:
             return None
         bound = self.bound()
         if self._callback is not None:
@@ -220,20 +222,37 @@ class Proof:
         """Return the share by which a bound exceeds the known plans, on average."""
         return self.known.gap(bound.bound(self.known.survivors))
 
+    def _find_first_lines(self, until: float) -> None:
+        """Find some lines of one robot."""
+        shares = list(_FIRST_LINES)
+
+        def find_next() -> bool:
+            if not shares or self._next_bound(until) is None:
+                return False
+            self._lines[0].tighten(shares.pop(0) * self._most_survival, 1, until)
+            return True
+
+        self._turns.repeat(find_next)
+
     def _find_lines(self, effort: int, until: float) -> None:
         """Find lines until the time is over, or none can be lowered any more."""
         targets = LineTargets(self.known)
-        while time.monotonic() < until and (bound := self._next_bound()) is not None:
-            target = targets.next(bound)
+
+        def find_next() -> bool:
+            bound = self._next_bound(until)
+            target = None if bound is None else targets.take(bound)
             if target is None:
-                return
+                return False
             moving, lines = target.moving, self._lines[target.moving - 1]
             x = target.survivors - (self._mission.robots - moving)
             x = max(x, moving * self._limits.min_survival)
             before = lines.bound(x)
             remembers_more = lines.tighten(x, effort, until)
-            if not remembers_more or lines.bound(x) > before * (1 - _LEAST_GAIN):
-                targets.close(target)
+            if remembers_more and lines.bound(x) <= before * (1 - _LEAST_GAIN):
+                targets.reopen(target)
+            return True
+
+        self._turns.repeat(find_next)
 
     def _find_stairs(self, until: float) -> None:
         """Find stairs where the gap is the widest, with more effort as long as that helps."""
@@ -241,34 +260,47 @@ class Proof:
             return
         effort, targets = 1, LineTargets(self.known)
         before = self._gap_of(self.bound())
-        while time.monotonic() < until and (bound := self._next_bound()) is not None:
-            target = targets.next(bound)
+
+        def find_next() -> bool:
+            nonlocal effort, targets, before
+            bound = self._next_bound(until)
+            if bound is None:
+                return False
+            target = targets.take(bound)
             if target is None:
                 gap = self._gap_of(bound)
                 if gap > _STILL_HELPS * before:
-                    return
+                    return False
                 before, effort, targets = gap, _MORE_EFFORT * effort, LineTargets(self.known)
-                continue
-            targets.close(target)
-            if target.moving <= MOST_MOVING:
+            elif target.moving <= MOST_MOVING:
                 x = max(0.0, target.begin - (self._mission.robots - target.moving))
                 self._stairs.improve(target.moving, x, effort, until)
+            return True
+
+        self._turns.repeat(find_next)
 
     def _find_steps(self, targets: StepTargets, most_moving: int, until: float) -> None:
         """Find steps for up to ``most_moving`` robots, until the time is over or all are tried."""
         if most_moving > 1 and time.monotonic() < until:
             fits = int(self._memory * _MIB / 2 / BYTES_A_STATE)
             self._relaxation.widen(_STEP_BITS, min(_MOST_STEP_STATES, fits))
-            self._lines[0].drop_forbidden()
-        while time.monotonic() < until and (bound := self._next_bound()) is not None:
+            self._pool.drop_forbidden(self._relaxation.allows)
+
+        def find_next() -> bool:
+            bound = self._next_bound(until)
+            if bound is None:
+                return False
             left = until - time.monotonic()
-            target = targets.next(bound, most_moving, left / _SECONDS_OF_EFFORT)
+            target = targets.take(bound, most_moving, left / _SECONDS_OF_EFFORT)
             if target is None:
-                return
+                return False
             x = max(0.0, target.survivors - (self._mission.robots - target.moving))
             steps, goal = self._steps[target.moving - 1], target.goal / self._unit
             is_proved = steps.tighten(x, goal, target.effort, until)
-            targets.close(target, is_proved=is_proved)
+            targets.give_back(target, is_proved=is_proved)
+            return True
+
+        self._turns.repeat(find_next)
 
     def bound(self) -> FrontBound:
         """Return what has been proved, without lines that are nowhere the lowest."""

@@ -9,9 +9,10 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.relaxed import follow, relax
-from botohe_moo.kernels.bounds.states import Net, Worth, find_states
+from botohe_moo.kernels.bounds.states import Net, States, Worth, find_states
 from botohe_moo.kernels.bounds.trails import Completions, Stairs, TrailRule, find_trails, new_depths
 from botohe_moo.search.bounds.memory import RelaxedTrail, Remembered
+from botohe_moo.search.bounds.turns import Turns
 
 _SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
 _EPSILON = float(np.finfo(float).eps)
@@ -28,14 +29,15 @@ MOST_LINES = 8  # prices under which a search bounds what lies ahead
 class Ahead(NamedTuple):
     """Bounds under prices: on what lies ahead of each state, and on what any trail is worth."""
 
+    states: States  # of relaxed trails, as far as they remembered then
     worth: Worth  # the prices
     values: FloatArray  # (n_states, n_levels + 1)
     spare: float  # what has to be added to values, for rounding and tolerance
     most: float  # no trail is worth more
 
 
-# Bounds under several prices, each with the amounts by which the prices of trails may exceed them
-# at each node (n_nodes).
+# Bounds under several prices, of the same states, each with the amounts by which the prices of
+# trails may exceed them at each node (n_nodes).
 BoundLines: TypeAlias = Sequence[tuple[Ahead, FloatArray]]
 
 
@@ -47,16 +49,20 @@ class Relaxation:
         net: Net,
         remembered: Remembered,
         random_state: np.random.Generator,
+        turns: Turns,
         *,
         most_bits: int,
         most_states: int,
         n_seen: int,
     ) -> None:
-        self.net, self._remembered = net, remembered
+        self.net, self._remembered, self.turns = net, remembered, turns
         self._most_bits, self._most_states = most_bits, most_states
         self.total = float(net.graph.reward.sum())
         n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
-        self._depths = new_depths(net, random_state, n_seen, n_room, MOST_LINES)
+        self._depths = [  # those that no thread uses
+            new_depths(net, random_state, n_seen, n_room, MOST_LINES)
+            for _ in range(turns.n_threads)
+        ]
         self._is_capped = False
         # Whether there was too little room for all that was to be remembered.
         self.remembers_less = not self._find_states(most_states)
@@ -84,10 +90,15 @@ class Relaxation:
             else:
                 fewest = n_bits
 
-    def look_ahead(self, prices: FloatArray, mu: float) -> Ahead:
-        """Bound all trails that leave the base."""
-        worth = Worth(prices, mu)
-        net, states, graph = self.net, self.states, self.net.graph
+    def look_ahead(self, worths: Sequence[Worth]) -> list[Ahead]:
+        """Bound all trails that leave the base, under each of several prices."""
+        states = self.states
+        with self.turns.aside():
+            return [self._look_ahead(states, worth) for worth in worths]
+
+    def _look_ahead(self, states: States, worth: Worth) -> Ahead:
+        prices, mu = worth
+        net, graph = self.net, self.net.graph
         shape = (graph.n_nodes, prices.shape[1])
         values = np.zeros((len(states.node), prices.shape[1]))
         tolerance = _TOLERANCE * self.total
@@ -106,7 +117,7 @@ class Relaxation:
         scale = self.total + mu + float(values.max(initial=0.0))
         spare = graph.n_arcs * (short + (32 + 4 * prices.shape[1]) * _EPSILON * scale)
         _, best = follow(net, states, worth, values, -1, np.empty(1, np.int64))
-        return Ahead(worth, values, spare, best + spare)
+        return Ahead(states, worth, values, spare, best + spare)
 
     def _everything(self, prices: FloatArray, mu: float) -> FloatArray:
         """Bound what lies ahead of each node, as if a robot could go to all others at once.
@@ -130,7 +141,7 @@ class Relaxation:
 
         Of long ones only the first steps are returned, and some do not come home.
         """
-        net, states, n_levels = self.net, self.states, ahead.worth.prices.shape[1] - 1
+        net, states, n_levels = self.net, ahead.states, ahead.worth.prices.shape[1] - 1
         found: list[RelaxedTrail] = []
         links = np.empty(_MOST_TRAIL, np.int64)
         for turn in _TURNS:
@@ -151,20 +162,21 @@ class Relaxation:
         Returns whether the search has ended, the value that no trail exceeds then, and its arcs.
         """
         stairs = Stairs(np.array([least]), width=np.inf, least=0.0)  # one step, which is raised
-        line = Completions(ahead.values[None], np.zeros(1), np.zeros((1, self.net.graph.n_nodes)))
+        # A bound without prices of survival, and without anything beside prices.
+        line = ahead._replace(worth=ahead.worth._replace(mu=0.0)), np.zeros(self.net.graph.n_nodes)
         rule = TrailRule(every=False, slack=0.0, n_most=n_most)
-        ended = self._search(ahead.worth, line, stairs, rule)
-        found = self._found()
-        return ended, float(stairs.heights[0]) + ahead.spare, found[-1] if found else []
+        ended, *found = self._search(ahead.worth, [line], stairs, rule)
+        trails = _as_lists(*found)
+        return ended, float(stairs.heights[0]) + ahead.spare, trails[-1] if trails else []
 
     def raise_stairs(
         self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
     ) -> tuple[bool, list[list[int]]]:
         """Raise stairs above all trails; return whether the search has ended, and trails found."""
         rule = TrailRule(every=False, slack=_SLACK * self.total, n_most=n_most)
-        ended = self._search(Worth(prices, mu=0.0), _completions(lines), stairs, rule)
+        ended, *found = self._search(Worth(prices, mu=0.0), lines, stairs, rule)
         stairs.heights[:] += max(ahead.spare for ahead, _ in lines)
-        return ended, self._found()
+        return ended, _as_lists(*found)
 
     def find_all(
         self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
@@ -176,20 +188,25 @@ class Relaxation:
         spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
         lowered = stairs._replace(heights=stairs.heights - spare)
         rule = TrailRule(every=True, slack=0.0, n_most=n_most)
-        if not self._search(Worth(prices, mu=0.0), _completions(lines), lowered, rule):
-            return None
-        depths, n = self._depths, int(self._depths.found.n_trails)
-        return depths.arcs[:n], depths.n_arcs[:n]
+        ended, *found = self._search(Worth(prices, mu=0.0), lines, lowered, rule)
+        return (found[0], found[1]) if ended else None
 
-    def _search(self, worth: Worth, ahead: Completions, stairs: Stairs, rule: TrailRule) -> bool:
-        """Search for trails; return whether the search ended."""
-        return find_trails(self.net, self.states, worth, ahead, stairs, rule, self._depths) >= 0
+    def _search(
+        self, worth: Worth, lines: BoundLines, stairs: Stairs, rule: TrailRule
+    ) -> tuple[bool, OffsetArray, OffsetArray]:
+        """Search for trails; return whether the search ended, and what it has found.
 
-    def _found(self) -> list[list[int]]:
-        """Return the trails of the last search, the last one last."""
-        depths = self._depths
-        n = min(int(depths.found.n_trails), len(depths.n_arcs))
-        return [depths.arcs[i, : depths.n_arcs[i]].tolist() for i in range(n)]
+        These are the arcs of trails (n, n_arcs), and how many they are (n).
+        """
+        depths = self._depths.pop()
+        try:
+            with self.turns.aside():
+                states, ahead = lines[0][0].states, _completions(lines)
+                n = find_trails(self.net, states, worth, ahead, stairs, rule, depths)
+            n_found = min(int(depths.found.n_trails), len(depths.n_arcs))
+            return n >= 0, depths.arcs[:n_found].copy(), depths.n_arcs[:n_found].copy()
+        finally:
+            self._depths.append(depths)
 
     def remember(self, trails: Sequence[RelaxedTrail]) -> bool:
         """Remember what relaxed trails do twice; return whether there was room for more.
@@ -223,6 +240,11 @@ class Relaxation:
                 return False
             state = int(states.to[found[0]])
         return True
+
+
+def _as_lists(arcs: OffsetArray, n_arcs: OffsetArray) -> list[list[int]]:
+    """Return trails as lists of their arcs."""
+    return [row[:n].tolist() for row, n in zip(arcs, n_arcs.tolist(), strict=True)]
 
 
 def _completions(lines: BoundLines) -> Completions:

@@ -26,6 +26,7 @@ from botohe_moo.search.bounds.steps import (
     least_total,
     stairs_of,
 )
+from botohe_moo.search.bounds.turns import Turns
 
 # As in ``proof``, these constants were chosen by experiment, and every bound is valid whatever they
 # are.
@@ -60,9 +61,9 @@ class StairsMaster(Programme):
     least what any known trail in bin b is worth, and never rises.
     """
 
-    def __init__(self, team: PricedTeam, most_survival: float, x: float) -> None:
+    def __init__(self, team: PricedTeam, most_survival: float, x: float, turns: Turns) -> None:
         cost = np.append(np.zeros(_BINS), 1.0)
-        super().__init__(team, cost, np.full(_BINS + 1, np.inf))
+        super().__init__(team, cost, np.full(_BINS + 1, np.inf), turns)
         self._stairs = slice(self._first_other, self._first_other + _BINS)
         self._worth = self._first_other + _BINS
         for b in range(self._stairs.start, self._stairs.stop - 1):
@@ -75,14 +76,14 @@ class StairsMaster(Programme):
 
     def solve(self, pool: Pool, deadline: float) -> tuple[float, FloatArray]:
         """Return the least bound over known trails, and its prices (n_nodes that pay, ·)."""
-        bins = np.minimum((pool.survival / self._width + 1e-9).astype(np.int64), _BINS - 1)
-        is_low = bins < self._needed - (self.team.n_robots - 1) * (_BINS - 1)
+        least_bin = self._needed - (self.team.n_robots - 1) * (_BINS - 1)
         for _ in range(_MOST_SOLVED):
             solution, visits = self._run(deadline)
             stairs = solution[self._stairs]
+            bins = np.minimum((pool.survival / self._width + 1e-9).astype(np.int64), _BINS - 1)
             n = self._cut_configurations(visits, solution)
             over = pool.values(Prices(visits, 0.0), relaxed=False) - stairs[bins]
-            over[is_low] = -np.inf
+            over[bins < least_bin] = -np.inf
             n += self._cut_trails(pool, over, bins)
             n += self._cut_teams(stairs, float(solution[self._worth]))
             if n == 0 or time.monotonic() > deadline:
@@ -174,13 +175,19 @@ class TeamStairs:
         Prices lie between the best ones known and those of the programme. Each search for trails is
         given a target between the programme's value and the bound.
         """
+        team, turns = self._lines[moving - 1].team, self._relaxation.turns
+        master = self._masters.pop((moving, x), None)
+        master = master or StairsMaster(team, self._most_survival, x, turns)
+        self._improve(master, moving, x, effort, until)
+        self._masters[moving, x] = master
+
+    def _improve(
+        self, master: StairsMaster, moving: int, x: float, effort: int, until: float
+    ) -> None:
         lines = self._lines[moving - 1]
         team, base_reward = lines.team, lines.base_reward
         start = lines.lowest(x, x, 1)[0]
         mu = max(start.mu, LEAST_MU * self._relaxation.total)
-        if (moving, x) not in self._masters:
-            self._masters[moving, x] = StairsMaster(team, self._most_survival, x)
-        master = self._masters[moving, x]
         best, share, stay = np.inf, _FIRST_SHARE, 1.0
         centre = start.visits if master.centre is None else master.centre
         for i in range(_MOST_PRICES):
@@ -262,10 +269,8 @@ class TeamStairs:
         """
         lines = self._lines[moving - 1]
         none = np.zeros(self._relaxation.net.graph.n_nodes)
-        ahead = [
-            (lines.look_ahead(Prices(prices.visits, share * prices.mu), LEVELS), none)
-            for share in SHARES
-        ]
+        worths = [Prices(prices.visits, share * prices.mu) for share in SHARES]
+        ahead = [(each, none) for each in lines.look_ahead(*worths)]
         least = self._first_step(moving, x)
         stairs = Stairs(floor, self._width, least)
         spread = lines.team.spread(prices.visits, LEVELS)

@@ -93,10 +93,9 @@ class Steps:
         team = self._lines.team
         prices = Prices(team.reward[:, None] * team.alive, 0.0)
         stairs = np.maximum(self._known(prices), 0.0)
-        lines = [
-            (self._lines.look_ahead(other, LEVELS), team.to_all(team.most(other.visits)))
-            for other in self._lines.lowest(x, self._most_survival, MOST_LINES)
-        ]
+        others = self._lines.lowest(x, self._most_survival, MOST_LINES)
+        beside = [team.to_all(team.most(other.visits)) for other in others]
+        lines = list(zip(self._lines.look_ahead(*others), beside, strict=True))
         if not self._raise(prices, lines, Stairs(stairs, self._width, x), effort):
             return False
         first = int(x / self._width * (1 - _EDGE))
@@ -115,10 +114,7 @@ class Steps:
         team = self._lines.team
         prices = self._lines.lowest(x, x, 1)[0]
         mu = max(prices.mu, LEAST_MU * self._relaxation.total)
-        ahead = [
-            self._lines.look_ahead(Prices(prices.visits, share * mu), LEVELS)
-            for share in SHARES
-        ]
+        ahead = self._lines.look_ahead(*(Prices(prices.visits, share * mu) for share in SHARES))
         lines = [(each, team.to_all(np.zeros(len(team.nodes)))) for each in ahead]
         goal_beside = goal - float(team.most(prices.visits).sum())
         least = max(0.0, x - (self._n_robots - 1) * self._most_survival)
@@ -194,7 +190,8 @@ class Steps:
         front = new_front(4, self._n_robots)
         insert(front, np.inf, x * (1.0 - ROUNDING) - LEAST_SURVIVAL)
         insert(front, goal, np.inf)
-        ended = choose_teams(choices, front, _MOST_TEAMS, most_reward=True)
+        with self._relaxation.turns.aside():
+            ended = choose_teams(choices, front, _MOST_TEAMS, most_reward=True)
         return best_reward(front, np.inf) if ended == FINISHED else None
 
     def _figures(self, arcs: OffsetArray, n_arcs: OffsetArray) -> tuple[FloatArray, FloatArray]:

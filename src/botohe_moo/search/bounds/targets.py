@@ -75,8 +75,8 @@ class LineTargets:
         self._known = known
         self._closed: set[tuple[int, int]] = set()  # cells, with numbers of moving robots
 
-    def next(self, bound: FrontBound) -> LineTarget | None:
-        """Return the next target; None where no open cell has a gap."""
+    def take(self, bound: FrontBound) -> LineTarget | None:
+        """Return the next target, and close its cell; None where no open cell has a gap."""
         known, bounds = self._known, bound.by_robots(self._known.survivors)
         above = np.maximum(0.0, bounds.max(axis=0) - known.reached)
         highest = bounds.argmax(axis=0)
@@ -85,14 +85,15 @@ class LineTargets:
             inside = np.flatnonzero((known.cells == cell) & (above > 0.0))
             for moving in np.unique(highest[inside]).tolist():
                 if moving > 0 and (cell, moving) not in self._closed:
+                    self._closed.add((cell, moving))
                     at = inside[highest[inside] == moving]
                     middle = float(known.survivors[at[len(at) // 2]])
                     return LineTarget(moving, middle, cell, cell / _CELLS * known.robots)
         return None
 
-    def close(self, target: LineTarget) -> None:
-        """Close a cell for a number of robots, where nothing can be lowered."""
-        self._closed.add((target.cell, target.moving))
+    def reopen(self, target: LineTarget) -> None:
+        """Open a cell again for a number of robots, where more can be lowered."""
+        self._closed.remove((target.cell, target.moving))
 
 
 class StepTarget(NamedTuple):
@@ -123,8 +124,11 @@ class StepTargets:
         self._effort = np.ones(self._is_open.shape, np.int64)
         self._first = np.searchsorted(known.survivors, self._starts)
 
-    def next(self, bound: FrontBound, most_moving: int, most_effort: float) -> StepTarget | None:
-        """Return the next step for up to ``most_moving`` robots; None where none is left."""
+    def take(self, bound: FrontBound, most_moving: int, most_effort: float) -> StepTarget | None:
+        """Return the next step for up to ``most_moving`` robots, and close it meanwhile.
+
+        Returns None where none is left.
+        """
         bounds = bound.by_robots(self._starts * (1 + _AFTER))
         goals = self._heights + self._share * np.maximum(0.0, bounds - self._heights)
         gains = self._gains(bound, self._is_open & (bounds > goals * (1 + _CLOSE)), goals)
@@ -133,6 +137,7 @@ class StepTargets:
         moving, corner = (int(i) for i in np.unravel_index(gains.argmax(), gains.shape))
         if gains[moving, corner] <= 0.0:
             return None
+        self._is_open[moving, corner] = False
         start, goal = float(self._starts[corner]), float(goals[moving, corner])
         return StepTarget(moving, corner, start, goal, int(self._effort[moving, corner]))
 
@@ -151,12 +156,12 @@ class StepTargets:
         scaled: FloatArray = gains / self._effort
         return scaled
 
-    def close(self, target: StepTarget, *, is_proved: bool) -> None:
-        """Raise the goal or the effort of a step that is too hard; close one that is proved."""
+    def give_back(self, target: StepTarget, *, is_proved: bool) -> None:
+        """Raise the goal or the effort of a step that is too hard; leave one closed if proved."""
         moving, corner = target.moving, target.corner
         share, effort = self._share[moving], self._effort[moving]  # views, which are changed
+        self._is_open[moving, corner] = not is_proved or share[corner] > 0.0
         if is_proved:
-            self._is_open[moving, corner] &= share[corner] > 0.0
             near: BoolArray = np.arange(len(share)) == corner
         else:
             # Where fewer survivors are needed, there are more trails to search.
