@@ -7,8 +7,9 @@ from botohe_moo.search.bounds import proof
 
 @pytest.fixture
 def short_search(monkeypatch):
-    """On missions of a few nodes, searches ten times as long find the same plans and bounds."""
+    """On missions of a few nodes, more evaluations and cells find the same plans and bounds."""
     monkeypatch.setattr(proof, "_EVALUATIONS", 8_000)
+    monkeypatch.setattr(proof, "_MOST_CELLS", 96)
 
 
 @pytest.fixture

@@ -123,7 +123,7 @@ def test_what_is_too_hard_is_made_easier_before_more_effort(known):
 
 
 def test_lines_are_found_where_the_gap_is_the_widest(known):
-    targets = LineTargets(known)
+    targets = LineTargets(known, 24)
     first = targets.take(bound_of())
     assert first.moving == 2
     assert 1.25 < first.survivors < 1.6  # 12 above 0

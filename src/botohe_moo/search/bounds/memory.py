@@ -44,7 +44,6 @@ class Remembered:
         self.net = net
         self.bits: list[list[int]] = [[] for _ in range(graph.n_nodes)]
         self.between: FloatArray | None = None
-        self._rewards: list[list[int]] = [[] for _ in range(graph.n_nodes)]  # the nearest first
         self._backs: dict[int, int] = {}  # the arc into a piece, by the arc back over its bridge
         if n_bits == 0:
             return
@@ -65,14 +64,6 @@ class Remembered:
                 rewards, ways = self._nearest(node, pays, around)
                 bits = rewards[:nearest] + [graph.n_nodes + way.arc for way in ways]
                 self.bits[node] = bits[:n_bits]
-                self._rewards[node] = rewards
-
-    def widen(self, n_bits: int) -> None:
-        """Add the next nearest rewards to nodes that remember fewer than ``n_bits``."""
-        self.bits = [list(bits) for bits in self.bits]
-        for bits, rewards in zip(self.bits, self._rewards, strict=True):
-            more = [reward for reward in rewards if reward not in bits]
-            bits += more[: max(0, n_bits - len(bits))]
 
     def add(self, wanted: Sequence[tuple[int, Sequence[int]]], n_bits: int) -> bool:
         """Add each bit whose nodes all have room for it; return whether any is new."""

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from botohe_moo.search.bounds.prices import most_levels
 from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import Relaxation
 from botohe_moo.search.bounds.stairs import MOST_MOVING, TeamStairs
-from botohe_moo.search.bounds.steps import BYTES_A_STATE, LEAST_SURVIVAL, Steps
+from botohe_moo.search.bounds.steps import LEAST_SURVIVAL, Steps
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.search.bounds.turns import Turns
 from botohe_moo.search.exact import TooLargeError, exact_front
@@ -35,15 +35,18 @@ from botohe_moo.search.local_search import LocalSearch
 # Shares of the time limit.
 _EXACT_SHARE = 0.05  # for the true front
 _SEARCH_SHARE = 0.05  # to find trails
-# Shares of the time that is left.
 _FIRST_SHARE = 0.1  # for one robot: without a limit it took all of the time on 200 nodes
-_LINES_SHARE = 0.4  # for lines, before steps
-_STAIRS_SHARE = 0.6  # for stairs
-_STEPS_SHARE = 0.5  # for steps
-# Searches for stairs get this many times the effort once all places were tried, unless the last
-# effort left more than a share of the gap.
-_MORE_EFFORT, _STILL_HELPS = 4, 0.9
-_EFFORT_OF_LINES = 16  # times the usual search, once the easy steps are known
+_SLICE = 0.04  # in which one thing is done
+# What is done first is left where it does not halve the gap in this share of the time.
+_HALVED_IN = 0.15
+# By what share a slice closes the gap at least, as far as its speed is concerned; and by how much
+# this speed grows in each slice of something else.
+_LEAST_CLOSED, _AGES = 1e-3, 1.2
+_CELLS = 24  # of the range of E[S], for lines and first for stairs
+# Once stairs were tried in all cells, there are twice as many, and searches get this many times the
+# effort, unless the gap is small, or all the last ones left more than a share of it.
+_MORE_EFFORT, _MOST_CELLS, _SMALL, _STILL_HELPS = 2, 384, 1e-4, 0.99
+_EFFORT_OF_LINES = 16  # times the usual search, once all lines were tried
 # Relaxed trails get a memory where this many times the preparation without one still fits.
 _PREPARING = 4
 _LEAST_GAIN = 1e-3  # a line that is lowered by a larger share is worth another try
@@ -59,14 +62,16 @@ _MOST_CONFIGURATIONS = 6_000  # of a team's levels, all of which are looked at f
 _NEAREST = 8  # rewards near by that a node remembers
 _FIRST_BITS = 10  # that a node remembers at first: rewards and bridges
 _MOST_BITS = 14  # that a node remembers at most
-_STEP_BITS = 12  # that nodes are filled up to for steps, with further rewards
 _MOST_STATES = 40_000  # of relaxed trails
-_MOST_STEP_STATES = 120_000  # of relaxed trails, for steps
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 _MOST_COMPARED = 3_000  # nodes of which all pairs are compared: a second, and 0.1 GiB
 _BYTES_A_LINK = 40.0  # three integers of 8 bytes and a flag, and two figures of a level
 _MIB = 2**20
 _ROUNDING = 1e-12  # the largest survival is raised by this share: products are rounded
+
+
+# One piece of work, given the bound and the moment when it has to end; False if none is left.
+Work: TypeAlias = Callable[[FrontBound, float], bool]
 
 
 class Proof:
@@ -192,22 +197,46 @@ class Proof:
         if self._limits.min_survival > 0.0:
             self._notes.append("Relaxed trails keep the survival floor one arc at a time only.")
         self._find_trails()
-        robots = self._mission.robots
-        steps = StepTargets(self.known, robots, self._most_survival)
-        until = self._until(_FIRST_SHARE)
-        self._find_first_lines(until)
-        self._find_steps(steps, 1, until)
-        self._find_lines(1, self._until(_LINES_SHARE))
-        self._find_stairs(self._until(_STAIRS_SHARE))
-        steps = StepTargets(self.known, robots, self._most_survival)
-        self._find_steps(steps, robots, self._until(_STEPS_SHARE))
-        self._find_lines(_EFFORT_OF_LINES, self._deadline)
-        self._find_steps(steps, robots, self._deadline)
+        first = self._deadline_of(_FIRST_SHARE)
+        self._spend(self._first_lines(), first)
+        self._spend(self._steps_work(most_moving=1), first)
+        self._share_out()
 
-    def _until(self, share: float) -> float:
-        """Return the moment when a share of the time that is left is over."""
-        moment = time.monotonic()
-        return moment + share * (self._deadline - moment)
+    def _share_out(self) -> None:
+        """Do in each slice of the time what has closed the gap the fastest when it was last done.
+
+        What was not done in a slice counts for more in the next one.
+        """
+        works = [self._lines_work(), self._stairs_work(), self._steps_work(self._mission.robots)]
+        hoped = math.log(2.0) / (_HALVED_IN * self._seconds)
+        speeds, gap = [math.inf, hoped, hoped], self._gap_of(self.bound())
+        while works and gap > self._gap and time.monotonic() < self._deadline:
+            i, began, before = speeds.index(max(speeds)), time.monotonic(), gap
+            is_left = self._spend(works[i], self._deadline_of(_SLICE))
+            gap, took = self._gap_of(self.bound()), time.monotonic() - began
+            speeds = [_AGES * speed for speed in speeds]
+            speeds[i] = math.log((1.0 + _LEAST_CLOSED) * before / max(gap, 1e-300)) / took
+            if not is_left:
+                del works[i], speeds[i]
+
+    def _spend(self, work: Work, until: float) -> bool:
+        """Repeat work until the time is over, or the gap is small; return whether some is left."""
+        is_left = True
+
+        def work_once() -> bool:
+            nonlocal is_left
+            bound = self._next_bound(until)
+            if bound is None:
+                return False
+            is_left = work(bound, until)
+            return is_left
+
+        self._turns.repeat(work_once)
+        return is_left
+
+    def _deadline_of(self, share: float) -> float:
+        """Return the moment when a share of all time has gone by."""
+        return min(self._deadline, time.monotonic() + share * self._seconds)
 
     def _next_bound(self, until: float) -> FrontBound | None:
         """Return the bound to improve on; None if the time is over or the gap small enough."""
@@ -222,27 +251,27 @@ class Proof:
         """Return the share by which a bound exceeds the known plans, on average."""
         return self.known.gap(bound.bound(self.known.survivors))
 
-    def _find_first_lines(self, until: float) -> None:
+    def _first_lines(self) -> Work:
         """Find some lines of one robot."""
         shares = list(_FIRST_LINES)
 
-        def find_next() -> bool:
-            if not shares or self._next_bound(until) is None:
-                return False
-            self._lines[0].tighten(shares.pop(0) * self._most_survival, 1, until)
-            return True
+        def find_next(_: FrontBound, until: float) -> bool:
+            if shares:
+                self._lines[0].tighten(shares.pop(0) * self._most_survival, 1, until)
+            return len(shares) > 0
 
-        self._turns.repeat(find_next)
+        return find_next
 
-    def _find_lines(self, effort: int, until: float) -> None:
-        """Find lines until the time is over, or none can be lowered any more."""
-        targets = LineTargets(self.known)
+    def _lines_work(self) -> Work:
+        """Find lines where the gap is the widest, until none can be lowered any more."""
+        effort, targets = 1, LineTargets(self.known, _CELLS)
 
-        def find_next() -> bool:
-            bound = self._next_bound(until)
-            target = None if bound is None else targets.take(bound)
+        def find_next(bound: FrontBound, until: float) -> bool:
+            nonlocal effort, targets
+            target = targets.take(bound)
             if target is None:
-                return False
+                effort, targets = _EFFORT_OF_LINES * effort, LineTargets(self.known, _CELLS)
+                return effort <= _EFFORT_OF_LINES
             moving, lines = target.moving, self._lines[target.moving - 1]
             x = target.survivors - (self._mission.robots - moving)
             x = max(x, moving * self._limits.min_survival)
@@ -252,45 +281,37 @@ class Proof:
                 targets.reopen(target)
             return True
 
-        self._turns.repeat(find_next)
+        return find_next
 
-    def _find_stairs(self, until: float) -> None:
-        """Find stairs where the gap is the widest, with more effort as long as that helps."""
-        if self._most_survival < LEAST_SURVIVAL:
-            return
-        effort, targets = 1, LineTargets(self.known)
-        before = self._gap_of(self.bound())
+    def _stairs_work(self) -> Work:
+        """Find stairs where the gap is the widest, at more places as long as that helps."""
+        n_cells, effort, targets = _CELLS, 1, LineTargets(self.known, _CELLS)
+        before = math.inf
 
-        def find_next() -> bool:
-            nonlocal effort, targets, before
-            bound = self._next_bound(until)
-            if bound is None:
+        def find_next(bound: FrontBound, until: float) -> bool:
+            nonlocal n_cells, effort, targets, before
+            if self._most_survival < LEAST_SURVIVAL:
                 return False
             target = targets.take(bound)
             if target is None:
                 gap = self._gap_of(bound)
-                if gap > _STILL_HELPS * before:
+                if n_cells == _MOST_CELLS or gap < _SMALL or gap > _STILL_HELPS * before:
                     return False
-                before, effort, targets = gap, _MORE_EFFORT * effort, LineTargets(self.known)
+                before, n_cells, effort = gap, 2 * n_cells, _MORE_EFFORT * effort
+                targets = LineTargets(self.known, n_cells)
             elif target.moving <= MOST_MOVING:
                 x = max(0.0, target.begin - (self._mission.robots - target.moving))
                 self._stairs.improve(target.moving, x, effort, until)
             return True
 
-        self._turns.repeat(find_next)
+        return find_next
 
-    def _find_steps(self, targets: StepTargets, most_moving: int, until: float) -> None:
-        """Find steps for up to ``most_moving`` robots, until the time is over or all are tried."""
-        if most_moving > 1 and time.monotonic() < until:
-            fits = int(self._memory * _MIB / 2 / BYTES_A_STATE)
-            self._relaxation.widen(_STEP_BITS, min(_MOST_STEP_STATES, fits))
-            self._pool.drop_forbidden(self._relaxation.allows)
+    def _steps_work(self, most_moving: int) -> Work:
+        """Find steps for up to ``most_moving`` robots, until all are tried."""
+        targets = StepTargets(self.known, self._mission.robots, self._most_survival)
 
-        def find_next() -> bool:
-            bound = self._next_bound(until)
-            if bound is None:
-                return False
-            left = until - time.monotonic()
+        def find_next(bound: FrontBound, until: float) -> bool:
+            left = self._deadline - time.monotonic()
             target = targets.take(bound, most_moving, left / _SECONDS_OF_EFFORT)
             if target is None:
                 return False
@@ -300,7 +321,7 @@ class Proof:
             targets.give_back(target, is_proved=is_proved)
             return True
 
-        self._turns.repeat(find_next)
+        return find_next
 
     def bound(self) -> FrontBound:
         """Return what has been proved, without lines that are nowhere the lowest."""

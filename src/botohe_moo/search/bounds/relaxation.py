@@ -223,13 +223,6 @@ class Relaxation:
             twice = twice[: len(twice) // 2]
         return False
 
-    def widen(self, n_bits: int, most_states: int) -> None:
-        """Remember more rewards near by, unless there are too many states then."""
-        before = self._remembered.bits
-        self._remembered.widen(n_bits)
-        if not self._find_states(most_states):
-            self._remembered.bits = before
-
     def allows(self, trail: RelaxedTrail) -> bool:
         """Return whether this is still a relaxed trail, with what is remembered at present."""
         states, state = self.states, 0

@@ -32,8 +32,6 @@ _MOST_ROUNDS = 3  # in which thresholds are raised
 SHARES = (0.3, 1.0)
 LEAST_MU = 0.01
 _LINES_SHARE = 0.4  # of the time that is left, to find a line at the place of the step
-# Memory for what lies ahead of a state, at all of these prices twice.
-BYTES_A_STATE = 16.0 * MOST_LINES * 2 * LEVELS
 _EPSILON = float(np.finfo(float).eps)
 _EDGE = 1e-12  # survivals this much below a step count as on it, relative
 LEAST_SURVIVAL = 1e-280  # as good as 0: where no robot survives with more, there are no stairs

@@ -12,7 +12,7 @@ from botohe_moo.search.bounds.front_bound import FrontBound
 # As in ``proof``, these constants were chosen by experiment, and every bound is valid whatever they
 # are.
 
-_CELLS = 24  # of the range of E[S], for the widest gap
+_NEAR = 1 / 48  # of the range of E[S]: steps as near as this are as hard
 _SAMPLES = 3_000  # of E[S], where known plans and bounds are compared
 _ROUNDING = 1e-12  # ends of steps are raised by this share: they are sums of rounded products
 _AFTER = 1e-9  # share of its survivors by which a step begins above a known plan
@@ -30,7 +30,6 @@ class Known:
         self.robots = robots
         self._objectives = np.array([[base_reward, float(robots)]])
         self.survivors: FloatArray = (np.arange(_SAMPLES) + 0.5) / _SAMPLES * robots
-        self.cells: OffsetArray = (self.survivors / robots * _CELLS).astype(np.int64)
         self.reached: FloatArray = np.full(_SAMPLES, base_reward)
 
     def add(self, objectives: FloatArray) -> None:
@@ -71,8 +70,9 @@ class LineTarget(NamedTuple):
 class LineTargets:
     """The choice of the next line or stairs, in one of several cells of the range of E[S]."""
 
-    def __init__(self, known: Known) -> None:
-        self._known = known
+    def __init__(self, known: Known, n_cells: int) -> None:
+        self._known, self._n_cells = known, n_cells
+        self._cells: OffsetArray = (known.survivors / known.robots * n_cells).astype(np.int64)
         self._closed: set[tuple[int, int]] = set()  # cells, with numbers of moving robots
 
     def take(self, bound: FrontBound) -> LineTarget | None:
@@ -80,15 +80,15 @@ class LineTargets:
         known, bounds = self._known, bound.by_robots(self._known.survivors)
         above = np.maximum(0.0, bounds.max(axis=0) - known.reached)
         highest = bounds.argmax(axis=0)
-        masses = np.bincount(known.cells, above, _CELLS)
+        masses = np.bincount(self._cells, above, self._n_cells)
         for cell in np.argsort(-masses, kind="stable").tolist():
-            inside = np.flatnonzero((known.cells == cell) & (above > 0.0))
+            inside = np.flatnonzero((self._cells == cell) & (above > 0.0))
             for moving in np.unique(highest[inside]).tolist():
                 if moving > 0 and (cell, moving) not in self._closed:
                     self._closed.add((cell, moving))
                     at = inside[highest[inside] == moving]
                     middle = float(known.survivors[at[len(at) // 2]])
-                    return LineTarget(moving, middle, cell, cell / _CELLS * known.robots)
+                    return LineTarget(moving, middle, cell, cell / self._n_cells * known.robots)
         return None
 
     def reopen(self, target: LineTarget) -> None:
@@ -165,7 +165,7 @@ class StepTargets:
             near: BoolArray = np.arange(len(share)) == corner
         else:
             # Where fewer survivors are needed, there are more trails to search.
-            near = self._starts - self._starts[corner] < self._robots / _CELLS / 2
+            near = self._starts - self._starts[corner] < _NEAR * self._robots
             near &= (share == share[corner]) & (effort == effort[corner])
         # The front of one robot is found without a goal.
         if is_proved or share[corner] >= _EASIEST or moving == 1:
