@@ -23,12 +23,12 @@ def missions() -> dict[str, Mission]:
         "terrain, 40 nodes": load_mission("terrain", nodes=40, robots=2, seed=11),
         "terrain, 60 nodes": load_mission("terrain", nodes=60, robots=3, seed=12),
         "terrain, 110 nodes": load_mission("terrain", nodes=110, robots=4, seed=13),
-        "corridors, 3 x 16": _drawn(nx.grid_2d_graph(3, 16), 21),
-        "corridors, 2 x 40": _drawn(nx.grid_2d_graph(2, 40), 22),
-        "tree, 40 nodes": _drawn(_tree(40, 31), 31),
-        "tree, 80 nodes": _drawn(_tree(80, 32), 32),
-        "one-way, 40 nodes": _drawn(_one_way(40, 41), 41),
-        "one-way, 80 nodes": _drawn(_one_way(80, 42), 42),
+        "corridors, 3 x 16": drawn_on(nx.grid_2d_graph(3, 16), 21),
+        "corridors, 2 x 40": drawn_on(nx.grid_2d_graph(2, 40), 22),
+        "tree, 40 nodes": drawn_on(_tree(40, 31), 31),
+        "tree, 80 nodes": drawn_on(_tree(80, 32), 32),
+        "one-way, 40 nodes": drawn_on(_one_way(40, 41), 41),
+        "one-way, 80 nodes": drawn_on(_one_way(80, 42), 42),
         "communities": load_mission("two_communities", seed=51),
         "dense, 25 nodes": load_mission("complete", nodes=25, seed=61),
         "dense, 60 nodes": load_mission("complete", nodes=60, robots=3, seed=62),
@@ -48,7 +48,7 @@ def _one_way(nodes: int, seed: int) -> Any:
     return nx.DiGraph(arcs)
 
 
-def _drawn(graph: Any, seed: int) -> Mission:
+def drawn_on(graph: Any, seed: int) -> Mission:
     """Draw rewards and survivals for two robots that leave the first node."""
     rng = np.random.default_rng(seed)
     drawn: nx.DiGraph[Any] = nx.convert_node_labels_to_integers(graph).to_directed()
