@@ -794,6 +794,8 @@ class TestBound:
     def test_bad_options(self, refused):
         message = refused("bound", "toy", "--time-limit", "0")
         assert "Expected --time-limit > 0, got 0" in message
+        message = refused("bound", "toy", "--threads", "0")
+        assert "Expected --threads >= 1, got 0" in message
         message = refused("bound", "toy", "--out", ".")
         assert ".: expected a file, found a folder" in message
 

@@ -222,7 +222,7 @@ def solve_mission(
         tell("")
         tell_choice(loaded, choice, folder)
     if certify_for is not None:
-        certify(solution, folder, certify_for)
+        certify(solution, folder, certify_for, threads)
     if choice is None:
         where, wish_for = shlex.quote(str(folder)), f'"survivors >= {2 * loaded.robots / 3:.2g}"'
         tell(f"\nNext:\n  botohe explore {where} --open\n  botohe choose {where} {wish_for}")

@@ -53,6 +53,10 @@ def bound_mission(
     min_survival: MinSurvivalOption = 0.0,
     max_length: MaxLengthOption = None,
     seed: SeedOption = 1,
+    threads: Annotated[
+        int | None,
+        typer.Option("--threads", metavar="T", help="Threads; by default one for each processor."),
+    ] = None,
     out: Annotated[
         Path | None,
         out_option("FILE", "Write the bound to this JSON file."),
@@ -76,6 +80,8 @@ def bound_mission(
 
         check_number("--time-limit", time_limit, above=0)
         check_integer("--seed", seed, at_least=0)
+        if threads is not None:
+            check_integer("--threads", threads, at_least=1, at_most=1_024)
         loaded = load_mission(**source)
         limits: dict[str, Any] = {"min_survival": min_survival, "max_length": max_length}
         solution = None
@@ -89,7 +95,7 @@ def bound_mission(
     longest = limits["max_length"]
     tell(f"{loaded.title}: {brief(loaded, loaded.max_length if longest is None else longest)}\n")
     with stoppable(_STOPPING) as stop:
-        bound = _prove(loaded, solution, stop, time_limit=time_limit, seed=seed, **limits)
+        bound = _prove(loaded, solution, stop, time_limit, threads, seed=seed, **limits)
         _tell_bound(bound, solution)
         if out is not None:
             with failing():
@@ -97,14 +103,14 @@ def bound_mission(
             tell(f"wrote {out}")
 
 
-def certify(solution: Solution, folder: Path, time_limit: float) -> None:
+def certify(solution: Solution, folder: Path, time_limit: float, threads: int | None) -> None:
     """Bound the front of a solution, say how good it is, and write the bound to its folder."""
     from botohe_moo.plots import plot_front
     from botohe_moo.solution.model import BOUND, FRONT_PICTURE, draw_picture
 
     with stoppable(_STOPPING) as stop:
-        how = {"time_limit": time_limit, "seed": solution.seed, **_limits_of(solution)}
-        bound = _prove(solution.mission, solution, stop, **how)
+        how: dict[str, Any] = {"seed": solution.seed, **_limits_of(solution)}
+        bound = _prove(solution.mission, solution, stop, time_limit, threads, **how)
         tell("")
         _tell_verdict(bound, solution)
         shown = solution.objectives, solution.mission
@@ -116,9 +122,15 @@ def certify(solution: Solution, folder: Path, time_limit: float) -> None:
 
 
 def _prove(
-    mission: Mission, solution: Solution | None, stop: Event, *, time_limit: float, **how: Any
+    mission: Mission,
+    solution: Solution | None,
+    stop: Event,
+    time_limit: float,
+    threads: int | None,
+    **how: Any,
 ) -> FrontBound:
     """Bound the front of a mission until the time is over or the event is set."""
+    from botohe_moo._base.cpus import n_cpus
     from botohe_moo.cli.progress import showing
     from botohe_moo.search.bounds import bound_front
 
@@ -132,9 +144,10 @@ def _prove(
                 words += f"  gap {100 * bound.gap(solution.objectives):.2f} %"
             show(words, min(bound.seconds, time_limit), time_limit)
 
-        front = None if solution is None else solution.objectives
+        how |= {"front": None if solution is None else solution.objectives, "callback": report}
+        n_threads = min(n_cpus(), 1_024) if threads is None else threads
         with failing():
-            return bound_front(mission, front=front, time_limit=time_limit, callback=report, **how)
+            return bound_front(mission, time_limit=time_limit, n_threads=n_threads, **how)
 
 
 def _read_front(folder: Path, mission: Mission) -> Solution:

@@ -64,8 +64,8 @@ def bound_front(
         Travel budget of every robot, at least 0. None is the mission's own, if it has one; inf is
         no budget.
     seed
-        Of the search for trails, at least 0. The same seed gives the same bound if it ends before
-        the time is over with one thread; otherwise the bounds may differ, and all are valid.
+        Of the search for trails, at least 0. Bounds of one seed may differ a little, since the
+        clock decides what is done next; all are valid.
     callback
         Called with each bound on the way, by one thread at a time; these are valid, too.
 

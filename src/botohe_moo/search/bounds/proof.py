@@ -215,7 +215,8 @@ class Proof:
             is_left = self._spend(works[i], self._deadline_of(_SLICE))
             gap, took = self._gap_of(self.bound()), time.monotonic() - began
             speeds = [_AGES * speed for speed in speeds]
-            speeds[i] = math.log((1.0 + _LEAST_CLOSED) * before / max(gap, 1e-300)) / took
+            closed = math.log((1.0 + _LEAST_CLOSED) * before / max(gap, 1e-300))
+            speeds[i] = closed / max(took, 1e-9)
             if not is_left:
                 del works[i], speeds[i]
 
