@@ -1,5 +1,6 @@
 """Steps of bounds: stairs of trails, and what is to be proved next."""
 
+import math
 import time
 from fractions import Fraction
 from itertools import combinations_with_replacement, product
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission
 from botohe_moo.kernels.graph.graph import NO_LIMITS
+from botohe_moo.search.bounds import proof as proof_module
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.proof import Proof
 from botohe_moo.search.bounds.record import Line, Step
@@ -135,6 +137,34 @@ def test_lines_are_found_where_the_gap_is_the_widest(known):
     targets.reopen(first)
     assert targets.take(bound_of()) == first
     assert {target.moving for target in found} == {1, 2}
+
+
+def test_targets_may_be_made_anew_while_a_thread_has_one(monkeypatch):
+    """The target is opened again where it came from, and work ends when all were tried twice."""
+    proof = Proof(load_mission("toy", robots=2), NO_LIMITS, **_AT_EASE)
+    bound, work, efforts = proof.bound(), proof._lines_work(), []
+
+    def tighten(_, x, effort, until):
+        is_first = not efforts
+        efforts.append(effort)
+        while is_first and work(bound, until):
+            pass  # of another thread
+        return is_first
+
+    monkeypatch.setattr(proof_module.Lines, "tighten", tighten)
+    monkeypatch.setattr(proof_module, "_LEAST_GAIN", -1.0)
+    assert work(bound, math.inf)
+    assert not work(bound, math.inf)
+    assert sorted(set(efforts)) == [1, 16]
+
+
+def test_a_step_is_judged_as_it_was_taken(known):
+    """Another thread has raised its goal meanwhile."""
+    targets = StepTargets(known, 2, 0.8)
+    taken = targets.take(bound_of(), 2, 64)
+    targets._share[:] += 0.25
+    targets.give_back(taken, is_proved=True)
+    assert not targets._is_open[taken.moving, taken.corner]
 
 
 MOST_TEAMS = 20_000

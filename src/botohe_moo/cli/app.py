@@ -135,7 +135,8 @@ def solve_mission(
         typer.Option(
             "--threads",
             metavar="T",
-            help="Threads; by default one for each processor. The front does not depend on it.",
+            help="Threads, also of --certify; by default one for each processor. The front does "
+            "not depend on it.",
         ),
     ] = None,
     out: Annotated[

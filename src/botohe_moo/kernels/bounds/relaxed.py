@@ -158,9 +158,10 @@ def _choose(
 def _weigh_links(
     states: States, level: _Level, low: OffsetArray, paid: FloatArray, values: FloatArray, at: int
 ) -> None:
-    """Compute what links are worth at level ``at``, beside what is not known yet.
+    """Write what links are worth at level ``at``: ``end``, ``gain`` and ``known`` of a level.
 
-    ``values`` are those of the levels below (n_levels + 1, n_states).
+    Choices of links to levels that are known are taken back. ``values`` are those of the levels
+    below (n_levels + 1, n_states).
     """
     part, below = level.part, values[at - 1]
     for state in range(level.end.shape[0]):
@@ -237,9 +238,7 @@ def relax(
         most_short = max(most_short, short)
         for below in range(1 if at == n_linear else at, at + 1):
             by_level[below] = made.value * (below / at)
-    for state in range(n_states):
-        for at in range(n_levels + 1):
-            values[state, at] = by_level[at, state]
+    values[:] = by_level.T
     return float(most_short)
 
 

@@ -67,7 +67,8 @@ def bound_front(
         Of the search for trails, at least 0. Bounds of one seed may differ a little, since the
         clock decides what is done next; all are valid.
     callback
-        Called with each bound on the way, by one thread at a time; these are valid, too.
+        Called with each bound on the way, which is valid, too; by any of several threads, one at a
+        time.
 
     Returns
     -------

@@ -39,8 +39,8 @@ _FIRST_SHARE = 0.1  # for one robot: without a limit it took all of the time on 
 _SLICE = 0.04  # in which one thing is done
 # What is done first is left where it does not halve the gap in this share of the time.
 _HALVED_IN = 0.15
-# By what share a slice closes the gap at least, as far as its speed is concerned; and by how much
-# this speed grows in each slice of something else.
+# A slice counts as if it closed at least this share of the gap, and the speed of what waits grows
+# by this factor in each slice.
 _LEAST_CLOSED, _AGES = 1e-3, 1.2
 _CELLS = 24  # of the range of E[S], for lines and first for stairs
 # Once stairs were tried in all cells, there are twice as many, and searches get this many times the
@@ -65,7 +65,7 @@ _MOST_BITS = 14  # that a node remembers at most
 _MOST_STATES = 40_000  # of relaxed trails
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 _MOST_COMPARED = 3_000  # nodes of which all pairs are compared: a second, and 0.1 GiB
-_BYTES_A_LINK = 40.0  # three integers of 8 bytes and a flag, and two figures of a level
+_BYTES_A_LINK = 40.0  # two integers of 8 bytes, a flag and a figure, and some while they are found
 _MIB = 2**20
 _ROUNDING = 1e-12  # the largest survival is raised by this share: products are rounded
 
@@ -118,10 +118,11 @@ class Proof:
         """
         net, mission = self._net, self._mission
         n_bytes = self._memory * _MIB
-        # Two tables of what lies ahead, at the most levels that are looked at, and the links.
+        # For each thread five tables of what lies ahead, under two prices, with their copies for
+        # searches; and the links.
         per_state = 16.0 * (2 * LEVELS + n_levels + 1)
         per_state += _BYTES_A_LINK * max(1.0, net.graph.n_arcs / net.graph.n_nodes)
-        fits = int(n_bytes / per_state)
+        fits = int(n_bytes / per_state / self._turns.n_threads)
         self._relaxation = Relaxation(
             net,
             # Four tables of all pairs of nodes, in a quarter of the memory.
@@ -177,8 +178,8 @@ class Proof:
     def find_lines_and_steps(self) -> None:
         """Find lines and steps where the gap is the widest, until it is as small as wanted.
 
-        Steps of one robot come first: they take little time, and make its lines unnecessary. Other
-        steps come after lines, which they need to be low.
+        One robot comes first: its steps take little time, and make its lines unnecessary. Then
+        lines, stairs and steps share the time.
         """
         n_levels = self._levels()
         if n_levels == 0:
@@ -215,7 +216,9 @@ class Proof:
             is_left = self._spend(works[i], self._deadline_of(_SLICE))
             gap, took = self._gap_of(self.bound()), time.monotonic() - began
             speeds = [_AGES * speed for speed in speeds]
-            closed = math.log((1.0 + _LEAST_CLOSED) * before / max(gap, 1e-300))
+            closed = math.inf  # where known plans reach nothing
+            if math.isfinite(before):
+                closed = math.log((1.0 + _LEAST_CLOSED) * before / max(gap, 1e-300))
             speeds[i] = closed / max(took, 1e-9)
             if not is_left:
                 del works[i], speeds[i]
@@ -269,17 +272,20 @@ class Proof:
 
         def find_next(bound: FrontBound, until: float) -> bool:
             nonlocal effort, targets
-            target = targets.take(bound)
+            own = targets  # which another thread may replace meanwhile
+            target = own.take(bound)
             if target is None:
-                effort, targets = _EFFORT_OF_LINES * effort, LineTargets(self.known, _CELLS)
-                return effort <= _EFFORT_OF_LINES
+                if effort == _EFFORT_OF_LINES:
+                    return False
+                effort, targets = _EFFORT_OF_LINES, LineTargets(self.known, _CELLS)
+                return True
             moving, lines = target.moving, self._lines[target.moving - 1]
             x = target.survivors - (self._mission.robots - moving)
             x = max(x, moving * self._limits.min_survival)
             before = lines.bound(x)
             remembers_more = lines.tighten(x, effort, until)
             if remembers_more and lines.bound(x) <= before * (1 - _LEAST_GAIN):
-                targets.reopen(target)
+                own.reopen(target)
             return True
 
         return find_next

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -10,7 +11,13 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.relaxed import follow, relax
 from botohe_moo.kernels.bounds.states import Net, States, Worth, find_states
-from botohe_moo.kernels.bounds.trails import Completions, Stairs, TrailRule, find_trails, new_depths
+from botohe_moo.kernels.bounds.trails import (
+    Completions,
+    Stairs,
+    TrailRule,
+    find_trails,
+    new_depths,
+)
 from botohe_moo.search.bounds.memory import RelaxedTrail, Remembered
 from botohe_moo.search.bounds.turns import Turns
 
@@ -59,10 +66,9 @@ class Relaxation:
         self._most_bits, self._most_states = most_bits, most_states
         self.total = float(net.graph.reward.sum())
         n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
-        self._depths = [  # those that no thread uses
-            new_depths(net, random_state, n_seen, n_room, MOST_LINES)
-            for _ in range(turns.n_threads)
-        ]
+        # Scratch that no thread uses; more is made when it is needed.
+        self._new_depths = partial(new_depths, net, random_state, n_seen, n_room, MOST_LINES)
+        self._depths = [self._new_depths()]
         self._is_capped = False
         # Whether there was too little room for all that was to be remembered.
         self.remembers_less = not self._find_states(most_states)
@@ -104,10 +110,12 @@ class Relaxation:
         tolerance = _TOLERANCE * self.total
         cap = np.full(shape, np.inf)
         # Where arcs are sure, relaxed trails may collect without end.
-        if not self._is_capped:
+        is_capped = self._is_capped
+        if not is_capped:
             short = relax(net, states, worth, cap, tolerance, values)
-            self._is_capped = short == np.inf
-        if self._is_capped:
+            is_capped = short == np.inf
+        if is_capped:
+            self._is_capped = True
             cap = self._everything(prices, mu)
             short = relax(net, states, worth, cap, tolerance, values)
             if short == np.inf:
@@ -198,7 +206,7 @@ class Relaxation:
 
         These are the arcs of trails (n, n_arcs), and how many they are (n).
         """
-        depths = self._depths.pop()
+        depths = self._depths.pop() if self._depths else self._new_depths()
         try:
             with self.turns.aside():
                 states, ahead = lines[0][0].states, _completions(lines)

@@ -32,6 +32,7 @@ from botohe_moo.search.bounds.turns import Turns
 # are.
 
 _BINS = 100  # of survival, in the linear programme
+_MOST_MASTERS = 512  # linear programmes that are kept, of about a MiB each
 _MOST_SOLVED = 60  # times that the programme is solved for one pool
 _CUT = 1e-6  # by how much a row has to be violated to be added
 _TRAILS_AT_ONCE, _TEAMS_AT_ONCE = 30, 12  # rows that are added before it is solved again
@@ -180,6 +181,8 @@ class TeamStairs:
         master = master or StairsMaster(team, self._most_survival, x, turns)
         self._improve(master, moving, x, effort, until)
         self._masters[moving, x] = master
+        if len(self._masters) > _MOST_MASTERS:
+            del self._masters[next(iter(self._masters))]  # that was used the longest ago
 
     def _improve(
         self, master: StairsMaster, moving: int, x: float, effort: int, until: float

@@ -103,6 +103,7 @@ class StepTarget(NamedTuple):
     corner: int
     survivors: float
     goal: float
+    share: float  # by which the goal was raised, of the gap
     effort: int
 
 
@@ -139,7 +140,8 @@ class StepTargets:
             return None
         self._is_open[moving, corner] = False
         start, goal = float(self._starts[corner]), float(goals[moving, corner])
-        return StepTarget(moving, corner, start, goal, int(self._effort[moving, corner]))
+        share, effort = float(self._share[moving, corner]), int(self._effort[moving, corner])
+        return StepTarget(moving, corner, start, goal, share, effort)
 
     def _gains(self, bound: FrontBound, is_worth: BoolArray, goals: FloatArray) -> FloatArray:
         """Return by how much each step would lower the bound, for its effort (as ``goals``)."""
@@ -160,17 +162,17 @@ class StepTargets:
         """Raise the goal or the effort of a step that is too hard; leave one closed if proved."""
         moving, corner = target.moving, target.corner
         share, effort = self._share[moving], self._effort[moving]  # views, which are changed
-        self._is_open[moving, corner] = not is_proved or share[corner] > 0.0
+        self._is_open[moving, corner] = not is_proved or target.share > 0.0
         if is_proved:
             near: BoolArray = np.arange(len(share)) == corner
         else:
             # Where fewer survivors are needed, there are more trails to search.
             near = self._starts - self._starts[corner] < _NEAR * self._robots
-            near &= (share == share[corner]) & (effort == effort[corner])
+            near &= (share == target.share) & (effort == target.effort)
         # The front of one robot is found without a goal.
-        if is_proved or share[corner] >= _EASIEST or moving == 1:
+        if is_proved or target.share >= _EASIEST or moving == 1:
             share[near] = 0.0
             effort[near] *= _MORE
-            self._is_open[moving] &= effort <= _MOST_EFFORT
         else:
             share[near] += _EASIER
+        self._is_open[moving] &= effort <= _MOST_EFFORT

@@ -30,12 +30,13 @@ class Turns:
                 pass
             return
         with ThreadPoolExecutor(self.n_threads) as pool:
-            calls = [pool.submit(self._repeat, work) for _ in range(self.n_threads)]
             try:
+                calls = [pool.submit(self._repeat, work) for _ in range(self.n_threads)]
                 for call in calls:
                     call.result()
-            finally:
-                self._is_stopped = any(not call.done() for call in calls)
+            except BaseException:
+                self._is_stopped = True
+                raise
 
     def _repeat(self, work: Callable[[], bool]) -> None:
         with self._lock:
