@@ -76,7 +76,9 @@ def run(folder: Path) -> bool:
     print(f"\npublished areas of the art museum are below the bound: {below}")
     bound, front = bounds["art_museum"]
     plot_front(front, bound.mission, bound=bound).figure.savefig(folder / "front.png", dpi=150)
-    is_shared = bool((threads["gap_of_two"] <= threads["gap_of_one"]).sum() >= LEAST_MET)
+    in_time = threads["seconds_of_two"] <= SHARE_OF_TWO * threads["seconds_of_one"] + 0.5
+    is_met = in_time & (threads["gap_of_two"] <= threads["gap_of_one"])
+    is_shared = bool(is_met.sum() >= LEAST_MET)
     return below and is_shared and all(row["gap"] <= row["gap_wanted"] for row in rows)
 
 

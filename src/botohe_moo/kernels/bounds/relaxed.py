@@ -196,8 +196,8 @@ def relax(
     Markov Processes", MIT Press, 1960. Given the levels below, what lies ahead of a state is linear
     in what lies ahead of the others, so that one choice of a link in each state can be valued at
     once. Choices begin with those of the level below, and are improved until none can be. Nothing
-    gets above ``cap`` (n_nodes, n_levels + 1). The links of each state have to descend by the ratio
-    of their arcs.
+    gets above ``cap`` (n_nodes, n_levels + 1). Prices have to be convex, and the links of each
+    state to descend by the ratio of their arcs.
 
     Returns the most by which a value falls short of the best that one step leads to, up to
     rounding; inf where choices were improved too often.

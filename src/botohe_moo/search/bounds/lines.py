@@ -108,16 +108,14 @@ class Lines:
 
         Returns whether relaxed trails remember more than before, so that another try may pay.
         """
-        relaxation = self.relaxation
-        master = (
-            self._masters.pop()
-            if self._masters
-            else Master(self.team, relaxation.total, relaxation.turns)
-        )
+        relaxation, masters = self.relaxation, self._masters
+        if not masters:
+            masters.append(Master(self.team, relaxation.total, relaxation.turns))
+        master = masters.pop()
         prices = self._by_relaxed(master, x, deadline)
         used = [self.pool.relaxed[number] for number in master.active()]
         is_exact = self._by_search(master, x, prices, effort, deadline)
-        self._masters.append(master)
+        masters.append(master)
         if is_exact or time.monotonic() > deadline:
             return False
         if not relaxation.remember([trail for trail in used if trail is not None]):

@@ -204,9 +204,9 @@ class Proof:
         self._share_out()
 
     def _share_out(self) -> None:
-        """Do in each slice of the time what has closed the gap the fastest when it was last done.
+        """Do in each slice of the time what closed the gap the fastest when it was last done.
 
-        What was not done in a slice counts for more in the next one.
+        The speed of work that waits grows, so that it is tried again.
         """
         works = [self._lines_work(), self._stairs_work(), self._steps_work(self._mission.robots)]
         hoped = math.log(2.0) / (_HALVED_IN * self._seconds)
@@ -239,7 +239,7 @@ class Proof:
         return is_left
 
     def _deadline_of(self, share: float) -> float:
-        """Return the moment when a share of all time has gone by."""
+        """Return the moment when a share of all time has gone by from now on."""
         return min(self._deadline, time.monotonic() + share * self._seconds)
 
     def _next_bound(self, until: float) -> FrontBound | None:

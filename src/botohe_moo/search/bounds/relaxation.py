@@ -103,6 +103,7 @@ class Relaxation:
             return [self._look_ahead(states, worth) for worth in worths]
 
     def _look_ahead(self, states: States, worth: Worth) -> Ahead:
+        """Bound all trails that leave the base, under prices."""
         prices, mu = worth
         net, graph = self.net, self.net.graph
         shape = (graph.n_nodes, prices.shape[1])
@@ -173,9 +174,9 @@ class Relaxation:
         # A bound without prices of survival, and without anything beside prices.
         line = ahead._replace(worth=ahead.worth._replace(mu=0.0)), np.zeros(self.net.graph.n_nodes)
         rule = TrailRule(every=False, slack=0.0, n_most=n_most)
-        ended, *found = self._search(ahead.worth, [line], stairs, rule)
-        trails = _as_lists(*found)
-        return ended, float(stairs.heights[0]) + ahead.spare, trails[-1] if trails else []
+        ended, arcs, n_arcs = self._search(ahead.worth, [line], stairs, rule)
+        last = _as_lists(arcs[-1:], n_arcs[-1:])
+        return ended, float(stairs.heights[0]) + ahead.spare, last[0] if last else []
 
     def raise_stairs(
         self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
@@ -196,8 +197,8 @@ class Relaxation:
         spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
         lowered = stairs._replace(heights=stairs.heights - spare)
         rule = TrailRule(every=True, slack=0.0, n_most=n_most)
-        ended, *found = self._search(Worth(prices, mu=0.0), lines, lowered, rule)
-        return (found[0], found[1]) if ended else None
+        ended, arcs, n_arcs = self._search(Worth(prices, mu=0.0), lines, lowered, rule)
+        return (arcs, n_arcs) if ended else None
 
     def _search(
         self, worth: Worth, lines: BoundLines, stairs: Stairs, rule: TrailRule

@@ -20,7 +20,7 @@ from botohe_moo.search.bounds.prices import PricedTeam, Prices
 from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.steps import (
     LEAST_MU,
-    SHARES,
+    MU_SHARES,
     add_stairs,
     add_two,
     least_total,
@@ -272,7 +272,7 @@ class TeamStairs:
         """
         lines = self._lines[moving - 1]
         none = np.zeros(self._relaxation.net.graph.n_nodes)
-        worths = [Prices(prices.visits, share * prices.mu) for share in SHARES]
+        worths = [Prices(prices.visits, share * prices.mu) for share in MU_SHARES]
         ahead = [(each, none) for each in lines.look_ahead(*worths)]
         least = self._first_step(moving, x)
         stairs = Stairs(floor, self._width, least)

@@ -29,7 +29,7 @@ _MOST_TEAMS = 20_000_000  # choices that are tried for the best team
 _MOST_ROUNDS = 3  # in which thresholds are raised
 # Prices of survival that bound what lies ahead, in shares of that of the line; and what that is at
 # least, in shares of all reward.
-SHARES = (0.3, 1.0)
+MU_SHARES = (0.3, 1.0)
 LEAST_MU = 0.01
 _LINES_SHARE = 0.4  # of the time that is left, to find a line at the place of the step
 _EPSILON = float(np.finfo(float).eps)
@@ -112,7 +112,7 @@ class Steps:
         team = self._lines.team
         prices = self._lines.lowest(x, x, 1)[0]
         mu = max(prices.mu, LEAST_MU * self._relaxation.total)
-        ahead = self._lines.look_ahead(*(Prices(prices.visits, share * mu) for share in SHARES))
+        ahead = self._lines.look_ahead(*(Prices(prices.visits, share * mu) for share in MU_SHARES))
         lines = [(each, team.to_all(np.zeros(len(team.nodes)))) for each in ahead]
         goal_beside = goal - float(team.most(prices.visits).sum())
         least = max(0.0, x - (self._n_robots - 1) * self._most_survival)
