@@ -189,7 +189,7 @@ def _weigh_links(
 @kernel
 def relax(
     net: Net, states: States, worth: Worth, cap: FloatArray, tolerance: float, values: FloatArray
-) -> float:
+) -> tuple[float, int]:
     """Write what lies ahead of each state at each level, to a tolerance (n_states, n_levels + 1).
 
     Levels are solved from the lowest up, each by policy iteration: Howard, "Dynamic Programming and
@@ -200,7 +200,7 @@ def relax(
     state to descend by the ratio of their arcs.
 
     Returns the most by which a value falls short of the best that one step leads to, up to
-    rounding; inf where choices were improved too often.
+    rounding, inf where choices were improved too often; and how many links were looked at.
     """
     prices, mu = worth.prices, worth.mu
     n_states, n_levels, n_arcs = values.shape[0], values.shape[1] - 1, net.graph.head.shape[0]
@@ -219,7 +219,7 @@ def relax(
     # Levels in rows: values of one level are read together.
     by_level = np.zeros((n_levels + 1, n_states))
     n_linear = _count_linear(prices) if np.isinf(cap).all() else 1
-    most_short = _STRAIGHT * prices.max()
+    most_short, n_looks = _STRAIGHT * prices.max(), 0
     for at in range(n_linear, n_levels + 1):
         _weigh_arcs(net, prices, at, low, made.part, paid)
         if at == n_linear:  # at this level and below, values are proportional to the level
@@ -229,17 +229,20 @@ def relax(
             is_base = states.node[state] == net.graph.base
             made.known[state] = mu * at / n_levels if is_base else 0.0
         _weigh_links(states, made, low, paid, by_level, at)
+        n_looks += states.arc.shape[0]
+        n_own = n_states + (made.end - states.first[:-1]).sum()
         is_better, short, n = True, 0.0, 0
         while is_better:
             if n == _MOST_CHOICES or not _follow_choices(states, made):
-                return np.inf
+                return np.inf, n_looks
             n += 1
+            n_looks += n_own
             is_better, short = _choose(states, made, tolerance, n % 2 == 0)
         most_short = max(most_short, short)
         for below in range(1 if at == n_linear else at, at + 1):
             by_level[below] = made.value * (below / at)
     values[:] = by_level.T
-    return float(most_short)
+    return float(most_short), n_looks
 
 
 @kernel

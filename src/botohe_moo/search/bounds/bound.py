@@ -13,8 +13,11 @@ from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive, Probability, TravelBudget
 from botohe_moo.indicators import check_objectives
 from botohe_moo.mission.model import Mission, check_plain
+from botohe_moo.search.bounds.clock import Clock
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.proof import Proof
+from botohe_moo.search.bounds.schedule import Schedule
+from botohe_moo.search.bounds.turns import Turns
 from botohe_moo.search.exact import MemoryLimit
 
 TIME_LIMIT = 60.0
@@ -64,8 +67,8 @@ def bound_front(
         Travel budget of every robot, at least 0. None is the mission's own, if it has one; inf is
         no budget.
     seed
-        Of the search for trails, at least 0. Bounds of one seed may differ a little, since the
-        clock decides what is done next; all are valid.
+        Of the search for trails, at least 0. With one thread, a seed and a time limit lead to the
+        same bounds one after another on every machine; how far they get depends on its speed.
     callback
         Called with each bound on the way, which is valid, too; by any of several threads, one at a
         time.
@@ -108,11 +111,9 @@ def bound_front(
         mission,
         mission.limits(min_survival, max_length),
         seed=seed,
-        seconds=time_limit,
         memory=memory_limit,
-        gap=gap,
-        n_threads=n_threads,
-        callback=callback,
+        clock=Clock(time_limit, n_threads),
+        turns=Turns(n_threads),
     )
     if callback is not None and not callable(callback):
         raise TypeError(f"Expected callback to be callable, got {quoted(callback)}.")
@@ -120,8 +121,8 @@ def bound_front(
     proof.bound().check("front", known)
     proof.known.add(known)
     try:
-        if not proof.find_front():
-            proof.find_lines_and_steps()
+        if not proof.find_front() and proof.prepare():
+            Schedule(proof, gap=gap, callback=callback).run()
     except KeyboardInterrupt:
         pass
     bound = proof.bound()

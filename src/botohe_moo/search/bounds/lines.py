@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from functools import cached_property
 
 import numpy as np
@@ -103,20 +102,20 @@ class Lines:
             lowest = np.minimum(lowest, heights[best])
         return [lines[i][1] for i in chosen]
 
-    def tighten(self, x: float, effort: int, deadline: float) -> bool:
+    def tighten(self, x: float, effort: int, until: float) -> bool:
         """Find better lines at ``x``, by relaxed trails and then by a search for trails.
 
         Returns whether relaxed trails remember more than before, so that another try may pay.
         """
         relaxation, masters = self.relaxation, self._masters
         if not masters:
-            masters.append(Master(self.team, relaxation.total, relaxation.turns))
+            masters.append(Master(self.team, relaxation.total, relaxation.turns, relaxation.clock))
         master = masters.pop()
-        prices = self._by_relaxed(master, x, deadline)
+        prices = self._by_relaxed(master, x, until)
         used = [self.pool.relaxed[number] for number in master.active()]
-        is_exact = self._by_search(master, x, prices, effort, deadline)
+        is_exact = self._by_search(master, x, prices, effort, until)
         masters.append(master)
-        if is_exact or time.monotonic() > deadline:
+        if is_exact or self.relaxation.clock.is_over(until):
             return False
         if not relaxation.remember([trail for trail in used if trail is not None]):
             return False
@@ -131,19 +130,19 @@ class Lines:
     def _tidied(self, prices: Prices) -> Prices:
         return Prices(self.team.tidy(prices.visits), prices.mu)
 
-    def _by_relaxed(self, master: Master, x: float, deadline: float) -> Prices:
+    def _by_relaxed(self, master: Master, x: float, until: float) -> Prices:
         """Step from the best prices to those of the programme; return the best."""
         pool, best, value, step = self.pool, None, np.inf, _SMOOTHING
         master.allow_relaxed(pool, allowed=True)
         for _ in range(_MOST_RELAXED):
-            least, wanted, theta = master.solve(pool, x, deadline)
+            least, wanted, theta = master.solve(pool, x, until)
             least += self.base_reward
             bound = min(value, self.bound(x))
-            if bound - least < _RELAXED_TOLERANCE * bound or time.monotonic() > deadline:
+            if bound - least < _RELAXED_TOLERANCE * bound or self.relaxation.clock.is_over(until):
                 break
             prices = self._tidied(wanted if best is None else best.towards(wanted, step))
             (ahead,) = self.look_ahead(prices)
-            reached = self._keep_all(prices, ahead.most, "relaxed", deadline) - prices.mu * x
+            reached = self._keep_all(prices, ahead.most, "relaxed", until) - prices.mu * x
             added = [pool.add(*trail) for trail in self.relaxation.best_trails(ahead)]
             if reached < value:
                 best, value = prices, reached
@@ -153,9 +152,7 @@ class Lines:
             step = _SMOOTHING if is_new else 1.0
         return self._tidied(wanted) if best is None else best
 
-    def _by_search(
-        self, master: Master, x: float, best: Prices, effort: int, deadline: float
-    ) -> bool:
+    def _by_search(self, master: Master, x: float, best: Prices, effort: int, until: float) -> bool:
         """Step from the best prices to those of the programme, as far as they can be searched.
 
         Returns whether the search at the best prices ended.
@@ -163,10 +160,10 @@ class Lines:
         pool, value, step, is_exact = self.pool, np.inf, 0.0, False
         master.allow_relaxed(pool, allowed=False)
         for i in range(_MOST_SEARCHED):
-            least, wanted, theta = master.solve(pool, x, deadline)
+            least, wanted, theta = master.solve(pool, x, until)
             least += self.base_reward
             bound = self.bound(x)
-            if bound - least < _SEARCH_TOLERANCE * bound or time.monotonic() > deadline:
+            if bound - least < _SEARCH_TOLERANCE * bound or self.relaxation.clock.is_over(until):
                 break
             prices = self._tidied(best.towards(wanted, step))
             (ahead,) = self.look_ahead(prices)
@@ -177,7 +174,7 @@ class Lines:
             number, is_new = pool.add(arcs) if arcs else (-1, False)
             proof: LineProof = "exact" if ended else "relaxed"
             theta_proved = min(most, ahead.most) if ended else ahead.most
-            reached = self._keep_all(prices, theta_proved, proof, deadline) - prices.mu * x
+            reached = self._keep_all(prices, theta_proved, proof, until) - prices.mu * x
             if i == 0 and not ended:
                 break
             if i == 0:
@@ -199,10 +196,10 @@ class Lines:
         """Return whether a trail of the pool is new, and worth more than the programme knew."""
         return is_new and self.pool.value(number, prices) > theta + _NEW
 
-    def _keep_all(self, prices: Prices, theta: float, proof: LineProof, deadline: float) -> float:
+    def _keep_all(self, prices: Prices, theta: float, proof: LineProof, until: float) -> float:
         """Keep the line of prices, also for other numbers of robots while there is time."""
         for lines in self.others:
-            if time.monotonic() > deadline:
+            if self.relaxation.clock.is_over(until):
                 break
             lines.keep(prices, theta, proof)
         return self.keep(prices, theta, proof)

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray
+from botohe_moo.search.bounds.clock import Clock
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import PricedTeam, Prices
 from botohe_moo.search.bounds.turns import Turns
 
 _CUT = 1e-7  # by how much a row has to be violated to be added
+_LEAST_SECONDS = 0.01  # that HiGHS gets
+# What HiGHS takes, for each row of the programme, and for each row in an iteration.
+_SECONDS_A_ROW, _SECONDS_AN_ITERATION = 1e-6, 1.5e-8
 _CUTS_AT_ONCE = 8  # trails that are added before the programme is solved again, by experiment
+_DEVEX = 1  # how HiGHS weighs rows: other weights take long to compute for rows that were added
+# Rows without effect are left out where there are this many times as many rows as columns: solving
+# a programme takes a third of the time.
+_MOST_ROWS = 2
 _MOST_MU = 20.0  # the highest price of survival, in total rewards: it keeps the programme bounded
 
 
@@ -24,7 +31,9 @@ class Programme:
     others, with costs and upper bounds of their own. HiGHS goes on from the last basis.
     """
 
-    def __init__(self, team: PricedTeam, cost: FloatArray, upper: FloatArray, turns: Turns) -> None:
+    def __init__(
+        self, team: PricedTeam, cost: FloatArray, upper: FloatArray, turns: Turns, clock: Clock
+    ) -> None:
         import highspy
 
         class Silent(highspy.Highs):
@@ -34,8 +43,8 @@ class Programme:
                 self.setOptionValue("output_flag", False)
                 super().enableCallbacks()  # type: ignore[no-untyped-call]
 
-        self.team, self._turns = team, turns
-        self._inf = highspy.kHighsInf
+        self.team, self._turns, self._clock = team, turns, clock
+        self._inf, self._basic = highspy.kHighsInf, highspy.HighsBasisStatus.kBasic
         n_nodes, n_levels = len(team.nodes), team.n_levels
         self._n_prices = n_nodes * n_levels
         self._first_other = self._n_prices + n_nodes
@@ -44,13 +53,16 @@ class Programme:
         cost = np.concatenate([np.zeros(self._n_prices), np.ones(n_nodes), cost])
         self._lp: Any = Silent()  # type: ignore[no-untyped-call]
         self._lp.setOptionValue("threads", 1)
+        self._lp.setOptionValue("simplex_dual_edge_weight_strategy", _DEVEX)
         self._lp.addVars(len(cost), np.zeros(len(cost)), self._upper)
         self._lp.changeColsCost(len(cost), np.arange(len(cost), dtype=np.int32), cost)
         self._n_rows = 0
         for node in range(n_nodes):
             self._shape_prices(node)
+        self._n_shapes = self._n_rows
         self._last = np.zeros(len(cost))
-        self._configurations: set[tuple[int, int]] = set()
+        # The row of each configuration of a node.
+        self._configurations: dict[tuple[int, int], int] = {}
 
     def _shape_prices(self, node: int) -> None:
         """Keep a node's prices convex, and their steepest rise at most the reward it brings.
@@ -68,15 +80,17 @@ class Programme:
         used = 2 if n_levels > 1 else 1
         self._add(-steepest, [last, last - 1][:used], [-1.0, 1.0][:used])
 
-    def _run(self, deadline: float) -> tuple[FloatArray, FloatArray]:
+    def _run(self) -> tuple[FloatArray, FloatArray]:
         """Return a solution, and its prices (n_nodes that pay, n_levels + 1).
 
         When the time is over, prices may be far from the best, but any prices are valid.
         """
-        left = max(0.01, deadline - time.monotonic())
+        left = max(_LEAST_SECONDS, self._clock.left)
         self._lp.setOptionValue("time_limit", self._lp.getRunTime() + left)
         with self._turns.aside():
             self._lp.run()
+        n_iterations = max(0, self._lp.getInfo().simplex_iteration_count)
+        self._clock.count(self._n_rows * (_SECONDS_A_ROW + n_iterations * _SECONDS_AN_ITERATION))
         found = np.array(self._lp.getSolution().col_value)
         if found.shape == self._last.shape and np.isfinite(found).all():
             self._last = np.clip(found, 0.0, self._upper)
@@ -95,13 +109,36 @@ class Programme:
             cut = (node, int(worst[node]))
             if cut in self._configurations:
                 continue
-            self._configurations.add(cut)
+            self._configurations[cut] = self._n_rows
             counts = self.team.counts[cut[1], 1:]
             levels = np.flatnonzero(counts)
             columns = [self._n_prices + node, *(node * self.team.n_levels + levels).tolist()]
             self._add(float(self.team.gains[cut]), columns, [1.0, *counts[levels].tolist()])
             n += 1
         return n
+
+    def _leave_out_rows(self, *numbered: dict[Any, int]) -> None:
+        """Leave out rows without effect on the last solution, where there are many.
+
+        The numbers of the others in dictionaries of rows are changed.
+        """
+        basis = self._lp.getBasis()
+        if self._n_rows < _MOST_ROWS * len(self._upper) or not basis.valid:
+            return
+        # These rows are basic, so that the others and the columns are still a basis without them.
+        status = list(basis.row_status)  # which is copied whenever it is looked at
+        is_left = np.array([each == self._basic for each in status])
+        is_left[: self._n_shapes] = False
+        self._lp.deleteRows(int(is_left.sum()), np.flatnonzero(is_left).astype(np.int32))
+        kept = np.flatnonzero(~is_left).tolist()
+        basis.row_status = [status[row] for row in kept]
+        self._lp.setBasis(basis)
+        self._n_rows = len(kept)
+        renumbered = {row: i for i, row in enumerate(kept)}
+        for rows in (self._configurations, *numbered):
+            still = {key: renumbered[row] for key, row in rows.items() if row in renumbered}
+            rows.clear()
+            rows.update(still)
 
     def _add(self, least: float, columns: list[int], weights: list[float]) -> None:
         """Add a row: the weighted sum of some columns is at least ``least``."""
@@ -117,24 +154,24 @@ class Master(Programme):
     prices, theta the most that a known trail is worth, and mu the price of survival.
     """
 
-    def __init__(self, team: PricedTeam, total: float, turns: Turns) -> None:
+    def __init__(self, team: PricedTeam, total: float, turns: Turns, clock: Clock) -> None:
         cost = np.array([team.n_robots, 0.0])
-        super().__init__(team, cost, np.array([np.inf, _MOST_MU * total]), turns)
+        super().__init__(team, cost, np.array([np.inf, _MOST_MU * total]), turns, clock)
         self._theta, self._mu = self._first_other, self._first_other + 1
         # The row of each trail of the pool, and of those relaxed ones that do not count at present.
         self._rows: dict[int, int] = {}
         self._unused: dict[int, int] = {}
         self._takes_relaxed = True
 
-    def solve(self, pool: Pool, x: float, deadline: float) -> tuple[float, Prices, float]:
+    def solve(self, pool: Pool, x: float, until: float) -> tuple[float, Prices, float]:
         """Return the least bound over known trails, its prices, and theta."""
         self._lp.changeColCost(self._mu, -x)
         while True:
-            solution, visits = self._run(deadline)
+            solution, visits = self._run()
             prices, theta = Prices(visits, float(solution[self._mu])), float(solution[self._theta])
             n = self._cut_configurations(visits, solution)
-            n = n or self._cut_trails(pool, prices, theta)
-            if n == 0 or time.monotonic() > deadline:
+            n += self._cut_trails(pool, prices, theta)
+            if n == 0 or self._clock.is_over(until):
                 return self._lp.getObjectiveValue(), prices, theta
 
     def active(self) -> list[int]:
@@ -165,6 +202,8 @@ class Master(Programme):
     def allow_relaxed(self, pool: Pool, *, allowed: bool) -> None:
         """Count relaxed trails that the pool has not dropped, too, or trails only."""
         self._takes_relaxed = allowed
+        if not allowed:
+            self._leave_out_rows(self._rows, self._unused)
         for number in [number for number in self._rows if pool.dropped[number]]:
             self._switch_off(self._rows.pop(number))
         self._unused = {i: row for i, row in self._unused.items() if not pool.dropped[i]}

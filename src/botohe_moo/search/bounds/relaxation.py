@@ -18,6 +18,7 @@ from botohe_moo.kernels.bounds.trails import (
     find_trails,
     new_depths,
 )
+from botohe_moo.search.bounds.clock import Clock
 from botohe_moo.search.bounds.memory import RelaxedTrail, Remembered
 from botohe_moo.search.bounds.turns import Turns
 
@@ -30,6 +31,7 @@ _TURNS = (-1, 0, 1, 2, 4, 7, 11)
 _GROWTH = 1.25  # largest factor for the number of states, when relaxed trails remember more
 _MOST_FOUND = 50_000  # trails that a search returns
 _MOST_FOUND_ARCS = 1 << 22  # room for the arcs of all these trails
+_SECONDS_A_LOOK, _SECONDS_A_LINK = 6.5e-9, 7e-8  # at links, in looks ahead and searches
 MOST_LINES = 8  # prices under which a search bounds what lies ahead
 
 
@@ -57,12 +59,14 @@ class Relaxation:
         remembered: Remembered,
         random_state: np.random.Generator,
         turns: Turns,
+        clock: Clock,
         *,
         most_bits: int,
         most_states: int,
         n_seen: int,
     ) -> None:
-        self.net, self._remembered, self.turns = net, remembered, turns
+        self.net, self._remembered = net, remembered
+        self.turns, self.clock = turns, clock
         self._most_bits, self._most_states = most_bits, most_states
         self.total = float(net.graph.reward.sum())
         n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
@@ -100,10 +104,12 @@ class Relaxation:
         """Bound all trails that leave the base, under each of several prices."""
         states = self.states
         with self.turns.aside():
-            return [self._look_ahead(states, worth) for worth in worths]
+            found = [self._look_ahead(states, worth) for worth in worths]
+        self.clock.count(_SECONDS_A_LOOK * sum(n_looks for _, n_looks in found))
+        return [ahead for ahead, _ in found]
 
-    def _look_ahead(self, states: States, worth: Worth) -> Ahead:
-        """Bound all trails that leave the base, under prices."""
+    def _look_ahead(self, states: States, worth: Worth) -> tuple[Ahead, int]:
+        """Bound all trails that leave the base; return also how many links were looked at."""
         prices, mu = worth
         net, graph = self.net, self.net.graph
         shape = (graph.n_nodes, prices.shape[1])
@@ -111,14 +117,15 @@ class Relaxation:
         tolerance = _TOLERANCE * self.total
         cap = np.full(shape, np.inf)
         # Where arcs are sure, relaxed trails may collect without end.
-        is_capped = self._is_capped
+        is_capped, n_looks = self._is_capped, 0
         if not is_capped:
-            short = relax(net, states, worth, cap, tolerance, values)
+            short, n_looks = relax(net, states, worth, cap, tolerance, values)
             is_capped = short == np.inf
         if is_capped:
             self._is_capped = True
             cap = self._everything(prices, mu)
-            short = relax(net, states, worth, cap, tolerance, values)
+            short, n_more = relax(net, states, worth, cap, tolerance, values)
+            n_looks += n_more
             if short == np.inf:
                 values, short = cap[states.node], 0.0
         # A step adds some ten roundings. One of a level counts for each level, since a price may
@@ -126,7 +133,7 @@ class Relaxation:
         scale = self.total + mu + float(values.max(initial=0.0))
         spare = graph.n_arcs * (short + (32 + 4 * prices.shape[1]) * _EPSILON * scale)
         _, best = follow(net, states, worth, values, -1, np.empty(1, np.int64))
-        return Ahead(states, worth, values, spare, best + spare)
+        return Ahead(states, worth, values, spare, best + spare), n_looks
 
     def _everything(self, prices: FloatArray, mu: float) -> FloatArray:
         """Bound what lies ahead of each node, as if a robot could go to all others at once.
@@ -208,10 +215,13 @@ class Relaxation:
         These are the arcs of trails (n, n_arcs), and how many they are (n).
         """
         depths = self._depths.pop() if self._depths else self._new_depths()
+        n_most = min(rule.n_most, int(self.clock.work_left / _SECONDS_A_LINK))
+        rule = rule._replace(n_most=n_most)
         try:
             with self.turns.aside():
                 states, ahead = lines[0][0].states, _completions(lines)
                 n = find_trails(self.net, states, worth, ahead, stairs, rule, depths)
+            self.clock.count(_SECONDS_A_LINK * (n if n >= 0 else n_most))
             n_found = min(int(depths.found.n_trails), len(depths.n_arcs))
             return n >= 0, depths.arcs[:n_found].copy(), depths.n_arcs[:n_found].copy()
         finally:

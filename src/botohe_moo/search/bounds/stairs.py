@@ -7,12 +7,12 @@ robots whose survivals sum to x or more is worth at most the best sum of j steps
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.trails import Stairs
+from botohe_moo.search.bounds.clock import Clock
 from botohe_moo.search.bounds.lines import LEVELS, Lines
 from botohe_moo.search.bounds.master import Programme
 from botohe_moo.search.bounds.pool import Pool
@@ -62,9 +62,11 @@ class StairsMaster(Programme):
     least what any known trail in bin b is worth, and never rises.
     """
 
-    def __init__(self, team: PricedTeam, most_survival: float, x: float, turns: Turns) -> None:
+    def __init__(
+        self, team: PricedTeam, most_survival: float, x: float, turns: Turns, clock: Clock
+    ) -> None:
         cost = np.append(np.zeros(_BINS), 1.0)
-        super().__init__(team, cost, np.full(_BINS + 1, np.inf), turns)
+        super().__init__(team, cost, np.full(_BINS + 1, np.inf), turns, clock)
         self._stairs = slice(self._first_other, self._first_other + _BINS)
         self._worth = self._first_other + _BINS
         for b in range(self._stairs.start, self._stairs.stop - 1):
@@ -75,11 +77,11 @@ class StairsMaster(Programme):
         self._trails: set[int] = set()
         self.centre: FloatArray | None = None  # the best prices so far
 
-    def solve(self, pool: Pool, deadline: float) -> tuple[float, FloatArray]:
+    def solve(self, pool: Pool, until: float) -> tuple[float, FloatArray]:
         """Return the least bound over known trails, and its prices (n_nodes that pay, ·)."""
         least_bin = self._needed - (self.team.n_robots - 1) * (_BINS - 1)
         for _ in range(_MOST_SOLVED):
-            solution, visits = self._run(deadline)
+            solution, visits = self._run()
             stairs = solution[self._stairs]
             bins = np.minimum((pool.survival / self._width + 1e-9).astype(np.int64), _BINS - 1)
             n = self._cut_configurations(visits, solution)
@@ -87,7 +89,7 @@ class StairsMaster(Programme):
             over[bins < least_bin] = -np.inf
             n += self._cut_trails(pool, over, bins)
             n += self._cut_teams(stairs, float(solution[self._worth]))
-            if n == 0 or time.monotonic() > deadline:
+            if n == 0 or self._clock.is_over(until):
                 break
         return self._lp.getObjectiveValue(), visits
 
@@ -176,9 +178,10 @@ class TeamStairs:
         Prices lie between the best ones known and those of the programme. Each search for trails is
         given a target between the programme's value and the bound.
         """
-        team, turns = self._lines[moving - 1].team, self._relaxation.turns
-        master = self._masters.pop((moving, x), None)
-        master = master or StairsMaster(team, self._most_survival, x, turns)
+        team, relaxation = self._lines[moving - 1].team, self._relaxation
+        master = self._masters.pop((moving, x), None) or StairsMaster(
+            team, self._most_survival, x, relaxation.turns, relaxation.clock
+        )
         self._improve(master, moving, x, effort, until)
         self._masters[moving, x] = master
         if len(self._masters) > _MOST_MASTERS:
@@ -194,7 +197,7 @@ class TeamStairs:
         best, share, stay = np.inf, _FIRST_SHARE, 1.0
         centre = start.visits if master.centre is None else master.centre
         for i in range(_MOST_PRICES):
-            if time.monotonic() > until:
+            if self._relaxation.clock.is_over(until):
                 return
             least, wanted = master.solve(self._pool, until)
             least += base_reward

@@ -7,8 +7,6 @@ rise.
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
@@ -26,6 +24,7 @@ from botohe_moo.search.bounds.relaxation import MOST_LINES, Ahead, BoundLines
 
 _MOST_LINKS = 1_000_000  # of a depth-first search, for each unit of effort
 _MOST_TEAMS = 20_000_000  # choices that are tried for the best team
+_SECONDS_A_CHOICE = 2e-8  # that is tried
 _MOST_ROUNDS = 3  # in which thresholds are raised
 # Prices of survival that bound what lies ahead, in shares of that of the line; and what that is at
 # least, in shares of all reward.
@@ -54,7 +53,7 @@ class Steps:
         self._width = most_survival * (1.0 + 1e-9) / n_steps
         self.found: list[Step] = []
 
-    def tighten(self, x: float, goal: float, effort: int, deadline: float) -> bool:
+    def tighten(self, x: float, goal: float, effort: int, until: float) -> bool:
         """Lower the bound to a goal where the moving robots' survivals sum to ``x`` or more.
 
         Where teams collect more than the goal, lower it to what they collect. Returns False where
@@ -65,8 +64,8 @@ class Steps:
         if self._n_robots == 1:
             return self._for_one(x, effort)
         if effort == 1:
-            moment = time.monotonic()
-            self._lines.tighten(x, 1, moment + _LINES_SHARE * (deadline - moment))
+            now = self._relaxation.clock.now
+            self._lines.tighten(x, 1, now + _LINES_SHARE * (until - now))
         return self._for_team(x, goal - self._lines.base_reward, effort)
 
     def _keep(self, least: float, most: float) -> None:
@@ -188,8 +187,11 @@ class Steps:
         front = new_front(4, self._n_robots)
         insert(front, np.inf, x * (1.0 - ROUNDING) - LEAST_SURVIVAL)
         insert(front, goal, np.inf)
+        clock = self._relaxation.clock
+        n_most = min(_MOST_TEAMS, int(clock.work_left / _SECONDS_A_CHOICE))
         with self._relaxation.turns.aside():
-            ended = choose_teams(choices, front, _MOST_TEAMS, most_reward=True)
+            ended = choose_teams(choices, front, n_most, most_reward=True)
+        clock.count(_SECONDS_A_CHOICE * int(choices.turn[0].n_looks))
         return best_reward(front, np.inf) if ended == FINISHED else None
 
     def _figures(self, arcs: OffsetArray, n_arcs: OffsetArray) -> tuple[FloatArray, FloatArray]:

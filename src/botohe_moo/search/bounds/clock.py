@@ -1,0 +1,44 @@
+"""Time as work that is counted, so that the real time does not decide what is proved next."""
+
+from __future__ import annotations
+
+import math
+import time
+
+
+class Clock:
+    """Counts work, in seconds that a usual processor takes for it.
+
+    What is done next depends on counted work alone: one seed leads to the same bounds on every
+    machine. The real time only ends it, after ``seconds``.
+    """
+
+    def __init__(self, seconds: float, n_threads: int = 1) -> None:
+        self.seconds, self._n_threads = seconds, n_threads
+        self._began = time.monotonic()
+        self.now = 0.0  # work that is done, of all threads as if they worked side by side
+
+    def count(self, seconds: float) -> None:
+        """Count the work of one thread."""
+        self.now += seconds / self._n_threads
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the beginning."""
+        return time.monotonic() - self._began
+
+    @property
+    def left(self) -> float:
+        """Seconds until the end, at least 0."""
+        return max(0.0, self.seconds - self.elapsed)
+
+    @property
+    def work_left(self) -> float:
+        """Work for which there is time until the end, at the pace so far."""
+        elapsed = self.elapsed
+        pace = (1.0 + self.now) / (1.0 + elapsed)  # which is 1 at the beginning
+        return pace * max(0.0, self.seconds - elapsed)
+
+    def is_over(self, until: float = math.inf) -> bool:
+        """Return whether so much work is done, or the time is over."""
+        return self.now > until or self.elapsed > self.seconds
