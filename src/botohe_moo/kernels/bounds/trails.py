@@ -63,6 +63,19 @@ class TrailRule(NamedTuple):
     n_most: int  # links to try at most
 
 
+class Corners(NamedTuple):
+    """The first step of each height of stairs."""
+
+    n: OffsetArray  # how many there are up to each step (n_steps)
+    survival: FloatArray  # rounded down (n_steps)
+    height: FloatArray  # (n_steps)
+    # What a line is worth without survival, at least, if it exceeds any of the corners so far
+    # (n_lines, n_steps).
+    needed: FloatArray
+    # The corner that was exceeded the last time, which is looked at first (1).
+    latest: OffsetArray
+
+
 class Depths(NamedTuple):
     """Scratch of depth-first searches, and what the last has found."""
 
@@ -115,35 +128,39 @@ def _step_of(survival: float, width: float, n_steps: int) -> int:
 
 
 @inlined
-def _find_corners(stairs: FloatArray, first: int, corners: OffsetArray) -> int:
-    """Write the first step of each height, from ``first``; return how many there are."""
+def _find_corners(stairs: Stairs, mu: FloatArray, first: int, corners: Corners) -> None:
+    """Write the corners from the step ``first`` on."""
     n = 0
-    for at in range(first, stairs.shape[0]):
-        if at == first or stairs[at] < stairs[at - 1]:
-            corners[n] = at
+    for at in range(stairs.heights.shape[0]):
+        height = stairs.heights[at]
+        if at == first or (at > first and height < stairs.heights[at - 1]):
+            survival = at * stairs.width * (1.0 - ROUNDING) if at > 0 else 0.0
+            corners.survival[n], corners.height[n] = survival, height
+            for line in range(mu.shape[0]):
+                before = corners.needed[line, n - 1] if n > 0 else np.inf
+                corners.needed[line, n] = min(before, height + mu[line] * survival)
             n += 1
-    return n
+        corners.n[at] = n
 
 
 @inlined
-def _may_exceed(
-    most: FloatArray,
-    mu: FloatArray,
-    stairs: FloatArray,
-    width: float,
-    corners: OffsetArray,
-    last: int,
-) -> bool:
+def _may_exceed(most: FloatArray, mu: FloatArray, corners: Corners, last: int) -> bool:
     """Return whether all lines ``most`` − ``mu`` · s exceed the stairs at a step up to ``last``."""
-    for i in range(corners.shape[0]):
-        at = corners[i]
-        if at > last:
-            break
-        survival, bound = at * width * (1.0 - ROUNDING) if at > 0 else 0.0, np.inf
+    n = corners.n[last]
+    if n == 0:
+        return False
+    for line in range(most.shape[0]):
+        if most[line] <= corners.needed[line, n - 1]:
+            return False
+    at = min(corners.latest[0], n - 1)
+    for _ in range(n):
+        bound = np.inf
         for line in range(most.shape[0]):
-            bound = min(bound, most[line] - mu[line] * survival)
-        if bound > stairs[at]:
+            bound = min(bound, most[line] - mu[line] * corners.survival[at])
+        if bound > corners.height[at]:
+            corners.latest[0] = at
             return True
+        at = at + 1 if at + 1 < n else 0
     return False
 
 
@@ -201,8 +218,15 @@ def find_trails(
     n_levels, n_lines, n_stairs = prices.shape[1] - 1, ahead.mu.shape[0], heights.shape[0]
     least = max(stairs.least, net.min_survival) * (1.0 - ROUNDING)
     first = _step_of(least, width, n_stairs)
-    most, corners = np.empty(n_lines), np.empty(n_stairs, np.int64)
-    n_corners = _find_corners(heights, first, corners)
+    most = np.empty(n_lines)
+    corners = Corners(
+        np.empty(n_stairs, np.int64),
+        np.empty(n_stairs),
+        np.empty(n_stairs),
+        np.empty((n_lines, n_stairs)),
+        np.zeros(1, np.int64),
+    )
+    _find_corners(stairs, ahead.mu, first, corners)
     search, depth, n = _begin(depths, states, ahead), 0, 0
     while depth >= 0:
         last = steps[depth]
@@ -238,7 +262,7 @@ def find_trails(
             if value + mu * alive > heights[at]:
                 if not rule.every:
                     _raise(heights, at, value + mu * alive + rule.slack)
-                    n_corners = _find_corners(heights, first, corners)
+                    _find_corners(stairs, ahead.mu, first, corners)
                     n += (n_stairs + depth) // _LINK  # what this takes
                 elif found.n_trails == depths.n_arcs.shape[0]:
                     n = rule.n_most + 1
@@ -249,7 +273,7 @@ def find_trails(
             depths.left[depth + 1, line] = left
             most[line] = value + left + chord(ahead.values[line], states.to[link], level)
         highest = _step_of(at_home, width, n_stairs)
-        if not _may_exceed(most, ahead.mu, heights, width, corners[:n_corners], highest):
+        if not _may_exceed(most, ahead.mu, corners, highest):
             continue
         low, high = last.low ^ depths.keys[arc, 0], last.high ^ depths.keys[arc, 1]
         if not rule.every and _is_seen(depths, search, low, high, value):

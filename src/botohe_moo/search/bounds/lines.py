@@ -115,7 +115,7 @@ class Lines:
         used = [self.pool.relaxed[number] for number in master.active()]
         is_exact = self._by_search(master, x, prices, effort, until)
         masters.append(master)
-        if is_exact or self.relaxation.clock.is_over(until):
+        if is_exact:
             return False
         if not relaxation.remember([trail for trail in used if trail is not None]):
             return False

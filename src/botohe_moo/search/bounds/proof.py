@@ -44,7 +44,10 @@ _MOST_CONFIGURATIONS = 6_000  # of a team's levels, all of which are looked at f
 _NEAREST = 8  # rewards near by that a node remembers
 _FIRST_BITS = 10  # that a node remembers at first: rewards and bridges
 _MOST_BITS = 14  # that a node remembers at most
-_MOST_STATES = 40_000  # of relaxed trails
+_FIRST_STATES, _MOST_STATES = (
+    15_000,
+    40_000,
+)  # of relaxed trails: at first, and with what they learn
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 _MOST_COMPARED = 3_000  # nodes of which all pairs are compared: a second, and 0.1 GiB
 _BYTES_A_LINK = 40.0  # two integers of 8 bytes, a flag and a figure, and some while they are found
@@ -104,6 +107,7 @@ class Proof:
             self.turns,
             self.clock,
             most_bits=_MOST_BITS,
+            first_states=max(net.graph.n_nodes + 1, _FIRST_STATES),
             most_states=max(net.graph.n_nodes + 1, min(_MOST_STATES, fits)),
             n_seen=n_seen,
         )

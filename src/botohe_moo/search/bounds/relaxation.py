@@ -28,10 +28,10 @@ _TOLERANCE = 1e-9  # in shares of all reward: values are raised only where they 
 _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 # Steps at which a relaxed trail takes the second best link, to find others; −1 for none.
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
-_GROWTH = 1.25  # largest factor for the number of states, when relaxed trails remember more
+_GROWTH = 1.5  # largest factor for the number of states, when relaxed trails remember more
 _MOST_FOUND = 50_000  # trails that a search returns
 _MOST_FOUND_ARCS = 1 << 22  # room for the arcs of all these trails
-_SECONDS_A_LOOK, _SECONDS_A_LINK = 6.5e-9, 7e-8  # at links, in looks ahead and searches
+_SECONDS_A_LOOK, _SECONDS_A_LINK = 6.5e-9, 5e-8  # at links, in looks ahead and searches
 MOST_LINES = 8  # prices under which a search bounds what lies ahead
 
 
@@ -62,6 +62,7 @@ class Relaxation:
         clock: Clock,
         *,
         most_bits: int,
+        first_states: int,
         most_states: int,
         n_seen: int,
     ) -> None:
@@ -76,8 +77,8 @@ class Relaxation:
         self._is_capped = False
         # Whether there was too little room for all that was to be remembered.
         self.remembers_less = not self._find_states(most_states)
-        if self.remembers_less:
-            self._forget(most_states)
+        if self.remembers_less or len(self.states.node) > first_states:
+            self._forget(min(first_states, most_states))
 
     def _find_states(self, n_most: int) -> bool:
         """Find the states of what is remembered; return whether they are at most ``n_most``."""

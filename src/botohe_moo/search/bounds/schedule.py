@@ -28,7 +28,6 @@ _CELLS = 24  # of the range of E[S], for lines and first for stairs
 # effort, unless the gap is small, or all the last ones left more than a share of it.
 _MORE_EFFORT, _MOST_CELLS, _SMALL, _STILL_HELPS = 2, 384, 1e-4, 0.99
 _EFFORT_OF_LINES = 16  # times the usual search, once all lines were tried
-_LEAST_GAIN = 1e-3  # a line that is lowered by a larger share is worth another try
 # Where the first lines of one robot are found, in shares of its best survival: three suffice for
 # its steps.
 _FIRST_LINES = (0.5, 0.75, 0.25)
@@ -140,9 +139,7 @@ class Schedule:
             moving, lines = target.moving, proof.lines[target.moving - 1]
             x = target.survivors - (proof.robots - moving)
             x = max(x, moving * proof.limits.min_survival)
-            before = lines.bound(x)
-            remembers_more = lines.tighten(x, effort, until)
-            if remembers_more and lines.bound(x) <= before * (1 - _LEAST_GAIN):
+            if lines.tighten(x, effort, until):
                 own.reopen(target)
             return True
 
