@@ -2,14 +2,14 @@
 
 import pytest
 
-from botohe_moo.search.bounds import proof
+from botohe_moo.search.bounds import proof, schedule
 
 
 @pytest.fixture
 def short_search(monkeypatch):
     """On missions of a few nodes, more evaluations and cells find the same plans and bounds."""
     monkeypatch.setattr(proof, "_EVALUATIONS", 8_000)
-    monkeypatch.setattr(proof, "_MOST_CELLS", 96)
+    monkeypatch.setattr(schedule, "_MOST_CELLS", 96)
 
 
 @pytest.fixture

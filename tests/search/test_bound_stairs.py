@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
-from botohe_moo.search.bounds import proof as proof_module
 from botohe_moo.search.bounds import stairs as module
+from botohe_moo.search.bounds.schedule import Schedule
 from botohe_moo.search.bounds.stairs import StairsMaster, TeamStairs
 from botohe_moo.search.bounds.steps import add_stairs, falling, least_total
 from tests.search.test_bounds import bounded_at_all_stages, random_mission
@@ -53,7 +53,7 @@ def test_lifted_stairs_leave_teams_where_they_may_be(known, moving, x, worth):
 def stairs_alone(no_front, monkeypatch):
     """Bounds by stairs, and by the first lines of one robot, which give others to more robots."""
     for work in ("_lines_work", "_steps_work"):
-        monkeypatch.setattr(proof_module.Proof, work, lambda *_, **__: lambda *_: False)
+        monkeypatch.setattr(Schedule, work, lambda *_, **__: lambda *_: False)
 
 
 @pytest.mark.parametrize("seeds", [range(20), pytest.param(range(20, 300), marks=pytest.mark.slow)])

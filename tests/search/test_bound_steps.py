@@ -1,7 +1,6 @@
 """Steps of bounds: stairs of trails, and what is to be proved next."""
 
 import math
-import time
 from fractions import Fraction
 from itertools import combinations_with_replacement, product
 from types import SimpleNamespace
@@ -14,10 +13,14 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission
 from botohe_moo.kernels.graph.graph import NO_LIMITS
-from botohe_moo.search.bounds import proof as proof_module
+from botohe_moo.search.bounds import master as master_module
+from botohe_moo.search.bounds.clock import Clock
 from botohe_moo.search.bounds.front_bound import FrontBound
+from botohe_moo.search.bounds.lines import Lines
+from botohe_moo.search.bounds.master import Master
 from botohe_moo.search.bounds.proof import Proof
 from botohe_moo.search.bounds.record import Line, Step
+from botohe_moo.search.bounds.schedule import Schedule
 from botohe_moo.search.bounds.steps import (
     Steps,
     add_stairs,
@@ -25,6 +28,7 @@ from botohe_moo.search.bounds.steps import (
     stairs_of,
 )
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
+from botohe_moo.search.bounds.turns import Turns
 from tests import twins
 from tests.search.test_bounds import random_mission
 
@@ -97,14 +101,14 @@ def test_the_step_that_lowers_the_bound_the_most_is_next(known):
     targets = StepTargets(known, 2, 0.8)
     steps = []
     for expected in ((2, 1, 5.0), (1, 1, 5.0), (1, 2, 0.0)):
-        target = targets.take(bound_of(*steps), 2, 1)
+        target = targets.take(bound_of(*steps), 2)
         assert (target.moving, target.corner, target.goal) == expected
         targets.give_back(target, is_proved=True)
         stay = 2 - target.moving
         least = max(0.0, target.survivors - stay)
         steps.append(Step(target.moving, target.goal, least, "exact"))
     again = StepTargets(known, 2, 0.8)
-    assert again.take(bound_of(), 0, 1) is None  # nobody moves
+    assert again.take(bound_of(), 0) is None  # nobody moves
 
 
 def test_what_is_too_hard_is_made_easier_before_more_effort(known):
@@ -115,13 +119,12 @@ def test_what_is_too_hard_is_made_easier_before_more_effort(known):
     ):
         targets, found = StepTargets(known, 2, 0.8), []
         while len(found) < len(expected):
-            target = targets.take(bound_of(), 2, 64)
+            target = targets.take(bound_of(), 2)
             is_hard = target.moving == moving and target.corner == 1
             if is_hard:
                 found.append((target.goal, target.effort))
             targets.give_back(target, is_proved=not is_hard)
         assert found == expected
-    assert StepTargets(known, 2, 0.8).take(bound_of(), 2, 0.5) is None  # no time for any
 
 
 def test_lines_are_found_where_the_gap_is_the_widest(known):
@@ -141,8 +144,9 @@ def test_lines_are_found_where_the_gap_is_the_widest(known):
 
 def test_targets_may_be_made_anew_while_a_thread_has_one(monkeypatch):
     """The target is opened again where it came from, and work ends when all were tried twice."""
-    proof = Proof(load_mission("toy", robots=2), NO_LIMITS, **_AT_EASE)
-    bound, work, efforts = proof.bound(), proof._lines_work(), []
+    proof = new_proof(load_mission("toy", robots=2))
+    bound, efforts = proof.bound(), []
+    work = Schedule(proof, gap=0.0, callback=None)._lines_work()
 
     def tighten(_, x, effort, until):
         is_first = not efforts
@@ -151,8 +155,7 @@ def test_targets_may_be_made_anew_while_a_thread_has_one(monkeypatch):
             pass  # of another thread
         return is_first
 
-    monkeypatch.setattr(proof_module.Lines, "tighten", tighten)
-    monkeypatch.setattr(proof_module, "_LEAST_GAIN", -1.0)
+    monkeypatch.setattr(Lines, "tighten", tighten)
     assert work(bound, math.inf)
     assert not work(bound, math.inf)
     assert sorted(set(efforts)) == [1, 16]
@@ -161,14 +164,18 @@ def test_targets_may_be_made_anew_while_a_thread_has_one(monkeypatch):
 def test_a_step_is_judged_as_it_was_taken(known):
     """Another thread has raised its goal meanwhile."""
     targets = StepTargets(known, 2, 0.8)
-    taken = targets.take(bound_of(), 2, 64)
+    taken = targets.take(bound_of(), 2)
     targets._share[:] += 0.25
     targets.give_back(taken, is_proved=True)
     assert not targets._is_open[taken.moving, taken.corner]
 
 
 MOST_TEAMS = 20_000
-_AT_EASE = {"seed": 1, "seconds": 1_000, "memory": 1_024}
+
+
+def new_proof(mission, limits=NO_LIMITS):
+    """A proof that has time."""
+    return Proof(mission, limits, seed=1, memory=1_024, clock=Clock(1_000), turns=Turns(1))
 
 
 def all_teams(mission, trails, n_robots):
@@ -196,7 +203,7 @@ def test_no_team_of_all_trails_exceeds_a_step(short_search, seeds):
             continue
         leaving = [trail for trail in every if len(trail) > 1]
         trails = twins.within(mission, leaving, limits.min_survival, limits.max_length)
-        proof = Proof(mission, limits, **_AT_EASE)
+        proof = new_proof(mission, limits)
         nearest, n_bits = [(8, 10), (0, 0), (2, 2)][seed % 3]
         proof._prepare(nearest, n_bits, int(rng.integers(1, 7)), 1 << 10)
         if seed % 2:
@@ -204,20 +211,41 @@ def test_no_team_of_all_trails_exceeds_a_step(short_search, seeds):
         coarse = {"n_steps": int(rng.integers(2, 12)), "n_heights": int(rng.integers(1, 20))}
         for moving, rule in product(range(1, mission.robots + 1) if trails else (), ({}, coarse)):
             collected, sums = all_teams(mission, trails, moving)
-            steps = Steps(proof._lines[moving - 1], proof._most_survival, **rule)
+            steps = Steps(proof.lines[moving - 1], proof.most_survival, **rule)
             for _ in range(4):
-                most = moving * proof._most_survival
+                most = moving * proof.most_survival
                 x = rng.choice([0.0, rng.choice(sums), rng.choice(sums) * (1 + 1e-9), most])
                 best = max(collected[sums >= x], default=0.0)
                 goal = rng.choice([0.0, rng.choice(collected), best * rng.uniform(0.9, 1), 2.0])
-                steps.tighten(min(x, most), goal / proof._unit, 8, time.monotonic() + 100)
+                steps.tighten(min(x, most), goal / proof.unit, 8, math.inf)
             for step in steps.found:
                 within = collected[sums >= step.least]
-                assert step.most * proof._unit >= max(within, default=0.0)
-                n_tight += step.most * proof._unit < max(within, default=0.0) + 1e-6
+                assert step.most * proof.unit >= max(within, default=0.0)
+                n_tight += step.most * proof.unit < max(within, default=0.0) + 1e-6
                 n_steps += 1
     assert n_steps > 2.5 * len(seeds)
     assert n_tight > 0.7 * n_steps
+
+
+def test_rows_without_effect_are_left_out(monkeypatch):
+    """The programme's value stays, and rows are still known by their trails."""
+    proof = new_proof(load_mission("art_museum"))
+    proof.prepare()
+    lines, pool = proof.lines[1], proof.lines[1].pool
+    master = Master(lines.team, lines.relaxation.total, Turns(1), Clock(100))
+    value, _, _ = master.solve(pool, 0.8, math.inf)
+    n_rows, n_trails = master._n_rows, len(master._rows)
+    master.allow_relaxed(pool, allowed=False)
+    assert master._n_rows == n_rows  # there are few
+    monkeypatch.setattr(master_module, "_MOST_ROWS", 0)
+    master.allow_relaxed(pool, allowed=False)
+    assert master._lp.getNumRow() == master._n_rows < n_rows
+    assert 0 < len(master._rows) < n_trails
+    again, prices, theta = master.solve(pool, 0.8, math.inf)
+    assert again == pytest.approx(value, rel=1e-9)
+    assert master.active()
+    for number in master.active():
+        assert pool.value(number, prices) == pytest.approx(theta, abs=1e-6)
 
 
 def test_steps_of_large_teams_are_rounded_upwards():
@@ -229,14 +257,14 @@ def test_steps_of_large_teams_are_rounded_upwards():
         graph.edges[0, 1]["survival"] = there = rng.uniform(0.2, 2) / robots
         graph.edges[1, 0]["survival"] = rng.uniform(0.1, 0.9)
         mission = Mission(graph, base=0, robots=robots)
-        proof = Proof(mission, NO_LIMITS, **_AT_EASE)
+        proof = new_proof(mission)
         proof._prepare(8, 10, 1, 1 << 10)
-        steps = proof._steps[robots - 1]
-        assert steps.tighten(0.0, 0.0, 8, time.monotonic() + 100)
+        steps = proof.steps[robots - 1]
+        assert steps.tighten(0.0, 0.0, 8, math.inf)
         true = 1 - (1 - Fraction(float(there))) ** robots
         assert steps.found
         for step in steps.found:
-            assert true <= Fraction(step.most * proof._unit) < true + Fraction(1e-9)
+            assert true <= Fraction(step.most * proof.unit) < true + Fraction(1e-9)
 
 
 def test_what_a_trail_has_to_be_worth_by_hand():
@@ -245,8 +273,8 @@ def test_what_a_trail_has_to_be_worth_by_hand():
     A trail on the second step, from 0.2 to 0.4, leaves at least 0.6 to the other, which is then
     worth 7 at most: of a goal of 8 there is 1 left.
     """
-    proof = Proof(load_mission("toy", robots=2), NO_LIMITS, **_AT_EASE)
-    steps = Steps(proof._lines[1], 0.8, n_steps=4, n_heights=4)
+    proof = new_proof(load_mission("toy", robots=2))
+    steps = Steps(proof.lines[1], 0.8, n_steps=4, n_heights=4)
     line = SimpleNamespace(most=10.0, worth=SimpleNamespace(mu=5.0))
     assert steps._needed(1.0, 8.0, [line], None) == pytest.approx([2.0, 1.0, 0.0, -1.0], abs=1e-6)
     # Stairs say that nobody is worth more than 6 and survives with 0.4 or more.

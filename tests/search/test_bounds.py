@@ -20,12 +20,14 @@ from botohe_moo import (
     load_mission,
 )
 from botohe_moo.kernels.graph.graph import Limits
+from botohe_moo.search.bounds import clock as clock_module
 from botohe_moo.search.bounds import proof as proof_module
 from botohe_moo.search.bounds.envelopes import area_under_highest, convex_below, lower_envelope
 from botohe_moo.search.bounds.net import new_net
 from botohe_moo.search.bounds.prices import PricedTeam, most_levels, refine
 from botohe_moo.search.bounds.record import Line, Step
 from botohe_moo.search.bounds.relaxation import Relaxation
+from botohe_moo.search.bounds.schedule import Schedule
 from botohe_moo.search.exact import exact_front
 from tests.examples import examples
 from tests.strategies import missions
@@ -119,8 +121,8 @@ def test_what_a_callback_raises_ends_all_threads(no_front, n_threads):
 def test_steps_are_raised_to_better_teams(no_front, monkeypatch):
     """Where plans that are known are poor, steps end at what teams collect."""
     monkeypatch.setattr(proof_module.Proof, "_find_trails", lambda _: None)
-    monkeypatch.setattr(proof_module.Proof, "_lines_work", lambda _: lambda *_: False)
-    monkeypatch.setattr(proof_module.Proof, "_stairs_work", lambda _: lambda *_: False)
+    monkeypatch.setattr(Schedule, "_lines_work", lambda _: lambda *_: False)
+    monkeypatch.setattr(Schedule, "_stairs_work", lambda _: lambda *_: False)
     n_steps = n_tight = 0
     for seed in range(60):
         mission, limits = random_mission(seed)
@@ -166,15 +168,22 @@ def test_the_museum_is_bounded_within_three_per_cent():
     assert {step.proof for step in bound.steps} == {"exact"}
 
 
-@pytest.fixture
-def counted_time(monkeypatch):
-    """A clock that counts how often it is read: what is done next depends on it."""
-    ticks = count()
-    monkeypatch.setattr(proof_module.time, "monotonic", lambda: next(ticks) * 2.0**-13)
+def test_the_speed_of_a_machine_does_not_decide_what_is_done_next(no_front, monkeypatch):
+    """On one no time goes by, on the other a millisecond whenever the clock is looked at."""
+    mission = load_mission("tunnel", nodes=14, robots=2, seed=1)
+    found = []
+    for step in (0.0, 1e-3):
+        ticks, stages = count(), []
+        now = lambda ticks=ticks, step=step: next(ticks) * step  # noqa: E731
+        monkeypatch.setattr(clock_module.time, "monotonic", now)
+        last = bound_front(mission, time_limit=5, callback=stages.append, gap=0.01)
+        found.append([(each.lines, each.steps) for each in (*stages, last)])
+    assert len(found[0]) > 10
+    assert found[1] == found[0]
 
 
 @pytest.mark.slow
-def test_units_of_reward_do_not_matter(no_front, counted_time):
+def test_units_of_reward_do_not_matter(no_front):
     mission, _ = random_mission(2)
     one = bound_front(mission)
     again = bound_front(mission, seed=1)
@@ -196,7 +205,7 @@ def test_sure_arcs_between_which_relaxed_trails_collect_without_end(
     no_front, short_search, monkeypatch
 ):
     """Those that remember nothing: what lies ahead is at most everything that can be reached."""
-    monkeypatch.setattr(proof_module, "_PREPARING", 1e9)
+    monkeypatch.setattr(proof_module, "_SECONDS_A_PAIR", 1e9)
     n_capped = []
     everything = Relaxation._everything
     monkeypatch.setattr(
@@ -257,7 +266,7 @@ def test_little_memory_gives_a_weaker_bound(no_front):
 
 @pytest.mark.slow
 def test_too_little_time_to_remember_is_said(no_front, monkeypatch):
-    monkeypatch.setattr(proof_module, "_PREPARING", 1e9)
+    monkeypatch.setattr(proof_module, "_SECONDS_A_PAIR", 1e9)
     museum = load_mission("art_museum")
     bound = bound_front(museum, time_limit=1)
     assert bound.notes == ("Relaxed trails remember nothing: there is too little time.",)

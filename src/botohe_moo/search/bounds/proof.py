@@ -132,8 +132,9 @@ class Proof:
     def find_front(self) -> bool:
         """Take the true front as the bound; return whether a share of the time sufficed for it."""
         mission, seconds = self._mission, _EXACT_SHARE * self.clock.seconds
-        limits = {"time_limit": 2 * seconds, "memory_limit": self._memory}
-        search = FrontSearch(mission, self.limits, **limits)
+        search = FrontSearch(
+            mission, self.limits, time_limit=2 * seconds, memory_limit=self._memory
+        )
         try:
             for _ in range(math.ceil(_PORTIONS_A_SECOND * seconds)):
                 search.advance()
