@@ -9,8 +9,8 @@ import time
 class Clock:
     """Counts work, in seconds that a usual processor takes for it.
 
-    What is done next depends on counted work alone: one seed leads to the same bounds on every
-    machine. The real time only ends it, after ``seconds``.
+    What is done next depends on counted work alone: one seed leads to the same bounds, however fast
+    a machine is. The real time only ends it, after ``seconds``.
     """
 
     def __init__(self, seconds: float, n_threads: int = 1) -> None:
