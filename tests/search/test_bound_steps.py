@@ -101,14 +101,14 @@ def test_the_step_that_lowers_the_bound_the_most_is_next(known):
     targets = StepTargets(known, 2, 0.8)
     steps = []
     for expected in ((2, 1, 5.0), (1, 1, 5.0), (1, 2, 0.0)):
-        target = targets.take(bound_of(*steps), 2)
+        target = targets.take(bound_of(*steps), 2, 1)
         assert (target.moving, target.corner, target.goal) == expected
         targets.give_back(target, is_proved=True)
         stay = 2 - target.moving
         least = max(0.0, target.survivors - stay)
         steps.append(Step(target.moving, target.goal, least, "exact"))
     again = StepTargets(known, 2, 0.8)
-    assert again.take(bound_of(), 0) is None  # nobody moves
+    assert again.take(bound_of(), 0, 1) is None  # nobody moves
 
 
 def test_what_is_too_hard_is_made_easier_before_more_effort(known):
@@ -119,12 +119,13 @@ def test_what_is_too_hard_is_made_easier_before_more_effort(known):
     ):
         targets, found = StepTargets(known, 2, 0.8), []
         while len(found) < len(expected):
-            target = targets.take(bound_of(), 2)
+            target = targets.take(bound_of(), 2, 64)
             is_hard = target.moving == moving and target.corner == 1
             if is_hard:
                 found.append((target.goal, target.effort))
             targets.give_back(target, is_proved=not is_hard)
         assert found == expected
+    assert StepTargets(known, 2, 0.8).take(bound_of(), 2, 0.5) is None  # no time for any
 
 
 def test_lines_are_found_where_the_gap_is_the_widest(known):
@@ -164,7 +165,7 @@ def test_targets_may_be_made_anew_while_a_thread_has_one(monkeypatch):
 def test_a_step_is_judged_as_it_was_taken(known):
     """Another thread has raised its goal meanwhile."""
     targets = StepTargets(known, 2, 0.8)
-    taken = targets.take(bound_of(), 2)
+    taken = targets.take(bound_of(), 2, 64)
     targets._share[:] += 0.25
     targets.give_back(taken, is_proved=True)
     assert not targets._is_open[taken.moving, taken.corner]
@@ -232,7 +233,7 @@ def test_rows_without_effect_are_left_out(monkeypatch):
     proof = new_proof(load_mission("art_museum"))
     proof.prepare()
     lines, pool = proof.lines[1], proof.lines[1].pool
-    master = Master(lines.team, lines.relaxation.total, Turns(1), Clock(100))
+    master = Master(lines.team, lines.relaxation)
     value, _, _ = master.solve(pool, 0.8, math.inf)
     n_rows, n_trails = master._n_rows, len(master._rows)
     master.allow_relaxed(pool, allowed=False)
@@ -246,6 +247,9 @@ def test_rows_without_effect_are_left_out(monkeypatch):
     assert master.active()
     for number in master.active():
         assert pool.value(number, prices) == pytest.approx(theta, abs=1e-6)
+    # Elsewhere some rows have to come back.
+    fresh, _, _ = Master(lines.team, lines.relaxation).solve(pool, 0.3, math.inf)
+    assert master.solve(pool, 0.3, math.inf)[0] == pytest.approx(fresh, rel=1e-9)
 
 
 def test_steps_of_large_teams_are_rounded_upwards():

@@ -69,11 +69,9 @@ class Corners(NamedTuple):
     n: OffsetArray  # how many there are up to each step (n_steps)
     survival: FloatArray  # rounded down (n_steps)
     height: FloatArray  # (n_steps)
-    # What a line is worth without survival, at least, if it exceeds any of the corners so far
-    # (n_lines, n_steps).
+    # What each line is worth without survival, at least, if it exceeds any of the corners so far
+    # (n_steps, n_lines).
     needed: FloatArray
-    # The corner that was exceeded the last time, which is looked at first (1).
-    latest: OffsetArray
 
 
 class Depths(NamedTuple):
@@ -137,31 +135,33 @@ def _find_corners(stairs: Stairs, mu: FloatArray, first: int, corners: Corners) 
             survival = at * stairs.width * (1.0 - ROUNDING) if at > 0 else 0.0
             corners.survival[n], corners.height[n] = survival, height
             for line in range(mu.shape[0]):
-                before = corners.needed[line, n - 1] if n > 0 else np.inf
-                corners.needed[line, n] = min(before, height + mu[line] * survival)
+                before = corners.needed[n - 1, line] if n > 0 else np.inf
+                corners.needed[n, line] = min(before, height + mu[line] * survival)
             n += 1
         corners.n[at] = n
 
 
 @inlined
-def _may_exceed(most: FloatArray, mu: FloatArray, corners: Corners, last: int) -> bool:
-    """Return whether all lines ``most`` − ``mu`` · s exceed the stairs at a step up to ``last``."""
+def _exceeded(most: FloatArray, mu: FloatArray, corners: Corners, last: int, first: int) -> int:
+    """Return a corner at a step up to ``last`` that all lines ``most`` − ``mu`` · s exceed, or −1.
+
+    The corner ``first`` is looked at first: that which was exceeded the last time often is again.
+    """
     n = corners.n[last]
     if n == 0:
-        return False
+        return -1
     for line in range(most.shape[0]):
-        if most[line] <= corners.needed[line, n - 1]:
-            return False
-    at = min(corners.latest[0], n - 1)
+        if most[line] <= corners.needed[n - 1, line]:
+            return -1
+    at = min(first, n - 1)
     for _ in range(n):
         bound = np.inf
         for line in range(most.shape[0]):
             bound = min(bound, most[line] - mu[line] * corners.survival[at])
         if bound > corners.height[at]:
-            corners.latest[0] = at
-            return True
+            return at
         at = at + 1 if at + 1 < n else 0
-    return False
+    return -1
 
 
 @inlined
@@ -211,7 +211,8 @@ def find_trails(
 ) -> int:
     """Find trails above the stairs; unless ``every`` one is wanted, each raises the stairs.
 
-    Returns how many links were tried; −1 where ``n_most``, or the room for trails, were not enough.
+    Returns how many links were tried, negative where ``n_most``, or the room for trails, were not
+    enough.
     """
     prices, mu, heights, width = worth.prices, worth.mu, stairs.heights, stairs.width
     graph, found, steps = net.graph, depths.found, depths.steps
@@ -220,14 +221,13 @@ def find_trails(
     first = _step_of(least, width, n_stairs)
     most = np.empty(n_lines)
     corners = Corners(
-        np.empty(n_stairs, np.int64),
-        np.empty(n_stairs),
-        np.empty(n_stairs),
-        np.empty((n_lines, n_stairs)),
-        np.zeros(1, np.int64),
+        n=np.empty(n_stairs, np.int64),
+        survival=np.empty(n_stairs),
+        height=np.empty(n_stairs),
+        needed=np.empty((n_stairs, n_lines)),
     )
     _find_corners(stairs, ahead.mu, first, corners)
-    search, depth, n = _begin(depths, states, ahead), 0, 0
+    search, depth, n, latest = _begin(depths, states, ahead), 0, 0, 0
     while depth >= 0:
         last = steps[depth]
         if last.link == states.first[last.state + 1]:
@@ -265,7 +265,6 @@ def find_trails(
                     _find_corners(stairs, ahead.mu, first, corners)
                     n += (n_stairs + depth) // _LINK  # what this takes
                 elif found.n_trails == depths.n_arcs.shape[0]:
-                    n = rule.n_most + 1
                     break
                 _record(depths, depth, arc)
         for line in range(n_lines):
@@ -273,8 +272,10 @@ def find_trails(
             depths.left[depth + 1, line] = left
             most[line] = value + left + chord(ahead.values[line], states.to[link], level)
         highest = _step_of(at_home, width, n_stairs)
-        if not _may_exceed(most, ahead.mu, corners, highest):
+        exceeded = _exceeded(most, ahead.mu, corners, highest, latest)
+        if exceeded < 0:
             continue
+        latest = exceeded
         low, high = last.low ^ depths.keys[arc, 0], last.high ^ depths.keys[arc, 1]
         if not rule.every and _is_seen(depths, search, low, high, value):
             continue
@@ -286,4 +287,4 @@ def find_trails(
         depths.used[arc] = search
         if pays:
             depths.met[node] = search
-    return n if n <= rule.n_most else -1
+    return n if depth < 0 else -n

@@ -68,7 +68,8 @@ def bound_front(
         no budget.
     seed
         Of the search for trails, at least 0. With one thread, a seed and a time limit lead to the
-        same bounds one after another; how far they get depends on the machine.
+        same bounds one after another, where libraries round alike; how far they get depends on the
+        machine, and so may whether it finds a true front.
     callback
         Called with each bound on the way, which is valid, too; by any of several threads, one at a
         time.

@@ -16,6 +16,7 @@ class Clock:
     def __init__(self, seconds: float, n_threads: int = 1) -> None:
         self.seconds, self._n_threads = seconds, n_threads
         self._began = time.monotonic()
+        self._is_ended = False
         self.now = 0.0  # work that is done, of all threads as if they worked side by side
 
     def count(self, seconds: float) -> None:
@@ -32,13 +33,18 @@ class Clock:
         """Seconds until the end, at least 0."""
         return max(0.0, self.seconds - self.elapsed)
 
-    @property
-    def work_left(self) -> float:
-        """Work for which there is time until the end, at the pace so far."""
-        elapsed = self.elapsed
-        pace = (1.0 + self.now) / (1.0 + elapsed)  # which is 1 at the beginning
-        return pace * max(0.0, self.seconds - elapsed)
+    def most(self, n: int, seconds: float) -> int:
+        """Return how often work of so many seconds can be done until the end, at most ``n`` times.
+
+        The pace is that of the work so far.
+        """
+        pace = (1.0 + self.now) / (1.0 + self.elapsed)  # which is 1 at the beginning
+        return int(min(n, pace * self.left / seconds))
+
+    def end(self) -> None:
+        """Let the time be over: what there was no time for would have to come next."""
+        self._is_ended = True
 
     def is_over(self, until: float = math.inf) -> bool:
         """Return whether so much work is done, or the time is over."""
-        return self.now > until or self.elapsed > self.seconds
+        return self.now > until or self._is_ended or self.elapsed > self.seconds

@@ -11,7 +11,7 @@ from botohe_moo.kernels.bounds.states import Worth
 from botohe_moo.search.bounds.envelopes import lower_envelope
 from botohe_moo.search.bounds.master import Master
 from botohe_moo.search.bounds.pool import Pool
-from botohe_moo.search.bounds.prices import PricedTeam, Prices
+from botohe_moo.search.bounds.prices import SECONDS_A_GAIN, PricedTeam, Prices
 from botohe_moo.search.bounds.record import Line, LineProof
 from botohe_moo.search.bounds.relaxation import Ahead, Relaxation
 
@@ -109,13 +109,13 @@ class Lines:
         """
         relaxation, masters = self.relaxation, self._masters
         if not masters:
-            masters.append(Master(self.team, relaxation.total, relaxation.turns, relaxation.clock))
+            masters.append(Master(self.team, relaxation))
         master = masters.pop()
         prices = self._by_relaxed(master, x, until)
         used = [self.pool.relaxed[number] for number in master.active()]
         is_exact = self._by_search(master, x, prices, effort, until)
         masters.append(master)
-        if is_exact:
+        if is_exact or relaxation.clock.is_over():
             return False
         if not relaxation.remember([trail for trail in used if trail is not None]):
             return False
@@ -210,6 +210,7 @@ class Lines:
         Returns the E[R] at which the line begins.
         """
         beside = float(self.team.most(prices.visits).sum())
+        self.relaxation.clock.count(SECONDS_A_GAIN * self.team.gains.size)
         line = self._line(beside + self.n_robots * theta, prices.mu, proof)
         if math.isfinite(line.most):  # a programme without a solution may give any prices
             self._found.append((line, prices))

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.search.bounds.clock import Clock
 from botohe_moo.search.bounds.pool import Pool
-from botohe_moo.search.bounds.prices import PricedTeam, Prices
-from botohe_moo.search.bounds.turns import Turns
+from botohe_moo.search.bounds.prices import SECONDS_A_GAIN, PricedTeam, Prices
+from botohe_moo.search.bounds.relaxation import Relaxation
 
 _CUT = 1e-7  # by how much a row has to be violated to be added
 _LEAST_SECONDS = 0.01  # that HiGHS gets
@@ -23,6 +22,8 @@ _DEVEX = 1  # how HiGHS weighs rows: other weights take long to compute for rows
 _MOST_ROWS = 2
 _MOST_MU = 20.0  # the highest price of survival, in total rewards: it keeps the programme bounded
 
+_Key = TypeVar("_Key")
+
 
 class Programme:
     """A linear programme for prices, whose rows are added where its solution violates them.
@@ -32,7 +33,7 @@ class Programme:
     """
 
     def __init__(
-        self, team: PricedTeam, cost: FloatArray, upper: FloatArray, turns: Turns, clock: Clock
+        self, team: PricedTeam, cost: FloatArray, upper: FloatArray, relaxation: Relaxation
     ) -> None:
         import highspy
 
@@ -43,7 +44,7 @@ class Programme:
                 self.setOptionValue("output_flag", False)
                 super().enableCallbacks()  # type: ignore[no-untyped-call]
 
-        self.team, self._turns, self._clock = team, turns, clock
+        self.team, self._turns, self._clock = team, relaxation.turns, relaxation.clock
         self._inf, self._basic = highspy.kHighsInf, highspy.HighsBasisStatus.kBasic
         n_nodes, n_levels = len(team.nodes), team.n_levels
         self._n_prices = n_nodes * n_levels
@@ -89,6 +90,7 @@ class Programme:
         self._lp.setOptionValue("time_limit", self._lp.getRunTime() + left)
         with self._turns.aside():
             self._lp.run()
+        self._value = self._lp.getObjectiveValue()  # which is 0 once rows are added
         n_iterations = max(0, self._lp.getInfo().simplex_iteration_count)
         self._clock.count(self._n_rows * (_SECONDS_A_ROW + n_iterations * _SECONDS_AN_ITERATION))
         found = np.array(self._lp.getSolution().col_value)
@@ -102,6 +104,7 @@ class Programme:
     def _cut_configurations(self, prices: FloatArray, solution: FloatArray) -> int:
         """Add the worst violated configuration of each node; return how many rows are new."""
         left = self.team.beside(prices)
+        self._clock.count(SECONDS_A_GAIN * left.size)
         worst = left.argmax(axis=1)
         over = left[np.arange(len(left)), worst] - solution[self._n_prices : self._first_other]
         n = 0
@@ -117,34 +120,16 @@ class Programme:
             n += 1
         return n
 
-    def _leave_out_rows(self, *numbered: dict[Any, int]) -> None:
-        """Leave out rows without effect on the last solution, where there are many.
-
-        The numbers of the others in dictionaries of rows are changed.
-        """
-        basis = self._lp.getBasis()
-        if self._n_rows < _MOST_ROWS * len(self._upper) or not basis.valid:
-            return
-        # These rows are basic, so that the others and the columns are still a basis without them.
-        status = list(basis.row_status)  # which is copied whenever it is looked at
-        is_left = np.array([each == self._basic for each in status])
-        is_left[: self._n_shapes] = False
-        self._lp.deleteRows(int(is_left.sum()), np.flatnonzero(is_left).astype(np.int32))
-        kept = np.flatnonzero(~is_left).tolist()
-        basis.row_status = [status[row] for row in kept]
-        self._lp.setBasis(basis)
-        self._n_rows = len(kept)
-        renumbered = {row: i for i, row in enumerate(kept)}
-        for rows in (self._configurations, *numbered):
-            still = {key: renumbered[row] for key, row in rows.items() if row in renumbered}
-            rows.clear()
-            rows.update(still)
-
     def _add(self, least: float, columns: list[int], weights: list[float]) -> None:
         """Add a row: the weighted sum of some columns is at least ``least``."""
         indices = np.array(columns, np.int32)
         self._lp.addRow(least, self._inf, len(columns), indices, np.array(weights))
         self._n_rows += 1
+
+
+def _renumbered(rows: dict[_Key, int], numbers: dict[int, int]) -> dict[_Key, int]:
+    """Return the new numbers of rows, as far as they have one."""
+    return {key: numbers[row] for key, row in rows.items() if row in numbers}
 
 
 class Master(Programme):
@@ -154,9 +139,10 @@ class Master(Programme):
     prices, theta the most that a known trail is worth, and mu the price of survival.
     """
 
-    def __init__(self, team: PricedTeam, total: float, turns: Turns, clock: Clock) -> None:
+    def __init__(self, team: PricedTeam, relaxation: Relaxation) -> None:
         cost = np.array([team.n_robots, 0.0])
-        super().__init__(team, cost, np.array([np.inf, _MOST_MU * total]), turns, clock)
+        upper = np.array([np.inf, _MOST_MU * relaxation.total])
+        super().__init__(team, cost, upper, relaxation)
         self._theta, self._mu = self._first_other, self._first_other + 1
         # The row of each trail of the pool, and of those relaxed ones that do not count at present.
         self._rows: dict[int, int] = {}
@@ -172,7 +158,7 @@ class Master(Programme):
             n = self._cut_configurations(visits, solution)
             n += self._cut_trails(pool, prices, theta)
             if n == 0 or self._clock.is_over(until):
-                return self._lp.getObjectiveValue(), prices, theta
+                return self._value, prices, theta
 
     def active(self) -> list[int]:
         """Return which trails of the pool make up the last solution, the most used first."""
@@ -203,7 +189,7 @@ class Master(Programme):
         """Count relaxed trails that the pool has not dropped, too, or trails only."""
         self._takes_relaxed = allowed
         if not allowed:
-            self._leave_out_rows(self._rows, self._unused)
+            self._leave_out_rows()
         for number in [number for number in self._rows if pool.dropped[number]]:
             self._switch_off(self._rows.pop(number))
         self._unused = {i: row for i, row in self._unused.items() if not pool.dropped[i]}
@@ -214,6 +200,27 @@ class Master(Programme):
         for number in [number for number in self._rows if pool.relaxed[number] is not None]:
             self._unused[number] = self._rows.pop(number)
             self._switch_off(self._unused[number])
+
+    def _leave_out_rows(self) -> None:
+        """Leave out rows without effect on the last solution, where there are many."""
+        if self._n_rows < _MOST_ROWS * len(self._upper):
+            return
+        basis = self._lp.getBasis()
+        if not basis.valid:
+            return
+        status = list(basis.row_status)  # which is copied whenever it is looked at
+        # These rows are basic, so that the others and the columns are still a basis without them.
+        is_out = np.array([each == self._basic for each in status])
+        is_out[: self._n_shapes] = False
+        self._lp.deleteRows(int(is_out.sum()), np.flatnonzero(is_out).astype(np.int32))
+        kept = np.flatnonzero(~is_out).tolist()
+        basis.row_status = [status[row] for row in kept]
+        self._lp.setBasis(basis)
+        self._n_rows = len(kept)
+        numbers = {row: i for i, row in enumerate(kept)}
+        self._configurations = _renumbered(self._configurations, numbers)
+        self._rows = _renumbered(self._rows, numbers)
+        self._unused = _renumbered(self._unused, numbers)
 
     def _switch_off(self, row: int) -> None:
         self._lp.changeRowBounds(row, -self._inf, self._inf)

@@ -18,6 +18,7 @@ from botohe_moo.search.bounds.envelopes import convex_below
 
 _EPSILON = float(np.finfo(float).eps)
 _TIDIED = 3  # rounds of lowering prices before they are made convex
+SECONDS_A_GAIN = 1e-8  # to look for the most that is gained beside prices
 _TINY = float(np.finfo(float).tiny)  # the rounding of numbers that are almost 0
 
 

@@ -34,7 +34,8 @@ from botohe_moo.search.local_search import LocalSearch
 _EXACT_SHARE = 0.05  # for the true front
 _SEARCH_SHARE = 0.05  # to find trails
 _PREPARING_SHARE = 0.25  # to prepare relaxed trails that remember
-_PORTIONS_A_SECOND = 50  # of the search for the true front
+# What work is counted as.
+_PORTIONS_A_SECOND, _MOST_PORTIONS = 50, 1_000_000  # of the search for the true front
 _SECONDS_A_STOP = 5e-9  # to evaluate a plan, for each node and robot
 _SECONDS_A_PAIR = 4e-7  # of nodes, to prepare what they remember
 _EVALUATIONS = 100_000  # plans that the search for trails evaluates at most
@@ -44,10 +45,8 @@ _MOST_CONFIGURATIONS = 6_000  # of a team's levels, all of which are looked at f
 _NEAREST = 8  # rewards near by that a node remembers
 _FIRST_BITS = 10  # that a node remembers at first: rewards and bridges
 _MOST_BITS = 14  # that a node remembers at most
-_FIRST_STATES, _MOST_STATES = (
-    15_000,
-    40_000,
-)  # of relaxed trails: at first, and with what they learn
+_FIRST_STATES = 15_000  # of relaxed trails at first
+_MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 _MOST_COMPARED = 3_000  # nodes of which all pairs are compared: a second, and 0.1 GiB
 _BYTES_A_LINK = 40.0  # two integers of 8 bytes, a flag and a figure, and some while they are found
@@ -132,14 +131,15 @@ class Proof:
     def find_front(self) -> bool:
         """Take the true front as the bound; return whether a share of the time sufficed for it."""
         mission, seconds = self._mission, _EXACT_SHARE * self.clock.seconds
+        # Portions decide, unless they take twice as long as they usually do.
         search = FrontSearch(
             mission, self.limits, time_limit=2 * seconds, memory_limit=self._memory
         )
+        n_portions = int(min(_MOST_PORTIONS, 1 + _PORTIONS_A_SECOND * seconds))
         try:
-            for _ in range(math.ceil(_PORTIONS_A_SECOND * seconds)):
+            while search.plans is None and n_portions > 0:
                 search.advance()
-                if search.plans is not None:
-                    break
+                n_portions -= 1
         except TooLargeError:
             return False
         if search.plans is None:
@@ -163,7 +163,7 @@ class Proof:
                 "Prices for this number of robots and nodes do not fit into the memory."
             )
             return False
-        pairs = self._net.graph.n_nodes**2
+        pairs = min(self._net.graph.n_nodes, _MOST_COMPARED) ** 2
         if _SECONDS_A_PAIR * pairs < _PREPARING_SHARE * self.clock.seconds:
             self._prepare(_NEAREST, _FIRST_BITS, n_levels, _N_SEEN)
         else:
@@ -206,7 +206,7 @@ class Proof:
         search = LocalSearch(mission, self.limits, random_state=self._random_state)
         search.insert(mission.batch([mission.stay_home()]))
         seconds = _SECONDS_A_STOP * graph.n_nodes * mission.robots
-        search.run(min(_EVALUATIONS, 1 + int(_SEARCH_SHARE * self.clock.seconds / seconds)))
+        search.run(int(min(_EVALUATIONS, 1 + _SEARCH_SHARE * self.clock.seconds / seconds)))
         batch, objectives, _ = search.plans()
         self.known.add(objectives)
         arcs = arcs_by_ends(graph)

@@ -75,10 +75,12 @@ class Relaxation:
         self._new_depths = partial(new_depths, net, random_state, n_seen, n_room, MOST_LINES)
         self._depths = [self._new_depths()]
         self._is_capped = False
+        most_first = min(first_states, most_states)
+        is_too_much = not self._find_states(most_first)
+        if is_too_much:
+            self._forget(most_first)
         # Whether there was too little room for all that was to be remembered.
-        self.remembers_less = not self._find_states(most_states)
-        if self.remembers_less or len(self.states.node) > first_states:
-            self._forget(min(first_states, most_states))
+        self.remembers_less = is_too_much and most_states < first_states
 
     def _find_states(self, n_most: int) -> bool:
         """Find the states of what is remembered; return whether they are at most ``n_most``."""
@@ -216,13 +218,15 @@ class Relaxation:
         These are the arcs of trails (n, n_arcs), and how many they are (n).
         """
         depths = self._depths.pop() if self._depths else self._new_depths()
-        n_most = min(rule.n_most, int(self.clock.work_left / _SECONDS_A_LINK))
-        rule = rule._replace(n_most=n_most)
+        n_most = self.clock.most(rule.n_most, _SECONDS_A_LINK)
         try:
             with self.turns.aside():
                 states, ahead = lines[0][0].states, _completions(lines)
-                n = find_trails(self.net, states, worth, ahead, stairs, rule, depths)
-            self.clock.count(_SECONDS_A_LINK * (n if n >= 0 else n_most))
+                within = rule._replace(n_most=n_most)
+                n = find_trails(self.net, states, worth, ahead, stairs, within, depths)
+            self.clock.count(_SECONDS_A_LINK * abs(n))
+            if n < 0 and n_most < rule.n_most:
+                self.clock.end()
             n_found = min(int(depths.found.n_trails), len(depths.n_arcs))
             return n >= 0, depths.arcs[:n_found].copy(), depths.n_arcs[:n_found].copy()
         finally:

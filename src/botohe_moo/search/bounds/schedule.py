@@ -32,6 +32,7 @@ _EFFORT_OF_LINES = 16  # times the usual search, once all lines were tried
 # its steps.
 _FIRST_LINES = (0.5, 0.75, 0.25)
 _SECONDS_A_BOUND = 2e-3  # to look for the widest gap
+_SECONDS_OF_EFFORT = 0.2  # that a search for a step takes, for each unit of effort
 
 # One piece of work, given the bound and the moment when it has to end; False if none is left.
 Work: TypeAlias = Callable[[FrontBound, float], bool]
@@ -175,7 +176,8 @@ class Schedule:
         targets = StepTargets(proof.known, proof.robots, proof.most_survival)
 
         def find_next(bound: FrontBound, until: float) -> bool:
-            target = targets.take(bound, most_moving)
+            left = self._clock.seconds - self._clock.now
+            target = targets.take(bound, most_moving, left / _SECONDS_OF_EFFORT)
             if target is None:
                 return False
             x = max(0.0, target.survivors - (proof.robots - target.moving))

@@ -12,12 +12,12 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.trails import Stairs
-from botohe_moo.search.bounds.clock import Clock
 from botohe_moo.search.bounds.lines import LEVELS, Lines
 from botohe_moo.search.bounds.master import Programme
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import PricedTeam, Prices
 from botohe_moo.search.bounds.record import Step
+from botohe_moo.search.bounds.relaxation import Relaxation
 from botohe_moo.search.bounds.steps import (
     LEAST_MU,
     MU_SHARES,
@@ -26,7 +26,6 @@ from botohe_moo.search.bounds.steps import (
     least_total,
     stairs_of,
 )
-from botohe_moo.search.bounds.turns import Turns
 
 # As in ``proof``, these constants were chosen by experiment, and every bound is valid whatever they
 # are.
@@ -63,10 +62,10 @@ class StairsMaster(Programme):
     """
 
     def __init__(
-        self, team: PricedTeam, most_survival: float, x: float, turns: Turns, clock: Clock
+        self, team: PricedTeam, most_survival: float, x: float, relaxation: Relaxation
     ) -> None:
         cost = np.append(np.zeros(_BINS), 1.0)
-        super().__init__(team, cost, np.full(_BINS + 1, np.inf), turns, clock)
+        super().__init__(team, cost, np.full(_BINS + 1, np.inf), relaxation)
         self._stairs = slice(self._first_other, self._first_other + _BINS)
         self._worth = self._first_other + _BINS
         for b in range(self._stairs.start, self._stairs.stop - 1):
@@ -91,7 +90,7 @@ class StairsMaster(Programme):
             n += self._cut_teams(stairs, float(solution[self._worth]))
             if n == 0 or self._clock.is_over(until):
                 break
-        return self._lp.getObjectiveValue(), visits
+        return self._value, visits
 
     def _cut_trails(self, pool: Pool, over: FloatArray, bins: OffsetArray) -> int:
         """Add trails that are the most above the steps of their bins; return how many are new."""
@@ -178,9 +177,9 @@ class TeamStairs:
         Prices lie between the best ones known and those of the programme. Each search for trails is
         given a target between the programme's value and the bound.
         """
-        team, relaxation = self._lines[moving - 1].team, self._relaxation
+        team = self._lines[moving - 1].team
         master = self._masters.pop((moving, x), None) or StairsMaster(
-            team, self._most_survival, x, relaxation.turns, relaxation.clock
+            team, self._most_survival, x, self._relaxation
         )
         self._improve(master, moving, x, effort, until)
         self._masters[moving, x] = master
@@ -197,9 +196,9 @@ class TeamStairs:
         best, share, stay = np.inf, _FIRST_SHARE, 1.0
         centre = start.visits if master.centre is None else master.centre
         for i in range(_MOST_PRICES):
+            least, wanted = master.solve(self._pool, until)
             if self._relaxation.clock.is_over(until):
                 return
-            least, wanted = master.solve(self._pool, until)
             least += base_reward
             bound = self.bound(moving, x)
             if bound <= least * (1 + _CLOSE):

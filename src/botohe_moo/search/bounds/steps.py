@@ -188,10 +188,12 @@ class Steps:
         insert(front, np.inf, x * (1.0 - ROUNDING) - LEAST_SURVIVAL)
         insert(front, goal, np.inf)
         clock = self._relaxation.clock
-        n_most = min(_MOST_TEAMS, int(clock.work_left / _SECONDS_A_CHOICE))
+        n_most = clock.most(_MOST_TEAMS, _SECONDS_A_CHOICE)
         with self._relaxation.turns.aside():
             ended = choose_teams(choices, front, n_most, most_reward=True)
         clock.count(_SECONDS_A_CHOICE * int(choices.turn[0].n_looks))
+        if ended != FINISHED and n_most < _MOST_TEAMS:
+            clock.end()
         return best_reward(front, np.inf) if ended == FINISHED else None
 
     def _figures(self, arcs: OffsetArray, n_arcs: OffsetArray) -> tuple[FloatArray, FloatArray]:

@@ -125,7 +125,7 @@ class StepTargets:
         self._effort = np.ones(self._is_open.shape, np.int64)
         self._first = np.searchsorted(known.survivors, self._starts)
 
-    def take(self, bound: FrontBound, most_moving: int) -> StepTarget | None:
+    def take(self, bound: FrontBound, most_moving: int, most_effort: float) -> StepTarget | None:
         """Return the next step for up to ``most_moving`` robots, and close it meanwhile.
 
         Returns None where none is left.
@@ -134,6 +134,7 @@ class StepTargets:
         goals = self._heights + self._share * np.maximum(0.0, bounds - self._heights)
         gains = self._gains(bound, self._is_open & (bounds > goals * (1 + _CLOSE)), goals)
         gains[most_moving + 1 :] = 0.0
+        gains[self._effort > most_effort] = 0.0
         moving, corner = (int(i) for i in np.unravel_index(gains.argmax(), gains.shape))
         if gains[moving, corner] <= 0.0:
             return None
