@@ -159,7 +159,7 @@ def _exceeded(most: FloatArray, mu: FloatArray, corners: Corners, last: int, fir
         for line in range(most.shape[0]):
             bound = min(bound, most[line] - mu[line] * corners.survival[at])
         if bound > corners.height[at]:
-            return at
+            return int(at)
         at = at + 1 if at + 1 < n else 0
     return -1
 
