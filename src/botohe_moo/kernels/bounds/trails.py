@@ -179,6 +179,15 @@ def _begin(depths: Depths, states: States, ahead: Completions) -> int:
 
 
 @inlined
+def _take_back(depths: Depths, depth: int, head: OffsetArray) -> None:
+    """Take the last arc of the partial trail back."""
+    last = depths.steps[depth]
+    depths.used[last.arc] = -1
+    if last.pays:
+        depths.met[head[last.arc]] = -1
+
+
+@inlined
 def _record(depths: Depths, depth: int, arc: int) -> None:
     """Write the arcs of the partial trail and one more; in a full table over the last trail."""
     row = min(depths.found.n_trails, depths.n_arcs.shape[0] - 1)
@@ -211,30 +220,22 @@ def find_trails(
 ) -> int:
     """Find trails above the stairs; unless ``every`` one is wanted, each raises the stairs.
 
-    Returns how many links were tried, negative where ``n_most``, or the room for trails, were not
-    enough.
+    Returns how many links were tried, negative where ``n_most`` or the room was not enough.
     """
     prices, mu, heights, width = worth.prices, worth.mu, stairs.heights, stairs.width
     graph, found, steps = net.graph, depths.found, depths.steps
     n_levels, n_lines, n_stairs = prices.shape[1] - 1, ahead.mu.shape[0], heights.shape[0]
     least = max(stairs.least, net.min_survival) * (1.0 - ROUNDING)
-    first = _step_of(least, width, n_stairs)
-    most = np.empty(n_lines)
-    corners = Corners(
-        n=np.empty(n_stairs, np.int64),
-        survival=np.empty(n_stairs),
-        height=np.empty(n_stairs),
-        needed=np.empty((n_stairs, n_lines)),
-    )
+    first, most = _step_of(least, width, n_stairs), np.empty(n_lines)
+    n_corners, needed = np.empty(n_stairs, np.int64), np.empty((n_stairs, n_lines))
+    corners = Corners(n_corners, np.empty(n_stairs), np.empty(n_stairs), needed)
     _find_corners(stairs, ahead.mu, first, corners)
     search, depth, n, latest = _begin(depths, states, ahead), 0, 0, 0
     while depth >= 0:
         last = steps[depth]
         if last.link == states.first[last.state + 1]:
             if depth > 0:
-                depths.used[last.arc] = -1
-                if last.pays:
-                    depths.met[graph.head[last.arc]] = -1
+                _take_back(depths, depth, graph.head)
             depth -= 1
             continue
         link = last.link
