@@ -101,8 +101,10 @@ def score_records(
 
 def as_table(name: str, rows: list[dict[str, Any]]) -> pd.DataFrame:
     """Return rows as the table of a schema, with typed columns even where there are no rows."""
-    table: pd.DataFrame = pa.Table.from_pylist(rows, schema=SCHEMAS[name]).to_pandas()
-    return table
+    table = pa.Table.from_pylist(rows, schema=SCHEMAS[name])
+    # Threads of Arrow's may outlive Python and abort it, as where tables are read.
+    frame: pd.DataFrame = table.to_pandas(use_threads=False)
+    return frame
 
 
 def merge_ties(values: ArrayLike) -> FloatArray:
