@@ -26,7 +26,7 @@ from botohe_moo.cli.study import _plan_table, study_app
 from botohe_moo.study import StudyError, make_tables, read_study, run_study
 from botohe_moo.study.planning import Estimate
 from botohe_moo.study.run import cluster
-from tests.forked import Forked
+from tests.forked import Forked, run_forked
 from tests.study.test_perform import marked_processes
 from tests.study.test_runner import MADE, Watcher, assert_same
 
@@ -228,6 +228,20 @@ def test_a_terminal_shows_how_it_gets_on(tmp_path):
     shares = {int(found) for found in re.findall(r"(\d+)% ", plain)}
     assert any(0 < share < 50 or 50 < share < 100 for share in shares)
     assert re.search(r"\d:\d\d:\d\d left", plain)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
+def test_no_thread_is_left_that_may_outlive_python(tmp_path):
+    """Arrow's threads abort the interpreter now and then where they do."""
+    code = f"""if True:
+        import os
+        from botohe_moo.study import read_study, run_study
+        run_study({SMALL | {"seeds": 1}}, "out")
+        read_study("out")
+        print(len(os.listdir("/proc/self/task")))
+    """
+    done = run_forked([sys.executable, "-c", code], cwd=tmp_path)
+    assert done.stdout == "1\n", done.stderr
 
 
 def test_two_workers_give_the_same(study_file, uninterrupted, tmp_path):

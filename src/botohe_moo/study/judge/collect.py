@@ -26,7 +26,7 @@ from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.task import Outcome
 from botohe_moo.study.store.folder import OUTCOME_FIELDS, StudyFolder, writing
 from botohe_moo.study.store.schemas import SCHEMAS
-from botohe_moo.study.store.tables import to_arrow, write_tables
+from botohe_moo.study.store.tables import from_arrow, to_arrow, write_tables
 
 _Outcomes: TypeAlias = Sequence[tuple[Run, Outcome]]
 
@@ -200,5 +200,5 @@ def _with_points(frame: pd.DataFrame, fronts: Sequence[FloatArray], *further: st
 def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
     """Return a table with the columns of its schema, in its order and of its types."""
     counts = [field.name for field in SCHEMAS[name] if field.nullable and field.type == pa.int64()]
-    table: pd.DataFrame = to_arrow(name, frame).to_pandas(integer_object_nulls=True)
+    table = from_arrow(to_arrow(name, frame), integer_object_nulls=True)
     return table.astype(dict.fromkeys(counts, "Int64"))

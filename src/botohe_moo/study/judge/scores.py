@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import INDICATORS, TIE, Scale, further_indicators
 from botohe_moo.study.store.schemas import SCHEMAS
+from botohe_moo.study.store.tables import from_arrow
 
 # Values of each algorithm, by mission and indicator.
 Samples: TypeAlias = dict[tuple[str, str], dict[str, FloatArray]]
@@ -101,10 +102,7 @@ def score_records(
 
 def as_table(name: str, rows: list[dict[str, Any]]) -> pd.DataFrame:
     """Return rows as the table of a schema, with typed columns even where there are no rows."""
-    table = pa.Table.from_pylist(rows, schema=SCHEMAS[name])
-    # Threads of Arrow's may outlive Python and abort it, as where tables are read.
-    frame: pd.DataFrame = table.to_pandas(use_threads=False)
-    return frame
+    return from_arrow(pa.Table.from_pylist(rows, schema=SCHEMAS[name]))
 
 
 def merge_ties(values: ArrayLike) -> FloatArray:

@@ -197,6 +197,16 @@ def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
     return pa.Table.from_pandas(frame, schema, preserve_index=False)
 
 
+def from_arrow(table: pa.Table, **options: Any) -> pd.DataFrame:
+    """Convert a table back, without Arrow's threads.
+
+    They may still hold Python's data when Python ends, and then abort it (apache/arrow issues
+    34314 and 50482).
+    """
+    frame: pd.DataFrame = table.to_pandas(use_threads=False, **options)
+    return frame
+
+
 def write_tables(
     folder: Path, tables: Mapping[str, pd.DataFrame], manifest: Mapping[str, Any]
 ) -> None:
@@ -254,14 +264,13 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
     for name in SCHEMAS:
         path = folder / f"{name}.parquet"
         try:
-            # Without threads: those of Arrow may still hold a file when Python ends, and abort it
-            # (apache/arrow issues 34314 and 50482).
             data = pa.BufferReader(read_bytes(path))
-            table = pq.read_table(data, use_threads=False, pre_buffer=False)
+            # Not ``read_table``: it starts threads whatever it is told.
+            table = pq.ParquetFile(data, pre_buffer=False).read(use_threads=False)
             metadata = table.schema.metadata
             made_from.add(metadata[_MADE_FROM])
             manifest = metadata.get(_MANIFEST, manifest)
-            tables[name] = table.to_pandas(use_threads=False)
+            tables[name] = from_arrow(table)
         except FileNotFoundError:
             read_manifest(folder)  # raises if there is no study at all
             raise StudyError(f"{path}: there is no such table yet. {remedy}") from None
