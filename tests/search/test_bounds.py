@@ -22,7 +22,7 @@ from botohe_moo import (
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.search.bounds import clock as clock_module
 from botohe_moo.search.bounds import proof as proof_module
-from botohe_moo.search.bounds.envelopes import area_under_highest, convex_below, lower_envelope
+from botohe_moo.search.bounds.envelopes import convex_below, lower_envelope
 from botohe_moo.search.bounds.net import new_net
 from botohe_moo.search.bounds.prices import PricedTeam, most_levels, refine
 from botohe_moo.search.bounds.record import Line, Step
@@ -516,16 +516,24 @@ def test_convex_functions_from_below():
     assert convex_below(np.array([0.0, -1.0, 2.0])).tolist() == [0.0, 0.0, 2.0]
 
 
-@given(st.lists(st.tuples(st.integers(-9, 9), st.integers(-9, 9)), min_size=1, max_size=12))
-def test_area_under_the_highest_of_many_lines(lines):
-    """The largest of all integer lines bends at fractions of at most 18: summed up exactly."""
-    heights, rises = np.array(lines, float).T
-    places = sorted({Fraction(i, n) for n in range(1, 19) for i in range(n + 1)})
-    values = [max(height + rise * place for height, rise in lines) for place in places]
-    exact = sum(
-        (after - before) * (low + high) / 2
-        for before, after, low, high in zip(
-            places[:-1], places[1:], values[:-1], values[1:], strict=True
-        )
+@given(
+    st.lists(st.tuples(st.integers(1, 2), st.floats(2, 12), st.floats(0, 6)), max_size=6),
+    st.lists(st.tuples(st.integers(1, 2), st.floats(0, 10), st.floats(0, 2)), max_size=6),
+    st.sampled_from([0.0, 0.1]),
+)
+def test_the_area_is_that_below_the_bound(lines, steps, floor):
+    """The bound falls, so that its values at both ends of short pieces enclose the area."""
+    mission = load_mission("toy")
+    everywhere = [Line(moving, 10.0, 0.0, "everything") for moving in (1, 2)]
+    bound = FrontBound(
+        mission=mission,
+        lines=(*everywhere, *(Line(*line, "relaxed") for line in lines)),
+        steps=tuple(Step(moving, most, least, "exact") for moving, most, least in steps),
+        most_survival=0.9,
+        min_survival=floor,
+        max_length=np.inf,
+        seconds=1.0,
     )
-    assert area_under_highest(heights, rises) == pytest.approx(float(exact), abs=1e-12)
+    n, whole = 50_000, mission.total_reward * mission.robots
+    values = bound.bound(np.linspace(0.0, mission.robots, n + 1)) * mission.robots / n / whole
+    assert values[1:].sum() - 1e-9 <= bound.area <= values[:-1].sum() + 1e-6

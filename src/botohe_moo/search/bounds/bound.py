@@ -108,6 +108,9 @@ def bound_front(
             f"Expected a mission of at most {MOST_ROBOTS:,} robots, got {mission.robots:,}: bounds "
             "are computed for each number of them that may move."
         )
+    if callback is not None and not callable(callback):
+        raise TypeError(f"Expected callback to be callable, got {quoted(callback)}.")
+    known = check_objectives("front", () if front is None else front)
     proof = Proof(
         mission,
         mission.limits(min_survival, max_length),
@@ -116,9 +119,6 @@ def bound_front(
         clock=Clock(time_limit, n_threads),
         turns=Turns(n_threads),
     )
-    if callback is not None and not callable(callback):
-        raise TypeError(f"Expected callback to be callable, got {quoted(callback)}.")
-    known = check_objectives("front", () if front is None else front)
     proof.bound().check("front", known)
     proof.known.add(known)
     try:

@@ -45,19 +45,3 @@ def lower_envelope(most: ArrayLike, mu: ArrayLike) -> OffsetArray:
     # Of lines with the least ``most``, the last one is the lowest.
     lowest: Any = np.flatnonzero(y[corners] == y[corners].min())[-1]
     return corners[lowest:]
-
-
-def area_under_highest(heights: FloatArray, rises: FloatArray) -> float:
-    """Integrate the highest of some lines from 0 to 1; those at −inf do not count."""
-    ends = heights + rises
-    # Others are everywhere below the line whose lower end is the highest.
-    kept = np.maximum(heights, ends) >= np.minimum(heights, ends).max()
-    kept &= np.isfinite(heights)
-    if not kept.any():
-        return 0.0
-    heights, rises = heights[kept], rises[kept]
-    order = lower_hull(rises, -heights)
-    heights, rises = heights[order], rises[order]
-    crossings = -np.diff(heights) / np.diff(rises)
-    at = np.concatenate([[0.0], np.clip(crossings, 0.0, 1.0), [1.0]])
-    return float(np.trapezoid((heights + np.outer(at, rises)).max(axis=1), at))

@@ -16,7 +16,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import area_indicator, check_objectives
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.search.bounds.envelopes import area_under_highest, lower_envelope
+from botohe_moo.search.bounds.envelopes import lower_envelope
 from botohe_moo.search.bounds.record import FORMAT, BoundRecord, Line, Step, read_record
 
 _ROUNDING = 1e-12  # survivors are lowered by this share: they are sums of rounded products
@@ -156,7 +156,11 @@ class FrontBound:
             ends = moving * np.array(
                 [self.min_survival * (1 - _ROUNDING), self.most_survival * (1 + _ROUNDING)]
             )
-            x = np.concatenate([[0.0], bends, ends, proved.least])
+            falls = proved.mu > 0.0
+            drops = np.subtract.outer(proved.most[falls], proved.capped[1:])
+            # Where the lowest line falls below each step.
+            meets = (drops / proved.mu[falls, None]).min(axis=0, initial=np.inf)
+            x = np.concatenate([[0.0], bends, ends, proved.least, meets])
             found += ((n_robots - moving + x) / (1.0 - _ROUNDING)).tolist()
         corners = np.unique(found)
         inside: FloatArray = corners[(corners >= 0.0) & (corners <= n_robots)]
@@ -183,22 +187,24 @@ class FrontBound:
         whole = self.mission.total_reward * self.mission.robots
         if whole == 0.0:
             return 0.0
-        corners = self._corners()
+        corners = np.union1d(self._corners(), np.linspace(0.0, self.mission.robots, _N_POINTS))
         n_at_once = max(1, _MOST_BOUNDS // (self.mission.robots + 1))
         firsts = range(0, len(corners) - 1, n_at_once)
         area = sum(self._area_between(corners[i : i + n_at_once + 1]) for i in firsts)
         return float(min(1.0, area / whole))
 
     def _area_between(self, corners: FloatArray) -> float:
-        """Integrate the bound, which has a line for each number of robots between two corners."""
+        """Integrate the bound, which has a line for each number of robots between corners.
+
+        It may be slightly more.
+        """
         width = np.diff(corners)
         low, high = (self.by_robots(corners[:-1] + share * width) for share in (0.25, 0.75))
         with np.errstate(invalid="ignore"):
             rise = np.where(np.isfinite(low) & np.isfinite(high), high - low, 0.0)
-        area = 0.0
-        for heights, rises, wide in zip((low - rise / 2).T, rise.T * 2, width, strict=True):
-            area += wide * area_under_highest(heights, rises)
-        return area
+        # The highest of these lines is convex, and below the chord between its ends.
+        ends = (low - rise / 2).max(axis=0) + (low + 1.5 * rise).max(axis=0)
+        return float(width @ ends / 2)
 
     def gap(self, front: ArrayLike) -> float:
         """Return the largest share by which the area of a front can grow; inf if it is 0 and can.

@@ -37,7 +37,7 @@ _EPSILON = float(np.finfo(float).eps)
 class Lines:
     """All lines for a number of moving robots.
 
-    ``others`` are the lines for other numbers of robots: prices give a line to each of them.
+    ``family`` are the lines for all numbers of robots: prices give a line to each of them.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Lines:
         ]
         # Linear programmes that no thread uses: they are large, and made when they are needed.
         self._masters: list[Master] = []
-        self.others: list[Lines] = []
+        self.family: list[Lines] = []
 
     @property
     def found(self) -> list[Line]:
@@ -198,10 +198,11 @@ class Lines:
 
     def _keep_all(self, prices: Prices, theta: float, proof: LineProof, until: float) -> float:
         """Keep the line of prices, also for other numbers of robots while there is time."""
-        for lines in self.others:
+        for lines in self.family:
             if self.relaxation.clock.is_over(until):
                 break
-            lines.keep(prices, theta, proof)
+            if lines is not self:
+                lines.keep(prices, theta, proof)
         return self.keep(prices, theta, proof)
 
     def keep(self, prices: Prices, theta: float, proof: LineProof) -> float:

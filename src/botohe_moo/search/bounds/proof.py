@@ -116,7 +116,7 @@ class Proof:
             for moving in range(1, mission.robots + 1)
         ]
         for lines in self.lines:
-            lines.others = [other for other in self.lines if other is not lines]
+            lines.family = self.lines
         self.steps = [Steps(lines, self.most_survival) for lines in self.lines]
         self.stairs = TeamStairs(self.lines[:MOST_MOVING], self.most_survival)
 

@@ -225,7 +225,7 @@ class Relaxation:
                 within = rule._replace(n_most=n_most)
                 n = find_trails(self.net, states, worth, ahead, stairs, within, depths)
             self.clock.count(_SECONDS_A_LINK * abs(n))
-            if n < 0 and n_most < rule.n_most:
+            if -n > n_most and n_most < rule.n_most:
                 self.clock.end()
             n_found = min(int(depths.found.n_trails), len(depths.n_arcs))
             return n >= 0, depths.arcs[:n_found].copy(), depths.n_arcs[:n_found].copy()

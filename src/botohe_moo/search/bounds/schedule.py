@@ -176,8 +176,8 @@ class Schedule:
         targets = StepTargets(proof.known, proof.robots, proof.most_survival)
 
         def find_next(bound: FrontBound, until: float) -> bool:
-            left = self._clock.seconds - self._clock.now
-            target = targets.take(bound, most_moving, left / _SECONDS_OF_EFFORT)
+            left = self._clock.seconds - self._clock.now  # below 0 on fast machines
+            target = targets.take(bound, most_moving, max(1.0, left / _SECONDS_OF_EFFORT))
             if target is None:
                 return False
             x = max(0.0, target.survivors - (proof.robots - target.moving))
