@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from botohe_moo import load_mission
 from botohe_moo.search.bounds import stairs as module
+from botohe_moo.search.bounds.envelopes import add_stairs, falling, least_total
 from botohe_moo.search.bounds.schedule import Schedule
 from botohe_moo.search.bounds.stairs import StairsMaster, TeamStairs
-from botohe_moo.search.bounds.steps import add_stairs, falling, least_total
 from tests.search.test_bounds import bounded_at_all_stages, random_mission
 
 heights = st.lists(st.floats(0, 10), min_size=4, max_size=7)
@@ -40,12 +40,14 @@ def test_lifted_stairs_leave_teams_where_they_may_be(known, moving, x, worth):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "N_STEPS", len(known))
         team = SimpleNamespace(_width=width, _relaxation=SimpleNamespace(total=100.0))
-        lifted = TeamStairs._lifted(team, stairs, moving, x, worth)
+        best = TeamStairs._teams(team, stairs, moving, x)
+        lifted = TeamStairs._lifted(team, stairs, best, moving, worth)
     assert (lifted >= stairs).all()
     assert (np.diff(lifted) <= 0).all()
     total = int(least_total(np.array([x]), width, moving)[0])
     before, after = add_stairs(stairs, moving), add_stairs(lifted, moving)
     if total < len(before):
+        assert best.max() == before[total]
         assert after[total] <= max(before[total], worth) + 1e-9
 
 

@@ -13,20 +13,19 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission
 from botohe_moo.kernels.graph.graph import NO_LIMITS
+from botohe_moo.search.bounds import lines as lines_module
 from botohe_moo.search.bounds import master as master_module
+from botohe_moo.search.bounds import proof as proof_module
+from botohe_moo.search.bounds import steps as steps_module
 from botohe_moo.search.bounds.clock import Clock
+from botohe_moo.search.bounds.envelopes import add_stairs, least_total, stairs_of
 from botohe_moo.search.bounds.front_bound import FrontBound
-from botohe_moo.search.bounds.lines import Lines
+from botohe_moo.search.bounds.lines import N_STEPS, Lines
 from botohe_moo.search.bounds.master import Master
 from botohe_moo.search.bounds.proof import Proof
 from botohe_moo.search.bounds.record import Line, Step
 from botohe_moo.search.bounds.schedule import Schedule
-from botohe_moo.search.bounds.steps import (
-    Steps,
-    add_stairs,
-    least_total,
-    stairs_of,
-)
+from botohe_moo.search.bounds.steps import Steps
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.search.bounds.turns import Turns
 from tests import twins
@@ -192,8 +191,15 @@ def all_teams(mission, trails, n_robots):
     return (1.0 - missed[teams].prod(axis=1)) @ graph.reward, survival[teams].sum(axis=1)
 
 
+def set_sizes(monkeypatch, n_steps, n_heights):
+    """Let stairs have as many steps, and thresholds as many heights."""
+    monkeypatch.setattr(lines_module, "N_STEPS", n_steps)
+    monkeypatch.setattr(steps_module, "N_STEPS", n_steps)
+    monkeypatch.setattr(steps_module, "_N_HEIGHTS", n_heights)
+
+
 @pytest.mark.parametrize("seeds", [range(15), pytest.param(range(15, 60), marks=pytest.mark.slow)])
-def test_no_team_of_all_trails_exceeds_a_step(short_search, seeds):
+def test_no_team_of_all_trails_exceeds_a_step(short_search, monkeypatch, seeds):
     """Whatever the goal: of plans, beyond them, and 0; at any sum of survivals, and just above."""
     n_steps = n_tight = 0
     for seed in seeds:
@@ -206,13 +212,18 @@ def test_no_team_of_all_trails_exceeds_a_step(short_search, seeds):
         trails = twins.within(mission, leaving, limits.min_survival, limits.max_length)
         proof = new_proof(mission, limits)
         nearest, n_bits = [(8, 10), (0, 0), (2, 2)][seed % 3]
-        proof._prepare(nearest, n_bits, int(rng.integers(1, 7)), 1 << 10)
+        monkeypatch.setattr(proof_module, "_NEAREST", nearest)
+        proof._prepare(n_bits, int(rng.integers(1, 7)))
         if seed % 2:
             proof._find_trails()
-        coarse = {"n_steps": int(rng.integers(2, 12)), "n_heights": int(rng.integers(1, 20))}
-        for moving, rule in product(range(1, mission.robots + 1) if trails else (), ({}, coarse)):
+        coarse = int(rng.integers(2, 12)), int(rng.integers(1, 20))
+        usual = N_STEPS, 40
+        for moving, sizes in product(
+            range(1, mission.robots + 1) if trails else (), (usual, coarse)
+        ):
             collected, sums = all_teams(mission, trails, moving)
-            steps = Steps(proof.lines[moving - 1], proof.most_survival, **rule)
+            set_sizes(monkeypatch, *sizes)
+            steps = Steps(proof.lines[moving - 1], proof.most_survival)
             for _ in range(4):
                 most = moving * proof.most_survival
                 x = rng.choice([0.0, rng.choice(sums), rng.choice(sums) * (1 + 1e-9), most])
@@ -262,7 +273,7 @@ def test_steps_of_large_teams_are_rounded_upwards():
         graph.edges[1, 0]["survival"] = rng.uniform(0.1, 0.9)
         mission = Mission(graph, base=0, robots=robots)
         proof = new_proof(mission)
-        proof._prepare(8, 10, 1, 1 << 10)
+        proof._prepare(10, 1)
         steps = proof.steps[robots - 1]
         assert steps.tighten(0.0, 0.0, 8, math.inf)
         true = 1 - (1 - Fraction(float(there))) ** robots
@@ -271,14 +282,15 @@ def test_steps_of_large_teams_are_rounded_upwards():
             assert true <= Fraction(step.most * proof.unit) < true + Fraction(1e-9)
 
 
-def test_what_a_trail_has_to_be_worth_by_hand():
+def test_what_a_trail_has_to_be_worth_by_hand(monkeypatch):
     """Two robots, four steps of 0.2; what the other one is worth falls from 10 by 5 s.
 
     A trail on the second step, from 0.2 to 0.4, leaves at least 0.6 to the other, which is then
     worth 7 at most: of a goal of 8 there is 1 left.
     """
     proof = new_proof(load_mission("toy", robots=2))
-    steps = Steps(proof.lines[1], 0.8, n_steps=4, n_heights=4)
+    set_sizes(monkeypatch, 4, 4)
+    steps = Steps(proof.lines[1], 0.8)
     line = SimpleNamespace(most=10.0, worth=SimpleNamespace(mu=5.0))
     assert steps._needed(1.0, 8.0, [line], None) == pytest.approx([2.0, 1.0, 0.0, -1.0], abs=1e-6)
     # Stairs say that nobody is worth more than 6 and survives with 0.4 or more.

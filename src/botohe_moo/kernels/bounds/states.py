@@ -105,8 +105,7 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
         n_most = 0
         offset[n_nodes] = 1
     number = np.full(offset[n_nodes], -1, np.int32)
-    room = min(int(offset[n_nodes]), n_most)
-    node_of, mask = np.empty(room + 1, np.int64), np.empty(room + 1, np.int64)
+    node_of, mask = np.empty(n_most + 1, np.int64), np.empty(n_most + 1, np.int64)
     n, n_links, at = 1, 0, 0
     node_of[0], mask[0] = graph.base, 0
     if n_most > 0:
@@ -121,8 +120,7 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
             to = graph.head[arc]
             if number[offset[to] + after] < 0 and n <= n_most:
                 number[offset[to] + after] = n
-                if n < room:
-                    node_of[n], mask[n] = to, after
+                node_of[n], mask[n] = to, after
                 n += 1
         at += 1
     if n > n_most:

@@ -7,18 +7,25 @@ from functools import cached_property
 
 import numpy as np
 
+from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels.bounds.states import Worth
-from botohe_moo.search.bounds.envelopes import lower_envelope
+from botohe_moo.kernels.bounds.trails import Stairs
+from botohe_moo.search.bounds.envelopes import lower_envelope, stairs_of
 from botohe_moo.search.bounds.master import Master
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import SECONDS_A_GAIN, PricedTeam, Prices
 from botohe_moo.search.bounds.record import Line, LineProof
-from botohe_moo.search.bounds.relaxation import Ahead, Relaxation
+from botohe_moo.search.bounds.relaxation import Ahead, BoundLines, Relaxation
 
 # As in ``proof``, these constants were chosen by experiment, and every line is valid whatever they
 # are.
 
 LEVELS = 24  # of relaxed trails, at least
+N_STEPS = 2_000  # of a trail's survival
+# Prices of survival that bound what lies ahead in searches that raise stairs, in shares of that of
+# the line; and what that is at least, in shares of all reward.
+_MU_SHARES = (0.3, 1.0)
+LEAST_MU = 0.01
 # How near to the programme's value a line has to come, in shares of the bound: by relaxed trails,
 # and by search.
 _RELAXED_TOLERANCE, _SEARCH_TOLERANCE = 1e-3, 2e-4
@@ -126,6 +133,36 @@ class Lines:
         """Bound all trails under each of several prices, on a grid of ``LEVELS`` or a few more."""
         worths = [Worth(self.team.spread(each.visits, LEVELS), each.mu) for each in prices]
         return self.relaxation.look_ahead(worths)
+
+    def look_ahead_around(self, visits: FloatArray, mu: float) -> BoundLines:
+        """Bound all trails under prices of visits, and several prices of survival up to ``mu``."""
+        none = np.zeros(self.relaxation.net.graph.n_nodes)
+        ahead = self.look_ahead(*(Prices(visits, share * mu) for share in _MU_SHARES))
+        return [(each, none) for each in ahead]
+
+    def known_stairs(self, visits: FloatArray, width: float) -> FloatArray:
+        """Return the stairs of known trails (n_steps), without anything for their survival."""
+        worth = self.pool.values(Prices(visits, 0.0), relaxed=False)
+        return np.maximum(stairs_of(worth, self.pool.survival, width, N_STEPS), 0.0)
+
+    def raise_stairs(
+        self, visits: FloatArray, ahead: BoundLines, stairs: Stairs, n_most: int
+    ) -> tuple[bool, int]:
+        """Raise stairs above all trails; return whether that ended, and how many were found."""
+        spread = self.team.spread(visits, LEVELS)
+        ended, trails = self.relaxation.raise_stairs(spread, ahead, stairs, n_most)
+        for arcs in trails:
+            self.pool.add(arcs)
+        return ended, len(trails)
+
+    @property
+    def rounding(self) -> float:
+        """The share by which what a team collects is raised.
+
+        Products of its survivals are rounded at each factor, and so is the sum over nodes.
+        """
+        graph = self.relaxation.net.graph
+        return (2 * self.n_robots * (graph.n_arcs + 2) + graph.n_nodes + 8) * _EPSILON
 
     def _tidied(self, prices: Prices) -> Prices:
         return Prices(self.team.tidy(prices.visits), prices.mu)

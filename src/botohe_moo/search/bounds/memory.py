@@ -17,9 +17,7 @@ from botohe_moo.kernels.beam.prospects import find_near
 from botohe_moo.kernels.bounds.states import NEVER, NONE, Memory, Net
 from botohe_moo.search.bounds.net import Piece, pieces_of
 
-# Bridges that a node chooses from, and how many pieces nearer to the base they are looked for: more
-# than a node can remember.
-_MOST_BRIDGES, _MOST_UP = 256, 64
+_MOST_BRIDGES = 256  # that a node chooses from: more than it can remember
 # By what share survivals of ways are raised: paths are compared by sums of rounded logarithms.
 _ABOVE = 1e-9
 
@@ -55,13 +53,17 @@ class Remembered:
         pays = np.intersect1d(graph.head[not_by_bridges], np.flatnonzero(graph.reward > 0.0))
         if graph.n_nodes <= most_compared:
             self.between = _best_between(net)
-        hanging: list[list[int]] = [[] for _ in pieces]
-        for number, piece in enumerate(pieces[1:], 1):
-            hanging[piece.above].append(number)
+        # Of each piece those that a trail may enter next, or on its way to the base: they hang on
+        # it, or on one of the pieces above it.
+        around: list[list[Piece]] = [[] for _ in pieces]
+        for piece in pieces[1:]:
+            around[piece.above].append(piece)
         for number, piece in enumerate(pieces):
-            around = [pieces[i] for i in _pieces_around(pieces, hanging, number)]
+            if number > 0:
+                around[number] += [other for other in around[piece.above] if other is not piece]
+                del around[number][_MOST_BRIDGES:]
             for node in piece.nodes:
-                rewards, ways = self._nearest(node, pays, around)
+                rewards, ways = self._nearest(node, pays, around[number])
                 bits = rewards[:nearest] + [graph.n_nodes + way.arc for way in ways]
                 self.bits[node] = bits[:n_bits]
 
@@ -144,18 +146,3 @@ def _best_between(net: Net) -> FloatArray:
     np.put_along_axis(between, near.nodes, near.reach, axis=1)
     np.fill_diagonal(between, 1.0)
     return np.minimum(between * (1.0 + _ABOVE) + np.finfo(float).tiny, 1.0)
-
-
-def _pieces_around(pieces: list[Piece], hanging: list[list[int]], number: int) -> list[int]:
-    """Return the pieces that a trail may enter next, or on its way to the base.
-
-    These hang on the piece itself, or on one of the pieces above it.
-    """
-    found: list[int] = []
-    came_from = -1
-    for _ in range(_MOST_UP):
-        found += [piece for piece in hanging[number] if piece != came_from][:_MOST_BRIDGES]
-        came_from, number = number, pieces[number].above
-        if number < 0 or len(found) > _MOST_BRIDGES:
-            break
-    return found[:_MOST_BRIDGES]

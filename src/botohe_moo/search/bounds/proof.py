@@ -44,10 +44,6 @@ _MOST_PRICES = 400  # of the linear programme
 _MOST_CONFIGURATIONS = 6_000  # of a team's levels, all of which are looked at for each node
 _NEAREST = 8  # rewards near by that a node remembers
 _FIRST_BITS = 10  # that a node remembers at first: rewards and bridges
-_MOST_BITS = 14  # that a node remembers at most
-_FIRST_STATES = 15_000  # of relaxed trails at first
-_MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
-_N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 _MOST_COMPARED = 3_000  # nodes of which all pairs are compared: a second, and 0.1 GiB
 _BYTES_A_LINK = 40.0  # two integers of 8 bytes, a flag and a figure, and some while they are found
 _MIB = 2**20
@@ -84,12 +80,12 @@ class Proof:
         # Without a memory and with one level; they are made again where there is time.
         self.lines: list[Lines] = []
         self.steps: list[Steps] = []
-        self._prepare(0, 0, 1, 1)
+        self._prepare(0, 1)
 
-    def _prepare(self, nearest: int, n_bits: int, n_levels: int, n_seen: int) -> None:
+    def _prepare(self, n_bits: int, n_levels: int) -> None:
         """Make relaxed trails, and begin all lines and steps anew.
 
-        Nodes remember ``n_bits``, first of all the ``nearest`` rewards; prices have ``n_levels``.
+        Nodes remember ``n_bits``; prices have ``n_levels``.
         """
         net, mission = self._net, self._mission
         n_bytes = self._memory * _MIB
@@ -101,14 +97,11 @@ class Proof:
         self._relaxation = Relaxation(
             net,
             # Four tables of all pairs of nodes, in a quarter of the memory.
-            Remembered(net, nearest, n_bits, min(_MOST_COMPARED, math.isqrt(int(n_bytes / 128)))),
+            Remembered(net, _NEAREST, n_bits, min(_MOST_COMPARED, math.isqrt(int(n_bytes / 128)))),
             self._random_state,
             self.turns,
             self.clock,
-            most_bits=_MOST_BITS,
-            first_states=max(net.graph.n_nodes + 1, _FIRST_STATES),
-            most_states=max(net.graph.n_nodes + 1, min(_MOST_STATES, fits)),
-            n_seen=n_seen,
+            fits,
         )
         self._pool = Pool(net, n_levels)
         self.lines = [
@@ -165,7 +158,7 @@ class Proof:
             return False
         pairs = min(self._net.graph.n_nodes, _MOST_COMPARED) ** 2
         if _SECONDS_A_PAIR * pairs < _PREPARING_SHARE * self.clock.seconds:
-            self._prepare(_NEAREST, _FIRST_BITS, n_levels, _N_SEEN)
+            self._prepare(_FIRST_BITS, n_levels)
         else:
             self._notes.append("Relaxed trails remember nothing: there is too little time.")
         if self._relaxation.remembers_less:

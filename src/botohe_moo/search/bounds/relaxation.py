@@ -28,6 +28,10 @@ _TOLERANCE = 1e-9  # in shares of all reward: values are raised only where they 
 _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 # Steps at which a relaxed trail takes the second best link, to find others; −1 for none.
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
+_MOST_BITS = 14  # that a node remembers at most
+_FIRST_STATES = 15_000  # of relaxed trails at first
+_MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
+_N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 _GROWTH = 1.5  # largest factor for the number of states, when relaxed trails remember more
 _MOST_FOUND = 50_000  # trails that a search returns
 _MOST_FOUND_ARCS = 1 << 22  # room for the arcs of all these trails
@@ -51,7 +55,10 @@ BoundLines: TypeAlias = Sequence[tuple[Ahead, FloatArray]]
 
 
 class Relaxation:
-    """Relaxed trails of a mission, with a memory that can grow."""
+    """Relaxed trails of a mission, with a memory that can grow.
+
+    There is room for as many of their states as ``fits`` says.
+    """
 
     def __init__(
         self,
@@ -60,27 +67,26 @@ class Relaxation:
         random_state: np.random.Generator,
         turns: Turns,
         clock: Clock,
-        *,
-        most_bits: int,
-        first_states: int,
-        most_states: int,
-        n_seen: int,
+        fits: int,
     ) -> None:
         self.net, self._remembered = net, remembered
         self.turns, self.clock = turns, clock
-        self._most_bits, self._most_states = most_bits, most_states
+        n_nodes = net.graph.n_nodes
+        self._most_states = max(n_nodes + 1, min(_MOST_STATES, fits))
         self.total = float(net.graph.reward.sum())
         n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
         # Scratch that no thread uses; more is made when it is needed.
-        self._new_depths = partial(new_depths, net, random_state, n_seen, n_room, MOST_LINES)
+        self._new_depths = partial(new_depths, net, random_state, _N_SEEN, n_room, MOST_LINES)
         self._depths = [self._new_depths()]
         self._is_capped = False
-        most_first = min(first_states, most_states)
-        is_too_much = not self._find_states(most_first)
-        if is_too_much:
-            self._forget(most_first)
-        # Whether there was too little room for all that was to be remembered.
-        self.remembers_less = is_too_much and most_states < first_states
+        first_states, wanted = max(n_nodes + 1, _FIRST_STATES), remembered.bits
+        n_bits = max(map(len, wanted), default=0)
+        # Whether there is too little memory for all that was to be remembered.
+        self.remembers_less = False
+        while not self._find_states(min(first_states, self._most_states)):
+            self.remembers_less = self._most_states < first_states
+            n_bits -= 1
+            remembered.bits = [bits[:n_bits] for bits in wanted]
 
     def _find_states(self, n_most: int) -> bool:
         """Find the states of what is remembered; return whether they are at most ``n_most``."""
@@ -88,20 +94,6 @@ class Relaxation:
         if len(states.node):
             self.states = states
         return len(states.node) > 0
-
-    def _forget(self, most_states: int) -> None:
-        """Reduce the memory of each node to its first bits, as many as there is room for."""
-        wanted, fewest = self._remembered.bits, 0
-        too_many = max(map(len, wanted), default=0)
-        while True:
-            n_bits = (fewest + too_many) // 2
-            self._remembered.bits = [bits[:n_bits] for bits in wanted]
-            if not self._find_states(most_states):
-                too_many = n_bits
-            elif too_many - n_bits <= 1:
-                return
-            else:
-                fewest = n_bits
 
     def look_ahead(self, worths: Sequence[Worth]) -> list[Ahead]:
         """Bound all trails that leave the base, under each of several prices."""
@@ -241,7 +233,7 @@ class Relaxation:
         n_most = min(self._most_states, int(_GROWTH * len(self.states.node)) + 1)
         twice = [each for trail in trails for each in self._remembered.forgets(trail)]
         while twice:
-            if self._remembered.add(twice, self._most_bits) and self._find_states(n_most):
+            if self._remembered.add(twice, _MOST_BITS) and self._find_states(n_most):
                 return True
             self._remembered.bits = before
             twice = twice[: len(twice) // 2]

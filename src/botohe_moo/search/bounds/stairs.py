@@ -12,20 +12,13 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.trails import Stairs
-from botohe_moo.search.bounds.lines import LEVELS, Lines
+from botohe_moo.search.bounds.envelopes import add_stairs, add_two, least_total
+from botohe_moo.search.bounds.lines import LEAST_MU, N_STEPS, Lines
 from botohe_moo.search.bounds.master import Programme
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import PricedTeam, Prices
 from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import Relaxation
-from botohe_moo.search.bounds.steps import (
-    LEAST_MU,
-    MU_SHARES,
-    add_stairs,
-    add_two,
-    least_total,
-    stairs_of,
-)
 
 # As in ``proof``, these constants were chosen by experiment, and every bound is valid whatever they
 # are.
@@ -47,8 +40,6 @@ _WIDER, _FURTHER, _FURTHEST = 1.5, 0.1, 0.95
 # Where known trails alone are above the target, it lies this share of the gap beyond them.
 _BEYOND = 0.1
 _STAY = 0.5  # how much of the best prices is kept in the next ones
-_EPSILON = float(np.finfo(float).eps)
-N_STEPS = 2_000  # of a trail's survival
 MOST_MOVING = 20  # robots: sums of stairs take time that grows with the square of their number
 _FALL = 2e-5  # of all reward: steps that fall by less are left out
 
@@ -154,7 +145,7 @@ class TeamStairs:
     def bound(self, moving: int, x: float) -> float:
         """Bound E[R] where the survivals of ``moving`` robots sum to ``x`` or more."""
         most = self._most[moving - 1]
-        total = int(least_total(np.array([x]), self._width, moving)[0])
+        total = int(least_total(x, self._width, moving))
         proved = float(most[: total + 1].min()) if total < len(most) else np.inf
         return min(proved, self._lines[moving - 1].bound(x))
 
@@ -177,12 +168,11 @@ class TeamStairs:
         Prices lie between the best ones known and those of the programme. Each search for trails is
         given a target between the programme's value and the bound.
         """
-        team = self._lines[moving - 1].team
-        master = self._masters.pop((moving, x), None) or StairsMaster(
-            team, self._most_survival, x, self._relaxation
-        )
+        lines, at = self._lines[moving - 1], (moving, x)
+        master = self._masters.pop(at, None)
+        master = master or StairsMaster(lines.team, self._most_survival, x, self._relaxation)
         self._improve(master, moving, x, effort, until)
-        self._masters[moving, x] = master
+        self._masters[at] = master
         if len(self._masters) > _MOST_MASTERS:
             del self._masters[next(iter(self._masters))]  # that was used the longest ago
 
@@ -206,7 +196,8 @@ class TeamStairs:
             visits = centre if stay == 1.0 else team.tidy(stay * centre + (1 - stay) * wanted)
             beside = float(team.most(visits).sum()) + base_reward
             known = self._known(visits, moving, x)
-            low = beside + self._best(known, moving, x)  # no search can show less
+            teams = self._teams(known, moving, x)
+            low = beside + float(teams.max())  # no search can show less
             if low >= bound and i > 0:
                 if stay == 0.0:
                     return
@@ -215,14 +206,14 @@ class TeamStairs:
             target = least + share * (bound - least)
             if low > target:
                 target = low + _BEYOND * abs(bound - low)
-            floor = self._lifted(known, moving, x, target - beside)
+            floor = self._lifted(known, teams, moving, target - beside)
             ended, stairs, n_found = self._search(Prices(visits, mu), moving, x, floor, effort)
             if not ended:
                 share, stay = _WIDER * share + _FURTHER, _STAY
                 if share > _FURTHEST:
                     return
                 continue
-            reached = beside + self._best(stairs, moving, x)
+            reached = beside + float(self._teams(stairs, moving, x).max())
             if reached < best:
                 best, centre, master.centre = reached, visits, visits
             if n_found:
@@ -238,30 +229,30 @@ class TeamStairs:
 
     def _known(self, visits: FloatArray, moving: int, x: float) -> FloatArray:
         """Return the stairs of known trails that survive as a team needs it (n_steps)."""
-        worth = self._pool.values(Prices(visits, 0.0), relaxed=False)
-        known = np.maximum(stairs_of(worth, self._pool.survival, self._width, N_STEPS), 0.0)
+        known = self._lines[moving - 1].known_stairs(visits, self._width)
         first = int(self._first_step(moving, x) / self._width)
         known[:first] = known[min(first, N_STEPS - 1)]
         return known
 
-    def _best(self, stairs: FloatArray, moving: int, x: float) -> float:
-        """Return the most that ``moving`` robots are worth that survive with ``x`` together."""
-        most = add_stairs(stairs, moving)
-        total = int(least_total(np.array([x]), self._width, moving)[0])
-        return float(most[min(total, len(most) - 1)])
+    def _teams(self, stairs: FloatArray, moving: int, x: float) -> FloatArray:
+        """Return the most that a team with a robot on each step is worth (n_steps).
 
-    def _lifted(self, stairs: FloatArray, moving: int, x: float, worth: float) -> FloatArray:
-        """Raise stairs as far as no team that survives with ``x`` is worth more than ``worth``.
-
-        Each of a team's robots takes an equal part of what is left to the best team with its step.
+        Its ``moving`` robots survive with ``x`` together; −inf where they cannot.
         """
-        others = add_stairs(stairs, moving - 1) if moving > 1 else np.zeros(1)
-        total = int(least_total(np.array([x]), self._width, moving)[0])
-        left = np.maximum(total - np.arange(N_STEPS), 0)
-        is_possible = left < len(others)
+        others = add_stairs(stairs, moving - 1)
+        left = np.maximum(least_total(x, self._width, moving) - np.arange(N_STEPS), 0)
         best = stairs + others[np.minimum(left, len(others) - 1)]
-        room = np.maximum(0.0, worth - best) / moving
-        room[~is_possible] = self._relaxation.total
+        return np.where(left < len(others), best, -np.inf)
+
+    def _lifted(
+        self, stairs: FloatArray, best: FloatArray, moving: int, worth: float
+    ) -> FloatArray:
+        """Raise stairs as far as no team is worth more than ``worth``.
+
+        Each of a team's robots takes an equal part of what is left to the ``best`` team with its
+        step.
+        """
+        room = np.minimum(np.maximum(0.0, worth - best) / moving, self._relaxation.total)
         lifted: FloatArray = np.minimum.accumulate(stairs + room)
         return lifted
 
@@ -273,25 +264,18 @@ class TeamStairs:
         Stairs are kept for all numbers of robots.
         """
         lines = self._lines[moving - 1]
-        none = np.zeros(self._relaxation.net.graph.n_nodes)
-        worths = [Prices(prices.visits, share * prices.mu) for share in MU_SHARES]
-        ahead = [(each, none) for each in lines.look_ahead(*worths)]
-        least = self._first_step(moving, x)
-        stairs = Stairs(floor, self._width, least)
-        spread = lines.team.spread(prices.visits, LEVELS)
-        ended, trails = self._relaxation.raise_stairs(spread, ahead, stairs, _MOST_LINKS * effort)
-        for arcs in trails:
-            self._pool.add(arcs)
+        stairs = Stairs(floor, self._width, self._first_step(moving, x))
+        ahead = lines.look_ahead_around(prices.visits, prices.mu)
+        ended, n_found = lines.raise_stairs(prices.visits, ahead, stairs, _MOST_LINKS * effort)
         if ended:
-            self._keep(prices.visits, stairs.heights, least)
-        return ended, stairs.heights, len(trails)
+            self._keep(prices.visits, stairs.heights, stairs.least)
+        return ended, stairs.heights, n_found
 
     def _keep(self, visits: FloatArray, stairs: FloatArray, least: float) -> None:
         """Keep what stairs prove that hold for survivals of ``least`` or more.
 
         Sums are raised as those of :class:`Steps` are: products at each factor, and over nodes.
         """
-        graph = self._relaxation.net.graph
         most = np.zeros(1)
         for moving, lines in enumerate(self._lines, 1):
             most, row = add_two(stairs, most), self._most[moving - 1]
@@ -299,6 +283,5 @@ class TeamStairs:
             x = least + (moving - 1) * self._most_survival
             first = 0 if least == 0.0 else int(x / self._width * (1 + 1e-9)) + 1
             worth = lines.base_reward + float(lines.team.most(visits).sum()) + most[first:]
-            n_terms = 2 * moving * (graph.n_arcs + 2) + graph.n_nodes + 8
             scale = self._relaxation.total + lines.base_reward + worth
-            row[first:] = np.minimum(row[first:], worth + n_terms * _EPSILON * scale)
+            row[first:] = np.minimum(row[first:], worth + lines.rounding * scale)
