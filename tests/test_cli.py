@@ -809,7 +809,10 @@ class TestBound:
         record = json.loads((tmp_path / "bound.json").read_text())
         assert (record["min_survival"], record["max_length"]) == (0.4, 6.0)
         message = refused("bound", "toy", "--front", "kept", "--max-length", 5)
-        assert message == "botohe: Expected no limits with --front, whose own count.\n"
+        assert message == (
+            "botohe: Expected neither --min-survival nor --max-length beside --front, whose own "
+            "limits count.\n"
+        )
 
     def test_a_front_of_another_mission(self, refused, solved):
         message = refused("bound", "toy", "--robots", 3, "--front", solved[1])

@@ -51,6 +51,29 @@ def test_lifted_stairs_leave_teams_where_they_may_be(known, moving, x, worth):
         assert after[total] <= max(before[total], worth) + 1e-9
 
 
+@given(st.lists(st.tuples(st.floats(0, 10), st.floats(0, 1)), min_size=1, max_size=9))
+def test_steps_only_fall_with_time(heights):
+    """Also where steps that hardly fall are put together."""
+    first, falls = np.array(heights).T
+    fall, width = module._FALL * 1e4, 0.1
+    row = before = np.full(len(first), np.inf)
+    for later in (row, first, first - falls * fall, first * 0.9):
+        row = np.minimum(row, later)
+        relaxation = SimpleNamespace(total=1e4)
+        found = TeamStairs.found.fget(
+            SimpleNamespace(_most=[row], _relaxation=relaxation, _width=width)
+        )
+        x = (np.arange(len(row)) + 0.5) * width
+        steps = np.array([(step.least, step.most) for step in found]).reshape(-1, 2)
+        most = np.where(steps[:, 0] <= x[:, None], steps[:, 1], np.inf)
+        after = most.min(axis=1, initial=np.inf)
+        lowest = np.minimum.accumulate(row)
+        assert (after >= lowest).all()
+        assert (after <= np.maximum(lowest + fall * 1.001, 0)).all()
+        assert (after <= before).all()
+        before = after
+
+
 @pytest.fixture
 def stairs_alone(no_front, monkeypatch):
     """Bounds by stairs, and by the first lines of one robot, which give others to more robots."""

@@ -370,7 +370,11 @@ class TestByHand:
             ({"lines": [[1, "x", 0.0, "exact"]]}, "lines.0.1: .* number, found 'x'"),
             (
                 {"lines": [[n, 1.0, 0.0, "exact"] for n in (1, 2, 3)]},
-                r"expected lines for 1 to 2 robots that move, found \[1, 2, 3\]",
+                r"expected lines for 1 to 2 robots that move, found lines for \[1, 2, 3\]",
+            ),
+            (
+                {"steps": [[4, 1.0, 0.0, "exact"]]},
+                r"expected steps for 1 to 2 robots that move, found steps for \[4\]",
             ),
             ({"mission_digest": "0"}, "another mission"),
         ]:

@@ -87,7 +87,10 @@ def bound_mission(
         solution = None
         if front is not None:
             if min_survival or max_length is not None:
-                raise ValueError("Expected no limits with --front, whose own count.")
+                raise ValueError(
+                    "Expected neither --min-survival nor --max-length beside --front, whose own "
+                    "limits count."
+                )
             solution = _read_front(front, loaded)
             limits = _limits_of(solution)
         if out is not None:

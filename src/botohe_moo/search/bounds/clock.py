@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class Clock:
@@ -22,6 +24,15 @@ class Clock:
     def count(self, seconds: float) -> None:
         """Count the work of one thread."""
         self.now += seconds / self._n_threads
+
+    @contextmanager
+    def stopped(self) -> Iterator[None]:
+        """Let what is done meanwhile take no time."""
+        began = time.monotonic()
+        try:
+            yield
+        finally:
+            self._began += time.monotonic() - began
 
     @property
     def elapsed(self) -> float:

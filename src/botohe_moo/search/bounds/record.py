@@ -87,9 +87,11 @@ def read_record(path: Path, mission: Mission) -> BoundRecord:
         raise ValueError(f"{path} bounds another mission than {mission.name!r}.")
     numbers = set(range(1, mission.robots + 1))
     with_lines = {line.n_robots for line in record.lines}
-    if with_lines != numbers or not numbers >= {step.n_robots for step in record.steps}:
-        raise ValueError(
-            f"{path} is not a bound: expected lines for 1 to {mission.robots} robots that move, "
-            f"found {sorted(with_lines)}."
-        )
+    with_steps = {step.n_robots for step in record.steps}
+    for what, moving in (("lines", with_lines), ("steps", with_steps)):
+        if not moving <= numbers or (what == "lines" and moving != numbers):
+            raise ValueError(
+                f"{path} is not a bound: expected {what} for 1 to {mission.robots} robots that "
+                f"move, found {what} for {sorted(moving)}."
+            )
     return record

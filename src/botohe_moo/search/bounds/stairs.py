@@ -41,7 +41,7 @@ _WIDER, _FURTHER, _FURTHEST = 1.5, 0.1, 0.95
 _BEYOND = 0.1
 _STAY = 0.5  # how much of the best prices is kept in the next ones
 MOST_MOVING = 20  # robots: sums of stairs take time that grows with the square of their number
-_FALL = 2e-5  # of all reward: steps that fall by less are left out
+_FALL = 2e-5  # of all reward: heights are raised to multiples of it, so that there are few steps
 
 
 class StairsMaster(Programme):
@@ -151,15 +151,13 @@ class TeamStairs:
 
     @property
     def found(self) -> list[Step]:
-        """Steps, without those that hardly fall."""
-        steps = []
+        """Steps, raised a little."""
+        steps, fall = [], _FALL * self._relaxation.total or 1.0
         for moving, row in enumerate(self._most, 1):
-            most, last = np.minimum.accumulate(row), np.inf
+            most = np.minimum.accumulate(np.maximum(row, np.ceil(row / fall) * fall))
             for total in np.flatnonzero(most < np.append(np.inf, most[:-1])).tolist():
-                if most[total] < last - _FALL * self._relaxation.total:
-                    last = float(most[total])
-                    least = (total + moving - 1) * self._width if total else 0.0
-                    steps.append(Step(moving, last, least * (1 + 1e-12), "exact"))
+                least = (total + moving - 1) * self._width if total else 0.0
+                steps.append(Step(moving, float(most[total]), least * (1 + 1e-12), "exact"))
         return steps
 
     def improve(self, moving: int, x: float, effort: int, until: float) -> None:

@@ -19,18 +19,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo.mission.library import load_mission
 from botohe_moo.study.file.code import code_mismatch
 from botohe_moo.study.run.environment import environment
-from botohe_moo.study.run.perform import WARM_UP_LENGTH, WARM_UP_SURVIVAL, perform, warm_up
+from botohe_moo.study.run.perform import perform, warm_up
 from botohe_moo.study.run.task import MOST_SECONDS_TO_START, BoundTask, Outcome, Task, failure
 
 if TYPE_CHECKING:
     from botohe_moo.search.bounds import FrontBound
-
-# Small missions: the bound of the first is its true front; that of the second soon has this gap.
-_WARM_UP_MISSIONS = ("toy", "power_plant")
-_WARM_UP_GAP = 0.5
 
 
 def main() -> None:
@@ -83,8 +78,6 @@ def perform_bound(task: BoundTask) -> "FrontBound | str":
     from botohe_moo.search.bounds import bound_front
 
     mission = task.mission
-    with contextlib.suppress(Exception):  # the bound will raise and report it
-        _warm_up_bounds(floor=mission.min_survival > 0, budget=mission.max_length is not None)
     try:
         return bound_front(
             mission.mission,
@@ -95,24 +88,6 @@ def perform_bound(task: BoundTask) -> "FrontBound | str":
         )
     except Exception as error:
         return " ".join("".join(traceback.format_exception_only(error)).split())
-
-
-@functools.cache
-def _warm_up_bounds(*, floor: bool, budget: bool) -> None:
-    """Compile, or load from the cache, the kernels that a bound needs, so that it is not timed.
-
-    A limit, however loose, has kernels of its own: a survival floor, and a travel budget.
-    """
-    from botohe_moo.search.bounds import bound_front
-
-    for name in _WARM_UP_MISSIONS:
-        bound_front(
-            load_mission(name),
-            time_limit=MOST_SECONDS_TO_START,
-            gap=_WARM_UP_GAP,
-            min_survival=WARM_UP_SURVIVAL if floor else 0.0,
-            max_length=WARM_UP_LENGTH if budget else math.inf,
-        )
 
 
 def _end_unless_within(seconds: float) -> None:

@@ -31,8 +31,8 @@ from botohe_moo.trails import PlanBatch
 
 # A run that only compiles kernels, and limits that do not limit its plans.
 _WARM_UP_EVALUATIONS = 250
-WARM_UP_SURVIVAL = 1e-9
-WARM_UP_LENGTH = 1e9
+_WARM_UP_SURVIVAL = 1e-9
+_WARM_UP_LENGTH = 1e9
 
 
 def record_counts(
@@ -239,8 +239,8 @@ def warm_up(run: Run) -> None:
         mission,
         mission=toy,
         # Missions with limits, however loose, need further kernels.
-        min_survival=min(limits.min_survival, WARM_UP_SURVIVAL),
-        max_length=None if limits.max_length == math.inf else WARM_UP_LENGTH,
+        min_survival=min(limits.min_survival, _WARM_UP_SURVIVAL),
+        max_length=None if limits.max_length == math.inf else _WARM_UP_LENGTH,
         budget=Budget(evaluations=_WARM_UP_EVALUATIONS),
     )
     trusted = replace(algorithm, origin={**algorithm.origin, "problem": None})
