@@ -449,6 +449,29 @@ class TestSignals:
         assert names_in(tmp_path) == []
 
 
+def test_a_route_graph_needs_a_base_and_a_danger(botohe, refused, tmp_path):
+    """From the file that Nav2 has to a front, and what is left out of it is said."""
+    save_mission(load_mission("art_museum"), tmp_path / "site.geojson")
+    content = json.loads((tmp_path / "site.geojson").read_text())
+    del content["mission"], content["generator"]
+    for feature in content["features"]:
+        del feature["properties"]["metadata"]
+    last = content["features"][-1]["properties"]
+    last["startid"] = last["endid"]
+    (tmp_path / "site.geojson").write_text(json.dumps(content))
+    site = ("solve", "site.geojson", "--evaluations", 500, "--robots", 2)
+    assert "give base" in refused(*site)
+    assert "give danger" in refused(*site, "--base", 1)
+    assert "there is no such node" in refused(*site, "--base", 99, "--danger", 1)
+    assert "no parameter 'base'" in refused("solve", "toy", "--base", 1)
+    done = botohe(*site, "--base", 1, "--danger", 2, "--out", "out")
+    assert done.status == 0, done.err
+    assert "Left out lines from a point to itself: features[100] (1 in all)." in done.err
+    assert "have no way back: 26 (1 in all)." in done.err
+    mission = read_solution(tmp_path / "out").mission
+    assert (mission.base, mission.robots, len(mission.nodes)) == (1, 2, 26)
+
+
 class TestBadMissions:
     """What is wrong with a mission file, and what the message must name."""
 

@@ -181,6 +181,30 @@ def test_a_benchmark(folder, data):
     read_and_saved(folder / "mission.txt", data)
 
 
+SITE = {
+    "features": [
+        *(
+            {"properties": {"id": i, "frame": "map", "metadata": {"reward": i}},
+             "geometry": {"type": "Point", "coordinates": [i, i % 2]}}
+            for i in range(3)
+        ),
+        *(
+            {"properties": {"id": 10, "startid": i, "endid": j, "metadata": {"survival": 0.5}},
+             "geometry": {"type": "LineString", "coordinates": [[0, 1], [1, 0]]}}
+            for i, j in ((0, 1), (1, 2), (2, 0), (2, 1))
+        ),
+    ],
+    "mission": {"base": 0, "robots": 2},
+}  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore:Left out")
+@examples(300)
+@given(data=changed(json.dumps(SITE).encode(), is_json=True))
+def test_a_route_graph(folder, data):
+    read_and_saved(folder / "mission.geojson", data)
+
+
 NODES = b"label,reward,x,y,zone\ndock,0,0,0,\nreef,5,1,0.5,north\nwreck,2.5,,,south\n"
 ARCS = b"tail,head,survival,length\ndock,reef,0.9,2\nreef,wreck,0.8,\ndock,wreck,1,3.5\n"
 

@@ -81,9 +81,9 @@ def attributes_of(mission):
 class TestAnyFile:
     def test_unknown_suffix(self, tmp_path):
         name = "pier.xml"
-        with pytest.raises(MissionError, match=r"one of \.json, \.graphml, \.txt; found"):
+        with pytest.raises(MissionError, match=r"one of \.json, \.graphml, \.txt, \.geojson; f"):
             read_mission(tmp_path / name)
-        with pytest.raises(ValueError, match=r"one of \.json, \.graphml; found"):
+        with pytest.raises(ValueError, match=r"one of \.json, \.graphml, \.geojson; found"):
             save_mission(mission_of(), tmp_path / name)
 
     def test_missing_file_and_directory(self, tmp_path):
@@ -121,7 +121,7 @@ class TestAnyFile:
         path.write_text(json.dumps(content(graph={"base": "a", "robots": 1})))
         assert read_mission(path).name == "harbour"
 
-    @pytest.mark.parametrize("suffix", [".json", ".graphml", ".txt"])
+    @pytest.mark.parametrize("suffix", [".json", ".graphml", ".txt", ".geojson"])
     @given(data=st.binary())
     def test_any_bytes_at_all(self, tmp_path_factory, suffix, data):
         path = tmp_path_factory.getbasetemp() / f"any{suffix}"
@@ -444,6 +444,18 @@ class TestRoundTrip:
         assert read == mission
         assert attributes_of(read) == attributes_of(mission)
 
+    @given(labelled_missions(tuples | st.integers(0, 9), json_values), st.randoms())
+    def test_route_graphs(self, tmp_path_factory, mission, random):
+        path = tmp_path_factory.getbasetemp() / "round.geojson"
+        graph = mission.graph.copy()
+        for node in graph:
+            graph.nodes[node]["pos"] = [random.uniform(-9, 9), random.uniform(-9, 9)]
+        mission = Mission(graph, base=mission.base, robots=mission.robots, name=mission.name)
+        save_mission(mission, path)
+        read = read_mission(path)
+        assert read == mission
+        assert attributes_of(read) == attributes_of(mission)
+
     @given(json_values, json_values, json_values)
     def test_whatever_json_holds(self, tmp_path_factory, label, reward, survival):
         data = content()
@@ -478,7 +490,7 @@ class TestRoundTrip:
         read = read_mission(tmp_path / "x.json")
         assert (read.name, read.title) == ("A pier", "A pier")
 
-    @pytest.mark.parametrize("suffix", [".json", ".graphml"])
+    @pytest.mark.parametrize("suffix", [".json", ".graphml", ".geojson"])
     def test_numpy_numbers_become_plain(self, tmp_path, suffix):
         graph = nx.DiGraph(base="a", robots=np.int64(2))
         graph.add_node("a", reward=np.int32(3), pos=np.array([0.5, 1.0]), seen=np.bool_(True))

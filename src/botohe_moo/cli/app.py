@@ -20,6 +20,8 @@ from botohe_moo.cli.check import check_conformance
 from botohe_moo.cli.choose import ChooseOption, choose_plan, explore_front, tell_choice, write_page
 from botohe_moo.cli.missions import missions_app
 from botohe_moo.cli.options import (
+    BaseOption,
+    DangerOption,
     MaxLengthOption,
     MinSurvivalOption,
     MissionArgument,
@@ -118,6 +120,8 @@ def solve_mission(
     ] = 100_000,
     seed: SeedOption = 1,
     robots: RobotsOption = None,
+    base: BaseOption = None,
+    danger: DangerOption = None,
     mission_parameter: MissionParameterOption = None,
     min_survival: MinSurvivalOption = 0.0,
     max_length: MaxLengthOption = None,
@@ -177,7 +181,8 @@ def solve_mission(
     wishes of --choose; 2 for bad input.
     """
     with failing():
-        source = mission_source(mission, robots, mission_parameter)
+        own = {"robots": robots, "base": base, "danger": danger}
+        source = mission_source(mission, mission_parameter, **own)
         parameters = read_parameters(parameter)
         from botohe_moo._base.checks import check_integer, check_number
         from botohe_moo.algorithms.registry import algorithm_parameters

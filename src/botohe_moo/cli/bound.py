@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from botohe_moo.cli.options import (
+    BaseOption,
+    DangerOption,
     MaxLengthOption,
     MinSurvivalOption,
     MissionArgument,
@@ -49,6 +51,8 @@ def bound_mission(
         typer.Option("--time-limit", "-t", metavar="S", help="Seconds that it may take."),
     ] = 60.0,
     robots: RobotsOption = None,
+    base: BaseOption = None,
+    danger: DangerOption = None,
     mission_parameter: MissionParameterOption = None,
     min_survival: MinSurvivalOption = 0.0,
     max_length: MaxLengthOption = None,
@@ -73,7 +77,8 @@ def bound_mission(
     The exit status is 2 for bad input.
     """
     with failing():
-        source = mission_source(mission, robots, mission_parameter)
+        own = {"robots": robots, "base": base, "danger": danger}
+        source = mission_source(mission, mission_parameter, **own)
         from botohe_moo._base.checks import check_integer, check_number
         from botohe_moo._base.files import check_file
         from botohe_moo.mission import load_mission

@@ -9,6 +9,8 @@ import typer
 
 from botohe_moo._base.words import counted
 from botohe_moo.cli.options import (
+    BaseOption,
+    DangerOption,
     MissionArgument,
     MissionParameterOption,
     RobotsOption,
@@ -59,6 +61,8 @@ def list_missions() -> None:
 def show_mission(
     mission: MissionArgument,
     robots: RobotsOption = None,
+    base: BaseOption = None,
+    danger: DangerOption = None,
     mission_parameter: MissionParameterOption = None,
     picture: Annotated[
         Path | None,
@@ -69,7 +73,8 @@ def show_mission(
 ) -> None:
     """Describe a mission; on request, draw it."""
     with failing():
-        source = mission_source(mission, robots, mission_parameter)
+        own = {"robots": robots, "base": base, "danger": danger}
+        source = mission_source(mission, mission_parameter, **own)
         from botohe_moo.mission.library import load_mission, mission_parameters
 
         loaded = load_mission(**source)

@@ -40,6 +40,19 @@ RobotsOption = Annotated[
     int | None,
     typer.Option("--robots", metavar="K", help="Another number of robots."),
 ]
+BaseOption = Annotated[
+    str | None,
+    typer.Option("--base", metavar="NODE", help="The base, in a route graph (.geojson)."),
+]
+DangerOption = Annotated[
+    float | None,
+    typer.Option(
+        "--danger",
+        metavar="D",
+        help="Rate of loss for a unit of length, where lines of a route graph (.geojson) do not "
+        "say how likely robots survive: exp(−D · length).",
+    ),
+]
 MinSurvivalOption = Annotated[
     float,
     typer.Option(
@@ -118,7 +131,7 @@ def _value(name: str, text: str) -> Any:
         ) from None
 
 
-def mission_source(mission: str, robots: int | None, pairs: list[str] | None) -> dict[str, Any]:
-    """Collect the arguments of `load_mission`."""
-    given = [*(pairs or []), *([] if robots is None else [f"robots={robots}"])]
-    return {**read_parameters(given), "name_or_path": mission}
+def mission_source(mission: str, pairs: list[str] | None, **options: object) -> dict[str, Any]:
+    """Collect the arguments of `load_mission`, some of which are options of their own."""
+    own = [f"{name}={value}" for name, value in options.items() if value is not None]
+    return {**read_parameters([*(pairs or []), *own]), "name_or_path": mission}

@@ -11,6 +11,7 @@ from botohe_moo._plugins.stated import signature_parameters
 from botohe_moo.mission.formats.benchmark import read_benchmark
 from botohe_moo.mission.formats.graphml import read_graphml, write_graphml
 from botohe_moo.mission.formats.nodelink import mission_content, read_node_link, write_node_link
+from botohe_moo.mission.formats.routes import read_route_graph, write_route_graph
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.validation import MissionError
 
@@ -19,8 +20,13 @@ _READERS: dict[str, Callable[..., Any]] = {
     ".json": read_node_link,
     ".graphml": read_graphml,
     ".txt": read_benchmark,
+    ".geojson": read_route_graph,
 }
-_WRITERS = {".json": write_node_link, ".graphml": write_graphml}
+_WRITERS = {
+    ".json": write_node_link,
+    ".graphml": write_graphml,
+    ".geojson": write_route_graph,
+}
 
 SUFFIXES = tuple(_READERS)
 
@@ -45,12 +51,21 @@ def read_mission(
         - ``.txt``: the team-orienteering benchmark of Chao, Golden and Wasil, made into a
           nearest-neighbours mission whose arcs are as long as points are apart, and whose
           ``max_length`` is tmax; see ``options``.
+        - ``.geojson``: a route graph as Nav2 loads it, of points with the property ``id`` and lines
+          with ``startid`` and ``endid``. What their ``metadata`` hold are attributes, such as
+          ``reward`` and ``survival``; the member ``mission`` holds those of the graph. An arc
+          without ``length`` is as long as its ends are apart. What cannot be part of a mission is
+          left out, and a warning names it: all but the safest of parallel lines, lines from a point
+          to itself, and points without a way from the base or back.
     robots
         Team size; default: the file's.
     options
-        For ``.txt`` only: ``neighbours`` (at least 1, default 8), the number of nearest points that
-        each point has arcs to, or ``"all"`` for arcs between all points, and ``scale`` (above 0,
-        default: the file's tmax) in the survival exp(−distance / scale).
+        For ``.txt``: ``neighbours`` (at least 1, default 8), the number of nearest points that each
+        point has arcs to, or ``"all"`` for arcs between all points, and ``scale`` (above 0,
+        default: the file's tmax) in the survival exp(−distance / scale). For ``.geojson``:
+        ``base``, the base's label, ``danger`` (at least 0), the rate of loss for a unit of length
+        where lines have no survival, which is exp(−danger · length) then, and ``reward`` (at least
+        0, default 1) of points without one, except the base.
 
     Raises
     ------
@@ -98,8 +113,11 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     mission
         The mission.
     path
-        Ends in ``.json`` or ``.graphml``. In GraphML labels are strings, attributes are numbers,
-        booleans and strings, and ``pos`` becomes ``x`` and ``y``; kinds are as for `read_mission`.
+        Ends in ``.json``, ``.graphml`` or ``.geojson``. In GraphML labels are strings, attributes
+        are numbers, booleans and strings, and ``pos`` becomes ``x`` and ``y``; kinds are as for
+        `read_mission`. GeoJSON is a route graph that Nav2 loads: nodes need ``pos``, lines get the
+        ``penalty`` −ln survival, and labels that are not integers from 0 to 2³² − 1 stand beside
+        numbers.
 
     Raises
     ------

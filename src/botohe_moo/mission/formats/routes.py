@@ -1,0 +1,259 @@
+"""Route graphs: GeoJSON of points and directed lines, as the route server of Nav2 loads them."""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Iterable
+from typing import Any
+
+import networkx as nx
+
+from botohe_moo._base.checks import as_float, quoted
+from botohe_moo._base.words import counted
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.types import NotNegative
+from botohe_moo.mission.formats.nodelink import Entry, convert_ends, graph_of
+from botohe_moo.mission.validation import MissionError, read_label
+
+_LINES = ("LineString", "MultiLineString")
+# How the ends of a line are named, and how they were by earlier versions of Nav2.
+_ENDS = (("startid", "endid"), ("start_node", "end_node"))
+# What Nav2 reads outside of ``metadata``, and its ids: integers from 0 to below this number.
+_PROPERTIES = ("frame", "cost", "overridable", "operations")
+_END_OF_IDS = 2**32
+# What is written says so: then nothing is added when it is read.
+_GENERATOR = {"generator": "botohe_moo"}
+_MOST_NAMED = 5
+
+
+@checked
+def read_route_graph(
+    data: bytes,
+    /,
+    *,
+    base: Any = None,
+    danger: NotNegative | None = None,
+    reward: NotNegative = 1.0,
+) -> nx.DiGraph[Any]:
+    """Read GeoJSON whose points are nodes, and whose lines are arcs from one node to another.
+
+    Points have the property ``id``, and lines ``startid`` and ``endid``; all other properties, and
+    what ``metadata`` holds, become attributes. A point's label is its id, unless its metadata has a
+    ``label``. An arc is as long as its ends are apart, unless it has a ``length``. Without a
+    ``survival`` it has exp(−``danger`` × length), and a node without a ``reward`` has ``reward``;
+    that of the base is 0. The member ``mission`` of the file may hold attributes of the graph:
+    ``base``, ``robots`` and others.
+
+    Of parallel arcs the safest one stays. It, arcs from a node to itself, nodes that the base does
+    not reach or that have no way back, and features that are neither points nor lines are left out,
+    and a warning names them. A MissionError names features that are wrong.
+
+    References
+    ----------
+    ``nav2_route`` of ros-navigation/navigation2.
+    """
+    content = json.loads(data.decode("utf-8-sig"))
+    features = content.get("features") if isinstance(content, dict) else None
+    if not isinstance(features, list):
+        found = quoted(content if features is None else features)
+        raise MissionError(f'expected GeoJSON, an object with a list "features", got {found}')
+    of_mission = content.get("mission", {})
+    if not isinstance(of_mission, dict):
+        raise MissionError(f'expected "mission" to be an object, got {quoted(of_mission)}')
+    if "base" in of_mission:
+        of_mission["base"] = read_label(of_mission["base"])
+    convert_ends(of_mission.get("kinds"), read_label)
+    if base is not None:
+        of_mission["base"] = base
+    if of_mission.get("base") is None:
+        raise MissionError('expected base, the "id" of a point, found none: give base')
+    is_complete = content.items() >= _GENERATOR.items()
+    nodes, arcs, others = _entries(features, is_complete=is_complete)
+    for _, (label,), node in nodes:
+        node.setdefault("reward", 0.0 if label == of_mission["base"] else reward)
+    places = {label: node["pos"] for _, (label,), node in nodes}
+    lacking = [where for where, ends, arc in arcs if "survival" not in arc and ends[0] != ends[1]]
+    if lacking and danger is None:
+        raise MissionError(
+            f"{lacking[0]}: expected a survival in the metadata, found none "
+            f"({counted(len(lacking), 'line')} without one): give danger, the rate of loss for a "
+            "unit of length"
+        )
+    for _, ends, arc in arcs:
+        if not is_complete and all(end in places for end in ends):
+            arc.setdefault("length", math.dist(*(places[end] for end in ends)))
+            if "survival" not in arc:
+                arc["survival"] = math.exp(min(0.0, -(danger or 0.0) * as_float(arc["length"])))
+    kept, loops, parallel = _simple(arcs)
+    graph = graph_of(of_mission, nodes, kept)
+    if of_mission["base"] not in graph:
+        return graph  # which is refused
+    lost = _cut_off(graph)
+    graph.remove_nodes_from(lost)
+    _warn("features that are neither points nor lines", others)
+    _warn("lines from a point to itself", loops)
+    _warn("lines beside one with the same ends that is as safe", parallel)
+    _warn("points that the base does not reach, or that have no way back", map(quoted, lost))
+    return graph
+
+
+def _entries(
+    features: list[Any], *, is_complete: bool
+) -> tuple[list[Entry], list[Entry], list[str]]:
+    """Return nodes, arcs, and what is neither; a MissionError names all that is wrong.
+
+    In what is complete, ids of lines merely number them.
+    """
+    nodes: list[Entry] = []
+    arcs: list[Entry] = []
+    others, faults = [], []
+    labels: dict[Any, Any] = {}  # of points with another label than their id
+    for i, feature in enumerate(features):
+        where = f"features[{i}]"
+        try:
+            shape = _object(_object(feature, "a feature").get("geometry") or {}, "geometry")
+            given = _object(feature.get("properties") or {}, "properties")
+            metadata = _object(given.get("metadata") or {}, "metadata")
+            attributes = {key: given[key] for key in given if key != "metadata"}
+            if is_complete and shape.get("type") in _LINES:
+                attributes.pop("id", None)
+            attributes |= metadata
+            if shape.get("type") == "Point":
+                label = number = _label(attributes, "id")
+                if "label" in attributes:
+                    label = labels[number] = _label(attributes, "label")
+                attributes["pos"] = _position(shape.get("coordinates"))
+                nodes.append((where, (label,), attributes))
+            elif shape.get("type") in _LINES:
+                names = _ENDS[not attributes.keys() & _ENDS[0] and "start_node" in attributes]
+                ends = tuple(_label(attributes, name) for name in names)
+                if attributes.get("penalty") == _penalty(attributes.get("survival")):
+                    attributes.pop("penalty", None)
+                arcs.append((where, ends, attributes))
+            else:
+                others.append(where)
+        except ValueError as error:
+            faults.append(f"{where}: {error}")
+    if faults:
+        raise MissionError(faults)
+    for i, (where, ends, attributes) in enumerate(arcs):
+        arcs[i] = where, tuple(labels.get(end, end) for end in ends), attributes
+    return nodes, arcs, others
+
+
+def _object(value: object, what: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError(f"expected {what} to be an object, got {quoted(value)}")
+    return value
+
+
+def _label(attributes: dict[str, Any], name: str) -> Any:
+    if name not in attributes:
+        raise ValueError(f'found no property "{name}"')
+    label: Any = read_label(attributes.pop(name))
+    is_whole = name != "label" and isinstance(label, float) and label.is_integer()
+    return int(label) if is_whole else label
+
+
+def _position(value: object) -> list[float]:
+    place = [as_float(part) for part in value[:2]] if isinstance(value, list) else []
+    if len(place) < 2 or not all(map(math.isfinite, place)):
+        raise ValueError(f"expected coordinates [x, y], two finite numbers, got {quoted(value)}")
+    return place
+
+
+def _simple(arcs: Iterable[Entry]) -> tuple[list[Entry], list[str], list[str]]:
+    """Return the safest arc between any two nodes, and which are left out: loops, and others."""
+    safest: dict[tuple[Any, ...], Entry] = {}
+    loops, parallel = [], []
+    for arc in arcs:
+        where, ends, attributes = arc
+        if ends[0] == ends[1]:
+            loops.append(where)
+            continue
+        rival = safest.setdefault(ends, arc)
+        if rival is not arc:
+            is_safer = as_float(attributes["survival"]) > as_float(rival[2]["survival"])
+            parallel.append(rival[0] if is_safer else where)
+            if is_safer:
+                safest[ends] = arc
+    return list(safest.values()), loops, parallel
+
+
+def _cut_off(graph: nx.DiGraph[Any]) -> list[Any]:
+    """Return nodes that the base does not reach, or that have no way back to it."""
+    base = graph.graph["base"]
+    joined = {base, *(nx.descendants(graph, base) & nx.ancestors(graph, base))}
+    return [node for node in graph if node not in joined]
+
+
+def _warn(what: str, names: Iterable[str]) -> None:
+    """Say what is left out, if anything is."""
+    if listed := list(names):
+        named = ", ".join(listed[:_MOST_NAMED]) + ", …" * (len(listed) > _MOST_NAMED)
+        warnings.warn(f"Left out {what}: {named} ({len(listed)} in all).", stacklevel=2)
+
+
+def _penalty(survival: object) -> float | None:
+    """Return what Nav2 adds to the cost of a line, None where kinds have survivals of their own.
+
+    A route that costs little is safe then: penalties add up to −ln of its survival.
+    """
+    chance = as_float(survival)
+    return abs(math.log(chance)) if 0.0 < chance <= 1.0 else None
+
+
+def write_route_graph(content: dict[str, Any]) -> bytes:
+    """Write node-link data as GeoJSON for Nav2; a ValueError names a node without a position.
+
+    Ids are labels if all of these are integers that Nav2 can read; else points are numbered. Lines
+    have a ``penalty``, with which its router prefers safe ways.
+    """
+    labels = [node["id"] for node in content["nodes"]]
+    numbers = [label for label in labels if type(label) is int and 0 <= label < _END_OF_IDS]
+    is_numbered = len(numbers) < len(labels)
+    ids = range(1, len(labels) + 1) if is_numbered else labels
+    id_of = {json.dumps(label): number for label, number in zip(labels, ids, strict=True)}
+    features = []
+    for node, number in zip(content["nodes"], ids, strict=True):
+        label, place = node.pop("id"), node.pop("pos", None)
+        if place is None:
+            raise ValueError(f"node {quoted(label)}: expected pos [x, y] for GeoJSON, found none")
+        metadata = {"label": label} if is_numbered else {}
+        features.append(_feature("Point", place, {"id": number}, node, metadata))
+    places = {
+        number: feature["geometry"]["coordinates"]
+        for number, feature in zip(ids, features, strict=True)
+    }
+    own = [arc.get("id") for arc in content["edges"]]
+    has_ids = all(type(each) is int for each in own) and len({*own}) == len(own)
+    for i, arc in enumerate(content["edges"], max(ids, default=0) + 1):
+        start, end = (id_of[json.dumps(arc.pop(key))] for key in ("source", "target"))
+        penalty = _penalty(arc.get("survival"))
+        properties = {"id": arc["id"] if has_ids else i, "startid": start, "endid": end}
+        metadata = {} if penalty is None or "penalty" in arc else {"penalty": penalty}
+        line = [places[start], places[end]]
+        features.append(_feature("LineString", line, properties, arc, metadata))
+    members = {"type": "FeatureCollection", **_GENERATOR, "mission": content["graph"]}
+    written = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
+    head = written(members).removesuffix("}")
+    listed = ",\n ".join(map(written, features))
+    return f'{head}, "features": [\n {listed}\n]}}\n'.encode()
+
+
+def _feature(
+    shape: str,
+    coordinates: Any,
+    properties: dict[str, Any],
+    attributes: dict[str, Any],
+    metadata: dict[str, Any],
+) -> dict[str, Any]:
+    """Return a feature; attributes that Nav2 does not know are in its metadata."""
+    known = {key: attributes.pop(key) for key in _PROPERTIES if key in attributes}
+    return {
+        "type": "Feature",
+        "properties": {**properties, **known, "metadata": {**attributes, **metadata}},
+        "geometry": {"type": shape, "coordinates": coordinates},
+    }

@@ -1,0 +1,210 @@
+"""Route graphs as Nav2 loads them: GeoJSON of points and directed lines."""
+
+import json
+import math
+
+import pytest
+
+from botohe_moo import Mission, MissionError, load_mission, save_mission
+
+POINTS = {3: (0, 0), 4: (3, 4), 7: (3, 0)}
+
+
+def point(label, place, **properties):
+    geometry = {"type": "Point", "coordinates": list(place)}
+    return {"type": "Feature", "properties": {"id": label, **properties}, "geometry": geometry}
+
+
+def line(tail, head, shape="MultiLineString", names=("startid", "endid"), **properties):
+    ends = dict(zip(names, (tail, head), strict=True))
+    geometry = {"type": shape, "coordinates": []}
+    return {"type": "Feature", "properties": {**ends, **properties}, "geometry": geometry}
+
+
+def both_ways(*pairs):
+    return [line(*ends) for pair in pairs for ends in (pair, pair[::-1])]
+
+
+@pytest.fixture
+def site(tmp_path):
+    """Writes a route graph of three points, and features that are given; returns its path."""
+
+    def write(*features, points=POINTS, **members):
+        nodes = [point(label, place) for label, place in points.items()]
+        content = {"type": "FeatureCollection", "features": [*nodes, *features], **members}
+        path = tmp_path / "site.geojson"
+        path.write_text(json.dumps(content))
+        return path
+
+    return write
+
+
+def test_survival_by_length_and_a_reward_for_each_point(site):
+    mission = load_mission(
+        site(*both_ways((3, 4), (4, 7))), danger=0.01, reward=2, base=3, robots=3
+    )
+    assert mission.name == "site"
+    assert (mission.base, mission.robots) == (3, 3)
+    assert mission.nodes == (3, 4, 7)
+    assert mission.rewards.tolist() == [0, 2, 2]
+    arc = mission.graph.edges[3, 4]
+    assert arc == {"length": 5.0, "survival": math.exp(-0.05)}
+    assert mission.graph.nodes[7] == {"pos": [3.0, 0.0], "reward": 2.0}
+
+
+def test_what_the_file_says_counts(site):
+    """Also old names of ends, and attributes that are not ours."""
+    mission = load_mission(
+        site(
+            line(3, 8, "LineString", metadata={"survival": 0.5, "length": 9}, cost=2.5, id=20),
+            line(8, 3, names=("start_node", "end_node"), metadata={"survival": 0.75}),
+            point(8, (0, 2, 1), frame="map", metadata={"reward": 7, "class": "lab"}),
+            points={3: (0, 0)},
+            mission={"base": 3, "robots": 2, "name": "plant", "max_length": 30},
+        )
+    )
+    assert (mission.name, mission.base, mission.robots) == ("plant", 3, 2)
+    assert mission.max_length == 30
+    assert mission.graph.nodes[8] == {
+        "frame": "map", "reward": 7, "class": "lab", "pos": [0.0, 2.0]
+    }  # fmt: skip
+    assert mission.graph.edges[3, 8] == {"id": 20, "cost": 2.5, "survival": 0.5, "length": 9}
+    assert mission.graph.edges[8, 3] == {"survival": 0.75, "length": 2.0}
+
+
+def test_what_is_left_out_is_said(site):
+    path = site(
+        *both_ways((3, 4), (4, 7)),
+        line(3, 3),
+        line(4, 7, metadata={"survival": 0.9}),
+        line(4, 7, metadata={"survival": 0.99}),
+        point(1, (9, 9)),
+        point(2, (8, 8)),
+        line(4, 2),
+        {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": []}},
+    )
+    with pytest.warns(UserWarning, match="Left out") as said:
+        mission = load_mission(path, danger=0.02, base=3, robots=1)
+    assert [str(each.message).removeprefix("Left out ") for each in said] == [
+        "features that are neither points nor lines: features[13] (1 in all).",
+        "lines from a point to itself: features[7] (1 in all).",
+        "lines beside one with the same ends that is as safe: features[8], features[5] (2 in all).",
+        "points that the base does not reach, or that have no way back: 1, 2 (2 in all).",
+    ]
+    assert mission.nodes == (3, 4, 7)
+    assert mission.graph.edges[4, 7]["survival"] == 0.99
+
+
+@pytest.mark.parametrize(
+    ("features", "given", "fault"),
+    [
+        ([], {"robots": 1}, 'expected base, the "id" of a point, found none: give base'),
+        ([line(3, 4)], {"base": 3}, r"features\[3\]: expected a survival .* give danger"),
+        ([line(3, 5)], {"base": 3, "danger": 1}, r"features\[3\]: .* there is no node 5"),
+        ([line(3, 4)], {"base": 9, "danger": 1}, "base 9: there is no such node"),
+        ([point(4, (1, 1))], {"base": 3}, r"features\[3\]: node 4 is listed more than once"),
+        ([point(5, (1,))], {"base": 3}, r"features\[3\]: expected coordinates \[x, y\]"),
+        ([point(5, (1, math.nan))], {"base": 3}, r"features\[3\]: expected coordinates"),
+        ([point({}, (1, 1))], {"base": 3}, r"features\[3\]: expected a label"),
+        ([{**line(3, 4), "properties": {}}], {"base": 3}, r'\[3\]: found no property "startid"'),
+        ([line(3, 4, metadata=[1])], {"base": 3}, r"\[3\]: expected metadata to be an object"),
+        ([7], {"base": 3}, r"features\[3\]: expected a feature to be an object, got 7"),
+        (
+            [*both_ways((3, 4), (4, 7)), line(3, 7, metadata={"length": -9e9})],
+            {"base": 3, "danger": 1},
+            "expected a finite length >= 0",
+        ),
+    ],
+)
+def test_what_is_wrong_is_named_by_its_feature(site, features, given, fault):
+    with pytest.raises(ValueError, match=fault) as raised:
+        load_mission(site(*features), **{"robots": 1, **given})
+    assert "site.geojson" in str(raised.value)
+
+
+@pytest.mark.parametrize("text", ["[]", '{"features": 3}', "{", '{"features": [], "mission": 3}'])
+def test_what_is_not_a_route_graph(tmp_path, text):
+    path = tmp_path / "site.geojson"
+    path.write_text(text)
+    with pytest.raises(MissionError, match=r"site\.geojson"):
+        load_mission(path, base=1)
+
+
+def loaded_by_nav2(content):
+    """What Nav2's loader makes of a file: points by id, and lines; it takes no other types."""
+
+    def check(value):
+        if isinstance(value, dict):
+            for inner in value.values():
+                check(inner)
+        else:
+            values = value if isinstance(value, list) else [value]
+            assert all(isinstance(one, bool | int | float | str) for one in values)
+
+    points, lines = {}, []
+    for feature in content["features"]:
+        own = feature["properties"]
+        check(own.get("metadata", {}))
+        assert type(own["id"]) is int
+        assert 0 <= own["id"] < 2**32
+        if feature["geometry"]["type"] == "Point":
+            points[own["id"]] = tuple(feature["geometry"]["coordinates"][:2])
+        else:
+            assert own["startid"] in points
+            assert own["endid"] in points
+            lines.append(own)
+    return points, lines
+
+
+def test_nav2_gets_penalties_as_decimals(tmp_path):
+    mission = load_mission("art_museum")
+    save_mission(mission, tmp_path / "museum.geojson")
+    points, lines = loaded_by_nav2(json.loads((tmp_path / "museum.geojson").read_text()))
+    assert tuple(points) == mission.nodes
+    assert points[1] == tuple(mission.graph.nodes[1]["pos"])
+    assert len({line["id"] for line in lines} | points.keys()) == len(points) + len(lines)
+    for line in lines:
+        survival = mission.graph.edges[line["startid"], line["endid"]]["survival"]
+        assert type(line["metadata"]["penalty"]) is float
+        assert line["metadata"]["penalty"] == pytest.approx(-math.log(survival))
+
+
+def test_labels_that_are_texts_are_numbered(tmp_path):
+    mission = load_mission("drones_and_rovers")
+    save_mission(mission, tmp_path / "plant.geojson")
+    content = json.loads((tmp_path / "plant.geojson").read_text())
+    points, lines = loaded_by_nav2(content)
+    assert list(points) == list(range(1, 35))
+    labels = [
+        feature["properties"]["metadata"]["label"] for feature in content["features"][: len(points)]
+    ]
+    assert tuple(labels) == mission.nodes
+    # Each kind has its own survival, so that there is not one penalty.
+    assert not any("penalty" in line["metadata"] for line in lines)
+    assert load_mission(tmp_path / "plant.geojson") == mission
+
+
+def test_ids_of_lines_stay(site, tmp_path):
+    path = site(*(line(*ends, id=i) for i, ends in enumerate([(3, 4), (4, 3), (4, 7), (7, 4)], 50)))
+    mission = load_mission(path, danger=0.01, base=3, robots=1)
+    save_mission(mission, tmp_path / "again.geojson")
+    assert load_mission(tmp_path / "again.geojson") == mission
+    _, lines = loaded_by_nav2(json.loads((tmp_path / "again.geojson").read_text()))
+    assert [line["id"] for line in lines] == [50, 51, 52, 53]
+
+
+def test_a_place_is_needed(tmp_path):
+    graph = load_mission("toy").graph.copy()
+    del graph.nodes[4]["pos"]
+    with pytest.raises(ValueError, match=r"x\.geojson: node 4: expected pos \[x, y\] for GeoJSON"):
+        save_mission(Mission(graph), tmp_path / "x.geojson")
+    assert not (tmp_path / "x.geojson").exists()
+
+
+def test_a_sure_arc_costs_nothing_more(tmp_path):
+    graph = load_mission("toy").graph.copy()
+    graph.edges[1, 2]["survival"] = 1
+    save_mission(Mission(graph), tmp_path / "x.geojson")
+    _, lines = loaded_by_nav2(json.loads((tmp_path / "x.geojson").read_text()))
+    (sure,) = (line for line in lines if (line["startid"], line["endid"]) == (1, 2))
+    assert json.dumps(sure["metadata"]["penalty"]) == "0.0"
