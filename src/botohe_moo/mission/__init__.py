@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from botohe_moo.mission.formats.files import read_mission as read_mission
     from botohe_moo.mission.formats.files import save_mission as save_mission
     from botohe_moo.mission.formats.tables import mission_from_tables as mission_from_tables
+    from botohe_moo.mission.hazards import survival_from_raster as survival_from_raster
     from botohe_moo.mission.kinds import Kind as Kind
     from botohe_moo.mission.library import load_mission as load_mission
     from botohe_moo.mission.library import mission_names as mission_names
