@@ -24,6 +24,7 @@ import networkx as nx
 import numba
 import numpy as np
 import pytest
+from PIL import Image
 
 import botohe_moo.kernels.compile  # noqa: F401
 from botohe_moo import (
@@ -470,6 +471,12 @@ def test_a_route_graph_needs_a_base_and_a_danger(botohe, refused, tmp_path):
     assert "have no way back: 26 (1 in all)." in done.err
     mission = read_solution(tmp_path / "out").mission
     assert (mission.base, mission.robots, len(mission.nodes)) == (1, 2, 26)
+    text = "image: map.png\nmode: scale\nresolution: 1\norigin: [-1, -1]\nnegate: 1\n"
+    (tmp_path / "map.yaml").write_text(text)
+    Image.fromarray(np.zeros((9, 9), np.uint8)).save(tmp_path / "map.png")
+    done = botohe(*site, "--base", 1, "--danger", 2, "--hazard", "map.yaml", "--out", "safe")
+    assert done.status == 0, done.err
+    assert (read_solution(tmp_path / "safe").mission.arrays.survival == 1).all()
 
 
 class TestBadMissions:

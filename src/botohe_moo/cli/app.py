@@ -22,6 +22,7 @@ from botohe_moo.cli.missions import missions_app
 from botohe_moo.cli.options import (
     BaseOption,
     DangerOption,
+    HazardOption,
     MaxLengthOption,
     MinSurvivalOption,
     MissionArgument,
@@ -122,6 +123,7 @@ def solve_mission(
     robots: RobotsOption = None,
     base: BaseOption = None,
     danger: DangerOption = None,
+    hazard: HazardOption = None,
     mission_parameter: MissionParameterOption = None,
     min_survival: MinSurvivalOption = 0.0,
     max_length: MaxLengthOption = None,
@@ -181,7 +183,7 @@ def solve_mission(
     wishes of --choose; 2 for bad input.
     """
     with failing():
-        own = {"robots": robots, "base": base, "danger": danger}
+        own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard}
         source = mission_source(mission, mission_parameter, **own)
         parameters = read_parameters(parameter)
         from botohe_moo._base.checks import check_integer, check_number

@@ -11,6 +11,7 @@ import typer
 from botohe_moo.cli.options import (
     BaseOption,
     DangerOption,
+    HazardOption,
     MaxLengthOption,
     MinSurvivalOption,
     MissionArgument,
@@ -53,6 +54,7 @@ def bound_mission(
     robots: RobotsOption = None,
     base: BaseOption = None,
     danger: DangerOption = None,
+    hazard: HazardOption = None,
     mission_parameter: MissionParameterOption = None,
     min_survival: MinSurvivalOption = 0.0,
     max_length: MaxLengthOption = None,
@@ -77,7 +79,7 @@ def bound_mission(
     The exit status is 2 for bad input.
     """
     with failing():
-        own = {"robots": robots, "base": base, "danger": danger}
+        own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard}
         source = mission_source(mission, mission_parameter, **own)
         from botohe_moo._base.checks import check_integer, check_number
         from botohe_moo._base.files import check_file

@@ -11,6 +11,7 @@ from botohe_moo._base.words import counted
 from botohe_moo.cli.options import (
     BaseOption,
     DangerOption,
+    HazardOption,
     MissionArgument,
     MissionParameterOption,
     RobotsOption,
@@ -63,6 +64,7 @@ def show_mission(
     robots: RobotsOption = None,
     base: BaseOption = None,
     danger: DangerOption = None,
+    hazard: HazardOption = None,
     mission_parameter: MissionParameterOption = None,
     picture: Annotated[
         Path | None,
@@ -73,7 +75,7 @@ def show_mission(
 ) -> None:
     """Describe a mission; on request, draw it."""
     with failing():
-        own = {"robots": robots, "base": base, "danger": danger}
+        own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard}
         source = mission_source(mission, mission_parameter, **own)
         from botohe_moo.mission.library import load_mission, mission_parameters
 

@@ -53,6 +53,15 @@ DangerOption = Annotated[
         "say how likely robots survive: exp(−D · length).",
     ),
 ]
+HazardOption = Annotated[
+    Path | None,
+    path_option(
+        "--hazard",
+        metavar="FILE",
+        help="Map of where a route graph (.geojson) is dangerous: YAML as the map server of Nav2 "
+        "reads it, with mode: scale. --danger is the rate where it is black.",
+    ),
+]
 MinSurvivalOption = Annotated[
     float,
     typer.Option(
@@ -121,7 +130,7 @@ def _value(name: str, text: str) -> Any:
     for number in (int, float):
         with suppress(ValueError):
             return number(text)
-    from botohe_moo.study.file.document import Document, DocumentError
+    from botohe_moo._base.document import Document, DocumentError
 
     try:
         return Document(text).content
@@ -133,5 +142,7 @@ def _value(name: str, text: str) -> Any:
 
 def mission_source(mission: str, pairs: list[str] | None, **options: object) -> dict[str, Any]:
     """Collect the arguments of `load_mission`, some of which are options of their own."""
-    own = [f"{name}={value}" for name, value in options.items() if value is not None]
-    return {**read_parameters([*(pairs or []), *own]), "name_or_path": mission}
+    own = {name: value for name, value in options.items() if value is not None}
+    typed = [f"{name}={value}" for name, value in own.items() if not isinstance(value, Path)]
+    paths = {name: str(value) for name, value in own.items() if isinstance(value, Path)}
+    return {**read_parameters([*(pairs or []), *typed]), **paths, "name_or_path": mission}

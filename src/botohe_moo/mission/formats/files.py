@@ -64,8 +64,10 @@ def read_mission(
         point has arcs to, or ``"all"`` for arcs between all points, and ``scale`` (above 0,
         default: the file's tmax) in the survival exp(−distance / scale). For ``.geojson``:
         ``base``, the base's label, ``danger`` (at least 0), the rate of loss for a unit of length
-        where lines have no survival, which is exp(−danger · length) then, and ``reward`` (at least
-        0, default 1) of points without one, except the base.
+        where lines have no survival, which is exp(−danger · length) then, ``hazard``, a map of
+        where it is dangerous, and ``reward`` (at least 0, default 1) of points without one, except
+        the base. The map is YAML as the map server of Nav2 reads it, with ``mode: scale``; where it
+        is black the rate of loss is ``danger``, where it is white 0.
 
     Raises
     ------

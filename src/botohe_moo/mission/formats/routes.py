@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import networkx as nx
@@ -15,6 +16,7 @@ from botohe_moo._base.words import counted
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative
 from botohe_moo.mission.formats.nodelink import Entry, convert_ends, graph_of
+from botohe_moo.mission.hazards import survival_from_raster
 from botohe_moo.mission.validation import MissionError, read_label
 
 _LINES = ("LineString", "MultiLineString")
@@ -35,6 +37,7 @@ def read_route_graph(
     *,
     base: Any = None,
     danger: NotNegative | None = None,
+    hazard: str | os.PathLike[str] | None = None,
     reward: NotNegative = 1.0,
 ) -> nx.DiGraph[Any]:
     """Read GeoJSON whose points are nodes, and whose lines are arcs from one node to another.
@@ -43,8 +46,9 @@ def read_route_graph(
     what ``metadata`` holds, become attributes. A point's label is its id, unless its metadata has a
     ``label``. An arc is as long as its ends are apart, unless it has a ``length``. Without a
     ``survival`` it has exp(−``danger`` × length), and a node without a ``reward`` has ``reward``;
-    that of the base is 0. The member ``mission`` of the file may hold attributes of the graph:
-    ``base``, ``robots`` and others.
+    that of the base is 0. Where the map ``hazard`` is given, the rate of loss is ``danger`` times
+    its shares, along the straight line between the ends. The member ``mission`` of the file may
+    hold attributes of the graph: ``base``, ``robots`` and others.
 
     Of parallel arcs the safest one stays. It, arcs from a node to itself, nodes that the base does
     not reach or that have no way back, and features that are neither points nor lines are left out,
@@ -81,11 +85,16 @@ def read_route_graph(
             f"({counted(len(lacking), 'line')} without one): give danger, the rate of loss for a "
             "unit of length"
         )
-    for _, ends, arc in arcs:
-        if not is_complete and all(end in places for end in ends):
-            arc.setdefault("length", math.dist(*(places[end] for end in ends)))
-            if "survival" not in arc:
-                arc["survival"] = math.exp(min(0.0, -(danger or 0.0) * as_float(arc["length"])))
+    joining = [(ends, arc) for _, ends, arc in arcs if all(end in places for end in ends)]
+    unknown = [ends for ends, arc in joining if "survival" not in arc]
+    rate = danger or 0.0
+    survivals = {} if hazard is None else _survivals(places, unknown, hazard, rate)
+    for ends, arc in joining:
+        apart = math.dist(*(places[end] for end in ends))
+        if not is_complete:
+            arc.setdefault("length", apart)
+        evenly = math.exp(min(0.0, -rate * as_float(arc.get("length", apart))))
+        arc.setdefault("survival", survivals.get(ends, evenly))
     kept, loops, parallel = _simple(arcs)
     graph = graph_of(of_mission, nodes, kept)
     if of_mission["base"] not in graph:
@@ -97,6 +106,25 @@ def read_route_graph(
     _warn("lines beside one with the same ends that is as safe", parallel)
     _warn("points that the base does not reach, or that have no way back", map(quoted, lost))
     return graph
+
+
+def _survivals(
+    places: dict[Any, list[float]],
+    arcs: Sequence[tuple[Any, ...]],
+    hazard: str | os.PathLike[str],
+    rate: float,
+) -> dict[tuple[Any, ...], float]:
+    """Return survivals by a map of dangers."""
+    # Imported late: it takes time, and most missions need no images.
+    from botohe_moo.mission.formats.rasters import read_raster
+
+    try:
+        values, resolution, origin = read_raster(hazard)
+    except MissionError as error:
+        raise MissionError([f"{error.source}: {fault}" for fault in error.faults]) from None
+    graph: nx.DiGraph[Any] = nx.DiGraph(arcs)
+    nx.set_node_attributes(graph, {node: places[node] for node in graph}, "pos")
+    return survival_from_raster(graph, values, resolution=resolution, origin=origin, scale=rate)
 
 
 def _entries(

@@ -11,11 +11,11 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from botohe_moo._base.checks import most_alike, nearest_first, quoted
+from botohe_moo._base.document import Document, DocumentError
 from botohe_moo._base.files import read_bytes
 from botohe_moo._plugins.faults import own_message, way_into, wrong_value
 from botohe_moo.study.file.checking import CheckedContent, Fault, Place
 from botohe_moo.study.file.config import StudyFile
-from botohe_moo.study.file.document import Document, DocumentError
 from botohe_moo.study.file.model import MANIFEST, Study, StudyError, seeds_of, study_folder
 
 
