@@ -6,7 +6,6 @@ import math
 from collections.abc import Hashable
 from typing import Any
 
-import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -20,7 +19,7 @@ _EDGE = 1e-9  # of a cell: points so far outside count as on the edge
 
 @checked
 def survival_from_raster(
-    graph: nx.DiGraph[Any],
+    graph: Any,
     values: ArrayLike,
     *,
     resolution: Positive,
@@ -35,7 +34,7 @@ def survival_from_raster(
     Parameters
     ----------
     graph
-        Its nodes have ``pos`` (x, y). Only these are read.
+        An ``nx.DiGraph`` whose nodes have ``pos`` (x, y). Only these are read.
     values
         How dangerous each cell is, at least 0 (n_rows, n_columns); rows as in an image, the first
         one at the top, where y is the largest.
