@@ -3,6 +3,7 @@
 import json
 import math
 
+import networkx as nx
 import pytest
 
 from botohe_moo import Mission, MissionError, load_mission, save_mission
@@ -175,13 +176,33 @@ def test_labels_that_are_texts_are_numbered(tmp_path):
     content = json.loads((tmp_path / "plant.geojson").read_text())
     points, lines = loaded_by_nav2(content)
     assert list(points) == list(range(1, 35))
-    labels = [
-        feature["properties"]["metadata"]["label"] for feature in content["features"][: len(points)]
-    ]
+    labels = [feature["properties"]["label"] for feature in content["features"][: len(points)]]
     assert tuple(labels) == mission.nodes
     # Each kind has its own survival, so that there is not one penalty.
     assert not any("penalty" in line["metadata"] for line in lines)
     assert load_mission(tmp_path / "plant.geojson") == mission
+
+
+@pytest.mark.parametrize("rename", [lambda node: node, str])
+def test_attributes_with_the_names_of_properties_stay_attributes(tmp_path, rename):
+    """Whether points are numbered or not."""
+    graph = nx.relabel_nodes(load_mission("toy").graph.copy(), rename)
+    for node in graph:
+        graph.nodes[node].update(label="the same", id_of_room=7, metadata={"startid": 1})
+    for arc in graph.edges:
+        graph.edges[arc].update(label="way", startid=-1, endid="x", id=2.5, metadata=[3])
+    mission = Mission(graph, base=rename(1))
+    save_mission(mission, tmp_path / "x.geojson")
+    assert load_mission(tmp_path / "x.geojson") == mission
+
+
+def test_labels_in_the_files_of_others_are_attributes(site):
+    named = point(5, (1, 1), metadata={"label": "c"})
+    named["properties"]["label"] = "b"
+    path = site(*both_ways((3, 5)), named, points={3: (0, 0)})
+    mission = load_mission(path, danger=0.1, base=3, robots=1)
+    assert mission.nodes == (3, 5)
+    assert mission.graph.nodes[5]["label"] == "c"
 
 
 def test_ids_of_lines_stay(site, tmp_path):

@@ -43,8 +43,9 @@ def read_route_graph(
     """Read GeoJSON whose points are nodes, and whose lines are arcs from one node to another.
 
     Points have the property ``id``, and lines ``startid`` and ``endid``; all other properties, and
-    what ``metadata`` holds, become attributes. A point's label is its id, unless its metadata has a
-    ``label``. An arc is as long as its ends are apart, unless it has a ``length``. Without a
+    what ``metadata`` holds, become attributes. A point's label is its id, but for files that
+    `write_route_graph` has numbered. An arc is as long as its ends are apart, unless it has a
+    ``length``. Without a
     ``survival`` it has exp(−``danger`` × length), and a node without a ``reward`` has ``reward``;
     that of the base is 0. Where the map ``hazard`` is given, the rate of loss is ``danger`` times
     its shares, along the straight line between the ends. The member ``mission`` of the file may
@@ -70,7 +71,7 @@ def read_route_graph(
         of_mission["base"] = read_label(of_mission["base"])
     convert_ends(of_mission.get("kinds"), read_label)
     if base is not None:
-        of_mission["base"] = base
+        of_mission["base"] = read_label(base)
     if of_mission.get("base") is None:
         raise MissionError('expected base, the "id" of a point, found none: give base')
     is_complete = content.items() >= _GENERATOR.items()
@@ -132,7 +133,8 @@ def _entries(
 ) -> tuple[list[Entry], list[Entry], list[str]]:
     """Return nodes, arcs, and what is neither; a MissionError names all that is wrong.
 
-    In what is complete, ids of lines merely number them.
+    In what is complete, ids of lines merely number them, and so may ids of points: then these have
+    their label as a property.
     """
     nodes: list[Entry] = []
     arcs: list[Entry] = []
@@ -143,20 +145,19 @@ def _entries(
         try:
             shape = _object(_object(feature, "a feature").get("geometry") or {}, "geometry")
             given = _object(feature.get("properties") or {}, "properties")
-            metadata = _object(given.get("metadata") or {}, "metadata")
-            attributes = {key: given[key] for key in given if key != "metadata"}
-            if is_complete and shape.get("type") in _LINES:
-                attributes.pop("id", None)
-            attributes |= metadata
+            metadata = _object(given.pop("metadata", None) or {}, "metadata")
             if shape.get("type") == "Point":
-                label = number = _label(attributes, "id")
-                if "label" in attributes:
-                    label = labels[number] = _label(attributes, "label")
-                attributes["pos"] = _position(shape.get("coordinates"))
-                nodes.append((where, (label,), attributes))
+                label = number = _label(given, "id")
+                if is_complete and "label" in given:
+                    label = labels[number] = _label(given, "label")
+                place = {"pos": _position(shape.get("coordinates"))}
+                nodes.append((where, (label,), {**given, **metadata, **place}))
             elif shape.get("type") in _LINES:
-                names = _ENDS[not attributes.keys() & _ENDS[0] and "start_node" in attributes]
-                ends = tuple(_label(attributes, name) for name in names)
+                names = next((names for names in _ENDS if names[0] in given), _ENDS[0])
+                ends = tuple(_label(given, name) for name in names)
+                if is_complete:
+                    given.pop("id", None)
+                attributes = {**given, **metadata}
                 if attributes.get("penalty") == _penalty(attributes.get("survival")):
                     attributes.pop("penalty", None)
                 arcs.append((where, ends, attributes))
@@ -249,14 +250,15 @@ def write_route_graph(content: dict[str, Any]) -> bytes:
         label, place = node.pop("id"), node.pop("pos", None)
         if place is None:
             raise ValueError(f"node {quoted(label)}: expected pos [x, y] for GeoJSON, found none")
-        metadata = {"label": label} if is_numbered else {}
-        features.append(_feature("Point", place, {"id": number}, node, metadata))
+        properties = {"id": number, "label": label} if is_numbered else {"id": number}
+        features.append(_feature("Point", place, properties, node, {}))
     places = {
         number: feature["geometry"]["coordinates"]
         for number, feature in zip(ids, features, strict=True)
     }
     own = [arc.get("id") for arc in content["edges"]]
-    has_ids = all(type(each) is int for each in own) and len({*own}) == len(own)
+    has_ids = all(type(each) is int and 0 <= each < _END_OF_IDS for each in own)
+    has_ids = has_ids and len({*own}) == len(own)
     for i, arc in enumerate(content["edges"], max(ids, default=0) + 1):
         start, end = (id_of[json.dumps(arc.pop(key))] for key in ("source", "target"))
         penalty = _penalty(arc.get("survival"))
