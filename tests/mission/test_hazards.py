@@ -90,6 +90,7 @@ def test_a_constant_map_is_a_danger_everywhere():
         ((1, math.nan), {}, "Node 'b': expected pos"),
         ((1, 1, 1), {}, "Node 'b': expected pos"),
         ((1, 1), {"values": [1, 2]}, r"Expected values \(n_rows, n_columns\), got an array \(2,\)"),
+        ((1, 1), {"values": [[1], [2, 3]]}, "Expected values to be a table of numbers, got"),
         ((1, 1), {"values": [[1, -2]]}, "Expected finite values >= 0, got -2.0"),
         ((1, 1), {"values": [[math.inf]]}, "Expected finite values >= 0, got inf"),
         ((1, 1), {"resolution": 0}, "Expected resolution > 0, got 0"),
@@ -100,3 +101,8 @@ def test_what_is_wrong_is_named(place, given, fault):
     usual = {"values": np.ones((2, 2)), "resolution": 1}
     with pytest.raises(ValueError, match=fault):
         survival_from_raster(one_arc((1, 1), place), **{**usual, **given})
+
+
+def test_only_graphs_have_arcs():
+    with pytest.raises(TypeError, match="Expected graph to be an nx.DiGraph, got 7"):
+        survival_from_raster(7, [[1]], resolution=1)

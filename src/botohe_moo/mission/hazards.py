@@ -6,6 +6,7 @@ import math
 from collections.abc import Hashable
 from typing import Any
 
+import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -52,6 +53,8 @@ def survival_from_raster(
 
     Raises
     ------
+    TypeError
+        If ``graph`` is not a graph.
     ValueError
         If a parameter is out of its range, or if a node has no position or lies outside of the map.
 
@@ -66,7 +69,14 @@ def survival_from_raster(
     >>> survival_from_raster(graph, dangers, resolution=1, scale=0.1)
     {('dock', 'reef'): 0.818730...}
     """
-    cells = np.array(values, float)
+    if not isinstance(graph, nx.Graph):
+        raise TypeError(f"Expected graph to be an nx.DiGraph, got {quoted(graph)}.")
+    try:
+        cells = np.array(values, float)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"Expected values to be a table of numbers, got {quoted(values)}."
+        ) from None
     if cells.ndim != 2 or cells.size == 0:
         raise ValueError(f"Expected values (n_rows, n_columns), got an array {cells.shape}.")
     if not (is_valid := np.isfinite(cells) & (cells >= 0.0)).all():
