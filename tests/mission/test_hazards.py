@@ -104,5 +104,5 @@ def test_what_is_wrong_is_named(place, given, fault):
 
 
 def test_only_graphs_have_arcs():
-    with pytest.raises(TypeError, match="Expected graph to be an nx.DiGraph, got 7"):
+    with pytest.raises(TypeError, match=r"Expected graph to be an nx\.DiGraph, got 7"):
         survival_from_raster(7, [[1]], resolution=1)
