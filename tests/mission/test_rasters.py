@@ -64,7 +64,8 @@ def test_survivals_in_the_file_stay(hazard, tmp_path):
     ("text", "fault"),
     [
         (TEXT.replace("scale", "trinary"), "line 2: expected mode to be scale.* got 'trinary'"),
-        (TEXT.replace("mode: scale\n", ""), "found no mode"),
+        (TEXT.replace("mode: scale\n", ""), "expected mode to be scale, got 'trinary'"),
+        (TEXT + "free_thresh: 2\n", r"line 6: expected free_thresh to be a number in \(0, 1\)"),
         (TEXT.replace("0.5", "-1"), "line 3: expected resolution to be a number > 0, got -1"),
         (TEXT.replace("2, 0]", "2, 0.5]"), r"line 4: expected origin to be \[x, y, 0\], without"),
         (TEXT.replace("[-1, 2, 0]", "7"), "line 4: expected origin"),
@@ -72,7 +73,7 @@ def test_survivals_in_the_file_stay(hazard, tmp_path):
         (TEXT.replace("{image}", "no.png"), r"no\.png: there is no such file"),
         (TEXT.replace("{image}", "hazard.yaml"), r"hazard\.yaml: expected an image"),
         (TEXT.replace("{image}", "[1]"), "line 1: expected image to be the name of a file"),
-        ("[1, 2]", "expected image, resolution, origin, mode, got"),
+        ("[1, 2]", "expected image, resolution, origin, got"),
         ("a: [", "not valid YAML"),
         ("\x00", "not valid YAML"),
     ],

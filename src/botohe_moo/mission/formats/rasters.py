@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +16,9 @@ from botohe_moo._base.files import read_bytes
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.validation import MissionError
 
-_NEEDED = ("image", "resolution", "origin", "mode")
+_NEEDED = ("image", "resolution", "origin")
+MODES = ("trinary", "scale", "raw")
+_FREE_THRESH = 0.25  # as the map saver of Nav2 writes it
 
 
 class Raster(NamedTuple):
@@ -24,12 +27,14 @@ class Raster(NamedTuple):
     values: FloatArray  # in [0, 1], the first row at the top (n_rows, n_columns)
     resolution: float  # width of a cell
     origin: tuple[float, float]  # the lower left corner
+    free_thresh: float  # in a map of obstacles, cells with less are free
 
 
-def read_raster(path: str | os.PathLike[str]) -> Raster:
-    """Read a map whose ``mode`` is ``scale``: shares of full scale, black or with ``negate`` white.
+def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale",)) -> Raster:
+    """Read a map as shares of full scale, which is black, or with ``negate`` white.
 
-    Thresholds do not count. A MissionError names the file, and the line of what is wrong.
+    Its ``mode`` has to be one of ``modes``; without one it is ``trinary``, as for the map server. A
+    MissionError names the file, and the line of what is wrong.
     """
     path = Path(path)
     try:
@@ -44,20 +49,22 @@ def read_raster(path: str | os.PathLike[str]) -> Raster:
         raise MissionError(f"expected {', '.join(_NEEDED)}, got {quoted(content)}", str(path))
     faults = [
         f"line {document.line([name])}: {fault}" if name in content else fault
-        for name, fault in _faults(content).items()
+        for name, fault in _faults(content, modes).items()
     ]
     if faults:
         raise MissionError(faults, str(path))
     shares = _read_image(path.parent / content["image"])
     x, y = map(float, content["origin"][:2])
     values = shares if content.get("negate", 0) else 1.0 - shares
-    return Raster(values, float(content["resolution"]), (x, y))
+    free_thresh = float(content.get("free_thresh", _FREE_THRESH))
+    return Raster(values, float(content["resolution"]), (x, y), free_thresh)
 
 
-def _faults(content: dict[str, Any]) -> dict[str, str]:
+def _faults(content: dict[str, Any], modes: Sequence[str]) -> dict[str, str]:
     """Return what is wrong, by the name of the entry."""
     faults = {name: f"found no {name}" for name in _NEEDED if name not in content}
-    image, negate, mode = content.get("image"), content.get("negate", 0), content.get("mode")
+    image, negate = content.get("image"), content.get("negate", 0)
+    mode, free_thresh = content.get("mode", MODES[0]), content.get("free_thresh", _FREE_THRESH)
     resolution, origin = content.get("resolution"), content.get("origin")
     numbers = [as_float(part) for part in origin] if isinstance(origin, list) else []
     is_place = len(numbers) in (2, 3) and bool(np.isfinite(numbers).all())
@@ -66,7 +73,8 @@ def _faults(content: dict[str, Any]) -> dict[str, str]:
         "resolution": (0 < as_float(resolution) < np.inf, "a number > 0", resolution),
         "origin": (is_place and not any(numbers[2:]), "[x, y, 0], without rotation", origin),
         "negate": (negate in (0, 1), "0 or 1", negate),
-        "mode": (mode == "scale", "scale: shares between black and white", mode),
+        "mode": (mode in modes, " or ".join(modes), mode),
+        "free_thresh": (0 < as_float(free_thresh) < 1, "a number in (0, 1)", free_thresh),
     }
     for name, (is_right, expected, found) in checks.items():
         if not is_right:

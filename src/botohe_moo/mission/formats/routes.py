@@ -120,7 +120,7 @@ def _survivals(
     from botohe_moo.mission.formats.rasters import read_raster
 
     try:
-        values, resolution, origin = read_raster(hazard)
+        values, resolution, origin, _ = read_raster(hazard)
     except MissionError as error:
         raise MissionError([f"{error.source}: {fault}" for fault in error.faults]) from None
     graph: nx.DiGraph[Any] = nx.DiGraph(arcs)
