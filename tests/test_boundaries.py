@@ -26,6 +26,8 @@ TAKE_A_MISSION = {
     "exchange_rate": lambda m: d.exchange_rate(m, POINTS, 0),
     "knees": lambda m: d.knees(m, POINTS),
     "neighbours": lambda m: d.neighbours(m, POINTS, 0),
+    "nav2_files": lambda m: d.nav2_files(m, PLAN),
+    "qgc_plans": lambda m: d.qgc_plans(m, PLAN, altitude=1),
     "plan_csv": lambda m: d.plan_csv(m, PLAN),
     "plan_geojson": lambda m: d.plan_geojson(m, PLAN),
     "plan_json": lambda m: d.plan_json(m, PLAN),

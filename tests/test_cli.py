@@ -740,6 +740,20 @@ class TestChoose:
             found[int(row["robot"])].append(int(row["node"]))
         assert found == plans_in(folder)["plans"][2]["trails"]
 
+    def test_files_for_robots(self, botohe, refused, solved, tmp_path):
+        ended = botohe("choose", solved[1], "--plan", 2, "--out", "robots/nav2")
+        assert (ended.status, ended.err) == (0, "")
+        names = ["graph.geojson", "robot_0.json", "robot_1.json"]
+        assert ended.out.splitlines()[-3:] == [f"wrote robots/nav2/{name}" for name in names]
+        assert names_in(tmp_path / "robots" / "nav2") == names
+        fly = ["choose", solved[1], "--plan", 2, "--out", "site.plan"]
+        ended = botohe(*fly, "--altitude", 30)
+        assert ended.out.splitlines()[-1] == "wrote site-1.plan"
+        said = refused(*fly)
+        assert said == (
+            "botohe: site.plan: expected altitude, the height of waypoints, found none.\n"
+        )
+
     def test_a_plan_is_drawn(self, botohe, solved, tmp_path):
         ended = botohe("choose", solved[1], "--plan", 2, "--out", "plan.pdf")
         assert (ended.status, ended.err) == (0, "")

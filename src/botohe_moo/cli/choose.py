@@ -61,9 +61,18 @@ OpenOption = Annotated[bool, typer.Option("--open", help="Open the page in the b
 PlanFileOption = Annotated[
     Path | None,
     out_option(
-        "FILE",
-        "Write the plan to this file: .json, .csv (waypoints), .geojson, or drawn on the map "
-        "as .png, .svg or .pdf.",
+        "PATH",
+        "Write the plan: .json, .csv (waypoints), .geojson, .plan (QGroundControl, with "
+        "--altitude), drawn on the map as .png, .svg or .pdf, or, without a suffix, a folder "
+        "with files for Nav2.",
+    ),
+]
+AltitudeOption = Annotated[
+    float | None,
+    typer.Option(
+        "--altitude",
+        metavar="M",
+        help="Height of waypoints above the start, in metres: for --out FILE.plan.",
     ),
 ]
 
@@ -75,6 +84,7 @@ def choose_plan(
     toward: TowardOption = None,
     plan: PlanOption = None,
     out: PlanFileOption = None,
+    altitude: AltitudeOption = None,
 ) -> None:
     """Choose the best plan of a front that meets all wishes.
 
@@ -91,17 +101,15 @@ def choose_plan(
     written. It is 2 for bad input, and if the file cannot be written.
     """
     with failing():
-        from botohe_moo._base.files import check_file, check_suffix
         from botohe_moo.decide.choosing import taken
-        from botohe_moo.decide.export import PLAN_FORMATS
+        from botohe_moo.decide.export import check_plan_path
         from botohe_moo.decide.fronts import check_row
         from botohe_moo.solution import read_solution
 
         asked = {"wishes": bool(wish), "--toward": toward is not None, "--plan": plan is not None}
         _check_options(asked, most, out)
         if out is not None:
-            check_suffix(out, [*PLAN_FORMATS, *_PICTURES])
-            check_file(out)
+            check_plan_path(out, altitude, _PICTURES)
             _check_not_of_solution(folder, out)
         solution = read_solution(folder)
         if toward is not None:
@@ -122,7 +130,7 @@ def choose_plan(
     if wish and not choice.met:
         fail("no plan meets all wishes" + ("; nothing is written." if out else "."), FAILED)
     if out is not None:
-        _write(solution.mission, choice.plan, out)
+        _write(solution.mission, choice.plan, out, altitude)
 
 
 def _check_not_of_solution(folder: Path, out: Path) -> None:
@@ -132,7 +140,7 @@ def _check_not_of_solution(folder: Path, out: Path) -> None:
         raise ValueError(f"{out}: a file of the solution itself; give another name.")
 
 
-def _write(mission: Mission, plan: TrailPlan, path: Path) -> None:
+def _write(mission: Mission, plan: TrailPlan, path: Path, altitude: float | None) -> None:
     from botohe_moo.decide import write_plan
     from botohe_moo.solution.model import draw_picture
 
@@ -141,9 +149,11 @@ def _write(mission: Mission, plan: TrailPlan, path: Path) -> None:
             from botohe_moo.plots import plot_plan
 
             draw_picture(path, plot_plan, mission, plan)
+            files: tuple[Path, ...] = (path,)
         else:
-            write_plan(mission, plan, path)
-    tell(f"wrote {path}")
+            files = write_plan(mission, plan, path, altitude=altitude)
+    for file in files:
+        tell(f"wrote {file}")
 
 
 def _check_options(asked: dict[str, bool], most: str | None, out: Path | None) -> None:

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from botohe_moo.decide.comparing import Change as Change
     from botohe_moo.decide.comparing import Difference as Difference
     from botohe_moo.decide.comparing import compare as compare
+    from botohe_moo.decide.driving import nav2_files as nav2_files
+    from botohe_moo.decide.driving import qgc_plans as qgc_plans
     from botohe_moo.decide.export import plan_csv as plan_csv
     from botohe_moo.decide.export import plan_geojson as plan_geojson
     from botohe_moo.decide.export import plan_json as plan_json

@@ -1,4 +1,4 @@
-"""One plan as a file: JSON, waypoints as CSV, and GeoJSON."""
+"""One plan as files: JSON, waypoints as CSV, GeoJSON, and what robots take."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import csv
 import io
 import json
 import os
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._base.files import check_suffix, replace_file
+from botohe_moo._base.files import check_file, check_folder, check_suffix, replace_file
+from botohe_moo.decide.driving import nav2_files, qgc_plans
 from botohe_moo.decide.robots import robot_rows
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.graphs import given_places
@@ -162,46 +163,103 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
     return json.dumps(content, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
 
 
-PLAN_FORMATS: dict[str, Callable[[Mission, TrailPlan], str]] = {
+_TEXTS: dict[str, Callable[[Mission, TrailPlan], str]] = {
     ".json": plan_json,
     ".csv": plan_csv,
     ".geojson": plan_geojson,
 }
+_QGC = ".plan"
+PLAN_SUFFIXES = (*_TEXTS, _QGC)
 
 
-def write_plan(mission: Mission, plan: TrailPlan, path: str | os.PathLike[str]) -> None:
-    """Write a plan to a file, in the format of its suffix; it appears complete, or not at all.
+def write_plan(
+    mission: Mission,
+    plan: TrailPlan,
+    path: str | os.PathLike[str],
+    *,
+    altitude: float | None = None,
+) -> tuple[Path, ...]:
+    """Write a plan to files, in the format of the path; each appears complete, or not at all.
 
     Parameters
     ----------
     mission, plan
         As for :func:`plan_json`.
     path
-        Ends in ``.json``, ``.csv`` or ``.geojson``.
+        Ends in ``.json``, ``.csv``, ``.geojson`` or ``.plan``, or has no suffix: then it is a
+        folder, which is made, for the files of :func:`nav2_files`. A ``.plan`` is for one robot: of
+        a team, ``site-0.plan`` and so on are written for ``site.plan``, but for robots that stay.
+    altitude
+        Height of waypoints in a ``.plan``, as for :func:`qgc_plans`; needed for it alone.
+
+    Returns
+    -------
+    tuple of pathlib.Path
+        The files.
 
     Raises
     ------
     ValueError
-        If the suffix is another, or the format cannot hold the plan.
+        If the suffix is another, the format cannot hold the plan, or ``altitude`` is missing.
     PlanError
         If the plan is not valid for the mission.
     OSError
-        If the file cannot be written.
+        If a file cannot be written, or the folder holds files of more robots.
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> from botohe_moo import load_mission
     >>> from botohe_moo.decide import write_plan
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
-    >>> write_plan(toy, plan, "plan.csv")
-    >>> Path("plan.csv").read_text().splitlines()[:2]
+    >>> [file] = write_plan(toy, plan, "plan.csv")
+    >>> file.read_text().splitlines()[:2]
     ['robot,step,node,x,y', '0,0,1,0.0,0.5']
+    >>> [file.name for file in write_plan(toy, plan, "nav2")]
+    ['graph.geojson', 'robot_0.json', 'robot_1.json']
     """
     path = Path(path)
-    check_suffix(path, PLAN_FORMATS)
-    replace_file(path, PLAN_FORMATS[path.suffix.lower()](mission, plan).encode())
+    check_plan_path(path, altitude)
+    texts = _texts(mission, plan, path, altitude)
+    if not path.suffix:
+        path.mkdir(parents=True, exist_ok=True)
+    for file, text in texts.items():
+        replace_file(file, text.encode())
+    return tuple(texts)
+
+
+def check_plan_path(path: Path, altitude: float | None, pictures: Sequence[str] = ()) -> None:
+    """Refuse a path that no plan can be written to, and a ``.plan`` without an altitude.
+
+    ``pictures`` are suffixes that are right, too.
+    """
+    if path.suffix:
+        check_suffix(path, (*PLAN_SUFFIXES, *pictures))
+        check_file(path)
+    else:
+        check_folder(path)
+    if path.suffix.lower() == _QGC and altitude is None:
+        raise ValueError(f"{path}: expected altitude, the height of waypoints, found none.")
+
+
+def _texts(
+    mission: Mission, plan: TrailPlan, path: Path, altitude: float | None
+) -> dict[Path, str]:
+    """Return what is to be written, by file."""
+    suffix = path.suffix.lower()
+    if suffix in _TEXTS:
+        return {path: _TEXTS[suffix](mission, plan)}
+    if suffix == _QGC:
+        plans = qgc_plans(mission, plan, altitude=altitude)  # type: ignore[arg-type]
+        if not plans:
+            raise ValueError(f"{path}: expected a robot that leaves where it starts, found none.")
+        if mission.robots == 1:
+            return {path: plans[0]}
+        return {path.with_name(f"{path.stem}-{i}{path.suffix}"): plans[i] for i in plans}
+    files = {path / name: text for name, text in nav2_files(mission, plan).items()}
+    if others := sorted({*path.glob("robot_*.json")} - {*files}):
+        raise FileExistsError(f"{others[0]}: a file of another plan; give another folder.")
+    return files
 
 
 def _more_of_robots(mission: Mission, plan: TrailPlan) -> list[dict[str, Any]]:

@@ -1,0 +1,194 @@
+"""Plans as files that robots take."""
+
+import json
+import math
+
+import networkx as nx
+import pytest
+from hypothesis import given
+
+from botohe_moo import Kind, Mission
+from botohe_moo.decide import nav2_files, qgc_plans, robot_table, write_plan
+from botohe_moo.mission import read_mission
+from tests.strategies import missions_with_plans, team_missions_with_plans
+
+AT = {"dock": (8.5, 47.25), "reef": (8.75, 47.25), "pier": (8.75, 47.5)}
+
+
+def harbour(labels=("dock", "reef", "pier"), *, robots=2, **more):
+    """A triangle that is sailed around one way."""
+    graph = nx.DiGraph(base=labels[0])
+    for label, place in zip(labels, AT.values(), strict=True):
+        graph.add_node(label, reward=1.0, pos=place)
+    for i, survival in enumerate((0.5, 0.8, 1.0)):
+        graph.add_edge(labels[i], labels[(i + 1) % 3], survival=survival)
+    return Mission(graph, name="harbour", **({} if "kinds" in more else {"robots": robots}), **more)
+
+
+def around(mission):
+    stays = [[mission.base]] * (mission.robots - 1)
+    return mission.plan([[*mission.nodes, mission.base], *stays])
+
+
+def facing(degrees):
+    half = math.radians(degrees) / 2
+    turn = {"x": 0, "y": 0, "z": math.sin(half), "w": math.cos(half)}
+    return pytest.approx(turn)
+
+
+def test_legs_by_hand():
+    mission = harbour()
+    files = nav2_files(mission, around(mission))
+    assert list(files) == ["graph.geojson", "robot_0.json", "robot_1.json"]
+    robot = json.loads(files["robot_0.json"])
+    legs = robot.pop("legs")
+    start = robot.pop("start")
+    assert robot == {
+        "mission": "harbour",
+        "robot": 0,
+        "kind": "robot",
+        "survival": 0.4,
+        "length": 3,
+        "reward": pytest.approx(1 + 0.5 + 0.4),
+    }
+    # Labels are texts: nodes have the numbers 1 to 3, and lines 4 to 6.
+    assert [(leg["edge"], leg["start"], leg["goal"]) for leg in legs] == [
+        (4, 1, 2),
+        (5, 2, 3),
+        (6, 3, 1),
+    ]
+    assert [leg["survival"] for leg in legs] == [0.5, 0.4, 0.4]
+    stops = [start, *legs]
+    assert [stop["node"] for stop in stops] == ["dock", "reef", "pier", "dock"]
+    assert [stop["frame"] for stop in stops] == ["map"] * 4
+    at = [[stop["pose"]["position"][axis] for axis in "xyz"] for stop in stops]
+    assert at == [[*AT[stop["node"]], 0] for stop in stops]
+    turns = [stop["pose"]["orientation"] for stop in stops]
+    assert turns == [facing(0), facing(0), facing(90), facing(-135)]
+
+
+def test_a_robot_that_stays_has_no_legs():
+    mission = harbour()
+    robot = json.loads(nav2_files(mission, around(mission))["robot_1.json"])
+    assert (robot["legs"], robot["start"]["node"]) == ([], "dock")
+    assert robot["start"]["pose"]["orientation"] == facing(0)
+
+
+def test_ids_of_nav2_stay():
+    mission = harbour((7, 0, 12))
+    legs = json.loads(nav2_files(mission, around(mission))["robot_0.json"])["legs"]
+    assert [(leg["start"], leg["goal"]) for leg in legs] == [(7, 0), (0, 12), (12, 7)]
+
+
+def placed(mission):
+    """The same mission, with places."""
+    graph = mission.graph.copy()
+    nx.set_node_attributes(graph, {node: (i, i * i) for i, node in enumerate(graph)}, "pos")
+    return Mission(graph, base=mission.base, kinds=mission.kinds, pays=mission.pays)
+
+
+@given(missions_with_plans() | team_missions_with_plans())
+def test_legs_are_those_of_the_graph_beside_them(tmp_path_factory, drawn):
+    mission, plan = placed(drawn[0]), drawn[1]
+    folder = tmp_path_factory.mktemp("nav2")
+    graph, *robots = write_plan(mission, plan, folder)
+    assert read_mission(graph) == mission
+    lines = {
+        line["properties"]["id"]: line["properties"]
+        for line in json.loads(graph.read_text())["features"]
+        if line["geometry"]["type"] == "LineString"
+    }
+    table = robot_table(mission, plan)
+    for path, trail, survival in zip(robots, mission.labels(plan), table["survival"], strict=True):
+        robot = json.loads(path.read_text())
+        legs = robot["legs"]
+        assert (robot["start"]["node"], *(leg["node"] for leg in legs)) == trail
+        assert (legs[-1]["survival"] if legs else 1) == pytest.approx(survival)
+        for leg in legs:
+            line = lines[leg["edge"]]
+            assert (line["startid"], line["endid"]) == (leg["start"], leg["goal"])
+
+
+def test_waypoints_by_hand():
+    mission = harbour()
+    plans = qgc_plans(mission, around(mission), altitude=30)
+    assert list(plans) == [0]
+    content = json.loads(plans[0])
+    assert (content["fileType"], content["version"]) == ("Plan", 1)
+    assert content["mission"]["plannedHomePosition"] == [47.25, 8.5, 0]
+    items = content["mission"]["items"]
+    assert [item["params"] for item in items] == [
+        [0, 0, 0, None, 47.25, 8.75, 30],
+        [0, 0, 0, None, 47.5, 8.75, 30],
+        [0, 0, 0, None, 47.25, 8.5, 30],
+    ]
+    assert [(item["command"], item["frame"], item["doJumpId"]) for item in items] == [
+        (16, 3, 1),
+        (16, 3, 2),
+        (16, 3, 3),
+    ]
+
+
+def test_a_file_for_each_robot_that_leaves(tmp_path):
+    mission = harbour(robots=3)
+    trail = [*mission.nodes, "dock"]
+    plan = mission.plan([trail, ["dock"], trail])
+    written = write_plan(mission, plan, tmp_path / "site.plan", altitude=30)
+    assert [path.name for path in written] == ["site-0.plan", "site-2.plan"]
+    assert sorted(tmp_path.iterdir()) == list(written)
+    alone = harbour(robots=1)
+    [path] = write_plan(alone, around(alone), tmp_path / "alone.PLAN", altitude=30)
+    assert path.read_text() == qgc_plans(alone, around(alone), altitude=30)[0]
+    with pytest.raises(ValueError, match=r"expected a robot that leaves where it starts"):
+        write_plan(mission, mission.stay_home(), tmp_path / "none.plan", altitude=30)
+
+
+@pytest.mark.parametrize(
+    ("altitude", "fault"),
+    [(None, "expected altitude.* found none"), (-3, "altitude"), (math.nan, "altitude")],
+)
+def test_altitude(tmp_path, altitude, fault):
+    mission = harbour()
+    with pytest.raises(ValueError, match=fault):
+        write_plan(mission, around(mission), tmp_path / "site.plan", altitude=altitude)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("place", "found"), [(None, "none"), ((200, 3), r"\[200.0, 3.0\]")])
+def test_places_that_are_not_on_earth(place, found):
+    graph = harbour().graph.copy()
+    graph.nodes["pier"]["pos"] = place
+    mission = Mission(graph, robots=1)
+    with pytest.raises(ValueError, match=f"Node 'pier': expected pos .longitude.*found {found}"):
+        qgc_plans(mission, around(mission), altitude=3)
+
+
+def test_nothing_is_written_without_places(tmp_path):
+    graph = harbour().graph.copy()
+    del graph.nodes["pier"]["pos"]
+    mission = Mission(graph, robots=1)
+    with pytest.raises(ValueError, match=r"node 'pier': expected pos \[x, y\] for GeoJSON"):
+        write_plan(mission, around(mission), tmp_path / "nav2")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_files_of_more_robots_are_not_left_beside(tmp_path):
+    many, one = harbour(robots=3), harbour(robots=1)
+    write_plan(many, around(many), tmp_path / "nav2")
+    write_plan(many, many.stay_home(), tmp_path / "nav2")  # as many robots: replaced
+    with pytest.raises(FileExistsError, match=r"robot_1\.json: a file of another plan"):
+        write_plan(one, around(one), tmp_path / "nav2")
+    assert json.loads((tmp_path / "nav2" / "robot_0.json").read_text())["legs"] == []
+
+
+def test_a_file_in_the_place_of_a_folder(tmp_path):
+    mission = harbour()
+    (tmp_path / "nav2").write_text("mine")
+    with pytest.raises(OSError, match="expected a folder to write to; it is a file"):
+        write_plan(mission, around(mission), tmp_path / "nav2")
+
+
+def test_kinds_have_their_names():
+    mission = harbour(kinds=[Kind("boat", 1), Kind("buoy", 1)])
+    files = nav2_files(mission, around(mission))
+    assert [json.loads(files[f"robot_{i}.json"])["kind"] for i in range(2)] == ["boat", "buoy"]
