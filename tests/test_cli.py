@@ -471,6 +471,8 @@ def test_a_route_graph_needs_a_base_and_a_danger(botohe, refused, tmp_path):
     assert "have no way back: 26 (1 in all)." in done.err
     mission = read_solution(tmp_path / "out").mission
     assert (mission.base, mission.robots, len(mission.nodes)) == (1, 2, 26)
+    checked = botohe("missions", "check", "site.geojson", "--base", 1, "--danger", 2, "--robots", 2)
+    assert checked.out.startswith("site.geojson: a valid mission, 26 nodes")
     text = "image: map.png\nmode: scale\nresolution: 1\norigin: [-1, -1]\nnegate: 1\n"
     (tmp_path / "map.yaml").write_text(text)
     Image.fromarray(np.zeros((9, 9), np.uint8)).save(tmp_path / "map.png")

@@ -25,8 +25,10 @@ if TYPE_CHECKING:
     from botohe_moo.mission import load_mission as load_mission
     from botohe_moo.mission import mission_from_tables as mission_from_tables
     from botohe_moo.mission import mission_names as mission_names
+    from botohe_moo.mission import rewards_from_raster as rewards_from_raster
     from botohe_moo.mission import save_mission as save_mission
     from botohe_moo.mission import survival_from_raster as survival_from_raster
+    from botohe_moo.mission import survival_from_zones as survival_from_zones
     from botohe_moo.outcomes import plan_outcomes as plan_outcomes
     from botohe_moo.plots import plot_front as plot_front
     from botohe_moo.plots import plot_mission as plot_mission

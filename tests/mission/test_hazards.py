@@ -1,4 +1,4 @@
-"""Dangers on a map: what arcs cross of them."""
+"""Dangers on a map, what arcs cross of them, and what there is to see from nodes."""
 
 import math
 from itertools import pairwise
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import quad
 
-from botohe_moo import survival_from_raster
+from botohe_moo import rewards_from_raster, survival_from_raster
 
 
 def one_arc(start, end):
@@ -106,3 +106,38 @@ def test_what_is_wrong_is_named(place, given, fault):
 def test_only_graphs_have_arcs():
     with pytest.raises(TypeError, match=r"Expected graph to be an nx\.DiGraph, got 7"):
         survival_from_raster(7, [[1]], resolution=1)
+
+
+def placed(*places):
+    graph = nx.DiGraph()
+    graph.add_nodes_from((i, {"pos": place}) for i, place in enumerate(places))
+    return graph
+
+
+def test_what_there_is_to_see_by_hand():
+    values = [[8, 0, 0, 0], [1, 2, 4, 0.5]]  # cells of 2 x 2
+    near = rewards_from_raster(placed((1, 1), (5, 1)), values, resolution=2, radius=1)
+    assert near == {0: 4 * 1, 1: 4 * 4}
+    # The cell between both is at the same distance from them: the reach of both ends at it.
+    far = rewards_from_raster(placed((1, 1), (6, 1)), values, resolution=2, radius=2, scale=0.5)
+    assert far == {0: 2 * (8 + 1 + 2), 1: 2 * (4 + 0.5)}
+    moved = rewards_from_raster(
+        placed((11, -4), (99, 9)), values, resolution=2, radius=1, origin=(10, -5)
+    )
+    assert moved == {0: 4 * 1, 1: 0.0}
+
+
+@given(
+    arrays(float, st.tuples(st.integers(1, 5), st.integers(1, 5)), elements=st.floats(0, 1)),
+    st.lists(st.tuples(st.floats(-1, 6), st.floats(-1, 6)), max_size=6),
+    st.floats(0.3, 9),
+)
+def test_each_cell_is_seen_once(values, places, radius):
+    found = rewards_from_raster(placed(*places), values, resolution=1, radius=radius)
+    expected = 0.0
+    for (row, column), value in np.ndenumerate(values):
+        centre = (column + 0.5, values.shape[0] - row - 0.5)
+        if any(math.dist(centre, place) <= radius for place in places):
+            expected += value
+    assert sum(found.values()) == pytest.approx(expected)
+    assert list(found) == list(range(len(places)))

@@ -121,3 +121,15 @@ def test_changed_images(tmp_path_factory, data):
         check_message(error, folder)
     else:
         assert ((raster.values >= 0) & (raster.values <= 1)).all()
+
+
+def test_rewards_by_what_is_of_interest(hazard, site):  # noqa: F811
+    """Full scale is worth the reward for a unit of area; the base is worth nothing."""
+    path = site(*both_ways((3, 4), (4, 7)))
+    interest = hazard(np.zeros((20, 20)), text=TEXT.replace("[-1, 2, 0]", "[-1, -1]"))
+    given = {"base": 3, "robots": 1, "danger": 0.03, "reward": 2}
+    mission = load_mission(path, interest=interest, sight=0.5, **given)
+    # Within half a unit of a corner of cells of half a unit lie the centres of four.
+    assert mission.rewards.tolist() == [0, 2 * 4 * 0.25, 2 * 4 * 0.25]
+    with pytest.raises(MissionError, match="expected sight, how far robots see on the map"):
+        load_mission(path, interest=interest, **given)

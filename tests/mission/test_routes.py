@@ -87,7 +87,8 @@ def test_what_is_left_out_is_said(site):
     with pytest.warns(UserWarning, match="Left out") as said:
         mission = load_mission(path, danger=0.02, base=3, robots=1)
     assert [str(each.message).removeprefix("Left out ") for each in said] == [
-        "features that are neither points nor lines: features[13] (1 in all).",
+        "features that are neither points, lines nor polygons with a rate: features[13] "
+        "(1 in all).",
         "lines from a point to itself: features[7] (1 in all).",
         "lines beside one with the same ends that is as safe: features[8], features[5] (2 in all).",
         "points that the base does not reach, or that have no way back: 1, 2 (2 in all).",
@@ -229,3 +230,65 @@ def test_a_sure_arc_costs_nothing_more(tmp_path):
     _, lines = loaded_by_nav2(json.loads((tmp_path / "x.geojson").read_text()))
     (sure,) = (line for line in lines if (line["startid"], line["endid"]) == (1, 2))
     assert json.dumps(sure["metadata"]["penalty"]) == "0.0"
+
+
+def polygon(*rings, shape="Polygon", **properties):
+    geometry = {"type": shape, "coordinates": rings}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def square(x, y, side=1):
+    return [[x, y], [x + side, y], [x + side, y + side], [x, y + side], [x, y]]
+
+
+def test_polygons_with_a_rate_are_zones(site):
+    """Along 3 -> 7, of length 3: a unit in a square, and half a unit in each of two others."""
+    path = site(
+        *both_ways((3, 7), (3, 4)),
+        polygon(square(1, -0.5), rate=0.1),
+        polygon(
+            [square(0, -0.25, 0.5)],
+            [square(2.5, -0.5)],
+            shape="MultiPolygon",
+            metadata={"rate": 0.2},
+        ),
+    )
+    mission = load_mission(path, danger=0.01, base=3, robots=1)
+    rate = 0.01 * 3 + 0.1 + 0.2 * (0.5 + 0.5)
+    assert mission.graph.edges[3, 7]["survival"] == pytest.approx(math.exp(-rate))
+    assert mission.graph.edges[7, 3]["survival"] == pytest.approx(math.exp(-rate))
+    zones_alone = load_mission(path, base=3, robots=1)
+    assert zones_alone.graph.edges[3, 7]["survival"] == pytest.approx(math.exp(0.03 - rate))
+
+
+def test_zones_that_a_caller_gives(site):
+    path = site(*both_ways((3, 7), (3, 4)), line(4, 7, metadata={"survival": 0.75}))
+    zones = [{"circle": [0, 0, 1], "rate": 0.1}, {"polygon": square(1, -0.5), "rate": 0.2}]
+    mission = load_mission(path, danger_zones=zones, base=3, robots=1)
+    assert mission.graph.edges[3, 7]["survival"] == pytest.approx(math.exp(-0.1 - 0.2))
+    assert mission.graph.edges[4, 7]["survival"] == 0.75  # what the file says counts
+
+
+@pytest.mark.parametrize(
+    ("zones", "fault"),
+    [
+        (7, "expected danger_zones to be a list, got 7"),
+        ([{}], r"danger_zones\[0\]: expected an object with rate, and circle or polygon"),
+        ([{"circle": [1, 2, 0], "rate": 1}], r"danger_zones\[0\]: expected a circle .x, y, radius"),
+    ],
+)
+def test_zones_that_are_wrong(site, zones, fault):
+    with pytest.raises(MissionError, match=fault):
+        load_mission(site(*both_ways((3, 7))), danger_zones=zones, base=3, robots=1)
+
+
+def test_a_polygon_that_is_wrong_is_named_by_its_feature(site):
+    path = site(
+        *both_ways((3, 7)), polygon([[0, 0], [1, 1]], rate=0.1), polygon(square(0, 0), rate=-1)
+    )
+    with pytest.raises(MissionError) as raised:
+        load_mission(path, base=3, robots=1)
+    assert [fault.partition(",")[0] for fault in raised.value.faults] == [
+        "features[5]: expected a polygon of at least three corners [[x",
+        "features[6]: expected a rate >= 0",
+    ]

@@ -15,6 +15,7 @@ from botohe_moo.cli.options import (
     MissionArgument,
     MissionParameterOption,
     RobotsOption,
+    mission_options,
     mission_source,
     out_option,
     path_option,
@@ -146,14 +147,22 @@ def _describe_kinds(mission: Mission, credit: list[int]) -> list[str]:
 @missions_app.command("check")
 def check_missions(
     files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Mission files.")],
+    robots: RobotsOption = None,
+    base: BaseOption = None,
+    danger: DangerOption = None,
+    hazard: HazardOption = None,
+    mission_parameter: MissionParameterOption = None,
 ) -> None:
     """Check mission files; name everything that is wrong with them."""
     from botohe_moo.mission import read_mission
 
+    with failing():
+        own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard}
+        options = mission_options(mission_parameter, **own)
     failed = False
     for path in files:
         try:
-            loaded = read_mission(path)
+            loaded = read_mission(path, **options)
         except ValueError as error:
             say(error)
             failed = True

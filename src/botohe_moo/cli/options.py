@@ -140,9 +140,14 @@ def _value(name: str, text: str) -> Any:
         ) from None
 
 
-def mission_source(mission: str, pairs: list[str] | None, **options: object) -> dict[str, Any]:
-    """Collect the arguments of `load_mission`, some of which are options of their own."""
+def mission_options(pairs: list[str] | None, **options: object) -> dict[str, Any]:
+    """Collect parameters of a mission, some of which are options of their own."""
     own = {name: value for name, value in options.items() if value is not None}
     typed = [f"{name}={value}" for name, value in own.items() if not isinstance(value, Path)]
     paths = {name: str(value) for name, value in own.items() if isinstance(value, Path)}
-    return {**read_parameters([*(pairs or []), *typed]), **paths, "name_or_path": mission}
+    return {**read_parameters([*(pairs or []), *typed]), **paths}
+
+
+def mission_source(mission: str, pairs: list[str] | None, **options: object) -> dict[str, Any]:
+    """Collect the arguments of `load_mission`."""
+    return {**mission_options(pairs, **options), "name_or_path": mission}

@@ -6,6 +6,10 @@ from collections.abc import Hashable, Mapping
 from typing import Any, NoReturn
 
 import networkx as nx
+import numpy as np
+
+from botohe_moo._base.checks import quoted
+from botohe_moo._base.types import FloatArray
 
 
 class _Attributes(dict[str, Any]):
@@ -63,3 +67,24 @@ def given_places(graph: nx.DiGraph[Any]) -> dict[Hashable, tuple[float, float] |
     for node, place in graph.nodes(data="pos"):
         places[node] = None if place is None else (float(place[0]), float(place[1]))
     return places
+
+
+def positions(graph: Any) -> dict[Hashable, FloatArray]:
+    """Return where nodes are; a ValueError names one without a position."""
+    if not isinstance(graph, nx.Graph):
+        raise TypeError(f"Expected graph to be an nx.DiGraph, got {quoted(graph)}.")
+    places = {node: plain_numbers(place) for node, place in graph.nodes(data="pos")}
+    for node, place in places.items():
+        if place.shape != (2,):
+            found = quoted(graph.nodes[node].get("pos"))
+            raise ValueError(f"Node {quoted(node)}: expected pos (x, y), got {found}.")
+    return places
+
+
+def plain_numbers(value: Any) -> FloatArray:
+    """Return an array of finite numbers, an empty one if there are others."""
+    try:
+        numbers = np.array(value, float)
+    except (TypeError, ValueError):
+        return np.empty(0)
+    return numbers if np.isfinite(numbers).all() else np.empty(0)

@@ -1,4 +1,4 @@
-"""Dangers that are drawn on a map: what arcs cross, and how likely a robot survives that."""
+"""What is drawn on a map: dangers that arcs cross, and what there is to see from nodes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 from collections.abc import Hashable
 from typing import Any
 
-import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -14,6 +13,7 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
+from botohe_moo.mission.graphs import positions
 
 _EDGE = 1e-9  # of a cell: points so far outside count as on the edge
 
@@ -69,8 +69,83 @@ def survival_from_raster(
     >>> survival_from_raster(graph, dangers, resolution=1, scale=0.1)
     {('dock', 'reef'): 0.818730...}
     """
-    if not isinstance(graph, nx.Graph):
-        raise TypeError(f"Expected graph to be an nx.DiGraph, got {quoted(graph)}.")
+    cells, places = _cells(values), positions(graph)
+    at = {node: _on_map(node, places[node], cells, resolution, origin) for node in places}
+    rate = scale * resolution  # for a cell
+    return {
+        (tail, head): math.exp(-rate * _integral(cells, at[tail], at[head]))
+        for tail, head in graph.edges
+    }
+
+
+@checked
+def rewards_from_raster(
+    graph: Any,
+    values: ArrayLike,
+    *,
+    resolution: Positive,
+    radius: Positive,
+    origin: tuple[float, float] = (0.0, 0.0),
+    scale: NotNegative = 1.0,
+) -> dict[Hashable, float]:
+    """Return what there is to see from each node of a graph, from a map of what is of interest.
+
+    A cell is seen from the nearest node, if its centre is within the ``radius``. So no cell counts
+    twice, and the sum of all rewards is what robots see that get everywhere.
+
+    Parameters
+    ----------
+    graph
+        An ``nx.DiGraph`` whose nodes have ``pos`` (x, y). Only these are read.
+    values
+        How much of interest each cell is, at least 0 (n_rows, n_columns); rows as in an image, the
+        first one at the top, where y is the largest.
+    resolution
+        Width of a cell, above 0, in the unit of ``pos``.
+    radius
+        How far robots see, above 0, in the unit of ``pos``.
+    origin
+        The lower left corner of the map (x, y).
+    scale
+        Reward for a unit of area where a value is 1, at least 0.
+
+    Returns
+    -------
+    dict
+        Rewards by nodes, as ``nx.set_node_attributes(graph, rewards, "reward")`` takes them; 0 for
+        nodes that are away from the map.
+
+    Raises
+    ------
+    TypeError
+        If ``graph`` is not a graph.
+    ValueError
+        If a parameter is out of its range, or if a node has no position.
+
+    Examples
+    --------
+    >>> import networkx as nx
+    >>> from botohe_moo import rewards_from_raster
+    >>> graph = nx.DiGraph([("dock", "reef")])
+    >>> graph.add_node("dock", pos=(0.5, 0.5))
+    >>> graph.add_node("reef", pos=(3.5, 0.5))
+    >>> rewards_from_raster(graph, [[0, 1, 1, 1]], resolution=1, radius=1.5)
+    {'dock': 1.0, 'reef': 2.0}
+    """
+    from scipy.spatial import KDTree
+
+    cells, places = _cells(values), positions(graph)
+    seen = np.argwhere(cells)
+    centres = (seen[:, ::-1] + 0.5) * resolution + origin
+    tree = KDTree(np.reshape([*places.values()], (-1, 2)))
+    _, nearest = tree.query(centres, distance_upper_bound=np.nextafter(radius, np.inf))
+    worth = cells[tuple(seen.T)] * (scale * resolution**2)
+    sums = np.bincount(nearest, worth, minlength=len(places) + 1)  # the last one: of none
+    return dict(zip(places, sums.tolist()[: len(places)], strict=True))
+
+
+def _cells(values: ArrayLike) -> FloatArray:
+    """Return the values of a map, the lowest row first."""
     try:
         cells = np.array(values, float)
     except (TypeError, ValueError):
@@ -81,32 +156,23 @@ def survival_from_raster(
         raise ValueError(f"Expected values (n_rows, n_columns), got an array {cells.shape}.")
     if not (is_valid := np.isfinite(cells) & (cells >= 0.0)).all():
         raise ValueError(f"Expected finite values >= 0, got {float(cells[~is_valid][0])}.")
-    cells = cells[::-1]  # from the origin
-    places = {
-        node: _place(node, place, cells, resolution, origin)
-        for node, place in graph.nodes(data="pos")
-    }
-    rate = scale * resolution  # for a cell
-    return {
-        (tail, head): math.exp(-rate * _integral(cells, places[tail], places[head]))
-        for tail, head in graph.edges
-    }
+    return cells[::-1]
 
 
-def _place(
-    node: Hashable, place: Any, cells: FloatArray, resolution: float, origin: tuple[float, float]
+def _on_map(
+    node: Hashable,
+    place: FloatArray,
+    cells: FloatArray,
+    resolution: float,
+    origin: tuple[float, float],
 ) -> FloatArray:
     """Return where a node is, in cells from the centre of the first one (2)."""
-    try:
-        at = (np.array(place, float) - origin) / resolution
-        is_inside = bool((at >= -_EDGE).all() and (at <= np.add(cells.shape[::-1], _EDGE)).all())
-    except (TypeError, ValueError):
-        is_inside = False
-    if place is None or not is_inside or at.shape != (2,):
+    at = (place - origin) / resolution
+    if (at < -_EDGE).any() or (at > np.add(cells.shape[::-1], _EDGE)).any():
         ends = np.add(origin, np.multiply(cells.shape[::-1], resolution)).tolist()
         raise ValueError(
             f"Node {quoted(node)}: expected pos (x, y) on the map, from {list(origin)} to {ends}, "
-            f"got {quoted(place)}."
+            f"got {place.tolist()}."
         )
     return at - 0.5
 

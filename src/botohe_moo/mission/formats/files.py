@@ -62,12 +62,22 @@ def read_mission(
     options
         For ``.txt``: ``neighbours`` (at least 1, default 8), the number of nearest points that each
         point has arcs to, or ``"all"`` for arcs between all points, and ``scale`` (above 0,
-        default: the file's tmax) in the survival exp(−distance / scale). For ``.geojson``:
-        ``base``, the base's label, ``danger`` (at least 0), the rate of loss for a unit of length
-        where lines have no survival, which is exp(−danger · length) then, ``hazard``, a map of
-        where it is dangerous, and ``reward`` (at least 0, default 1) of points without one, except
-        the base. The map is YAML as the map server of Nav2 reads it, with ``mode: scale``; where it
-        is black the rate of loss is ``danger``, where it is white 0.
+        default: the file's tmax) in the survival exp(−distance / scale).
+
+        For ``.geojson``:
+
+        - ``base``, the base's label.
+        - ``danger`` (at least 0), the rate of loss for a unit of length where lines have no
+          survival, which is exp(−danger · length) then.
+        - ``hazard``, a map of where it is dangerous: YAML that names an image, as the map server of
+          Nav2 reads it, with ``mode: scale``. Where it is black the rate of loss is ``danger``,
+          where it is white 0.
+        - ``danger_zones``, a list as for :func:`botohe_moo.survival_from_zones`. Polygons of the
+          file that have a ``rate`` are zones, too.
+        - ``reward`` (at least 0, default 1) of points without one, except the base.
+        - ``interest``, a map of the same form of what is of interest, and ``sight``, how far robots
+          see on it: then a point's reward is that of :func:`botohe_moo.rewards_from_raster`, with
+          ``reward`` for a unit of area where the map is black.
 
     Raises
     ------

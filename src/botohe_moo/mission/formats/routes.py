@@ -6,20 +6,21 @@ import json
 import math
 import os
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import networkx as nx
 
 from botohe_moo._base.checks import as_float, quoted
-from botohe_moo._base.words import counted
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import NotNegative
+from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.formats.nodelink import Entry, convert_ends, graph_of
-from botohe_moo.mission.hazards import survival_from_raster
+from botohe_moo.mission.formats.site_maps import add_rewards, add_survivals
 from botohe_moo.mission.validation import MissionError, read_label
+from botohe_moo.mission.zones import Zone, read_zone
 
 _LINES = ("LineString", "MultiLineString")
+_POLYGONS = ("Polygon", "MultiPolygon")
 # How the ends of a line are named, and how they were by earlier versions of Nav2.
 _ENDS = (("startid", "endid"), ("start_node", "end_node"))
 # What Nav2 reads outside of ``metadata``, and its ids: integers from 0 to below this number.
@@ -38,22 +39,23 @@ def read_route_graph(
     base: Any = None,
     danger: NotNegative | None = None,
     hazard: str | os.PathLike[str] | None = None,
+    danger_zones: Sequence[Mapping[str, Any]] | None = None,
     reward: NotNegative = 1.0,
+    interest: str | os.PathLike[str] | None = None,
+    sight: Positive | None = None,
 ) -> nx.DiGraph[Any]:
     """Read GeoJSON whose points are nodes, and whose lines are arcs from one node to another.
 
     Points have the property ``id``, and lines ``startid`` and ``endid``; all other properties, and
     what ``metadata`` holds, become attributes. A point's label is its id, but for files that
     `write_route_graph` has numbered. An arc is as long as its ends are apart, unless it has a
-    ``length``. Without a
-    ``survival`` it has exp(−``danger`` × length), and a node without a ``reward`` has ``reward``;
-    that of the base is 0. Where the map ``hazard`` is given, the rate of loss is ``danger`` times
-    its shares, along the straight line between the ends. The member ``mission`` of the file may
-    hold attributes of the graph: ``base``, ``robots`` and others.
+    ``length``. What lacks a survival or a reward gets it as by `add_survivals` and `add_rewards`;
+    polygons with a ``rate`` are zones. The member ``mission`` of the file may hold attributes of
+    the graph: ``base``, ``robots`` and others.
 
-    Of parallel arcs the safest one stays. It, arcs from a node to itself, nodes that the base does
-    not reach or that have no way back, and features that are neither points nor lines are left out,
-    and a warning names them. A MissionError names features that are wrong.
+    Of parallel arcs the safest one stays. The others, arcs from a node to itself, nodes that the
+    base does not reach or that have no way back, and all other features are left out, and a warning
+    names them. A MissionError names features that are wrong.
 
     References
     ----------
@@ -75,70 +77,41 @@ def read_route_graph(
     if of_mission.get("base") is None:
         raise MissionError('expected base, the "id" of a point, found none: give base')
     is_complete = content.items() >= _GENERATOR.items()
-    nodes, arcs, others = _entries(features, is_complete=is_complete)
-    for _, (label,), node in nodes:
-        node.setdefault("reward", 0.0 if label == of_mission["base"] else reward)
+    nodes, arcs, zones, others = _entries(features, is_complete=is_complete)
     places = {label: node["pos"] for _, (label,), node in nodes}
-    lacking = [where for where, ends, arc in arcs if "survival" not in arc and ends[0] != ends[1]]
-    if lacking and danger is None:
-        raise MissionError(
-            f"{lacking[0]}: expected a survival in the metadata, found none "
-            f"({counted(len(lacking), 'line')} without one): give danger, the rate of loss for a "
-            "unit of length"
-        )
-    joining = [(ends, arc) for _, ends, arc in arcs if all(end in places for end in ends)]
-    unknown = [ends for ends, arc in joining if "survival" not in arc]
-    rate = danger or 0.0
-    survivals = {} if hazard is None else _survivals(places, unknown, hazard, rate)
-    for ends, arc in joining:
-        apart = math.dist(*(places[end] for end in ends))
-        if not is_complete:
-            arc.setdefault("length", apart)
-        evenly = math.exp(min(0.0, -rate * as_float(arc.get("length", apart))))
-        arc.setdefault("survival", survivals.get(ends, evenly))
+    add_rewards(
+        places, nodes, base=of_mission["base"], reward=reward, interest=interest, sight=sight
+    )
+    add_survivals(
+        places, arcs, danger=danger, hazard=hazard, danger_zones=danger_zones, zones=zones
+    )
+    for _, ends, arc in arcs:
+        if not is_complete and all(end in places for end in ends):
+            arc.setdefault("length", math.dist(*(places[end] for end in ends)))
     kept, loops, parallel = _simple(arcs)
     graph = graph_of(of_mission, nodes, kept)
     if of_mission["base"] not in graph:
         return graph  # which is refused
     lost = _cut_off(graph)
     graph.remove_nodes_from(lost)
-    _warn("features that are neither points nor lines", others)
+    _warn("features that are neither points, lines nor polygons with a rate", others)
     _warn("lines from a point to itself", loops)
     _warn("lines beside one with the same ends that is as safe", parallel)
     _warn("points that the base does not reach, or that have no way back", map(quoted, lost))
     return graph
 
 
-def _survivals(
-    places: dict[Any, list[float]],
-    arcs: Sequence[tuple[Any, ...]],
-    hazard: str | os.PathLike[str],
-    rate: float,
-) -> dict[tuple[Any, ...], float]:
-    """Return survivals by a map of dangers."""
-    # Imported late: it takes time, and most missions need no images.
-    from botohe_moo.mission.formats.rasters import read_raster
-
-    try:
-        values, resolution, origin, _ = read_raster(hazard)
-    except MissionError as error:
-        raise MissionError([f"{error.source}: {fault}" for fault in error.faults]) from None
-    graph: nx.DiGraph[Any] = nx.DiGraph(arcs)
-    nx.set_node_attributes(graph, {node: places[node] for node in graph}, "pos")
-    return survival_from_raster(graph, values, resolution=resolution, origin=origin, scale=rate)
-
-
 def _entries(
     features: list[Any], *, is_complete: bool
-) -> tuple[list[Entry], list[Entry], list[str]]:
-    """Return nodes, arcs, and what is neither; a MissionError names all that is wrong.
+) -> tuple[list[Entry], list[Entry], list[Zone], list[str]]:
+    """Return nodes, arcs, zones, and what is none of them; a MissionError names what is wrong.
 
     In what is complete, ids of lines merely number them, and so may ids of points: then these have
     their label as a property.
     """
     nodes: list[Entry] = []
     arcs: list[Entry] = []
-    others, faults = [], []
+    zones, others, faults = [], [], []
     labels: dict[Any, Any] = {}  # of points with another label than their id
     for i, feature in enumerate(features):
         where = f"features[{i}]"
@@ -161,6 +134,10 @@ def _entries(
                 if attributes.get("penalty") == _penalty(attributes.get("survival")):
                     attributes.pop("penalty", None)
                 arcs.append((where, ends, attributes))
+            elif shape.get("type") in _POLYGONS and "rate" in {**given, **metadata}:
+                rate, at = {**given, **metadata}["rate"], shape.get("coordinates")
+                polygons = at if shape["type"] == "MultiPolygon" and isinstance(at, list) else [at]
+                zones += [read_zone({"polygon": one, "rate": rate}, "") for one in polygons]
             else:
                 others.append(where)
         except ValueError as error:
@@ -169,7 +146,7 @@ def _entries(
         raise MissionError(faults)
     for i, (where, ends, attributes) in enumerate(arcs):
         arcs[i] = where, tuple(labels.get(end, end) for end in ends), attributes
-    return nodes, arcs, others
+    return nodes, arcs, zones, others
 
 
 def _object(value: object, what: str) -> dict[str, Any]:
