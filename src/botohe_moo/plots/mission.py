@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,6 +17,7 @@ from botohe_moo._base.checks import check_choice
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import probability_text
 from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.plots.draw.background import read_background
 from botohe_moo.plots.draw.canvas import Canvas, colour_by_value, open_axes
 from botohe_moo.plots.draw.kinds import ALL_RETURN, place_handles, shade_kinds
 from botohe_moo.plots.draw.maps import draw_named_nodes, key_of
@@ -34,6 +36,7 @@ def plot_mission(
     plan: TrailPlan | None = None,
     *,
     kind: str | None = None,
+    background: str | os.PathLike[str] | None = None,
     title: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
@@ -60,6 +63,9 @@ def plot_mission(
     kind
         Name of a kind of robots, to draw the arcs that these can take, what they survive and what
         they can collect, and only their trails.
+    background
+        File of a map of the site, YAML as for ROS's map server, to draw faintly behind the graph.
+        Its origin and resolution are in the units of ``pos``.
     title
         Name of the picture. Default: the mission's title.
     ax
@@ -70,7 +76,8 @@ def plot_mission(
     PlanError
         If the mission does not allow ``plan``.
     ValueError
-        If the ``pos`` of a node is not two finite numbers, or there is no such kind.
+        If the ``pos`` of a node is not two finite numbers, there is no such kind, the background
+        cannot be read, or there is one and not all nodes have positions.
 
     Examples
     --------
@@ -82,6 +89,7 @@ def plot_mission(
     check_mission(mission)
     if kind is not None:
         check_choice("kind", kind, [one.name for one in mission.kinds])
+    behind = read_background(background, mission)
     notes = layout_notes(mission)
     if plan is not None:
         notes.insert(0, objectives_text(*mission.evaluate([plan])[0]))
@@ -91,7 +99,7 @@ def plot_mission(
     if site.all_return:
         notes.append(ALL_RETURN)
     with theme():
-        ax = open_axes(xy, ax)
+        ax = open_axes(xy, ax, behind)
         fills, arc_colours = _colour_site(ax, mission, site, kind)
         zones = _zones(mission)
         robots = [i for i, one in enumerate(mission.kind_of) if kind in (None, one.name)]

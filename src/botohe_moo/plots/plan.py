@@ -1,5 +1,7 @@
 """Pictures of plans: the trails of one on maps, and a front with maps of some of its plans."""
 
+import os
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.transforms import Bbox
@@ -8,6 +10,7 @@ from botohe_moo._base.words import probability_text
 from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
+from botohe_moo.plots.draw.background import read_background
 from botohe_moo.plots.draw.canvas import open_axes
 from botohe_moo.plots.draw.kinds import place_notes
 from botohe_moo.plots.draw.maps import (
@@ -33,7 +36,12 @@ _SIGNS = {"farthest from the chord": ("D", "◆"), "largest product": ("*", "☆
 
 
 def plot_plan(
-    mission: Mission, plan: TrailPlan, *, title: str | None = None, ax: Axes | None = None
+    mission: Mission,
+    plan: TrailPlan,
+    *,
+    background: str | os.PathLike[str] | None = None,
+    title: str | None = None,
+    ax: Axes | None = None,
 ) -> Axes:
     """Draw the trails of a plan: all of them on one map, and those of each robot on its own.
 
@@ -52,6 +60,9 @@ def plot_plan(
         The mission.
     plan
         A plan that is valid for it.
+    background
+        File of a map of the site, YAML as for ROS's map server, to draw faintly behind each map.
+        Its origin and resolution are in the units of ``pos``.
     title
         Name of the picture; what follows a line break is paler. Default: the mission's title, and
         the plan's objectives.
@@ -71,7 +82,8 @@ def plot_plan(
     TypeError
         If ``mission`` is not a Mission or ``plan`` not a TrailPlan.
     ValueError
-        If the ``pos`` of a node is not two finite numbers.
+        If the ``pos`` of a node is not two finite numbers, the background cannot be read, or there
+        is one and not all nodes have positions.
 
     Examples
     --------
@@ -81,11 +93,12 @@ def plot_plan(
     >>> save_plot(plot_plan(toy, toy.plan([[1, 2, 4, 2, 1], [1, 2, 1]])), "plan.png")
     """
     shown = DrawnPlan(mission, plan)
+    behind = read_background(background, mission)
     if title is None:
         title = f"{mission.title}\n{shown.objectives}"
     with theme():
         if ax is not None:
-            open_axes(node_positions(mission), ax)
+            open_axes(node_positions(mission), ax, behind)
             add_reach_bar(ax)
             shown.add_legend(ax)
             title_above(ax, title, "; ".join([*shown.staying, *shown.draw_team(ax), *shown.marks]))
@@ -94,8 +107,8 @@ def plot_plan(
         # Between more than three, the map of all robots is larger: trails share its arcs.
         span = 2 if len(robots) == 2 or len(robots) > 3 else 1
         widest, room = 6.4 if len(robots) < 4 else 5.2, name_room(mission) / span
-        first, *others = open_sheet(mission, len(robots), span, widest=widest, room=room)
-        open_axes(node_positions(mission), first)
+        first, *others = open_sheet(mission, len(robots), span, behind, widest=widest, room=room)
+        open_axes(node_positions(mission), first, behind)
         add_reach_bar(first, *others)
         notes = [*shown.staying, *shown.draw_team(first), *shown.marks]
         name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")

@@ -8,14 +8,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
-from matplotlib.colors import Colormap, Normalize
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D, IdentityTransform
 from scipy.spatial import KDTree
 
 from botohe_moo._base.types import BoolArray, FloatArray, IntArray
+from botohe_moo.plots.draw.background import Background
 from botohe_moo.plots.draw.style import new_axes
 
+# Of maps behind the graph: they are not to be darker than arcs, and white is to stay as it is.
+_FAINT = LinearSegmentedColormap.from_list("faint", [(0.5, 0.5, 0.5, 0.0), (0.5, 0.5, 0.5, 0.5)])
 _BEND = 0.07  # how far an arrow bows to its right, in parts of its length
 _STEPS = np.linspace(0, 1, 17)[None, :, None]
 
@@ -31,8 +34,11 @@ def frame_of(xy: FloatArray) -> tuple[FloatArray, FloatArray]:
     return (low + high) / 2, half
 
 
-def open_axes(xy: FloatArray, ax: Axes | None) -> Axes:
-    """Prepare ``ax``, or a new figure of a fitting shape, for a picture of the nodes at ``xy``."""
+def open_axes(xy: FloatArray, ax: Axes | None, background: Background | None = None) -> Axes:
+    """Prepare ``ax``, or a new figure of a fitting shape, for a picture of the nodes at ``xy``.
+
+    The ``background`` is drawn as far as the picture of the nodes reaches.
+    """
     centre, half = frame_of(xy)
     if ax is None:
         ax = new_axes(8.0, float(np.clip(6.6 * half[1] / half[0] + 1.0, 3.5, 8.0)))
@@ -40,6 +46,8 @@ def open_axes(xy: FloatArray, ax: Axes | None) -> Axes:
     ax.set_ylim(centre[1] - half[1], centre[1] + half[1])
     ax.set_aspect("equal")
     ax.set_axis_off()
+    if background is not None:
+        ax.imshow(background.shares, _FAINT, vmin=0, vmax=1, extent=background.extent, zorder=-1)
     return ax
 
 

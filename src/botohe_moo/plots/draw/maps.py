@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
+from botohe_moo.plots.draw.background import Background
 from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, crowding, frame_of, open_axes
 from botohe_moo.plots.draw.kinds import mark_places
 from botohe_moo.plots.draw.places import layout_notes, node_positions
@@ -47,7 +48,13 @@ _EMPTY = 0.25  # what a place costs when the shape is chosen, so that few stay e
 
 
 def open_sheet(
-    mission: Mission, n_small: int, span: int, *, widest: float = 5.2, room: float = 0.0
+    mission: Mission,
+    n_small: int,
+    span: int,
+    background: Background | None = None,
+    *,
+    widest: float = 5.2,
+    room: float = 0.0,
 ) -> list[Axes]:
     """Open a figure with large axes, ``span`` times as wide and high as the maps beside them.
 
@@ -86,7 +93,7 @@ def open_sheet(
     cells_of_maps = [grid[:span, :span], *(grid[place] for place in places)]
     axes = [fig.add_subplot(cell) for cell in cells_of_maps]
     for ax in axes[1:]:
-        open_axes(xy, ax)
+        open_axes(xy, ax, background)
     return axes
 
 

@@ -1,0 +1,77 @@
+"""A map behind the graph: where it lies, what it shows, and when there is none."""
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from PIL import Image
+
+from botohe_moo import Mission, load_mission
+from botohe_moo.mission.validation import MissionError
+from botohe_moo.plots import plot_mission, plot_plan
+from botohe_moo.plots.draw.background import read_background
+
+TOY = load_mission("toy")
+
+
+@pytest.fixture(autouse=True)
+def _close_figures():
+    mpl.use("Agg")
+    yield
+    plt.close("all")
+
+
+def write_map(folder, pixels, *, resolution=0.5, origin=(-1, -2)):
+    """Write a map as ROS's map server has it; pixels are from 0, black, to 255."""
+    Image.fromarray(np.asarray(pixels, np.uint8)).save(folder / "map.pgm")
+    path = folder / "map.yaml"
+    path.write_text(
+        f"image: map.pgm\nresolution: {resolution}\norigin: [{origin[0]}, {origin[1]}, 0]"
+    )
+    return path
+
+
+def test_it_lies_at_its_origin_and_black_is_1(tmp_path):
+    found = read_background(write_map(tmp_path, [[0, 255, 255], [255, 255, 0]]), TOY)
+    assert found.shares.tolist() == [[1, 0, 0], [0, 0, 1]]
+    assert found.extent == (-1, 0.5, -2, -1)
+
+
+def test_walls_stay_where_cells_are_joined(tmp_path):
+    pixels = np.full((3, 5), 255)
+    pixels[0, 4] = pixels[2, 1] = 0
+    path = write_map(tmp_path, pixels)
+    found = read_background(path, TOY, most_cells=3)
+    assert found.shares.tolist() == [[0, 0, 1], [1, 0, 0]]
+    # What is joined begins at the upper left; the last cells reach beyond the map.
+    assert found.extent == (-1, 2, -2.5, -0.5)
+
+
+def test_all_maps_of_a_plan_have_it_and_show_no_more_than_without(tmp_path):
+    path = write_map(tmp_path, np.zeros((40, 40)))
+    plan = TOY.plan([[1, 2, 4, 2, 1], [1, 2, 1]])
+    for draw in (plot_mission, plot_plan):
+        bare, ax = draw(TOY, plan), draw(TOY, plan, background=path)
+        assert (ax.get_xlim(), ax.get_ylim()) == (bare.get_xlim(), bare.get_ylim())
+        maps = [one for one in ax.figure.axes if one.get_legend() or one is ax]
+        assert len(maps) == (1 if draw is plot_mission else 3)
+        for one in maps:
+            (image,) = one.images
+            assert tuple(image.get_extent()) == (-1, 19, -2, 18)
+            assert image.zorder < min(drawn.zorder for drawn in one.collections)
+    assert not bare.images
+
+
+@pytest.mark.parametrize("draw", [plot_mission, plot_plan])
+def test_it_needs_positions_and_a_map(tmp_path, draw):
+    graph = TOY.graph.copy()
+    del graph.nodes[2]["pos"]
+    bare = Mission(graph)
+    path = write_map(tmp_path, [[0]])
+    said = (
+        r"positions for the background .*map.yaml, but the places .*: 1 of 5 nodes have no position"
+    )
+    with pytest.raises(ValueError, match=said):
+        draw(bare, bare.stay_home(), background=path)
+    with pytest.raises(MissionError, match=r"none.yaml: the file cannot be read"):
+        draw(TOY, TOY.stay_home(), background=tmp_path / "none.yaml")
