@@ -119,8 +119,9 @@ def changed_json(draw, data):
     return json.dumps(content).encode()
 
 
-def changed(data, *, is_json=False):
-    return changed_bytes(data) | changed_json(data) if is_json else changed_bytes(data)
+def changed(data, *, is_json=False, value=VALUE):
+    found = changed_bytes(data, value)
+    return found | changed_json(data) if is_json else found
 
 
 def check_message(error, named):
@@ -141,12 +142,12 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("damaged")
 
 
-def read_and_saved(path, data):
+def read_and_saved(path, data, **given):
     """Read a changed mission; what can be read can be saved, and comes back."""
     path.write_bytes(data)
     try:
         with WATCH.over():
-            mission = read_mission(path)
+            mission = read_mission(path, **given)
     except MissionError as error:
         check_message(error, path)
         return

@@ -81,7 +81,7 @@ def attributes_of(mission):
 class TestAnyFile:
     def test_unknown_suffix(self, tmp_path):
         name = "pier.xml"
-        with pytest.raises(MissionError, match=r"one of \.json, \.graphml, \.txt, \.geojson; f"):
+        with pytest.raises(MissionError, match=r"one of .*\.geojson, \.yaml, \.yml; f"):
             read_mission(tmp_path / name)
         with pytest.raises(ValueError, match=r"one of \.json, \.graphml, \.geojson; found"):
             save_mission(mission_of(), tmp_path / name)
@@ -121,7 +121,7 @@ class TestAnyFile:
         path.write_text(json.dumps(content(graph={"base": "a", "robots": 1})))
         assert read_mission(path).name == "harbour"
 
-    @pytest.mark.parametrize("suffix", [".json", ".graphml", ".txt", ".geojson"])
+    @pytest.mark.parametrize("suffix", [".json", ".graphml", ".txt", ".geojson", ".yaml"])
     @given(data=st.binary())
     def test_any_bytes_at_all(self, tmp_path_factory, suffix, data):
         path = tmp_path_factory.getbasetemp() / f"any{suffix}"

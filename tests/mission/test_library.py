@@ -130,7 +130,9 @@ class TestRefusals:
             "Mission 'power-plants': there is no such mission; known are powe"
         )
         assert all(name in message for name in mission_names())
-        assert message.endswith("mission files end in one of .json, .graphml, .txt, .geojson")
+        assert message.endswith(
+            "mission files end in one of .json, .graphml, .txt, .geojson, .yaml, .yml"
+        )
 
     def test_graphs_and_tables_are_shown_the_way(self):
         with pytest.raises(ValueError, match=r"; Mission\(graph, base=.* makes one of a graph"):

@@ -42,7 +42,12 @@ RobotsOption = Annotated[
 ]
 BaseOption = Annotated[
     str | None,
-    typer.Option("--base", metavar="NODE", help="The base, in a route graph (.geojson)."),
+    typer.Option(
+        "--base",
+        metavar="NODE",
+        help="The base, in a route graph (.geojson) or a building (.yaml), whose first charger is "
+        "the default.",
+    ),
 ]
 DangerOption = Annotated[
     float | None,
@@ -50,7 +55,7 @@ DangerOption = Annotated[
         "--danger",
         metavar="D",
         help="Rate of loss for a unit of length, where lines of a route graph (.geojson) do not "
-        "say how likely robots survive: exp(−D · length).",
+        "say how likely robots survive, and for lanes of a building (.yaml): exp(−D · length).",
     ),
 ]
 HazardOption = Annotated[

@@ -9,6 +9,7 @@ from botohe_moo._base.checks import ParameterError, unknown_parameter
 from botohe_moo._base.files import check_suffix, read_bytes, replace_file, suffix_fault
 from botohe_moo._plugins.stated import signature_parameters
 from botohe_moo.mission.formats.benchmark import read_benchmark
+from botohe_moo.mission.formats.buildings import read_building
 from botohe_moo.mission.formats.graphml import read_graphml, write_graphml
 from botohe_moo.mission.formats.nodelink import mission_content, read_node_link, write_node_link
 from botohe_moo.mission.formats.routes import read_route_graph, write_route_graph
@@ -21,6 +22,8 @@ _READERS: dict[str, Callable[..., Any]] = {
     ".graphml": read_graphml,
     ".txt": read_benchmark,
     ".geojson": read_route_graph,
+    ".yaml": read_building,
+    ".yml": read_building,
 }
 _WRITERS = {
     ".json": write_node_link,
@@ -79,6 +82,10 @@ def read_mission(
           see on it: then a point's reward is that of :func:`botohe_moo.rewards_from_raster`, with
           ``reward`` for a unit of area where the map is black.
 
+        For ``.yaml``: ``base`` (default: the first charger), ``danger``, which is needed,
+        ``reward``, and ``graph``, the index of the graph whose lanes are read (default: the first
+        that has the base), or ``"all"``.
+
     Raises
     ------
     MissionError
@@ -103,7 +110,11 @@ def read_mission(
             raise ParameterError(f"Mission file {path}: {unknown_parameter(name, known)}", name)
     try:
         graph = reader(file_content(path), **options)
-        mission = Mission(graph, robots=robots, name=graph.graph.get("name") or path.stem)
+        mission = Mission(
+            graph,
+            robots=robots,
+            name=graph.graph.get("name") or path.stem.removesuffix(".building"),
+        )
         mission_content(mission)  # what cannot be saved is refused at once, not after a search
     except MissionError as error:
         raise MissionError(list(error.faults), str(path)) from None

@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import networkx as nx
@@ -14,7 +13,8 @@ import networkx as nx
 from botohe_moo._base.checks import as_float, quoted
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
-from botohe_moo.mission.formats.nodelink import Entry, convert_ends, graph_of
+from botohe_moo.mission.formats.nodelink import Entry, convert_ends
+from botohe_moo.mission.formats.roads import road_graph
 from botohe_moo.mission.formats.site_maps import add_rewards, add_survivals
 from botohe_moo.mission.validation import MissionError, read_label
 from botohe_moo.mission.zones import Zone, read_zone
@@ -28,7 +28,6 @@ _PROPERTIES = ("frame", "cost", "overridable", "operations")
 _END_OF_IDS = 2**32
 # What is written says so: then nothing is added when it is read.
 _GENERATOR = {"generator": "botohe_moo"}
-_MOST_NAMED = 5
 
 
 @checked
@@ -88,17 +87,8 @@ def read_route_graph(
     for _, ends, arc in arcs:
         if not is_complete and all(end in places for end in ends):
             arc.setdefault("length", math.dist(*(places[end] for end in ends)))
-    kept, loops, parallel = _simple(arcs)
-    graph = graph_of(of_mission, nodes, kept)
-    if of_mission["base"] not in graph:
-        return graph  # which is refused
-    lost = _cut_off(graph)
-    graph.remove_nodes_from(lost)
-    _warn("features that are neither points, lines nor polygons with a rate", others)
-    _warn("lines from a point to itself", loops)
-    _warn("lines beside one with the same ends that is as safe", parallel)
-    _warn("points that the base does not reach, or that have no way back", map(quoted, lost))
-    return graph
+    left_out = {"features that are neither points, lines nor polygons with a rate": others}
+    return road_graph(of_mission, nodes, arcs, arc="line", node="point", left_out=left_out)
 
 
 def _entries(
@@ -168,38 +158,6 @@ def _position(value: object) -> list[float]:
     if len(place) < 2 or not all(map(math.isfinite, place)):
         raise ValueError(f"expected coordinates [x, y], two finite numbers, got {quoted(value)}")
     return place
-
-
-def _simple(arcs: Iterable[Entry]) -> tuple[list[Entry], list[str], list[str]]:
-    """Return the safest arc between any two nodes, and which are left out: loops, and others."""
-    safest: dict[tuple[Any, ...], Entry] = {}
-    loops, parallel = [], []
-    for arc in arcs:
-        where, ends, attributes = arc
-        if ends[0] == ends[1]:
-            loops.append(where)
-            continue
-        rival = safest.setdefault(ends, arc)
-        if rival is not arc:
-            is_safer = as_float(attributes["survival"]) > as_float(rival[2]["survival"])
-            parallel.append(rival[0] if is_safer else where)
-            if is_safer:
-                safest[ends] = arc
-    return list(safest.values()), loops, parallel
-
-
-def _cut_off(graph: nx.DiGraph[Any]) -> list[Any]:
-    """Return nodes that the base does not reach, or that have no way back to it."""
-    base = graph.graph["base"]
-    joined = {base, *(nx.descendants(graph, base) & nx.ancestors(graph, base))}
-    return [node for node in graph if node not in joined]
-
-
-def _warn(what: str, names: Iterable[str]) -> None:
-    """Say what is left out, if anything is."""
-    if listed := list(names):
-        named = ", ".join(listed[:_MOST_NAMED]) + ", …" * (len(listed) > _MOST_NAMED)
-        warnings.warn(f"Left out {what}: {named} ({len(listed)} in all).", stacklevel=2)
 
 
 def _penalty(survival: object) -> float | None:
