@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 READY_FOR_DOCS := $(VENV)/.ready-for-docs
 READY_FOR_DIST := $(VENV)/.ready-for-dist
 
-.PHONY: help demo test test-all test-long check docs dist coverage compatibility mutations format bench soak smoke \
+.PHONY: help demo test test-all test-long fuzz check docs dist coverage compatibility mutations format bench soak smoke \
 	paper state-of-the-art baselines clean clean-kernels
 
 help:
@@ -15,6 +15,7 @@ help:
 	@echo "make test    the tests that find faults soon: some two minutes"
 	@echo "make test-all  make test and all others: processes, Dask, a browser, LaTeX, more examples a property"
 	@echo "make test-long  the property tests with forty times as many examples: half an hour"
+	@echo "make fuzz    mission files, solutions and bounds changed at random, 100 000 of each form: an hour"
 	@echo "make check   ruff (lint and format), mypy strict, and who imports whom"
 	@echo "make docs    the documentation, in docs/_build/html"
 	@echo "make dist    wheel and sdist, in dist/, and tests of them where they are installed: five minutes"
@@ -69,6 +70,11 @@ test-all: test
 
 test-long: $(READY)
 	BOTOHE_EXAMPLES=20 BOTOHE_MUTATIONS=1000 $(BIN)/python -m pytest -m hypothesis --timeout 3600 \
+		--numprocesses 2 --maxprocesses 2 --dist worksteal
+
+# The tests that are marked state 200 examples each.
+fuzz: $(READY)
+	BOTOHE_EXAMPLES=500 $(BIN)/python -m pytest -m fuzz --timeout 3600 \
 		--numprocesses 2 --maxprocesses 2 --dist worksteal
 
 check: $(READY)

@@ -1,6 +1,7 @@
 """Files that were changed at random: they are read as something of use, or refused by name.
 
-``make test-long`` looks longer. Files of studies are damaged in ``tests/study``.
+``make fuzz`` reads 100 000 of each form: 500 times 200. Files of studies are damaged in
+``tests/study``.
 """
 
 import contextlib
@@ -23,6 +24,7 @@ from botohe_moo.mission.formats.tables import read_table
 from botohe_moo.search.bounds import FrontBound, bound_front
 from tests.examples import examples
 
+pytestmark = pytest.mark.fuzz
 DATA = Path(__file__).parent / "data"
 
 # What stands between quotes, between elements, or between separators.
@@ -164,13 +166,13 @@ def read_and_saved(path, data, **given):
     assert mission_digest(again) == mission_digest(mission)
 
 
-@examples(300)
+@examples(200)
 @given(data=changed((DATA / "pier.json").read_bytes(), is_json=True))
 def test_node_link_json(folder, data):
     read_and_saved(folder / "mission.json", data)
 
 
-@examples(300)
+@examples(200)
 @given(data=changed((DATA / "gephi.graphml").read_bytes()))
 def test_graphml(folder, data):
     read_and_saved(folder / "mission.graphml", data)
@@ -200,7 +202,7 @@ SITE = {
 
 
 @pytest.mark.filterwarnings("ignore:Left out")
-@examples(300)
+@examples(200)
 @given(data=changed(json.dumps(SITE).encode(), is_json=True))
 def test_a_route_graph(folder, data):
     read_and_saved(folder / "mission.geojson", data)

@@ -308,7 +308,8 @@ def test_a_map_is_not_a_building(building):
 VALUE = re.compile(rb"(?<=[ \[])[\w.]+|\{[^}]*\}")
 
 
-@examples(300)
+@pytest.mark.fuzz
+@examples(200)
 @given(data=changed(TEXT.encode(), value=VALUE))
 @pytest.mark.filterwarnings("ignore")
 def test_changed_buildings(tmp_path_factory, data):

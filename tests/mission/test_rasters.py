@@ -93,7 +93,8 @@ def test_a_map_that_is_too_small(hazard, site):  # noqa: F811
         load_mission(path, base=3, robots=1, danger=1, hazard="lost.yaml")
 
 
-@examples(150)
+@pytest.mark.fuzz
+@examples(200)
 @given(data=changed(TEXT.format(image="hazard.png", negate=0).encode()))
 def test_changed_maps(tmp_path_factory, data):
     folder = tmp_path_factory.getbasetemp() / "maps"
@@ -108,7 +109,8 @@ def test_changed_maps(tmp_path_factory, data):
         assert 0 < raster.resolution < math.inf
 
 
-@examples(150)
+@pytest.mark.fuzz
+@examples(200)
 @given(data=changed(b"P2\n3 2\n255\n0 10 255\n9 8 7\n"))
 def test_changed_images(tmp_path_factory, data):
     folder = tmp_path_factory.getbasetemp() / "images"
