@@ -258,8 +258,10 @@ def test_a_solution(folder, solved, draw):
     except (ValueError, OSError) as error:
         check_message(error, place)
     else:
-        assert read.plans == solution.plans
-        assert read.objectives == pytest.approx(solution.objectives)
+        # A plan that adds no area may be gone.
+        assert {*read.plans} <= {*solution.plans}
+        assert read.area == pytest.approx(solution.area)
+        assert read.objectives == pytest.approx(read.mission.evaluate(read.plans))
         read.describe()
         read.choose("survivors >= 1")
 

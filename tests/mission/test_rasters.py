@@ -70,8 +70,11 @@ def test_survivals_in_the_file_stay(hazard, tmp_path):
         (TEXT.replace("2, 0]", "2, 0.5]"), r"line 4: expected origin to be \[x, y, 0\], without"),
         (TEXT.replace("[-1, 2, 0]", "7"), "line 4: expected origin"),
         (TEXT.replace("{negate}", "2"), "line 5: expected negate to be 0 or 1, got 2"),
-        (TEXT.replace("{image}", "no.png"), r"no\.png: there is no such file"),
-        (TEXT.replace("{image}", "hazard.yaml"), r"hazard\.yaml: expected an image"),
+        (
+            TEXT.replace("{image}", "no.png"),
+            r"hazard\.yaml: image 'no\.png': there is no such file",
+        ),
+        (TEXT.replace("{image}", "hazard.yaml"), r"image 'hazard\.yaml': expected an image"),
         (TEXT.replace("{image}", "[1]"), "line 1: expected image to be the name of a file"),
         ("[1, 2]", "expected image, resolution, origin, got"),
         ("a: [", "not valid YAML"),

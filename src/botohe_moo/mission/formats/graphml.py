@@ -18,6 +18,7 @@ from botohe_moo.mission.validation import MissionError, kind_name_faults
 
 # What its reader raises for wrong values and types is not declared.
 _OF_NETWORKX = (nx.NetworkXError, ET.ParseError, LookupError, ValueError, TypeError, AttributeError)
+_LONGEST = 200  # letters of what networkx says
 _DEFAULTS = ("node_default", "edge_default")  # where networkx keeps them
 _NUMBERS = ("int", "long", "float", "double")
 
@@ -41,7 +42,7 @@ def read_graphml(data: bytes, /) -> nx.Graph[Any]:
     except MissionError:
         raise
     except _OF_NETWORKX as error:
-        said = f"{type(error).__name__}: {error}"
+        said = f"{type(error).__name__}: {error}"[:_LONGEST]  # which may quote a whole file
         raise MissionError(f"expected GraphML with one directed graph, found {said}") from None
     if not found.is_directed():
         return nx.Graph(found)

@@ -53,7 +53,10 @@ def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale"
     ]
     if faults:
         raise MissionError(faults, str(path))
-    shares = _read_image(path.parent / content["image"])
+    try:
+        shares = _read_image(path.parent / content["image"])
+    except ValueError as error:
+        raise MissionError(f"image {quoted(content['image'])}: {error}", str(path)) from None
     x, y = map(float, content["origin"][:2])
     values = shares if content.get("negate", 0) else 1.0 - shares
     free_thresh = float(content.get("free_thresh", _FREE_THRESH))
@@ -83,17 +86,19 @@ def _faults(content: dict[str, Any], modes: Sequence[str]) -> dict[str, str]:
 
 
 def _read_image(path: Path) -> FloatArray:
-    """Read an image as shares of white (n_rows, n_columns)."""
+    """Read an image as shares of white (n_rows, n_columns); a ValueError says why it cannot be."""
     try:
         with Image.open(path) as image:
             # Of 16 bits or more; others have at most 8 for each colour.
             most = 65_535.0 if image.mode.startswith("I") else 255.0
             pixels = np.asarray(image if most > 255.0 else image.convert("L"), float)
     except FileNotFoundError:
-        raise MissionError("there is no such file", str(path)) from None
+        raise ValueError("there is no such file") from None
     except UnidentifiedImageError:
-        raise MissionError("expected an image, such as PNG or PGM", str(path)) from None
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise MissionError(f"the image cannot be read: {error}", str(path)) from None
+        raise ValueError("expected an image, such as PNG or PGM") from None
+    except OSError as error:
+        raise ValueError(f"cannot be read: {error.strerror or error}") from None
+    except (SyntaxError, Image.DecompressionBombError) as error:
+        raise ValueError(f"cannot be read: {error}") from None
     shares: FloatArray = np.clip(pixels / most, 0.0, 1.0)
     return shares
