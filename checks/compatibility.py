@@ -129,7 +129,7 @@ def make_environment(interpreter: str, folder: Path, libraries: str, log: Path) 
     commands = [
         [interpreter, "-m", "venv", str(folder / "venv")],
         [*pip, "--upgrade", "pip"],
-        [*pip, "--prefer-binary", *oldest, "--editable", ".[dask]", *TOOLS],
+        [*pip, "--prefer-binary", *oldest, "--editable", ".[dask,maps]", *TOOLS],
     ]
     with log.open("w") as file:
         for command in commands:

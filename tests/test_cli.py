@@ -4,6 +4,7 @@ import csv
 import fcntl
 import itertools
 import json
+import math
 import os
 import pty
 import re
@@ -1187,6 +1188,52 @@ class TestImport:
 
 
 @pytest.mark.slow
+class TestFromMap:
+    @pytest.fixture
+    def site(self, tmp_path):
+        """A corridor of 12 metres, half a metre wide, with another one across it."""
+        cells = np.zeros((60, 120), np.uint8)
+        cells[28:33, 2:118] = cells[2:58, 50:55] = 254
+        Image.fromarray(cells).save(tmp_path / "site.pgm")
+        (tmp_path / "site.yaml").write_text("image: site.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
+
+    @pytest.mark.usefixtures("site")
+    def test_from_a_map_to_a_plan(self, botohe, tmp_path):
+        ended = botohe("missions", "from-map", "site.yaml", "--radius", 0.25, "--out", "site.json")
+        brief = "5 nodes, 8 arcs, 3 robots, total reward 4"
+        assert ended == (0, f"wrote site.json: {brief}\nwrote site.png\n", "")
+        assert (tmp_path / "site.png").stat().st_size > 10_000
+        mission = load_mission(tmp_path / "site.json")
+        assert mission.graph.nodes[mission.base]["pos"] == pytest.approx([0.45, 2.95])
+        assert botohe("solve", "site.json", "-n", 500, "--out", "found").status == 0
+
+    @pytest.mark.usefixtures("site")
+    def test_options(self, botohe, tmp_path):
+        given = ["--radius", 0.25, "--spacing", 2, "--robots", 2, "--danger", 0.5, "--base", "9,3"]
+        ended = botohe(
+            "missions", "from-map", "site.yaml", *given, "--out", "a.json", "--picture", "b.svg"
+        )
+        assert ended.out.endswith("wrote b.svg\n")
+        mission = load_mission(tmp_path / "a.json")
+        assert mission.robots == 2
+        assert math.dist(mission.graph.nodes[mission.base]["pos"], (9, 3)) < 1
+        for _, _, arc in mission.graph.edges(data=True):
+            assert arc["length"] <= 2
+            assert arc["survival"] == pytest.approx(math.exp(-0.5 * arc["length"]))
+
+    @pytest.mark.usefixtures("site")
+    @pytest.mark.parametrize(
+        ("given", "message"),
+        [
+            (["site.yaml", "--base", "a,b"], "a node's number, or a place X,Y, got 'a,b'"),
+            (["site.yaml", "--radius", 2], "site.yaml: expected ways through free space for a"),
+            (["lost.yaml"], "lost.yaml: the file cannot be read"),
+        ],
+    )
+    def test_what_is_wrong(self, refused, given, message):
+        assert message in refused("missions", "from-map", *given, "--out", "a.json")
+
+
 class TestWhatATerminalWouldObey:
     CODES = "\x1b]0;x\x07\x9b31m\u202e"
 

@@ -33,13 +33,13 @@ def lower_bounds(wishes):
 
 
 def test_the_oldest_libraries_are_the_lower_bounds():
-    bounds = dict(lower_bounds([*PROJECT["dependencies"], *EXTRAS["dask"]]))
+    bounds = dict(lower_bounds([*PROJECT["dependencies"], *EXTRAS["dask"], *EXTRAS["maps"]]))
     assert pinned("constraints-oldest.txt") == bounds
 
 
 def test_what_is_developed_with_is_pinned_within_the_bounds():
     versions = pinned("constraints.txt")
-    extras = [wish for extra in ("dask", "dev", "dist", "docs") for wish in EXTRAS[extra]]
+    extras = [wish for extra in ("dask", "maps", "dev", "dist", "docs") for wish in EXTRAS[extra]]
     for name, *bounds in lower_bounds([*PROJECT["dependencies"], *extras]):
         if name != "botohe-moo":
             assert all(versions[name] >= bound for bound in bounds), name

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from botohe_moo.mission import mission_from_tables as mission_from_tables
     from botohe_moo.mission import mission_names as mission_names
     from botohe_moo.mission import rewards_from_raster as rewards_from_raster
+    from botohe_moo.mission import roadmap_from_map as roadmap_from_map
     from botohe_moo.mission import save_mission as save_mission
     from botohe_moo.mission import survival_from_raster as survival_from_raster
     from botohe_moo.mission import survival_from_zones as survival_from_zones

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from botohe_moo.mission.library import load_mission as load_mission
     from botohe_moo.mission.library import mission_names as mission_names
     from botohe_moo.mission.model import Mission as Mission
+    from botohe_moo.mission.roadmaps import roadmap_from_map as roadmap_from_map
     from botohe_moo.mission.validation import MissionError as MissionError
     from botohe_moo.mission.validation import PlanError as PlanError
     from botohe_moo.mission.zones import survival_from_zones as survival_from_zones
