@@ -8,18 +8,20 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from itertools import combinations
 from statistics import fmean
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import networkx as nx
 from pydantic import Field
 
 from botohe_moo._base.checks import as_float, quoted
-from botohe_moo._base.document import Document
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative
 from botohe_moo.mission.formats.nodelink import Entry
 from botohe_moo.mission.formats.roads import road_graph
 from botohe_moo.mission.validation import MissionError
+
+if TYPE_CHECKING:
+    from botohe_moo._base.document import Document
 
 _SYSTEMS = ("reference_image", "cartesian_meters", "wgs84")
 _GAP = 0.05  # metres from the cabin of a lift to its shaft
@@ -93,6 +95,9 @@ def read_building(
     ----------
     ``rmf_building_map_tools`` of open-rmf/rmf_traffic_editor.
     """
+    # Imported late: it takes time, and most missions are not in YAML.
+    from botohe_moo._base.document import Document
+
     site = _read_site(Document(data.decode("utf-8-sig")))
     if danger is None:
         raise MissionError("expected danger, the rate of loss for a metre, found none: give danger")
@@ -115,7 +120,7 @@ def read_building(
     if base is None and not bases:
         raise MissionError("expected base, found no vertex with is_charger on a lane: give base")
     start = bases[0] if base is None or len(bases) == 1 else str(base)
-    places, notes = _places(site)
+    places, notes = _places(site, {level for level, _ in spots})
     if base is None and len(bases) > 1:
         notes.append(f"The base is {quoted(start)}, the first of {len(bases)} chargers.")
     at = {spot: places[spot[0]](site.vertices[spot].place) for spot in spots}
@@ -217,8 +222,10 @@ def _size(place: complex) -> float:
     return math.hypot(place.real, place.imag)
 
 
-def _places(site: _Site) -> tuple[dict[str, Callable[[complex], complex]], list[str]]:
-    """Return what makes metres of places on the drawing of each level, and notes on it."""
+def _places(
+    site: _Site, used: set[str]
+) -> tuple[dict[str, Callable[[complex], complex]], list[str]]:
+    """Return what makes metres of places on the drawing of each level, and notes on those used."""
     if site.system == "wgs84":
         local = _local(next(iter(site.vertices.values())).place)
         return dict.fromkeys(site.levels, local), []
@@ -245,7 +252,7 @@ def _places(site: _Site) -> tuple[dict[str, Callable[[complex], complex]], list[
             turned = cmath.phase(sum(turn / _size(turn) for turn in turns))
             factor = cmath.rect(scale / fmean(map(_size, turns)), -turned)
             shift = scale * sum(there) / len(there) - factor * sum(here) / len(here)
-        elif name != site.reference:
+        elif name != site.reference and name in used:
             adrift.append(name)
         places[name] = _flipped(factor, shift)
     if adrift:
