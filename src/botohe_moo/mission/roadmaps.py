@@ -46,7 +46,8 @@ def roadmap_from_map(
         YAML that names an image, as the map server of Nav2 reads it. Cells below its
         ``free_thresh`` are free. Unknown cells are not, nor is what lies outside.
     radius
-        Of a robot, above 0, in metres, as are all lengths.
+        Of a robot, above 0, in metres, as are all lengths. With half a cell or less, ways pass
+        between obstacles that touch at a corner.
     spacing
         Along a way nodes are at most so far apart, above 0. Default: only where ways meet and end.
     base
