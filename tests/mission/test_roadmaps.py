@@ -57,6 +57,28 @@ def test_a_corridor(tmp_path):
     assert graph.graph == {"base": 0}
 
 
+def test_dangers_on_a_map(tmp_path):
+    """Black from column 30 on: half the rate at its left edge, all of it half a cell further on."""
+    path = drawn(tmp_path, CORRIDOR)
+    even = roadmap_from_map(path, radius=0.25, danger=0.2)
+    assert even.edges[0, 1]["survival"] == pytest.approx(math.exp(-0.2 * 5.1))
+    hazard = tmp_path / "hazard.yaml"
+    text = path.read_text().replace("map.png", "hazard.png") + "mode: scale\n"
+    hazard.write_text(text)
+    cells = np.full((9, 60), 255, np.uint8)
+    Image.fromarray(cells * 0).save(tmp_path / "hazard.png")
+    black = roadmap_from_map(path, radius=0.25, danger=0.2, hazard=hazard)
+    assert black.edges[0, 1]["survival"] == pytest.approx(even.edges[0, 1]["survival"])
+    cells[:, 30:] = 0
+    Image.fromarray(cells).save(tmp_path / "hazard.png")
+    half = roadmap_from_map(path, radius=0.25, danger=0.2, hazard=hazard)
+    for arc in ((0, 1), (1, 0)):
+        assert half.edges[arc]["survival"] == pytest.approx(math.exp(-0.2 * (2.5 + 0.05)))
+    hazard.write_text(text.replace("[-2.0", "[-1.0"))
+    with pytest.raises(MissionError, match=r"hazard\.yaml: a way leaves this map: expected pos"):
+        roadmap_from_map(path, radius=0.25, danger=0.2, hazard=hazard)
+
+
 def test_crossings_and_ends(tmp_path):
     """A corridor along row 30 from column 4 to 105, others up at column 22 and down at 72."""
     cells = hall(60, 110, (28, 32, 2, 107), (2, 32, 20, 24), (28, 57, 70, 74))

@@ -312,6 +312,15 @@ def mission_from_map(
             help="Rate of loss for a metre: robots survive a way with exp(−D · length).",
         ),
     ] = 0.01,
+    hazard: Annotated[
+        Path | None,
+        path_option(
+            "--hazard",
+            metavar="FILE",
+            help="Map of where it is dangerous: YAML with mode: scale. --danger is the rate where "
+            "it is black.",
+        ),
+    ] = None,
     picture: Annotated[
         Path | None,
         path_option(
@@ -332,8 +341,9 @@ def mission_from_map(
 
     drawn = out.with_suffix(".png") if picture is None else picture
     with failing():
+        start = _node_or_place(base)
         graph = roadmap_from_map(
-            map_file, radius=radius, spacing=spacing, base=_node_or_place(base), danger=danger
+            map_file, radius=radius, spacing=spacing, base=start, danger=danger, hazard=hazard
         )
         made = Mission(graph, robots=robots, name=out.stem)
         save_mission(made, out)

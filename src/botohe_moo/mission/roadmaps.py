@@ -6,6 +6,7 @@ import math
 import os
 import warnings
 from collections import Counter
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -17,6 +18,7 @@ from botohe_moo._base.types import BoolArray, FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.formats.rasters import MODES, Raster, read_raster
+from botohe_moo.mission.hazards import survival_from_raster
 from botohe_moo.mission.validation import MissionError
 
 # The grey that map savers write for unknown cells, which is free by their own free_thresh of 0.25.
@@ -31,6 +33,7 @@ def roadmap_from_map(
     spacing: Positive | None = None,
     base: int | tuple[float, float] = (0.0, 0.0),
     danger: NotNegative | None = None,
+    hazard: str | os.PathLike[str] | None = None,
 ) -> Any:
     """Make a graph of the ways on which a robot gets through a map of obstacles.
 
@@ -55,6 +58,10 @@ def roadmap_from_map(
     danger
         Rate of loss for a metre, at least 0: arcs get the ``survival`` exp(−danger · length).
         Default: none, arcs get no survival.
+    hazard
+        Map of where it is dangerous, in the same frame, YAML with ``mode: scale``: where it is
+        black the rate of loss is ``danger``, where it is white 0, as for
+        :func:`survival_from_raster` along the points of a way.
 
     Returns
     -------
@@ -66,7 +73,8 @@ def roadmap_from_map(
     Raises
     ------
     MissionError
-        If the map cannot be read, no way is left on it, or packages are missing.
+        If a map cannot be read, no way is left on it, packages are missing, or the map of dangers
+        does not cover all ways.
     ValueError
         If a parameter is out of its range, or the base is not a node.
 
@@ -98,7 +106,7 @@ def roadmap_from_map(
     if not ways:
         fault = f"expected ways through free space for a robot of radius {radius:g}, found none"
         raise MissionError(fault, os.fspath(path))
-    graph = _roadmap(ways, spacing)
+    graph = _roadmap(ways, spacing, None if danger is None else _loss_along(danger, hazard))
     if isinstance(base, tuple) and len(base) == 2 and np.isfinite([*map(as_float, base)]).all():
         away = np.array([place for _, place in graph.nodes(data="pos")]) - base
         base = int(np.hypot(*away.T).argmin())
@@ -107,9 +115,6 @@ def roadmap_from_map(
         raise ParameterError(f"Expected base to be {expected}, got {quoted(base)}.", "base")
     graph.graph["base"] = base
     graph.nodes[base]["reward"] = 0.0
-    if danger is not None:
-        for *_, arc in graph.edges(data=True):
-            arc["survival"] = math.exp(-danger * arc["length"])
     return graph
 
 
@@ -163,7 +168,7 @@ def _clear(raster: Raster, radius: float) -> BoolArray:
 
 
 def _length(points: FloatArray) -> float:
-    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+    return float(_distances(points)[-1])
 
 
 def _merged(ways: list[_Way], near: float) -> list[_Way]:
@@ -221,11 +226,41 @@ def _from(node: int, way: _Way) -> tuple[int, FloatArray]:
     return (head, points) if tail == node else (tail, points[::-1])
 
 
-def _roadmap(ways: list[_Way], spacing: float | None) -> nx.DiGraph[Any]:
+def _loss_along(
+    danger: float, hazard: str | os.PathLike[str] | None
+) -> Callable[[FloatArray], FloatArray]:
+    """Return what integrates the rate of loss along a way, up to each of its points."""
+    if hazard is None:
+        return lambda points: danger * _distances(points)
+    values, resolution, origin, _ = read_raster(hazard)
+
+    def losses(points: FloatArray) -> FloatArray:
+        way = nx.path_graph(len(points), nx.DiGraph)
+        nx.set_node_attributes(way, dict(enumerate(points)), "pos")
+        try:
+            survivals = survival_from_raster(
+                way, values, resolution=resolution, origin=origin, scale=danger
+            )
+        except ValueError as error:
+            found = str(error).partition(": ")[2]
+            raise MissionError(f"a way leaves this map: {found}", os.fspath(hazard)) from None
+        return np.append(0.0, -np.cumsum(np.log([*survivals.values()])))
+
+    return losses
+
+
+def _distances(points: FloatArray) -> FloatArray:
+    """Return how far each point of a way is from the first one along it."""
+    return np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+
+
+def _roadmap(
+    ways: list[_Way], spacing: float | None, loss_along: Callable[[FloatArray], FloatArray] | None
+) -> nx.DiGraph[Any]:
     """Cut ways into arcs, at most as long as ``spacing``, of which no two have the same ends."""
     places: list[tuple[float, float]] = []
     numbers: dict[int, int] = {}
-    arcs: dict[tuple[int, int], float] = {}
+    arcs: dict[tuple[int, int], dict[str, float]] = {}
 
     def placed(place: FloatArray) -> int:
         places.append((round(float(place[0]), 6), round(float(place[1]), 6)))
@@ -236,20 +271,27 @@ def _roadmap(ways: list[_Way], spacing: float | None) -> nx.DiGraph[Any]:
             if end not in numbers:
                 numbers[end] = placed(place)
         first, last = numbers[tail], numbers[head]
-        length = _length(points)
+        along = _distances(points)
+        length = along[-1]
         n_arcs = 3 if first == last else 2 if (first, last) in arcs else 1
         if spacing is not None:
             n_arcs = max(n_arcs, math.ceil(length / spacing - 1e-9))
-        along = np.insert(np.cumsum(np.hypot(*np.diff(points, axis=0).T)), 0, 0.0)
-        cuts = length * np.arange(1, n_arcs) / n_arcs
-        between = np.column_stack([np.interp(cuts, along, axis) for axis in points.T])
-        for one, other in pairwise([first, *map(placed, between), last]):
-            arcs[one, other] = arcs[other, one] = round(length / n_arcs, 6)
+        cuts = np.linspace(0.0, length, n_arcs + 1)
+        between = np.column_stack([np.interp(cuts[1:-1], along, axis) for axis in points.T])
+        parts = [{"length": round(length / n_arcs, 6)} for _ in range(n_arcs)]
+        if loss_along is not None:
+            lost = np.diff(np.interp(cuts, along, loss_along(points)))
+            parts = [
+                part | {"survival": math.exp(-one)} for part, one in zip(parts, lost, strict=True)
+            ]
+        stops = pairwise([first, *map(placed, between), last])
+        for (one, other), part in zip(stops, parts, strict=True):
+            arcs[one, other] = arcs[other, one] = part
     order = sorted(range(len(places)), key=lambda i: (-places[i][1], places[i][0]))
     label = {i: number for number, i in enumerate(order)}
     graph: nx.DiGraph[Any] = nx.DiGraph()
     for i in order:
         graph.add_node(label[i], pos=list(places[i]), reward=1.0)
-    for one, other, length in sorted((label[i], label[j], arcs[i, j]) for i, j in arcs):
-        graph.add_edge(one, other, length=length)
+    for one, other in sorted(arcs, key=lambda ends: (label[ends[0]], label[ends[1]])):
+        graph.add_edge(label[one], label[other], **arcs[one, other])
     return graph
