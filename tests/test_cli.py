@@ -754,7 +754,8 @@ class TestChoose:
         assert ended.out.splitlines()[-1] == "wrote site-1.plan"
         said = refused(*fly)
         assert said == (
-            "botohe: site.plan: expected altitude, the height of waypoints, found none.\n"
+            "botohe: site.plan: expected altitude, the height of waypoints, with a .plan, and only "
+            "with it.\n"
         )
 
     def test_a_plan_is_drawn(self, botohe, solved, tmp_path):
@@ -1201,8 +1202,8 @@ class TestFromMap:
     def test_from_a_map_to_a_plan(self, botohe, tmp_path):
         ended = botohe("missions", "from-map", "site.yaml", "--radius", 0.25, "--out", "site.json")
         brief = "5 nodes, 8 arcs, 3 robots, total reward 4"
-        assert ended == (0, f"wrote site.json: {brief}\nwrote site.png\n", "")
-        assert (tmp_path / "site.png").stat().st_size > 10_000
+        assert ended == (0, f"wrote site.json: {brief}\nwrote site-graph.png\n", "")
+        assert (tmp_path / "site-graph.png").stat().st_size > 10_000
         mission = load_mission(tmp_path / "site.json")
         assert mission.graph.nodes[mission.base]["pos"] == pytest.approx([0.45, 2.95])
         assert botohe("solve", "site.json", "-n", 500, "--out", "found").status == 0
@@ -1227,13 +1228,34 @@ class TestFromMap:
         [
             (["site.yaml", "--base", "a,b"], "a node's number, or a place X,Y, got 'a,b'"),
             (["site.yaml", "--radius", 2], "site.yaml: expected ways through free space for a"),
-            (["lost.yaml"], "lost.yaml: the file cannot be read"),
+            (["lost.yaml"], "lost.yaml: there is no such file"),
+            (["site.yaml", "--hazard", "lost.yaml"], "lost.yaml: there is no such file"),
+            (["site.yaml", "--picture", "a.txt"], "a.txt: expected a file name that ends in one"),
+            (["site.yaml", "--picture", "no/a.png"], "no: there is no such folder"),
+            (
+                ["site.yaml", "--out", "a.csv"],
+                "a.csv: expected a file name that ends in one",
+            ),
         ],
     )
     def test_what_is_wrong(self, refused, given, message):
-        assert message in refused("missions", "from-map", *given, "--out", "a.json")
+        assert message in refused("missions", "from-map", "--out", "a.json", *given)
+
+    @pytest.mark.usefixtures("site")
+    def test_the_image_of_the_map_stays(self, botohe, tmp_path):
+        """Beside a mission file of the map's own name, and with dangers of a map."""
+        Image.open(tmp_path / "site.pgm").save(tmp_path / "site.png")
+        text = (tmp_path / "site.yaml").read_text().replace("pgm", "png") + "mode: scale\n"
+        (tmp_path / "site.yaml").write_text(text)
+        before = (tmp_path / "site.png").read_bytes()
+        given = ["--radius", 0.25, "--hazard", "site.yaml", "--out", "site.geojson"]
+        assert botohe("missions", "from-map", "site.yaml", *given).status == 0
+        assert (tmp_path / "site.png").read_bytes() == before
+        # Free space is white, where it is safe.
+        assert load_mission(tmp_path / "site.geojson").arrays.survival.min() > 0.99
 
 
+@pytest.mark.slow
 class TestWhatATerminalWouldObey:
     CODES = "\x1b]0;x\x07\x9b31m\u202e"
 

@@ -145,7 +145,11 @@ def test_a_file_for_each_robot_that_leaves(tmp_path):
 
 @pytest.mark.parametrize(
     ("altitude", "fault"),
-    [(None, "expected altitude.* found none"), (-3, "altitude"), (math.nan, "altitude")],
+    [
+        (None, "expected altitude, the height of waypoints, with"),
+        (-3, "altitude"),
+        (math.nan, "altitude"),
+    ],
 )
 def test_altitude(tmp_path, altitude, fault):
     mission = harbour()
@@ -179,6 +183,16 @@ def test_files_of_more_robots_are_not_left_beside(tmp_path):
     with pytest.raises(FileExistsError, match=r"robot_1\.json: a file of another plan"):
         write_plan(one, around(one), tmp_path / "nav2")
     assert json.loads((tmp_path / "nav2" / "robot_0.json").read_text())["legs"] == []
+
+
+def test_waypoints_of_more_robots_are_not_left_beside(tmp_path):
+    mission = harbour(robots=2)
+    trail = [*mission.nodes, "dock"]
+    write_plan(mission, mission.plan([trail, trail]), tmp_path / "site.plan", altitude=30)
+    with pytest.raises(FileExistsError, match=r"site-1\.plan: a file of another plan"):
+        write_plan(mission, around(mission), tmp_path / "site.plan", altitude=30)
+    with pytest.raises(ValueError, match=r"with a \.plan, and only with it"):
+        write_plan(mission, around(mission), tmp_path / "site.csv", altitude=30)
 
 
 def test_a_file_in_the_place_of_a_folder(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from itertools import pairwise
@@ -35,7 +36,8 @@ from types import SimpleNamespace
 import networkx as nx
 
 TaskResult = enum.Enum("TaskResult", "UNKNOWN SUCCEEDED CANCELED FAILED", start=0)
-BLOCKED = json.loads(os.environ["BLOCKED"])
+BLOCKED, REFUSED = json.loads(os.environ["BLOCKED"]), json.loads(os.environ["REFUSED"])
+WEIGHT = float(os.environ["WEIGHT"])
 
 
 class BasicNavigator:
@@ -44,7 +46,7 @@ class BasicNavigator:
         for feature in json.load(open(os.environ["GRAPH"]))["features"]:
             edge = feature["properties"]
             if "startid" in edge:
-                cost = edge["metadata"]["length"] + 100 * edge["metadata"]["penalty"]
+                cost = edge["metadata"]["length"] + WEIGHT * edge["metadata"]["penalty"]
                 self.graph.add_edge(edge["startid"], edge["endid"], cost=cost, id=edge["id"])
         self.log("namespace", namespace)
 
@@ -71,15 +73,18 @@ class BasicNavigator:
 
     def followPath(self, path, controller_id="", goal_checker_id=""):
         self.log("followPath", *path)
-        self.begin(path[-1])
+        return self.begin(path[-1])
 
     def goToPose(self, pose, behavior_tree=""):
         at = pose.pose.position
         self.log("goToPose", at.x, at.y)
-        self.begin(None)
+        return self.begin(None)
 
     def begin(self, goal):
+        if goal in REFUSED:
+            return False  # and the task before stays what getResult is about
         self.failed, self.polls = goal in BLOCKED, 0
+        return True
 
     def isTaskComplete(self):
         self.polls += 1
@@ -104,6 +109,8 @@ def driven(tmp_path):
     plan = mission.plan([["dock", "reed", "hut", "dock"], ["dock"]])
     write_plan(mission, plan, tmp_path / "nav2")
     stubs = tmp_path / "stubs"
+    guide = (DOCS / "robots.md").read_text("utf-8")
+    [weight] = re.findall(r"PenaltyScorer:\n.*\n +weight: ([0-9.]+)", guide)
     for path, text in [
         ("rclpy/__init__.py", "def init(): ...\ndef shutdown(): ...\n"),
         ("geometry_msgs/msg.py", MESSAGES),
@@ -112,13 +119,15 @@ def driven(tmp_path):
         (stubs / path).parent.mkdir(parents=True)
         (stubs / path).write_text(text)
 
-    def drive(robot, *options, blocked=()):
+    def drive(robot, *options, blocked=(), refused=()):
         told = tmp_path / "told"
         own = {
             "PYTHONPATH": str(stubs),
             "GRAPH": str(tmp_path / "nav2" / "graph.geojson"),
             "LOG": str(told),
             "BLOCKED": json.dumps(blocked),
+            "REFUSED": json.dumps(refused),
+            "WEIGHT": weight,
         }
         command = [sys.executable, SCRIPT, tmp_path / "nav2" / f"robot_{robot}.json", *options]
         ended = subprocess.run(command, env=os.environ | own, capture_output=True, text=True)
@@ -147,6 +156,14 @@ def test_a_robot_stops_where_it_fails(driven):
     ended, told = driven(0, blocked=[4])
     assert (ended.returncode, ended.stderr) == (1, "Robot 0 did not get to hut.\n")
     assert told[-1] == ["followPath", 3, 4]
+
+
+@pytest.mark.parametrize("goal", [1, 4])
+def test_a_goal_that_is_refused(driven, goal):
+    ended, told = driven(0, refused=[goal])
+    assert ended.returncode == 1
+    assert ended.stderr == f"Robot 0 did not get to {'hut' if goal == 4 else 'dock'}.\n"
+    assert told[-1][-1] == goal
 
 
 def test_a_robot_that_stays(driven):

@@ -90,7 +90,7 @@ def test_what_is_left_out_is_said(site):
         "Left out features that are neither points, lines nor polygons with a rate: features[13] "
         "(1 in all); "
         "lines from a point to itself: features[7] (1 in all); "
-        "lines beside one with the same ends that is as safe: features[8], features[5] (2 in all); "
+        "lines parallel to one that is at least as safe: features[8], features[5] (2 in all); "
         "points that the base does not reach, or that have no way back: 1, 2 (2 in all)."
     ]
     assert mission.nodes == (3, 4, 7)
@@ -101,7 +101,7 @@ def test_what_is_left_out_is_said(site):
     ("features", "given", "fault"),
     [
         ([], {"robots": 1}, 'expected base, the "id" of a point, found none: give base'),
-        ([line(3, 4)], {"base": 3}, r"features\[3\]: expected a survival .* give danger"),
+        ([line(3, 4)], {"base": 3}, r"features\[3\]: expected a survival, .* give danger"),
         ([line(3, 5)], {"base": 3, "danger": 1}, r"features\[3\]: .* there is no node 5"),
         ([line(3, 4)], {"base": 9, "danger": 1}, "base 9: there is no such node"),
         ([point(4, (1, 1))], {"base": 3}, r"features\[3\]: node 4 is listed more than once"),

@@ -29,9 +29,11 @@ def drive(navigator, leg):
     found = navigator.getRoute(leg["start"], leg["goal"])
     edges = [edge.edgeid for edge in found[1].edges] if found else []
     if edges == [leg["edge"]]:
-        navigator.followPath(found[0])
+        is_accepted = navigator.followPath(found[0])
     else:  # the router knows a cheaper way, which is not in the plan
-        navigator.goToPose(pose_of(navigator, leg))
+        is_accepted = navigator.goToPose(pose_of(navigator, leg))
+    if not is_accepted:  # the result would be that of the task before
+        return False
     while not navigator.isTaskComplete():
         pass
     return navigator.getResult() == TaskResult.SUCCEEDED

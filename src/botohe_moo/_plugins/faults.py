@@ -16,6 +16,7 @@ _EXPECTED = {
     "none_required": "to be null",
     "list_type": "to be a list",
     "tuple_type": "to be a tuple",
+    "named_tuple_type": "to be a list",
     "dict_type": "to be a mapping",
     "mapping_type": "to be a mapping",
     "model_type": "to be a mapping",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from botohe_moo.cli.options import out_option
+from botohe_moo.cli.options import PICTURES, out_option
 from botohe_moo.cli.shell import FAILED, fail, failing, paragraph, say, tell
 
 if TYPE_CHECKING:
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from botohe_moo.mission.model import Mission
     from botohe_moo.solution import Solution
     from botohe_moo.trails import TrailPlan
-
-_PICTURES = (".png", ".svg", ".pdf")
 
 SolutionArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `solve` wrote.")]
 WishArgument = Annotated[
@@ -109,7 +107,7 @@ def choose_plan(
         asked = {"wishes": bool(wish), "--toward": toward is not None, "--plan": plan is not None}
         _check_options(asked, most, out)
         if out is not None:
-            check_plan_path(out, altitude, _PICTURES)
+            check_plan_path(out, altitude, PICTURES)
             _check_not_of_solution(folder, out)
         solution = read_solution(folder)
         if toward is not None:
@@ -145,7 +143,7 @@ def _write(mission: Mission, plan: TrailPlan, path: Path, altitude: float | None
     from botohe_moo.solution.model import draw_picture
 
     with failing():
-        if path.suffix.lower() in _PICTURES:
+        if path.suffix.lower() in PICTURES:
             from botohe_moo.plots import plot_plan
 
             draw_picture(path, plot_plan, mission, plan)

@@ -9,6 +9,7 @@ import typer
 
 from botohe_moo._base.words import counted
 from botohe_moo.cli.options import (
+    PICTURES,
     BaseOption,
     DangerOption,
     HazardOption,
@@ -326,8 +327,8 @@ def mission_from_map(
         path_option(
             "--picture",
             metavar="FILE",
-            help="Picture of the graph on the map: PNG, PDF or SVG; by default a PNG beside the "
-            "mission file.",
+            help="Picture of the graph on the map: PNG, PDF or SVG; by default FILE-graph.png "
+            "beside the mission file.",
         ),
     ] = None,
 ) -> None:
@@ -336,11 +337,17 @@ def mission_from_map(
     Nodes are where ways meet or end, and their numbers are in the picture. All have reward 1, but
     the base 0. Needs pip install "botohe-moo[maps]".
     """
+    from botohe_moo._base.files import check_file, check_suffix
     from botohe_moo.mission import Mission, roadmap_from_map, save_mission
+    from botohe_moo.mission.formats.files import WRITTEN
     from botohe_moo.plots import plot_mission, save_plot
 
-    drawn = out.with_suffix(".png") if picture is None else picture
+    drawn = out.with_name(f"{out.stem}-graph.png") if picture is None else picture
     with failing():
+        check_suffix(out, WRITTEN)
+        check_suffix(drawn, PICTURES)
+        for file in (out, drawn):
+            check_file(file)
         start = _node_or_place(base)
         graph = roadmap_from_map(
             map_file, radius=radius, spacing=spacing, base=start, danger=danger, hazard=hazard

@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
+PICTURES = (".png", ".svg", ".pdf")
+
 
 def path_option(*names: str, metavar: str, help: str) -> Any:  # noqa: A002
     """Make an option that takes a path, but not an empty one."""

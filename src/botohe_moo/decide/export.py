@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import glob
 import io
 import json
 import os
@@ -169,7 +170,7 @@ _TEXTS: dict[str, Callable[[Mission, TrailPlan], str]] = {
     ".geojson": plan_geojson,
 }
 _QGC = ".plan"
-PLAN_SUFFIXES = (*_TEXTS, _QGC)
+_SUFFIXES = (*_TEXTS, _QGC)
 
 
 def write_plan(
@@ -234,12 +235,14 @@ def check_plan_path(path: Path, altitude: float | None, pictures: Sequence[str] 
     ``pictures`` are suffixes that are right, too.
     """
     if path.suffix:
-        check_suffix(path, (*PLAN_SUFFIXES, *pictures))
+        check_suffix(path, (*_SUFFIXES, *pictures))
         check_file(path)
     else:
         check_folder(path)
-    if path.suffix.lower() == _QGC and altitude is None:
-        raise ValueError(f"{path}: expected altitude, the height of waypoints, found none.")
+    if (path.suffix.lower() == _QGC) != (altitude is not None):
+        raise ValueError(
+            f"{path}: expected altitude, the height of waypoints, with a .plan, and only with it."
+        )
 
 
 def _texts(
@@ -253,12 +256,17 @@ def _texts(
         plans = qgc_plans(mission, plan, altitude=altitude)  # type: ignore[arg-type]
         if not plans:
             raise ValueError(f"{path}: expected a robot that leaves where it starts, found none.")
-        if mission.robots == 1:
-            return {path: plans[0]}
-        return {path.with_name(f"{path.stem}-{i}{path.suffix}"): plans[i] for i in plans}
-    files = {path / name: text for name, text in nav2_files(mission, plan).items()}
-    if others := sorted({*path.glob("robot_*.json")} - {*files}):
-        raise FileExistsError(f"{others[0]}: a file of another plan; give another folder.")
+        numbered = {
+            path.with_name(f"{path.stem}-{robot}{path.suffix}"): text
+            for robot, text in plans.items()
+        }
+        files = numbered if mission.robots > 1 else {path: plans[0]}
+        beside = path.parent.glob(f"{glob.escape(path.stem)}-[0-9]*{path.suffix}")
+    else:
+        files = {path / name: text for name, text in nav2_files(mission, plan).items()}
+        beside = path.glob("robot_*.json")
+    if others := sorted({*beside} - {*files}):
+        raise FileExistsError(f"{others[0]}: a file of another plan; give another name.")
     return files
 
 

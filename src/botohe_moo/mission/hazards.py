@@ -70,10 +70,16 @@ def survival_from_raster(
     {('dock', 'reef'): 0.818730...}
     """
     cells, places = _cells(values), positions(graph)
-    at = {node: _on_map(node, places[node], cells, resolution, origin) for node in places}
+    at = {node: in_cells(place, cells, resolution, origin) for node, place in places.items()}
+    if lost := [node for node in at if np.isnan(at[node]).any()]:
+        ends = np.add(origin, np.multiply(cells.shape[::-1], resolution)).tolist()
+        raise ValueError(
+            f"Node {quoted(lost[0])}: expected pos (x, y) on the map, from {list(origin)} to "
+            f"{ends}, got {places[lost[0]].tolist()}."
+        )
     rate = scale * resolution  # for a cell
     return {
-        (tail, head): math.exp(-rate * _integral(cells, at[tail], at[head]))
+        (tail, head): math.exp(-rate * integral(cells, at[tail], at[head]))
         for tail, head in graph.edges
     }
 
@@ -159,25 +165,19 @@ def _cells(values: ArrayLike) -> FloatArray:
     return cells[::-1]
 
 
-def _on_map(
-    node: Hashable,
-    place: FloatArray,
-    cells: FloatArray,
-    resolution: float,
-    origin: tuple[float, float],
+def in_cells(
+    places: FloatArray, cells: FloatArray, resolution: float, origin: tuple[float, float]
 ) -> FloatArray:
-    """Return where a node is, in cells from the centre of the first one (2)."""
-    at = (place - origin) / resolution
-    if (at < -_EDGE).any() or (at > np.add(cells.shape[::-1], _EDGE)).any():
-        ends = np.add(origin, np.multiply(cells.shape[::-1], resolution)).tolist()
-        raise ValueError(
-            f"Node {quoted(node)}: expected pos (x, y) on the map, from {list(origin)} to {ends}, "
-            f"got {place.tolist()}."
-        )
-    return at - 0.5
+    """Return places (..., 2) in cells from the centre of the first one, NaN for those off the map.
+
+    ``cells`` have the lowest row first.
+    """
+    at = (places - origin) / resolution
+    is_on = (at >= -_EDGE) & (at <= np.add(cells.shape[::-1], _EDGE))
+    return np.where(is_on.all(axis=-1, keepdims=True), at - 0.5, np.nan)
 
 
-def _integral(cells: FloatArray, start: FloatArray, end: FloatArray) -> float:
+def integral(cells: FloatArray, start: FloatArray, end: FloatArray) -> float:
     """Integrate values along a straight line, in units of cells.
 
     Between lines through centres of cells they are quadratic, where Simpson's rule is exact. Within

@@ -18,7 +18,7 @@ from botohe_moo._base.types import BoolArray, FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.formats.rasters import MODES, Raster, read_raster
-from botohe_moo.mission.hazards import survival_from_raster
+from botohe_moo.mission.hazards import in_cells, integral
 from botohe_moo.mission.validation import MissionError
 
 # The grey that map savers write for unknown cells, which is free by their own free_thresh of 0.25.
@@ -37,8 +37,8 @@ def roadmap_from_map(
 ) -> Any:
     """Make a graph of the ways on which a robot gets through a map of obstacles.
 
-    Ways are the skeleton of all places where a robot is clear of obstacles, in the largest part
-    that hangs together: they keep to the middle of rooms and corridors. Nodes are where ways meet
+    Ways are the skeleton of all places where a robot is clear of obstacles, in the largest
+    connected part: they keep to the middle of rooms and corridors. Nodes are where ways meet
     or end. Of nodes nearer to each other than ``radius``, or than two cells, one stays, so that
     shorter dead ends disappear. A way back to where it began, or beside another one, gets nodes in
     between. Needs ``pip install "botohe-moo[maps]"``.
@@ -100,13 +100,17 @@ def roadmap_from_map(
     >>> Mission(graph, robots=2)
     <Mission 'mission': 4 nodes, 6 arcs, 2 robots at base 0, total reward 3>
     """
+    if hazard is not None and danger is None:
+        fault = "Expected danger, the rate of loss where the map is black, found none."
+        raise ParameterError(fault, "danger")
+    loss_along = None if danger is None else _loss_along(danger, hazard)
     raster = read_raster(path, modes=MODES)
     ways = _skeleton(raster, radius, os.fspath(path))
     ways = _joined(_merged(ways, max(radius, 2.0 * raster.resolution)))
     if not ways:
         fault = f"expected ways through free space for a robot of radius {radius:g}, found none"
         raise MissionError(fault, os.fspath(path))
-    graph = _roadmap(ways, spacing, None if danger is None else _loss_along(danger, hazard))
+    graph = _roadmap(ways, spacing, loss_along)
     if isinstance(base, tuple) and len(base) == 2 and np.isfinite([*map(as_float, base)]).all():
         away = np.array([place for _, place in graph.nodes(data="pos")]) - base
         base = int(np.hypot(*away.T).argmin())
@@ -153,15 +157,15 @@ def _clear(raster: Raster, radius: float) -> BoolArray:
 
     is_free = (raster.values < raster.free_thresh) & ~np.isclose(raster.values, _UNKNOWN)
     # From the centre of a cell to the edge of the nearest one that is not free.
-    room = (distance_transform_edt(np.pad(is_free, 1)) - 0.5) * raster.resolution
-    parts, n_parts = label(room >= radius * (1.0 - 1e-9), np.ones((3, 3)))
+    clearance = (distance_transform_edt(np.pad(is_free, 1)) - 0.5) * raster.resolution
+    parts, n_parts = label(clearance >= radius * (1.0 - 1e-9), np.ones((3, 3)))
     sizes = np.bincount(parts.ravel())[1:]
     if n_parts > 1:
         share = 1.0 - sizes.max() / sizes.sum()
         warnings.warn(
             f"Left out parts of the map that do not join the largest one: {n_parts - 1}, with "
             f"{share:.1%} of where a robot of radius {radius:g} fits.",
-            stacklevel=4,
+            stacklevel=5,
         )
     largest: BoolArray = parts == (sizes.argmax() + 1 if n_parts else -1)
     return largest
@@ -233,18 +237,16 @@ def _loss_along(
     if hazard is None:
         return lambda points: danger * _distances(points)
     values, resolution, origin, _ = read_raster(hazard)
+    cells = values[::-1]
 
     def losses(points: FloatArray) -> FloatArray:
-        way = nx.path_graph(len(points), nx.DiGraph)
-        nx.set_node_attributes(way, dict(enumerate(points)), "pos")
-        try:
-            survivals = survival_from_raster(
-                way, values, resolution=resolution, origin=origin, scale=danger
-            )
-        except ValueError as error:
-            found = str(error).partition(": ")[2]
-            raise MissionError(f"a way leaves this map: {found}", os.fspath(hazard)) from None
-        return np.append(0.0, -np.cumsum(np.log([*survivals.values()])))
+        at = in_cells(points, cells, resolution, origin)
+        if (is_off := np.isnan(at).any(axis=1)).any():
+            x, y = points[is_off][0].tolist()
+            fault = f"expected a map that covers all ways, found none of it at [{x:g}, {y:g}]"
+            raise MissionError(fault, os.fspath(hazard))
+        pieces = [danger * resolution * integral(cells, *ends) for ends in pairwise(at)]
+        return np.append(0.0, np.cumsum(pieces))
 
     return losses
 
@@ -272,7 +274,7 @@ def _roadmap(
                 numbers[end] = placed(place)
         first, last = numbers[tail], numbers[head]
         along = _distances(points)
-        length = along[-1]
+        length = float(along[-1])
         n_arcs = 3 if first == last else 2 if (first, last) in arcs else 1
         if spacing is not None:
             n_arcs = max(n_arcs, math.ceil(length / spacing - 1e-9))

@@ -59,9 +59,7 @@ def survival_from_zones(
     >>> survival_from_zones(graph, [{"circle": [2, 0, 1], "rate": 0.1}])
     {('dock', 'reef'): 0.818730...}
     """
-    return zone_survivals(
-        graph, [read_zone(zone, f"zones[{i}]: ") for i, zone in enumerate(zones)], danger
-    )
+    return zone_survivals(graph, read_zones(zones, "zones"), danger)
 
 
 def zone_survivals(
@@ -124,21 +122,32 @@ def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
     return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
 
 
-def read_zone(zone: Any, name: str) -> Zone:
-    """Read a zone; the ValueError for what is wrong begins with ``name``."""
+def read_zones(zones: Iterable[Any], name: str) -> list[Zone]:
+    """Read zones; a ValueError names what is wrong, such as ``zones[0]``."""
+    read = []
+    for i, zone in enumerate(zones):
+        try:
+            read.append(read_zone(zone))
+        except ValueError as error:
+            raise ValueError(f"{name}[{i}]: {error}") from None
+    return read
+
+
+def read_zone(zone: Any) -> Zone:
+    """Read a zone; a ValueError says what is wrong."""
     given = {"circle", "polygon"} & {*zone} if isinstance(zone, Mapping) else set()
     if len(given) != 1:
         raise ValueError(
-            f"{name}expected an object with rate, and circle or polygon, got {quoted(zone)}."
+            f"expected an object with rate, and circle or polygon, got {quoted(zone)}."
         )
     rate, [shape] = as_float(zone.get("rate")), given
     if not 0.0 <= rate < math.inf:
-        raise ValueError(f"{name}expected a rate >= 0, got {quoted(zone.get('rate'))}.")
+        raise ValueError(f"expected a rate >= 0, got {quoted(zone.get('rate'))}.")
     if shape == "circle":
         circle = plain_numbers(zone["circle"])
         if circle.shape != (3,) or circle[2] <= 0.0:
             raise ValueError(
-                f"{name}expected a circle [x, y, radius], radius > 0, got {quoted(zone['circle'])}."
+                f"expected a circle [x, y, radius], radius > 0, got {quoted(zone['circle'])}."
             )
         return Zone(rate, circle, np.empty((0, 2, 2)))
     single = plain_numbers(zone["polygon"])
@@ -146,8 +155,9 @@ def read_zone(zone: Any, name: str) -> Zone:
     rings = [single] if single.ndim == 2 else [plain_numbers(ring) for ring in listed]
     if not rings or any(ring.shape[1:] not in ((2,), (3,)) or len(ring) < 3 for ring in rings):
         raise ValueError(
-            f"{name}expected a polygon of at least three corners [[x, y], ...], got "
+            f"expected a polygon of at least three corners [[x, y], ...], got "
             f"{quoted(zone['polygon'])}."
         )
-    sides = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
-    return Zone(rate, None, np.concatenate(sides)[..., :2])  # without heights
+    flat = [ring[:, :2] for ring in rings]  # without heights
+    sides = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in flat]
+    return Zone(rate, None, np.concatenate(sides))

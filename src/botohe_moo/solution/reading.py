@@ -9,7 +9,8 @@ from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, ValidationEr
 
 from botohe_moo._plugins.faults import wrong_value
 from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.mission.formats.files import file_content, read_mission
+from botohe_moo.mission.formats.documents import file_content
+from botohe_moo.mission.formats.files import read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.solution.model import Solution, as_json
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from botohe_moo._base.checks import ParameterError, unknown_parameter
-from botohe_moo._base.files import check_suffix, read_bytes, replace_file, suffix_fault
+from botohe_moo._base.files import check_suffix, replace_file, suffix_fault
 from botohe_moo._plugins.stated import signature_parameters
 from botohe_moo.mission.formats.benchmark import read_benchmark
-from botohe_moo.mission.formats.buildings import read_building
+from botohe_moo.mission.formats.documents import file_content
 from botohe_moo.mission.formats.graphml import read_graphml, write_graphml
 from botohe_moo.mission.formats.nodelink import mission_content, read_node_link, write_node_link
 from botohe_moo.mission.formats.routes import read_route_graph, write_route_graph
@@ -22,16 +22,16 @@ _READERS: dict[str, Callable[..., Any]] = {
     ".graphml": read_graphml,
     ".txt": read_benchmark,
     ".geojson": read_route_graph,
-    ".yaml": read_building,
-    ".yml": read_building,
 }
+_BUILDINGS = (".yaml", ".yml")
 _WRITERS = {
     ".json": write_node_link,
     ".graphml": write_graphml,
     ".geojson": write_route_graph,
 }
 
-SUFFIXES = tuple(_READERS)
+SUFFIXES = (*_READERS, *_BUILDINGS)
+WRITTEN = tuple(_WRITERS)
 
 
 def read_mission(
@@ -60,6 +60,7 @@ def read_mission(
           without ``length`` is as long as its ends are apart. What cannot be part of a mission is
           left out, and a warning names it: all but the safest of parallel lines, lines from a point
           to itself, and points without a way from the base or back.
+        - ``.yaml``: a building of Open-RMF. Lanes are arcs, the vertices at their ends nodes.
     robots
         Team size; default: the file's.
     options
@@ -101,9 +102,9 @@ def read_mission(
     <Mission 'toy': 5 nodes, 12 arcs, 3 robots at base 1, total reward 10>
     """
     path = Path(path)
-    if fault := suffix_fault(path, _READERS):
+    if fault := suffix_fault(path, SUFFIXES):
         raise MissionError(fault, str(path))
-    reader = _READERS[path.suffix.lower()]
+    reader = _reader(path.suffix.lower())
     known = {"robots", *(parameter.name for parameter in signature_parameters(reader))}
     for name in options:
         if name not in known:
@@ -125,6 +126,15 @@ def read_mission(
     return mission
 
 
+def _reader(suffix: str) -> Callable[..., Any]:
+    if suffix in _BUILDINGS:
+        # Imported late: its models take time to make, and most missions are in other files.
+        from botohe_moo.mission.formats.buildings import read_building
+
+        return read_building
+    return _READERS[suffix]
+
+
 def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     """Write a mission file; `read_mission` reads an equal mission from it.
 
@@ -138,9 +148,9 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     path
         Ends in ``.json``, ``.graphml`` or ``.geojson``. In GraphML labels are strings, attributes
         are numbers, booleans and strings, and ``pos`` becomes ``x`` and ``y``; kinds are as for
-        `read_mission`. GeoJSON is a route graph that Nav2 loads: nodes need ``pos``, lines get the
-        ``penalty`` −ln survival, and labels that are not integers from 0 to 2³² − 1 stand beside
-        numbers.
+        `read_mission`. GeoJSON is a route graph that Nav2 loads: nodes need ``pos``, and lines get
+        the ``penalty`` −ln survival. If some labels are not integers from 0 to 2³² − 1, ids are
+        numbered from 1, and each point has its ``label``.
 
     Raises
     ------
@@ -163,13 +173,3 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     replace_file(path, data)
-
-
-def file_content(path: Path) -> bytes:
-    """Return what is in a file; the MissionError for what cannot be read names the file."""
-    try:
-        return read_bytes(path)
-    except FileNotFoundError:
-        raise MissionError("there is no such file", str(path)) from None
-    except OSError as error:
-        raise MissionError(f"the file cannot be read: {error.strerror}", str(path)) from None

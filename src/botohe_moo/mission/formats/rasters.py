@@ -5,20 +5,38 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
+from pydantic import AfterValidator, BaseModel, Field
 
-from botohe_moo._base.checks import as_float, quoted
-from botohe_moo._base.document import Document, DocumentError
-from botohe_moo._base.files import read_bytes
+from botohe_moo._base.checks import quoted
+from botohe_moo._base.document import Document
 from botohe_moo._base.types import FloatArray
+from botohe_moo.mission.formats.documents import file_content, validated
 from botohe_moo.mission.validation import MissionError
 
-_NEEDED = ("image", "resolution", "origin")
-MODES = ("trinary", "scale", "raw")
-_FREE_THRESH = 0.25  # as the map saver of Nav2 writes it
+MODES = ("trinary", "scale")
+
+_Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+
+
+def _without_rotation(origin: list[float]) -> list[float]:
+    if any(origin[2:]):
+        raise ValueError("expected [x, y, 0], without rotation")
+    return origin
+
+
+class _MapFile(BaseModel):
+    image: Annotated[str, Field(min_length=1)]
+    resolution: Annotated[_Finite, Field(gt=0)]
+    origin: Annotated[
+        list[_Finite], Field(min_length=2, max_length=3), AfterValidator(_without_rotation)
+    ]
+    negate: Literal[0, 1] = 0
+    mode: Literal["trinary", "scale"] = "trinary"
+    free_thresh: Annotated[float, Field(strict=True, gt=0, lt=1)] = 0.25  # as Nav2 saves maps
 
 
 class Raster(NamedTuple):
@@ -34,55 +52,29 @@ def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale"
     """Read a map as shares of full scale, which is black, or with ``negate`` white.
 
     Its ``mode`` has to be one of ``modes``; without one it is ``trinary``, as for the map server. A
-    MissionError names the file, and the line of what is wrong.
+    MissionError names the file, and the line of what is wrong. In mode ``raw``, which is never one
+    of them, pixels are not shares.
     """
     path = Path(path)
     try:
-        text = read_bytes(path).decode("utf-8-sig")
-        document = Document(text)
-    except OSError as error:
-        raise MissionError(f"the file cannot be read: {error.strerror}", str(path)) from None
-    except (DocumentError, UnicodeDecodeError) as error:
+        document = Document(file_content(path).decode("utf-8-sig"))
+        if not isinstance(document.content, dict):
+            raise MissionError(f"expected a map, with an image, got {quoted(document.content)}")
+        found = validated(document, _MapFile)
+        if found.mode not in modes:
+            expected = f"expected mode to be {' or '.join(modes)}, got {found.mode!r}"
+            raise MissionError(f"line {document.line(['mode'])}: {expected}")
+        try:
+            shares = _read_image(path.parent / found.image)
+        except ValueError as error:
+            raise MissionError(f"image {quoted(found.image)}: {error}") from None
+    except MissionError as error:
+        raise MissionError(list(error.faults), str(path)) from None
+    except ValueError as error:  # DocumentError, and text that is not UTF-8
         raise MissionError(str(error).rstrip("."), str(path)) from None
-    content = document.content
-    if not isinstance(content, dict):
-        raise MissionError(f"expected {', '.join(_NEEDED)}, got {quoted(content)}", str(path))
-    faults = [
-        f"line {document.line([name])}: {fault}" if name in content else fault
-        for name, fault in _faults(content, modes).items()
-    ]
-    if faults:
-        raise MissionError(faults, str(path))
-    try:
-        shares = _read_image(path.parent / content["image"])
-    except ValueError as error:
-        raise MissionError(f"image {quoted(content['image'])}: {error}", str(path)) from None
-    x, y = map(float, content["origin"][:2])
-    values = shares if content.get("negate", 0) else 1.0 - shares
-    free_thresh = float(content.get("free_thresh", _FREE_THRESH))
-    return Raster(values, float(content["resolution"]), (x, y), free_thresh)
-
-
-def _faults(content: dict[str, Any], modes: Sequence[str]) -> dict[str, str]:
-    """Return what is wrong, by the name of the entry."""
-    faults = {name: f"found no {name}" for name in _NEEDED if name not in content}
-    image, negate = content.get("image"), content.get("negate", 0)
-    mode, free_thresh = content.get("mode", MODES[0]), content.get("free_thresh", _FREE_THRESH)
-    resolution, origin = content.get("resolution"), content.get("origin")
-    numbers = [as_float(part) for part in origin] if isinstance(origin, list) else []
-    is_place = len(numbers) in (2, 3) and bool(np.isfinite(numbers).all())
-    checks: dict[str, tuple[bool, str, Any]] = {
-        "image": (isinstance(image, str) and image != "", "the name of a file", image),
-        "resolution": (0 < as_float(resolution) < np.inf, "a number > 0", resolution),
-        "origin": (is_place and not any(numbers[2:]), "[x, y, 0], without rotation", origin),
-        "negate": (negate in (0, 1), "0 or 1", negate),
-        "mode": (mode in modes, " or ".join(modes), mode),
-        "free_thresh": (0 < as_float(free_thresh) < 1, "a number in (0, 1)", free_thresh),
-    }
-    for name, (is_right, expected, found) in checks.items():
-        if not is_right:
-            faults.setdefault(name, f"expected {name} to be {expected}, got {quoted(found)}")
-    return faults
+    x, y, *_ = found.origin
+    values = shares if found.negate else 1.0 - shares
+    return Raster(values, found.resolution, (x, y), found.free_thresh)
 
 
 def _read_image(path: Path) -> FloatArray:

@@ -42,7 +42,7 @@ def road_graph(
     listed = {
         **left_out,
         f"{arc}s from a {node} to itself": loops,
-        f"{arc}s beside one with the same ends that is as safe": parallel,
+        f"{arc}s parallel to one that is at least as safe": parallel,
         f"{node}s that the base does not reach, or that have no way back": map(quoted, lost),
     }
     texts = [text for what, names in listed.items() if (text := _named(what, names))]
@@ -71,7 +71,10 @@ def _simple(arcs: Iterable[Entry]) -> tuple[list[Entry], list[str], list[str]]:
 
 
 def _named(what: str, names: Iterable[str]) -> str:
-    """Say what is left out, if anything is; the two arcs of a road are one."""
+    """Return the text that names what is left out, empty if nothing is.
+
+    The two arcs of a road are one.
+    """
     listed = list(dict.fromkeys(names))
     shown = ", ".join(listed[:_MOST_NAMED]) + ", …" * (len(listed) > _MOST_NAMED)
     return f"{what}: {shown} ({len(listed)} in all)" if listed else ""

@@ -38,7 +38,7 @@ def read_route_graph(
     base: Any = None,
     danger: NotNegative | None = None,
     hazard: str | os.PathLike[str] | None = None,
-    danger_zones: Sequence[Mapping[str, Any]] | None = None,
+    danger_zones: Sequence[Mapping[str, Any]] = (),
     reward: NotNegative = 1.0,
     interest: str | os.PathLike[str] | None = None,
     sight: Positive | None = None,
@@ -109,13 +109,14 @@ def _entries(
             shape = _object(_object(feature, "a feature").get("geometry") or {}, "geometry")
             given = _object(feature.get("properties") or {}, "properties")
             metadata = _object(given.pop("metadata", None) or {}, "metadata")
-            if shape.get("type") == "Point":
+            kind, at = shape.get("type"), shape.get("coordinates")
+            if kind == "Point":
                 label = number = _label(given, "id")
                 if is_complete and "label" in given:
                     label = labels[number] = _label(given, "label")
-                place = {"pos": _position(shape.get("coordinates"))}
+                place = {"pos": _position(at)}
                 nodes.append((where, (label,), {**given, **metadata, **place}))
-            elif shape.get("type") in _LINES:
+            elif kind in _LINES:
                 names = next((names for names in _ENDS if names[0] in given), _ENDS[0])
                 ends = tuple(_label(given, name) for name in names)
                 if is_complete:
@@ -124,10 +125,9 @@ def _entries(
                 if attributes.get("penalty") == _penalty(attributes.get("survival")):
                     attributes.pop("penalty", None)
                 arcs.append((where, ends, attributes))
-            elif shape.get("type") in _POLYGONS and "rate" in {**given, **metadata}:
-                rate, at = {**given, **metadata}["rate"], shape.get("coordinates")
-                polygons = at if shape["type"] == "MultiPolygon" and isinstance(at, list) else [at]
-                zones += [read_zone({"polygon": one, "rate": rate}, "") for one in polygons]
+            elif kind in _POLYGONS and "rate" in (known := {**given, **metadata}):
+                polygons = at if kind == "MultiPolygon" and isinstance(at, list) else [at]
+                zones += [read_zone({"polygon": one, "rate": known["rate"]}) for one in polygons]
             else:
                 others.append(where)
         except ValueError as error:
@@ -170,7 +170,21 @@ def _penalty(survival: object) -> float | None:
 
 
 def write_route_graph(content: dict[str, Any]) -> bytes:
-    """Write node-link data as GeoJSON for Nav2; a ValueError names a node without a position.
+    """Write node-link data as GeoJSON for Nav2; a ValueError names a node without a position."""
+    return encoded(route_graph(content))
+
+
+def encoded(graph: dict[str, Any]) -> bytes:
+    """Write a route graph as JSON, with a line for each feature."""
+    written = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
+    members = {key: value for key, value in graph.items() if key != "features"}
+    head = written(members).removesuffix("}")
+    listed = ",\n ".join(map(written, graph["features"]))
+    return f'{head}, "features": [\n {listed}\n]}}\n'.encode()
+
+
+def route_graph(content: dict[str, Any]) -> dict[str, Any]:
+    """Return node-link data as GeoJSON: its nodes as points, then its arcs as lines.
 
     Ids are labels if all of these are integers that Nav2 can read; else points are numbered. Lines
     have a ``penalty``, with which its router prefers safe ways.
@@ -202,10 +216,7 @@ def write_route_graph(content: dict[str, Any]) -> bytes:
         line = [places[start], places[end]]
         features.append(_feature("LineString", line, properties, arc, metadata))
     members = {"type": "FeatureCollection", **_GENERATOR, "mission": content["graph"]}
-    written = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
-    head = written(members).removesuffix("}")
-    listed = ",\n ".join(map(written, features))
-    return f'{head}, "features": [\n {listed}\n]}}\n'.encode()
+    return {**members, "features": features}
 
 
 def _feature(

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 
 from botohe_moo._base.checks import as_float, quoted
-from botohe_moo._base.words import counted
 from botohe_moo.mission.formats.nodelink import Entry
 from botohe_moo.mission.hazards import rewards_from_raster, survival_from_raster
 from botohe_moo.mission.validation import MissionError
-from botohe_moo.mission.zones import Zone, read_zone, zone_survivals
+from botohe_moo.mission.zones import Zone, read_zones, zone_survivals
 
 if TYPE_CHECKING:
     from botohe_moo.mission.formats.rasters import Raster
@@ -29,7 +28,7 @@ def add_survivals(
     *,
     danger: float | None,
     hazard: _Path | None = None,
-    danger_zones: object = None,
+    danger_zones: object = (),
     zones: Sequence[Zone] = (),
 ) -> None:
     """Give arcs that have none a survival: exp(−the integral of the rate of loss).
@@ -39,12 +38,13 @@ def add_survivals(
     ``zones``. Maps and zones count along the straight line between the nodes.
     """
     lacking = [arc for arc in arcs if "survival" not in arc[2] and arc[1][0] != arc[1][1]]
-    listed = [*zones, *_listed(danger_zones)]
-    if lacking and danger is None and not listed:
+    if not isinstance(danger_zones, list | tuple):
+        raise MissionError(f"expected danger_zones to be a list, got {quoted(danger_zones)}")
+    listed = [*zones, *read_zones(danger_zones, "danger_zones")]
+    if lacking and danger is None and (hazard is not None or not listed):
         raise MissionError(
-            f"{lacking[0][0]}: expected a survival in the metadata, found none "
-            f"({counted(len(lacking), 'line')} without one): give danger, the rate of loss for a "
-            "unit of length"
+            f"{lacking[0][0]}: expected a survival, found none ({len(lacking)} without one): give "
+            "danger, the rate of loss for a unit of length"
         )
     rate = danger or 0.0
     known = [(ends, arc) for _, ends, arc in lacking if all(end in places for end in ends)]
@@ -63,14 +63,6 @@ def add_survivals(
         arc["survival"] = survival * by_zones.get(ends, 1.0)
 
 
-def _listed(danger_zones: object) -> list[Zone]:
-    if danger_zones is None:
-        return []
-    if not isinstance(danger_zones, list | tuple):
-        raise MissionError(f"expected danger_zones to be a list, got {quoted(danger_zones)}")
-    return [read_zone(zone, f"danger_zones[{i}]: ") for i, zone in enumerate(danger_zones)]
-
-
 def add_rewards(
     places: _Places,
     nodes: Iterable[Entry],
@@ -86,9 +78,9 @@ def add_rewards(
     its share. Cells that are nearest to the base count for no node.
     """
     by_map = {}
-    if interest is not None:
-        if sight is None:
-            raise MissionError("expected sight, how far robots see on the map, found none")
+    if (interest is None) != (sight is None):
+        raise MissionError("expected interest, a map, and sight, how far robots see on it, or none")
+    if interest is not None and sight is not None:
         values, resolution, origin, _ = _read(interest)
         graph = _graph(places, places)
         by_map = rewards_from_raster(

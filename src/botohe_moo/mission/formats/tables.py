@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from botohe_moo._base.checks import check_frame, quoted
 from botohe_moo.mission.attributes import BY_KIND, attribute_of
 from botohe_moo.mission.formats.columns import column_faults, join_columns
-from botohe_moo.mission.formats.files import file_content
+from botohe_moo.mission.formats.documents import file_content
 from botohe_moo.mission.formats.nodelink import Entry, graph_of
 from botohe_moo.mission.kinds import Kind, read_kinds
 from botohe_moo.mission.model import Mission
