@@ -3,8 +3,10 @@
 import csv
 import io
 import json
+import math
 import re
 import xml.etree.ElementTree as ET
+from decimal import Decimal
 from itertools import pairwise
 
 import networkx as nx
@@ -18,6 +20,7 @@ from botohe_moo import Mission, load_mission
 from botohe_moo.decide import compare, plan_csv, plan_geojson, plan_json
 from botohe_moo.decide.judging import MAX_OUTCOMES, N_SAMPLES, SEED
 from botohe_moo.explorer import explore
+from botohe_moo.explorer.texts import sentence_writer
 from botohe_moo.outcomes import plan_outcomes, reach_probabilities
 from tests.decide.made import MISSION, PLANS
 from tests.explorer.conftest import FILLED, solution_of, toy_plans
@@ -193,8 +196,9 @@ class TestMuseum:
     def test_marks_and_why(self, opened, museum, museum_page):
         choice = museum.choose("survivors >= 2")
         with opened(museum_page) as page:
-            assert page.locator("#why li").first.text_content() == choice.why
-            marks = " ".join(page.locator("#marks li").all_text_contents())
+            write = sentence_writer(museum.mission.nodes)
+            assert page.locator("#why li").first.text_content() == write(choice.why)
+            marks = " ".join(page.locator("#marks td:last-child").all_text_contents())
             for name in (
                 "knee",
                 "representative",
@@ -208,7 +212,7 @@ class TestMuseum:
         with opened(museum_page, "#plan=31&pins=30") as page:
             sentences = page.locator("#words li").all_text_contents()
         said = compare(museum.mission, museum.plans[31], museum.plans[30]).sentences
-        assert sentences == list(said)
+        assert sentences == list(map(sentence_writer(museum.mission.nodes), said))
 
     def test_what_the_address_cannot_mean_is_said(self, opened, museum_page):
         with opened(museum_page, "#foo&plan=abc&pins=1,2,3,4,5&reach=0.9") as page:
@@ -239,7 +243,7 @@ class TestMuseum:
         with opened(museum_page, reduced_motion=motion) as page:
             page.click("#animate")
             expect(page.locator("#map .robots g").first).to_be_attached()
-            assert re.match(r"arc \d+ of \d+", page.inner_text("#moment"))
+            assert re.match(r"length \d+ of \d+", page.inner_text("#moment"))
             before = page.get_attribute("#map .robots g", "transform")
             if motion == "no-preference":
                 there = "() => document.querySelector('#map .robots g').getAttribute('transform')"
@@ -288,53 +292,113 @@ def walked(request, opened, museum, tmp_path):
         return solution, page.evaluate(COLLECT)
 
 
+def decimals_of(values, digits=3):
+    """How many decimals a column of numbers needs, so that its largest has three digits."""
+    most = max(digits - 1 - math.floor(math.log10(max(values))), 0)
+    rounded = [round(Decimal(float(value)), most) for value in values]
+    return next(n for n in range(most + 1) if all(round(value, n) == value for value in rounded))
+
+
+def columns_of(solution):
+    """Decimals of objectives, of rewards of nodes and of lengths, and what may happen to plans."""
+    mission, plans = solution.mission, list(solution.plans)
+    for digits in (3, 4):
+        objectives = [decimals_of(column, digits) for column in solution.objectives.T]
+        texts = [
+            tuple(f"{value:.{n}f}" for value, n in zip(row, objectives, strict=True))
+            for row in solution.objectives
+        ]
+        if all(one != other for one, other in pairwise(texts)):
+            break
+    outcomes = [
+        plan_outcomes(
+            mission, plan, max_outcomes=MAX_OUTCOMES, n_samples=N_SAMPLES, random_state=SEED
+        )
+        for plan in plans
+    ]
+    # The largest reward of which one can be so sure.
+    safe = [
+        max(v for v in one.reward.values if one.reward.at_least(v) > 0.9 - 1e-9) for one in outcomes
+    ]
+    facts = [safe, *([f(one.reward) for one in outcomes] for f in (median, lowest_tenth))]
+    return {
+        "objectives": objectives,
+        "outcomes": outcomes,
+        "facts": facts,
+        "rewards": decimals_of(mission.rewards),
+        "lengths": decimals_of(mission.trail_lengths(plans).ravel()),
+    }
+
+
+def median(reward):
+    return reward.quantile(0.5)
+
+
+def lowest_tenth(reward):
+    return reward.cvar(0.1)
+
+
+def first_visits(mission, plan):
+    """How far the robot has come that is the first at each node, if all are as fast."""
+    first = {}
+    for trail in mission.labels(plan):
+        length = 0.0
+        for i, node in enumerate(trail):
+            if i:
+                length += mission.graph.edges[trail[i - 1], node].get("length", 1.0)
+            index = mission.index(node)
+            first[index] = min(first.get(index, length), length)
+    return first
+
+
 class TestNumbers:
     """Each number shown of each plan is the library's, to the digits shown."""
 
     def test_all_of_them(self, walked):
         solution, found = walked
         assert len(found) == len(solution.plans)
+        columns = columns_of(solution)
         for shown in found:
-            self.check(solution, shown)
+            self.check(solution, shown, columns)
 
-    def check(self, solution, shown):
+    def check(self, solution, shown, columns):
         mission = solution.mission
         plan_id = int(re.match(r"Plan (\d+)", shown["said"])[1])
         plan = solution.plans[plan_id]
         reward, survivors = mission.evaluate([plan])[0]
-        digits = 3 if mission.total_reward >= 10 else 4
-        texts = f"{reward:.{digits}f}", f"{survivors:.4f}"
+        in_reward, in_survivors = columns["objectives"]
+        texts = f"{reward:.{in_reward}f}", f"{survivors:.{in_survivors}f}"
         assert shown["said"] == f"Plan {plan_id}: reward {texts[0]}, survivors {texts[1]}"
 
         survival = mission.robot_survival([plan])[0]
+        lengths = mission.trail_lengths([plan])[0]
         for row, robot, trail, alive in zip(
             shown["robots"], range(mission.robots), mission.labels(plan), survival, strict=True
         ):
             way = " → ".join(map(str, trail)) if len(trail) > 1 else "stays at base"
-            assert row == [str(robot), text_of(alive), str(len(set(trail)) - 1), way]
+            length = f"{lengths[robot]:.{columns['lengths']}f}"
+            assert row == [str(robot), text_of(alive), length, str(len(set(trail)) - 1), way]
 
         reach = reach_probabilities(mission, plan)
         reached = 1 - (1 - reach).prod(axis=0)
         visited = set(np.unique(plan.nodes)) - {mission.index(mission.base)}
         rows = {row[0]: row[1:] for row in shown["nodes"]}
         assert len(rows) == len(visited)
+        first = first_visits(mission, plan)
+        order = sorted(visited, key=lambda node: (first[node], node))
+        assert list(rows) == [str(mission.nodes[node]) for node in order]
         for node in visited:
             robots = ", ".join(str(robot) for robot in np.flatnonzero(reach[:, node]))
-            worth = f"{mission.arrays.reward[node]:g}"
-            assert rows[str(mission.nodes[node])] == [worth, text_of(reached[node]), robots]
+            after = f"{first[node]:.{columns['lengths']}f}"
+            worth = f"{mission.rewards[node]:.{columns['rewards']}f}"
+            expected = [after, worth, text_of(reached[node]), robots]
+            assert rows[str(mission.nodes[node])] == expected
 
-        outcomes = plan_outcomes(
-            mission, plan, max_outcomes=MAX_OUTCOMES, n_samples=N_SAMPLES, random_state=SEED
-        )
-        # The largest reward of which one can be so sure.
-        safe = max(v for v in outcomes.reward.values if outcomes.reward.at_least(v) > 0.9 - 1e-9)
+        outcomes = columns["outcomes"][plan_id]
         rows = iter(shown["compare"])
-        expected = [
-            reward, survivors, safe, outcomes.reward.quantile(0.5),
-            outcomes.reward.cvar(0.1),
-        ]  # fmt: skip
-        for i, value in enumerate(expected):
-            assert next(rows)[1] == f"{value:.{4 if i == 1 else digits}f}"
+        assert [next(rows)[1] for _ in range(2)] == list(texts)
+        for column in columns["facts"]:
+            assert next(rows)[1] == f"{column[plan_id]:.{in_reward}f}"
         assert next(rows)[1] == ", ".join(
             text_of(alive) for alive in sorted(survival, reverse=True)
         )

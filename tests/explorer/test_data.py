@@ -79,8 +79,8 @@ class TestData:
     def test_plans_ascend_in_reward_under_their_own_numbers(self):
         assert self.DATA["ids"] == [3, 2, 1, 0]  # C, BC, AC, AB
         assert self.DATA["objective_texts"] == [
-            ["1.0000", "2.8000", "3.0000", "3.8000"],
-            ["2.0000", "1.9000", "1.5000", "1.4000"],
+            ["1.0", "2.8", "3.0", "3.8"],
+            ["2.0", "1.9", "1.5", "1.4"],
         ]
 
     def test_each_trail_is_there_once(self):
@@ -104,7 +104,7 @@ class TestData:
             "6": 450,
         }
         assert not any(self.DATA["simulated"])
-        assert self.DATA["facts"]["Median reward"] == ["1.0000", "3.0000", "1.0000", "2.0000"]
+        assert self.DATA["facts"]["Median reward"] == ["1.0", "3.0", "1.0", "2.0"]
 
     def test_nodes_reached(self):
         assert self.DATA["reached"] == [
@@ -244,7 +244,7 @@ class TestBadInput:
 def test_a_reward_that_is_reached_in_just_nine_of_ten_missions():
     mission = star({"b": (2, 0.9)}, robots=1)
     facts = page_data(solution_of(mission, [trips(mission, "b")]))["facts"]
-    assert facts["Reward reached in 9 of 10 missions"] == ["2.0000"]
+    assert facts["Reward reached in 9 of 10 missions"] == ["2.0"]
 
 
 def test_one_wish_may_stand_alone_and_what_is_not_a_solution_is_named():

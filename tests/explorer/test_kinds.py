@@ -86,16 +86,16 @@ class TestPage:
             )
             assert looks == [["var(--robot-0)", None], ["var(--robot-0)", "12 4"]]
             head = page.locator("#robots thead th").all_text_contents()
-            assert head == ["robot", "kind", "survives", "brings alone", "nodes", "trail"]
+            assert head == ["robot", "kind", "survives", "brings alone", "length", "nodes", "trail"]
             first, _, last = page.locator("#robots tbody tr").all()
             cells = first.locator("td").all_text_contents()
-            assert cells == ["drone", "0.225", "1.1250", "3", "roof → pond → hall → dock"]
+            assert cells == ["drone", "0.225", "1.12", "3", "3", "roof → pond → hall → dock"]
             assert last.locator("td").all_text_contents()[-1] == "stays at base"
             label = page.get_attribute("#map", "aria-label")
             assert label.startswith("Map of Plan 0: drone 0 visits 3 nodes, ")
             assert page.locator("#map .ends path").count() == 3  # two starts, and one other end
             rows = page.locator("#nodes tbody tr").all_text_contents()
-            assert "pond50.5000.225drone 0" in rows
+            assert "pond150.5000.225drone 0" in rows
 
     def test_pointing_at_nodes_and_arcs(self, opened, path):
         with opened(path, "#plan=0") as page:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from botohe_moo.cli.options import PICTURES, out_option
+from botohe_moo.cli.options import PICTURES, out_option, path_option
 from botohe_moo.cli.shell import FAILED, fail, failing, paragraph, say, tell
 
 if TYPE_CHECKING:
@@ -195,6 +195,14 @@ def explore_front(
         out_option("FILE.html", "File to write; by default DIR/explorer.html."),
     ] = None,
     wish: ChooseOption = None,
+    background: Annotated[
+        Path | None,
+        path_option(
+            "--background",
+            metavar="MAP.yaml",
+            help="Map of the site, as for ROS's map server, to draw behind the graph.",
+        ),
+    ] = None,
     open_page: OpenOption = False,
 ) -> None:
     """Write a page to walk along a front and compare its plans.
@@ -215,15 +223,18 @@ def explore_front(
         choice = solution.choose(*wish) if wish else None
     if choice is not None:
         tell(paragraph(choice.why))
-    write_page(solution, path, choice)
+    write_page(solution, path, choice, background)
     if open_page:
         open_in_browser(path)
 
 
-def write_page(solution: Solution, path: Path, choice: Choice | None) -> None:
+def write_page(
+    solution: Solution, path: Path, choice: Choice | None, background: Path | None = None
+) -> None:
     """Write the page of a solution, with a choice marked, and say so."""
     with failing():
-        solution.explore(path, wishes=() if choice is None else [choice])
+        wishes = () if choice is None else [choice]
+        solution.explore(path, wishes=wishes, background=background)
     tell(f"wrote {path}")
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+import os
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -15,16 +16,23 @@ from botohe_moo.decide import Choice, compare, knees, representatives
 from botohe_moo.decide.choosing import best
 from botohe_moo.decide.judging import N_SAMPLES, Candidates
 from botohe_moo.decide.wishes import Wish
-from botohe_moo.explorer.site import site_data
+from botohe_moo.explorer.site import picture_data, site_data
 from botohe_moo.explorer.texts import (
     bin_codes,
     bin_edges,
-    isolating,
     number_texts,
+    objective_texts,
     probability_codes,
+    sentence_writer,
 )
 from botohe_moo.mission.model import Mission
-from botohe_moo.outcomes import collect_probabilities, reach_probabilities, team_reach
+from botohe_moo.outcomes import (
+    Distribution,
+    collect_probabilities,
+    reach_probabilities,
+    team_reach,
+)
+from botohe_moo.plots.draw.background import read_background
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:
@@ -35,7 +43,11 @@ _N_REPRESENTATIVES = 5
 
 
 def page_data(
-    front: Solution, wishes: Iterable[str | Wish | Choice] = (), *, max_plans: int = MAX_PLANS
+    front: Solution,
+    wishes: Iterable[str | Wish | Choice] = (),
+    *,
+    background: str | os.PathLike[str] | None = None,
+    max_plans: int = MAX_PLANS,
 ) -> dict[str, Any]:
     """Compute the data of the page; plans are in order of ascending reward."""
     if not all(hasattr(front, name) for name in ("mission", "plans", "objectives")):
@@ -53,7 +65,7 @@ def page_data(
     kept_places = np.flatnonzero(np.isin(order, list(kept))).tolist()
     rows = order[thinned(front.objectives[order], kept_places, max_plans)].tolist()
     place = {row: i for i, row in enumerate(rows)}
-    isolate = isolating(mission.nodes)
+    write = sentence_writer(mission.nodes)
     marked = sorted({place[row] for _, row, *_ in marks})
     plans = [front.plans[row] for row in rows]
     # Differences in words between neighbours and between marked plans: all pairs are too many.
@@ -67,19 +79,20 @@ def page_data(
     )
     return {
         "name": mission.name,
-        "about": f"{counted(n_plans, 'plan')} by {front.algorithm}, {spent}; area {front.area:.4f}",
+        "about": f"{counted(n_plans, 'plan')} by {front.algorithm}, {spent}; area {front.area:.3f}",
         "thinned": note if len(rows) < n_plans else "",
         "robots": mission.robots,
         "total": mission.total_reward,
         **site_data(mission),
+        "background": picture_data(read_background(background, mission)),
         **_trails(mission, plans),
         **_plans(candidates, rows),
         "ids": rows,
         "marks": [
-            {"kind": kind, "plan": place[row], "name": isolate(name), "text": [*map(isolate, text)]}
+            {"kind": kind, "plan": place[row], "name": write(name), "text": [*map(write, text)]}
             for kind, row, name, *text in marks
         ],
-        "words": {f"{i}-{j}": tuple(map(isolate, texts)) for (i, j), texts in words.items()},
+        "words": {f"{i}-{j}": tuple(map(write, texts)) for (i, j), texts in words.items()},
     }
 
 
@@ -114,8 +127,9 @@ def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
         "trails": [tuple(node % n for node in trail) for trail in survival],
         "trail_survival": list(survival.values()),
         "trail_lengths": list(length.values()),
+        "trail_length_texts": number_texts(length.values()),
         "trail_rewards": rewards,
-        "trail_reward_texts": number_texts(rewards, mission.total_reward),
+        "trail_reward_texts": number_texts(rewards),
         "trail_codes": probability_codes(list(survival.values())),
         "plans": [[number[trail] for trail in plan.trails] for plan in plans],
     }
@@ -137,10 +151,17 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
     )
     if mission.arrays.kinds is None:  # it is what is reached
         collected = []
-    total = mission.total_reward
+    texts = objective_texts(objectives)
+    decimals = len(texts[0][0].partition(".")[2])
+    facts: dict[str, Callable[[Distribution], float]] = {
+        # Not 0.1 itself: the largest reward that is reached so often.
+        "Reward reached in 9 of 10 missions": lambda reward: reward.quantile(0.1 + 1e-9),
+        "Median reward": lambda reward: reward.quantile(0.5),
+        "Mean of the lowest tenth of rewards": lambda reward: reward.cvar(0.1),
+    }
     return {
         "objectives": objectives.tolist(),
-        "objective_texts": list(map(number_texts, objectives.T, (total, mission.robots))),
+        "objective_texts": texts,
         "reached": [probability_codes(values) for values in reach],
         "reached_values": [np.round(values, 6).tolist() for values in reach],
         "collected": [probability_codes(values) for values in collected],
@@ -151,15 +172,8 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
         "rewards_in": [bin_codes(found, edges) for found in rewards],
         "bins": [f"{low:g} to {high:g}" for low, high in pairwise(edges.tolist())],
         "facts": {
-            "Reward reached in 9 of 10 missions": number_texts(
-                # Not 0.1 itself: the largest reward that is reached so often.
-                (r.quantile(0.1 + 1e-9) for r in rewards),
-                total,
-            ),
-            "Median reward": number_texts((r.quantile(0.5) for r in rewards), total),
-            "Mean of the lowest tenth of rewards": number_texts(
-                (r.cvar(0.1) for r in rewards), total
-            ),
+            name: [f"{fact(found):.{decimals}f}" for found in rewards]
+            for name, fact in facts.items()
         },
         "simulated": [not found.exact for found in rewards],
         "n_samples": f"{N_SAMPLES:,}",

@@ -23,13 +23,17 @@ from botohe_moo.explorer.data import page_data
 if TYPE_CHECKING:
     from botohe_moo.solution import Solution
 
-SCRIPTS = ("data", "state", "front", "map", "site", "tables", "files", "main")
+SCRIPTS = ("data", "state", "front", "map", "site", "strips", "tables", "files", "main")
 _HEIGHT = 900  # pixels of a frame in a notebook
 _NOTEBOOK_PLANS = 100  # few, since a notebook keeps the page of each output
 
 
 def explore(
-    front: Solution, path: str | os.PathLike[str], *, wishes: Iterable[str | Wish | Choice] = ()
+    front: Solution,
+    path: str | os.PathLike[str],
+    *,
+    wishes: Iterable[str | Wish | Choice] = (),
+    background: str | os.PathLike[str] | None = None,
 ) -> Path:
     """Write a page on which to walk along a front, look at its plans and compare them.
 
@@ -45,6 +49,9 @@ def explore(
     wishes
         For each of them the plan that :func:`botohe_moo.decide.choose` chooses is marked; wishes
         that are joined by ``and`` are to be met together. A choice is marked as it is.
+    background
+        File of a map of the site, YAML as for ROS's map server, to draw faintly behind the graph.
+        Its origin and resolution are in the units of ``pos``.
 
     Returns
     -------
@@ -55,7 +62,8 @@ def explore(
     ------
     ValueError
         If there is no plan, a wish cannot be read, a choice is not of these plans, the ``pos`` of a
-        node is not two finite numbers, or the path ends otherwise.
+        node is not two finite numbers, the background cannot be read, there is one and not all
+        nodes have positions, or the path ends otherwise.
     OSError
         If the file cannot be written.
 
@@ -68,7 +76,7 @@ def explore(
     'front.html'
     """
     path = check_page_file(path)
-    replace_file(path, explorer_page(front, wishes=wishes).encode())
+    replace_file(path, explorer_page(front, wishes=wishes, background=background).encode())
     return path
 
 
@@ -80,7 +88,12 @@ def check_page_file(path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def explorer_page(front: Solution, *, wishes: Iterable[str | Wish | Choice] = ()) -> str:
+def explorer_page(
+    front: Solution,
+    *,
+    wishes: Iterable[str | Wish | Choice] = (),
+    background: str | os.PathLike[str] | None = None,
+) -> str:
     """Return the page that :func:`explore` writes, as text.
 
     Fronts of more than 500 plans are thinned: the plans stay that dominate the most area alone,
@@ -89,7 +102,7 @@ def explorer_page(front: Solution, *, wishes: Iterable[str | Wish | Choice] = ()
 
     Parameters
     ----------
-    front, wishes
+    front, wishes, background
         As for :func:`explore`, which also says what is raised.
 
     Examples
@@ -100,7 +113,7 @@ def explorer_page(front: Solution, *, wishes: Iterable[str | Wish | Choice] = ()
     >>> page[:15]
     '<!DOCTYPE html>'
     """
-    return render(front.mission.title, page_data(front, wishes))
+    return render(front.mission.title, page_data(front, wishes, background=background))
 
 
 def render(

@@ -10,7 +10,7 @@ from botohe_moo._base.files import replace_file
 from botohe_moo.decide.fronts import short_text
 from botohe_moo.explorer.page import check_page_file, render
 from botohe_moo.explorer.site import site_data
-from botohe_moo.explorer.texts import LITTLE, isolating, probability_codes
+from botohe_moo.explorer.texts import LITTLE, number_texts, probability_codes, sentence_writer
 from botohe_moo.mission.model import Mission
 from botohe_moo.underway import PlayedMission
 from botohe_moo.underway.played import PlayedStep
@@ -81,13 +81,14 @@ def replay_page(played: PlayedMission) -> str:
 def replay_data(played: PlayedMission) -> dict[str, Any]:
     """Compute the data of the page; its plans are those of the steps."""
     mission, steps = played.mission, played.steps
-    isolate = isolating(mission.nodes)
+    write = sentence_writer(mission.nodes)
     number = {trail: i for i, trail in enumerate(dict.fromkeys(t for s in steps for t in s.trails))}
     plans = [[number[trail] for trail in step.trails] for step in steps]
     price = f"a robot more costs {short_text(played.price)} reward"
     return {
-        "about": f"Mission {played.number} of seed {played.seed}: "
-        f"{POLICIES[played.policy]}; {price}",
+        "about": write(
+            f"Mission {played.number} of seed {played.seed}: {POLICIES[played.policy]}; {price}"
+        ),
         "robots": mission.robots,
         **site_data(mission),
         "trails": [[mission.index(node) for node in trail] for trail in number],
@@ -95,8 +96,8 @@ def replay_data(played: PlayedMission) -> dict[str, Any]:
         "at": [step.at for step in steps],
         "lost": [step.lost for step in steps],
         "reached": [_codes(mission, step) for step in steps],
-        "banked": [short_text(step.reward) for step in steps],
-        "said": [isolate(text) for text in played.sentences],
+        "banked": number_texts(step.reward for step in steps),
+        "said": [write(text) for text in played.sentences],
         "told": [
             i
             for i in range(1, len(steps))

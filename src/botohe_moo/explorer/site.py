@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import base64
+import io
 from contextlib import suppress
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
-from botohe_moo.explorer.texts import probability_codes, shown_names
+from botohe_moo._base.types import FloatArray
+from botohe_moo.explorer.texts import number_texts, probability_codes, shown_names
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.graphs import given_places
 from botohe_moo.mission.model import Mission
+from botohe_moo.plots.draw.background import Background
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.plots.draw.site import Site, only_some, site_of
 
@@ -28,13 +33,34 @@ def site_data(mission: Mission) -> dict[str, Any]:
         "labels": labels,
         "base": site.base,
         "rewards": mission.rewards.tolist(),
-        "reward_texts": [f"{reward:g}" for reward in mission.rewards.tolist()],
+        "reward_texts": number_texts(mission.rewards.tolist()),
         "places": places.tolist(),
         "pos": None if pos == places.tolist() else pos,  # None: the same as the places
         "placing": "".join(f"{note[0].upper()}{note[1:]}." for note in layout_notes(mission)),
         "arcs": [site.tail.tolist(), site.head.tolist(), probability_codes(site.safest)],
+        # For what is drawn along trails; each is exact to what a picture can show.
+        "arc_lengths": _seven_digits(site.length),
+        "arc_survival": [*map(_seven_digits, site.survival)],
         **_kinds(mission, site),
     }
+
+
+def _seven_digits(values: FloatArray) -> list[float]:
+    return [float(f"{value:.7g}") for value in values]
+
+
+def picture_data(background: Background | None) -> dict[str, Any] | None:
+    """Return a map behind the graph as a picture, and where it lies: left, right, bottom, top.
+
+    It is grey, and the more transparent the lighter the map, so that it suits dark pages too.
+    """
+    if background is None:
+        return None
+    shade = np.round(127 * background.shares).astype(np.uint8)  # half of black: it is to be faint
+    pixels, file = np.stack([np.full_like(shade, 128), shade], axis=2), io.BytesIO()
+    Image.fromarray(pixels, "LA").save(file, "PNG", optimize=True)
+    picture = base64.b64encode(file.getvalue()).decode()
+    return {"href": f"data:image/png;base64,{picture}", "extent": background.extent}
 
 
 def _kinds(mission: Mission, site: Site) -> dict[str, Any]:

@@ -4,6 +4,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Sequence
+from itertools import pairwise
 from unicodedata import bidirectional
 
 import numpy as np
@@ -13,8 +14,10 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.decide.wishes import label_text
 from botohe_moo.outcomes import Distribution
 
-_SIGNIFICANT = 5  # digits of the largest number of a kind
+DIGITS = 3  # of the largest number of a kind; the same number of decimals for probabilities
 _MAX_BINS = 12
+# Not in a wish, which says what someone asked for.
+_NUMBER = re.compile(r'"(?:[^"\\]|\\.)*"|(?<![\w.])(?<!= )(?P<number>\d+\.\d+(?:e[+-]\d+)?)(?!\w)')
 LITTLE, NEARLY = 1001, 1002  # codes of probabilities that would round to 0 and to 1
 
 
@@ -28,8 +31,12 @@ def shown_names(nodes: Sequence[Hashable]) -> list[str]:
     ]
 
 
-def isolating(nodes: Sequence[Hashable]) -> Callable[[str], str]:
-    """Return a function that isolates labels written from right to left in a sentence."""
+def sentence_writer(nodes: Sequence[Hashable]) -> Callable[[str], str]:
+    """Return a function that writes a sentence as the page shows it.
+
+    Its numbers have three digits, except in wishes, and labels written from right to left are
+    isolated.
+    """
     labels = [
         label
         for label in map(label_text, nodes)
@@ -37,18 +44,43 @@ def isolating(nodes: Sequence[Hashable]) -> Callable[[str], str]:
     ]
     longest_first = sorted(map(re.escape, labels), key=len, reverse=True)
     pattern = re.compile("|".join(longest_first) or "(?!)")
-    return lambda text: pattern.sub("\u2068\\g<0>\u2069", text)
+    return lambda text: pattern.sub("\u2068\\g<0>\u2069", _NUMBER.sub(_shortened, text))
 
 
-def number_texts(values: Iterable[float], scale: float) -> list[str]:
-    """Write numbers with the decimals that show five digits of their scale.
+def _shortened(found: re.Match[str]) -> str:
+    """Write a number with three digits; labels in quotes stay as they are."""
+    if found["number"] is None:
+        return found[0]
+    value = float(found["number"])
+    return f"{value:.{DIGITS}g}" if value < 10**DIGITS - 0.5 else f"{value:.0f}"
 
-    >>> number_texts([1.5], 13.07), number_texts([1.5], 3), number_texts([0], 0)
-    (['1.500'], ['1.5000'], ['0.0000'])
+
+def number_texts(values: Iterable[float], digits: int = DIGITS) -> list[str]:
+    """Write numbers with as many decimals as show some digits of the largest, if they need them.
+
+    >>> number_texts([1.5, 13.07]), number_texts([1 / 3, 1, 2]), number_texts([2, 3, 1250.4])
+    (['1.5', '13.1'], ['0.33', '1.00', '2.00'], ['2', '3', '1250'])
     """
-    size = math.floor(math.log10(scale)) if scale > 0 else 0
-    decimals = min(max(_SIGNIFICANT - 1 - size, 0), 12)
-    return [f"{value:.{decimals}f}" for value in values]
+    listed = [float(value) for value in values]
+    largest = max(map(abs, listed), default=0.0)
+    size = math.floor(math.log10(largest)) if largest > 0 else 0
+    texts = [f"{value:.{min(max(digits - 1 - size, 0), 12)}f}" for value in listed]
+    ends = [text.partition(".")[2].rstrip("0") for text in texts]
+    decimals = max(map(len, ends), default=0)
+    return [f"{float(text):.{decimals}f}" for text in texts]
+
+
+def objective_texts(objectives: FloatArray) -> list[list[str]]:
+    """Write objectives (n, 2) of a front as columns: with a fourth digit if neighbours need it.
+
+    >>> objective_texts(np.array([[1.0, 2.0], [2.001, 1.5]]))
+    [['1', '2'], ['2.0', '1.5']]
+    """
+    for digits in (DIGITS, DIGITS + 1):
+        columns = [number_texts(column.tolist(), digits) for column in objectives.T]
+        if all(one != other for one, other in pairwise(zip(*columns, strict=True))):
+            break
+    return columns
 
 
 def probability_codes(values: ArrayLike) -> list[int]:

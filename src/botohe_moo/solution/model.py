@@ -194,7 +194,11 @@ class Solution:
         )
 
     def explore(
-        self, path: str | os.PathLike[str], *, wishes: Iterable[str | Wish | choosing.Choice] = ()
+        self,
+        path: str | os.PathLike[str],
+        *,
+        wishes: Iterable[str | Wish | choosing.Choice] = (),
+        background: str | os.PathLike[str] | None = None,
     ) -> Path:
         """Write a page on which to walk along the front, look at its plans and compare them.
 
@@ -202,7 +206,7 @@ class Solution:
         """
         from botohe_moo.explorer import explore
 
-        return explore(self, path, wishes=wishes)
+        return explore(self, path, wishes=wishes, background=background)
 
     def _repr_html_(self) -> str | None:
         """Show the page of ``explore``, of 100 plans at most, in a notebook; None without plans."""

@@ -15,6 +15,13 @@ function probability(code) {
   return code === NEARLY ? ">0.999" : (code / 1000).toFixed(3);
 }
 
+/** The code of a probability. */
+function codeOf(value) {
+  const code = Math.round(1000 * value);
+  if (code === 0 && value > 0) return LITTLE;
+  return code === 1000 && value < 1 - 1e-7 ? NEARLY : code;
+}
+
 /** A number in [0, 1] to draw by. */
 function share(code) {
   if (code === LITTLE) return 0.0005;
@@ -26,7 +33,26 @@ const ascending = (a, b) => a - b;
 const kindOf = (robot) => data.kinds[data.kind_of[robot]]; // undefined where all robots are of one kind
 const robotName = (robot) => (data.kinds.length ? `${kindOf(robot)} ${robot}` : String(robot));
 const robotText = (robot) => (data.kinds.length ? robotName(robot) : `robot ${robot}`);
+/** A length with as many decimals as those of trails. */
+const lengthOf = (value) => value.toFixed(data.trail_length_texts[0].split(".")[1]?.length ?? 0);
 const whereStays = (trail) => (trail[0] === data.base ? "base" : isolated(data.names[trail[0]]));
+
+/** How far a robot has come at each node of its trail, and how likely it is alive there. */
+function journeyOf(plan, robot) {
+  const [tails, heads] = data.arcs;
+  const key = (tail, head) => tail * data.names.length + head;
+  journeyOf.arcs ??= new Map(tails.map((tail, arc) => [key(tail, heads[arc]), arc]));
+  const alive = data.arc_survival[data.kind_of[robot] ?? 0];
+  let [length, survival] = [0, 1];
+  return trailsOf(plan)[robot].map((node, i, trail) => {
+    if (i > 0) {
+      const arc = journeyOf.arcs.get(key(trail[i - 1], node));
+      length += data.arc_lengths[arc];
+      survival *= alive[arc];
+    }
+    return { node, length, survival, isFirst: trail.indexOf(node) === i };
+  });
+}
 
 /** Codes of a probability of the nodes on the plan's trails, such as to be reached, or its values to six decimals. */
 function reachOf(plan, as = "reached") {

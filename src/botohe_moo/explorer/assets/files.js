@@ -2,7 +2,8 @@
 
 const WRITERS = { json: planJson, csv: planCsv, geojson: planGeojson, svg: viewSvg };
 const INLINED = ["fill", "fill-opacity", "stroke", "stroke-width", "stroke-opacity", "stroke-dasharray",
-  "stroke-linejoin", "opacity", "font-size", "font-family", "font-weight", "text-anchor", "paint-order"];
+  "stroke-linejoin", "opacity", "font-size", "font-family", "font-weight", "text-anchor", "paint-order",
+  "vector-effect"];
 
 const labelsOf = (trail) => trail.map((node) => data.labels[node]);
 const positionOf = (node) => (data.pos ?? data.places)[node];
@@ -70,7 +71,9 @@ function viewSvg() {
     .attr("fill", plain(style.color))
     .text(`${isolated(document.querySelector("h1").textContent)}: ${byId("at-hand").firstChild.textContent}`);
   both.forEach((svg, i) => {
-    const part = view.append("g").attr("transform", `translate(${i * (front.width + 24)},34)`);
+    const { width, height } = svg.viewBox.baseVal;
+    const part = view.append("svg").attr("x", i * (front.width + 24)).attr("y", 34).attr("width", width)
+      .attr("height", height); // which cuts a map behind the graph off
     if (i && byId("ground").width > 0 && data.arcs[0].length > MANY) {
       part.append("image").attr("href", byId("ground").toDataURL()).attr("width", map.width).attr("height", map.height);
     }

@@ -13,7 +13,7 @@ class FrontChart {
   }
 
   resize(width) {
-    const height = Math.round(Math.min(Math.max(0.7 * width, 250), 440));
+    const height = Math.round(Math.min(0.7 * width, 440) * (width < 480 ? 0.75 : 1)); // the map is to be seen with it
     const [left, right, top, bottom] = [58, 16, 14, 44];
     const extent = (column, low, high) => {
       const [least, most] = d3.extent(data.objectives, (point) => point[column]);

@@ -15,6 +15,7 @@ function render(walking = false) {
   byId("pin").textContent = state.pins.includes(plan) ? "Unpin" : "Pin";
   showAnimate(plan);
   tellNode(tellNode.node ?? null); // of this plan
+  tellUnnamed();
   if (preview === null) say(said);
   cancelAnimationFrame(render.later);
   if (walking) render.later = requestAnimationFrame(() => setTimeout(renderTables));
@@ -24,9 +25,11 @@ function render(walking = false) {
 function renderTables() {
   const plan = preview ?? state.plan;
   showRobots(plan, alone);
+  showStrips(plan);
   showComparison(plan);
   showNodes(plan);
   showPinned(go, togglePin);
+  showMarks(plan);
   const faults = FILE_BUTTONS.map((button) => missing(plan, button.dataset.file));
   FILE_BUTTONS.forEach((button, i) => enable(button, faults[i] === ""));
   byId("no-files").textContent = [...new Set(faults)].join(" ").trim();
@@ -121,7 +124,8 @@ function restore() {
 function toggleAnimation() {
   const ended = () => { stopAnimation = null; showAnimate(state.plan); };
   if (stopAnimation) return stopAnimation();
-  stopAnimation = map.animate((moment) => { byId("moment").textContent = moment; }, ended);
+  const tell = (gone, longest) => { byId("moment").textContent = `length ${lengthOf(gone)} of ${lengthOf(longest)}`; };
+  stopAnimation = animate([map, ...showPinned.maps], tell, ended);
   return showAnimate(state.plan);
 }
 
@@ -175,6 +179,10 @@ function nodeText(node) {
 function resize() {
   front.resize(Math.max(byId("front").parentElement.clientWidth, 200));
   front.sift();
+  const strips = byId("strips");
+  const columns = getComputedStyle(strips).gridTemplateColumns.split(" ");
+  showStrips.width = Math.max(parseFloat(columns[0]), 200);
+  strips.replaceChildren(); // they have the width of before
   zoom(1);
 }
 

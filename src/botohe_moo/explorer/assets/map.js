@@ -3,11 +3,13 @@
 const DASHES = ["", "12 4", "5 3", "12 3 3 3", "3 2"];
 const MANY = 1500; // arcs from which the ground is drawn on a canvas
 const SHADES = 6; // of arcs, by danger
-const FAINTEST = 0.6; // opacity of the safest arcs
+const DARKEST = 0.5; // opacity of the band of the most dangerous arcs
 const MOST_PIXELS = 16e6; // of the canvas, which browsers limit
 const ROUND = 15; // the diameter of what a number or a letter is in
 const TRIANGLE = "M0,-1L1,1H-1Z", TURNS = [0, 180, 270, 90]; // of kinds, since several may start at one node
 const HOPS_LAST = 12_000; // milliseconds that an animation takes at most
+const CELL = 4; // pixels of the cells in which names look for room
+const BESIDE = 1, CROSSED = 20, TAKEN = 10_000; // what a cell costs with an arc, a trail, a node or a name in it
 
 const colourOf = (kind) => `var(--robot-${kind % 10})`;
 
@@ -45,9 +47,8 @@ class SiteMap {
   constructor(svg, canvas = null) {
     this.svg = d3.select(svg);
     this.canvas = canvas;
-    for (const layer of ["shades", "arcs", "ends", "trails", "rings", "nodes", "names", "badges", "robots"]) {
-      this[layer] = this.svg.append("g").attr("class", layer);
-    }
+    for (const layer of ["floor", "shades", "arcs", "ends", "trails", "rings", "nodes", "spot", "names", "badges",
+      "robots"]) this[layer] = this.svg.append("g").attr("class", layer);
   }
 
   resize(width, small = false) {
@@ -57,10 +58,11 @@ class SiteMap {
     const height = width * Math.min(Math.max(high / (wide || high || 1), 0.35), 1.05);
     const scale = wide + high
       ? Math.min((width - 2 * margin) / (wide || 1e-9), (height - 2 * margin) / (high || 1e-9)) : 0;
-    this.at = data.places.map(([x, y]) => [
+    const place = ([x, y]) => [
       width / 2 + scale * (x - (xs[0] + xs[1]) / 2),
       height / 2 - scale * (y - (ys[0] + ys[1]) / 2), // y points up on a map
-    ]);
+    ];
+    this.at = data.places.map(place);
     Object.assign(this, { width, height, small });
     this.svg.attr("viewBox", `0 0 ${width} ${height}`);
     const radius = this.nodeRadius();
@@ -69,10 +71,21 @@ class SiteMap {
       node === data.base ? Math.max(1.1 * radius, this.small ? 3 : 5.5)
         : radius * (0.5 + 0.7 * Math.sqrt(reward / most)));
     this.lane = Math.min(Math.max(0.42 * radius, 1.3), 3.4);
+    this.band = 4.8 * this.lane; // wider than trails in both directions
+    this.drawFloor(place);
     this.drawGround();
     this.drawKinds();
     this.drawNodes();
-    if (!small) this.drawNames();
+    if (!small) this.measureNames();
+  }
+
+  /** The map of the site behind the graph. */
+  drawFloor(place) {
+    if (!data.background) return;
+    const { href, extent: [left, right, low, high] } = data.background;
+    const [[x, y], [far, down]] = [place([left, high]), place([right, low])];
+    this.floor.selectAll("image").data([href]).join("image").attr("href", String).attr("preserveAspectRatio", "none")
+      .attr("x", x).attr("y", y).attr("width", far - x).attr("height", down - y);
   }
 
   /** Nodes are as large as the narrower places allow. */
@@ -84,27 +97,27 @@ class SiteMap {
     return Math.min(Math.max(0.34 * d3.quantile(nearest, 0.2), least), most);
   }
 
-  /** All arcs; both directions are one line where they are equally dangerous. */
+  /** All arcs, on bands that are the darker the more dangerous; both directions share one if they are the same. */
   drawGround() {
     const [tails, heads, codes] = data.arcs;
     const danger = new Map(tails.map((tail, i) => [`${tail} ${heads[i]}`, 1 - share(codes[i])]));
     const most = d3.max(danger.values()) || 1;
-    const paths = Array.from({ length: SHADES }, () => []);
+    const [lines, bands] = [[], Array.from({ length: 2 * SHADES }, () => [])];
     tails.forEach((tail, i) => {
       const [head, own] = [heads[i], danger.get(`${tail} ${heads[i]}`)];
       const same = own === danger.get(`${head} ${tail}`);
       if (same && tail > head) return;
-      const [from, to] = this.hop(tail, head, same ? 0 : 0.5 * this.lane);
-      const oneWay = !danger.has(`${head} ${tail}`);
-      const drawn = line([from, to]) + (oneWay ? arrowHead([from, to], this.small ? 3 : 5) : "");
-      paths[Math.min(Math.floor((SHADES * own) / most), SHADES - 1)].push(drawn);
+      const way = this.hop(tail, head, same ? 0 : this.band / 4);
+      const isOneWay = !danger.has(`${head} ${tail}`);
+      lines.push(line(way) + (isOneWay ? arrowHead(way, this.small ? 3 : 5) : ""));
+      bands[Math.min(Math.floor((SHADES * own) / most), SHADES - 1) + (same ? 0 : SHADES)].push(line(way));
     });
-    const shades = paths.map((found, shade) => ({ d: found.join(""), opacity: FAINTEST + 0.08 * shade }));
-    const scale = (this.small ? 0.6 : 1) * (tails.length > 400 ? 0.8 : 1.4);
-    const wide = ({ opacity }) => scale * (0.7 + 1.5 * (opacity - FAINTEST)); // less than trails
+    const drawn = bands.map((ways, i) => ({ d: ways.join(""), opacity: (DARKEST * (i % SHADES)) / (SHADES - 1),
+      wide: i < SHADES ? this.band : this.band / 2 }));
+    drawn.push({ d: lines.join(""), opacity: 0.6, wide: this.small ? 0.5 : 0.9 });
     if (this.canvas === null || tails.length <= MANY) {
-      this.arcs.selectAll("path").data(shades).join("path").attr("d", (shade) => shade.d)
-        .attr("stroke-opacity", (shade) => shade.opacity).attr("stroke-width", wide);
+      this.arcs.selectAll("path").data(drawn).join("path").attr("d", (one) => one.d)
+        .attr("stroke-opacity", (one) => one.opacity).attr("stroke-width", (one) => one.wide);
       return;
     }
     const dots = Math.min(window.devicePixelRatio || 1, Math.sqrt(MOST_PIXELS / (this.width * this.height)));
@@ -113,16 +126,16 @@ class SiteMap {
     const pen = this.canvas.getContext("2d");
     pen.scale(dots, dots);
     pen.strokeStyle = getComputedStyle(this.canvas).getPropertyValue("--arc");
-    for (const shade of shades) {
-      Object.assign(pen, { globalAlpha: shade.opacity, lineWidth: wide(shade) });
-      pen.stroke(new Path2D(shade.d));
+    for (const { d, opacity, wide } of drawn) {
+      Object.assign(pen, { globalAlpha: opacity, lineWidth: wide });
+      pen.stroke(new Path2D(d));
     }
   }
 
   /** What only some kinds can take or collect in their colours, where they start and end, and what pays on return. */
   drawKinds() {
     const shades = data.only.flatMap(([kinds, arcs, nodes]) => kinds.map((kind, i) => {
-      const wide = 3.4 * this.lane / kinds.length;
+      const wide = 1.5 * this.band / kinds.length; // more than the band of danger
       const aside = (i - (kinds.length - 1) / 2) * wide;
       const ways = arcs.map((arc) => [data.arcs[0][arc], data.arcs[1][arc]]);
       const known = new Set(ways.map(String));
@@ -171,29 +184,50 @@ class SiteMap {
     this.marked = this.nodes.selectAll("circle, rect").nodes();
   }
 
-  /** Names where there is room for them, those of much reward first. */
-  drawNames() {
+  /** Where names may be, the places preferred first, and which room nodes and arcs take. */
+  measureNames() {
     const pen = document.createElement("canvas").getContext("2d");
     pen.font = "11px sans-serif";
+    this.names.selectAll("*").remove();
+    this.texts = data.names.map((name) => shortened(name, 18));
     const marked = new Map([...data.rings.map((node) => [node, 3]), ...data.ends.flat().map((node) => [node, 5])]);
-    const rooms = this.size.map((size, node) => size + (marked.get(node) ?? 0));
-    const taken = this.at.map((at, node) => box(at, rooms[node], rooms[node]));
-    const found = [];
-    const order = d3.sort(d3.range(taken.length), (node) => (node === data.base ? -Infinity : -data.rewards[node]));
-    for (const node of order) {
-      const text = shortened(data.names[node], 18);
-      const [half, away, [x, y]] = [pen.measureText(text).width / 2 + 2, rooms[node] + 2, this.at[node]];
-      const around = [[x + away + half, y], [x - away - half, y], [x, y - away - 7], [x, y + away + 7]];
-      const free = around.map((at) => ({ text, at, box: box(at, half, 7) })).find((name) =>
-        name.box[0] > 0 && name.box[2] < this.width
-        && !taken.some((other, i) => i !== node && overlap(name.box, other)));
-      if (!free) continue;
-      taken.push(free.box);
-      found.push(free);
+    const sizes = this.size.map((size, node) => size + (marked.get(node) ?? 0));
+    this.places = this.at.map(([x, y], node) => {
+      const [half, away] = [pen.measureText(this.texts[node]).width / 2 + 2, sizes[node] + 2];
+      const [side, above, beside, over] = [away + half, away + 6, 0.6 * away + half, 0.6 * away + 6];
+      return [[side, 0], [-side, 0], [0, -above], [0, above],
+        [beside, -over], [beside, over], [-beside, -over], [-beside, over],
+        [half, -above], [half, above], [-half, -above], [-half, above]]
+        .map(([right, down]) => box([x + right, y + down], half, 6))
+        .filter((part) => part[0] > 0 && part[1] > 0 && part[2] < this.width && part[3] < this.height);
+    });
+    this.order = d3.sort(d3.range(this.at.length), (node) => (node === data.base ? -Infinity : -data.rewards[node]));
+    this.room = new Room(this.width, this.height);
+    data.arcs[0].forEach((tail, i) => this.room.trace(this.at[tail], this.at[data.arcs[1][i]], BESIDE));
+    this.at.forEach((at, node) => this.room.take(box(at, sizes[node], sizes[node])));
+  }
+
+  /** Names where there is room, those of much reward first, and beside trails and arcs as far as possible. */
+  drawNames() {
+    const room = this.filled = this.room.copy();
+    for (const { hops } of this.ways) for (const [from, to] of hops) room.trace(from, to, CROSSED);
+    this.named = [];
+    for (const node of this.order) {
+      const best = { cost: TAKEN };
+      for (const [i, part] of this.places[node].entries()) {
+        const cost = room.cost(part, best.cost - i / 20) + i / 20;
+        if (cost < best.cost) Object.assign(best, { node, cost, box: part });
+        if (best.cost < 1) break;
+      }
+      if (best.cost >= TAKEN) continue;
+      room.take(best.box);
+      this.named.push(best);
     }
-    this.named = found;
-    this.names.selectAll("text").data(found).join("text").attr("text-anchor", "middle").attr("dy", "0.35em")
-      .attr("x", (name) => name.at[0]).attr("y", (name) => name.at[1]).text((name) => name.text);
+    this.names.selectAll("text").data(this.named, (name) => name.node).join((enter) => enter.append("text")
+      .attr("text-anchor", "middle").attr("dy", "0.35em").text((name) => this.texts[name.node]))
+      .filter(function isElsewhere(name) { return this.box !== name.box; }) // few, and each costs
+      .property("box", (name) => name.box)
+      .attr("transform", ({ box: [left, top, right, bottom] }) => `translate(${(left + right) / 2},${(top + bottom) / 2})`);
   }
 
   show(plan, robot = null) {
@@ -201,8 +235,8 @@ class SiteMap {
     const styles = stylesOf(trails);
     const faint = (way) => robot !== null && way.robot !== robot;
     this.fillNodes(reachOf(plan));
-    this.drawWays(trails.map((trail, i) =>
-      ({ robot: i, trail, label: robotName(i), look: faint({ robot: i }) ? "faint" : "", ...styles[i] })));
+    this.drawWays(trails.map((trail, i) => ({ robot: i, trail, journey: journeyOf(plan, i),
+      label: this.small ? String(i) : robotName(i), look: faint({ robot: i }) ? "faint" : "", ...styles[i] })));
     if (!this.small) this.showBadges(this.ways, faint);
     const said = trails.map((trail, i) =>
       `${robotText(i)} ${trail.length > 1 ? `visits ${new Set(trail).size - 1} nodes` : `stays at ${whereStays(trail)}`}`);
@@ -225,12 +259,23 @@ class SiteMap {
     const hops = this.layOut(ways.map((way) => way.trail));
     this.ways = ways.map((way, i) => ({ ...way, hops: hops[i] })).filter((way) => way.hops.length);
     const wide = this.small ? 1.3 : Math.min(Math.max(this.lane * 0.75, 2), 2.4);
+    const edged = data.arcs[0].length > MANY ? [] : this.ways; // which takes long where trails are long
+    this.trails.selectAll("path.edge").data(edged).join("path").attr("class", (way) => `edge ${way.look}`)
+      .attr("d", (way) => line(way.hops.flat())).attr("stroke-width", wide + (this.small ? 1 : 1.8))
+      .attr("stroke-dasharray", (way) => way.dash);
     this.trails.selectAll("path.trail").data(this.ways).join("path").attr("class", (way) => `trail ${way.look}`)
       .attr("d", (way) => line(way.hops.flat())).attr("stroke-width", wide)
       .attr("stroke-dasharray", (way) => way.dash).style("stroke", (way) => way.colour);
     this.trails.selectAll("path.heads").data(this.ways).join("path").attr("class", (way) => `heads ${way.look}`)
       .attr("d", (way) => way.hops.map((hop) => arrowHead(hop, 1.6 * wide + 2)).join(""))
       .style("fill", (way) => way.colour);
+    if (!this.small) this.drawNames();
+  }
+
+  /** Show where a node is. */
+  point(node) {
+    this.spot.selectAll("circle").data(node === null ? [] : [node]).join("circle").attr("r", (one) => this.size[one] + 6)
+      .attr("cx", (one) => this.at[one][0]).attr("cy", (one) => this.at[one][1]);
   }
 
   /** The hops of each robot as pairs of points; robots on the same arc go side by side. */
@@ -247,7 +292,7 @@ class SiteMap {
     }));
   }
 
-  /** A number on each trail: on a long arc that few use, where it covers no name and no other number. */
+  /** A number on each trail: on a long arc that few use, where it covers no name, node or other number. */
   showBadges(drawn, faint) {
     const taken = [];
     const badges = drawn.map((way) => {
@@ -256,7 +301,7 @@ class SiteMap {
         const own = box(at, labelWidth(way.label) / 2 + 1.5, 9);
         const flat = ([x, y]) => [x * ROUND / labelWidth(way.label), y];
         const covered = d3.sum([...taken, this.at[data.base]], (other) => apart(flat(other), flat(at)) < 17)
-          + d3.sum(this.named, (name) => overlap(name.box, own));
+          + (this.filled.cost(own, TAKEN) >= TAKEN);
         return { at, good: apart(from, to) - 10_000 * covered - 100 * this.used.get(tie) };
       });
       const { at } = d3.greatest(middles, (middle) => middle.good);
@@ -266,26 +311,15 @@ class SiteMap {
     markers(this.badges, badges, (way) => `translate(${way.at})`).classed("faint", faint);
   }
 
-  /** Move the robots along their trails; gives a function that stops them. */
-  animate(say, ended) {
-    const longest = d3.max(this.ways, (way) => way.hops.length);
-    const [still, pace] = [isStill(), paceOf(longest)];
-    const timer = d3.timer((elapsed) => {
-      const time = still ? Math.floor(elapsed / pace) : elapsed / pace;
-      if (time > longest) return stop();
-      say(`arc ${Math.min(Math.floor(time) + 1, longest)} of ${longest}`);
-      return markers(this.robots, this.ways, ({ hops }) => {
-        const [from, to] = hops[Math.min(Math.floor(time), hops.length - 1)];
-        const part = still || time >= hops.length ? 1 : time % 1;
-        return `translate(${from[0] + part * (to[0] - from[0])},${from[1] + part * (to[1] - from[1])})`;
-      });
+  /** Draw each robot where it is when it has come so far, or at the node before that. */
+  drawRobots(gone, atNodes) {
+    markers(this.robots, this.ways, ({ hops, journey }) => {
+      const i = d3.bisector((visit) => visit.length).right(journey, gone) - 1;
+      if (i >= hops.length) return `translate(${hops.at(-1)[1]})`;
+      const part = atNodes ? 0 : (gone - journey[i].length) / (journey[i + 1].length - journey[i].length);
+      const [[x, y], [a, b]] = hops[i];
+      return `translate(${x + part * (a - x)},${y + part * (b - y)})`;
     });
-    const stop = () => {
-      timer.stop();
-      this.robots.selectAll("*").remove();
-      ended();
-    };
-    return stop;
   }
 
   /** The arc that the pointer is on, as the places of its nodes. */
@@ -302,6 +336,67 @@ class SiteMap {
     const node = d3.leastIndex(this.at, (place) => apart(place, at));
     return apart(this.at[node], at) < 20 ? node : null;
   }
+}
+
+/** What stands where on a map, as costs of cells. */
+class Room {
+  constructor(width, height, cells = null) {
+    Object.assign(this, { width, height, columns: Math.ceil(width / CELL) });
+    this.cells = cells ?? new Uint16Array(this.columns * Math.ceil(height / CELL));
+  }
+
+  copy() {
+    return new Room(this.width, this.height, this.cells.slice());
+  }
+
+  trace(from, to, cost) {
+    const n = Math.ceil(apart(from, to) / CELL) || 1;
+    for (let i = 0; i <= n; i += 1) {
+      const [x, y] = [0, 1].map((axis) => from[axis] + (i / n) * (to[axis] - from[axis]));
+      const cell = Math.floor(y / CELL) * this.columns + Math.floor(x / CELL);
+      if (this.cells[cell] < cost) this.cells[cell] = cost;
+    }
+  }
+
+  /** The rows of the cells of a box: where they begin and end. */
+  rows(part) {
+    const [left, top, right, bottom] = part.map((pixels) => Math.max(Math.round(pixels / CELL), 0));
+    return d3.range(top, bottom).map((row) =>
+      [row * this.columns + left, row * this.columns + Math.min(right, this.columns)]);
+  }
+
+  take(part) {
+    for (const [from, to] of this.rows(part)) this.cells.fill(TAKEN, from, to);
+  }
+
+  /** What a box costs, or more than the limit. */
+  cost(part, limit) {
+    let sum = 0;
+    for (const [from, to] of this.rows(part)) {
+      for (let cell = from; cell < to; cell += 1) sum += this.cells[cell];
+      if (sum > limit) break;
+    }
+    return sum;
+  }
+}
+
+/** Let robots on maps of plans move, all as fast as each other; gives a function that stops them. */
+function animate(maps, say, ended) {
+  const ways = maps.flatMap((one) => one.ways);
+  const [hops, longest] = [d3.max(ways, (way) => way.hops.length), d3.max(ways, (way) => way.journey.at(-1).length)];
+  const [still, pace] = [isStill(), paceOf(hops)];
+  const timer = d3.timer((elapsed) => {
+    const time = (still ? Math.floor(elapsed / pace) : elapsed / pace) / hops;
+    if (time > 1) return stop();
+    say(time * longest, longest);
+    return maps.forEach((one) => one.drawRobots(time * longest, still));
+  });
+  const stop = () => {
+    timer.stop();
+    for (const one of maps) one.robots.selectAll("*").remove();
+    ended();
+  };
+  return stop;
 }
 
 /** Circles with a number or a letter, wider for names: robots in their colours, and pins. */
@@ -329,7 +424,6 @@ const fromLine = ([x, y], [a, b], [c, d]) => {
   const on = Math.min(Math.max(part, 0), 1);
   return Math.hypot(x - a - on * (c - a), y - b - on * (d - b));
 };
-const overlap = (a, b) => a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
 
 /** A triangle on the way, beyond its middle; none where it would be larger than the way. */
 function arrowHead([from, to], size) {

@@ -94,6 +94,7 @@ function render() {
   byId("said").textContent = data.said[step];
   showRobots();
   tellNode(tellNode.node ?? null);
+  tellUnnamed();
   const walk = byId("walk");
   walk.max = last();
   walk.value = step;

@@ -17,6 +17,7 @@ function complain(fault) {
 /** Tell what there is to say of a node, or of an arc if there is no node near the pointer. */
 function tellNode(node, arc = null) {
   tellNode.node = node;
+  map.point(node);
   if (node === null) return byId("node").replaceChildren(...(arc === null ? [] : arcText(arc)));
   const note = data.node_notes[node] ? `; ${data.node_notes[node]}` : "";
   return byId("node").replaceChildren(nodeName(node),
@@ -50,10 +51,14 @@ function zoom(factor) {
   frame.scrollTo(x * ratio - frame.clientWidth / 2, y * ratio - frame.clientHeight / 2);
   enable(byId("smaller"), zoom.factor > 1);
   enable(byId("larger"), zoom.factor < 8);
+  render();
+}
+
+/** Tell how many names are not on the map. */
+function tellUnnamed() {
   const [all, unnamed] = [data.names.length, data.names.length - map.named.length];
   byId("unnamed").textContent = unnamed === 0 ? ""
     : `Names of ${unnamed} of ${all} nodes have no room on the map: point at a node to read it.`;
-  render();
 }
 
 /** Unpack the data, show what all pages say of the site, and let the page fill in the rest. */
@@ -66,6 +71,9 @@ async function openPage(fill) {
   byId("about").textContent = data.about;
   byId("placing").textContent = data.placing;
   byId("kinds").textContent = data.key;
+  const [safe, risky] = [d3.max, d3.min].map((of) => of(data.arcs[2], share));
+  byId("safest").textContent = probability(data.arcs[2].find((code) => share(code) === safe));
+  byId("riskiest").textContent = probability(data.arcs[2].find((code) => share(code) === risky));
   byId("key").open = !window.matchMedia("(max-width: 30rem)").matches;
   byId("main").hidden = false;
   map = new SiteMap(byId("map"), byId("ground"));

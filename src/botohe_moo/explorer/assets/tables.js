@@ -31,14 +31,23 @@ function symbol(kind) {
   return svg.node();
 }
 
-/** The marked plans as buttons, each once. */
+/** The marked plans, each once, from the most survivors to the most reward; rows lead to them. */
 function listMarks(go) {
   const plans = d3.sort(d3.group(data.marks, (mark) => mark.plan), ([plan]) => plan);
-  byId("marks").replaceChildren(...plans.map(([plan, marks]) => {
+  const head = [columnHead("plan", false), columnHead("reward"), columnHead("survivors"), columnHead("marked as", false)];
+  const rows = plans.map(([plan, marks]) => {
     const kind = (marks.find((mark) => SYMBOLS[mark.kind]) ?? marks[0]).kind;
-    const said = `${title(plan)}: ${marks.map((mark) => mark.name).join("; ")}`;
-    return make("li", {}, make("button", { type: "button", onclick: () => go(plan) }, symbol(kind), said));
-  }));
+    const button = make("button", { type: "button" }, symbol(kind), title(plan));
+    return make("tr", { "data-plan": plan, onclick: () => go(plan) }, rowHead(button), cell(rewardOf(plan)),
+      cell(survivorsOf(plan)), make("td", {}, marks.map((mark) => mark.name).join("; ")));
+  });
+  byId("marks").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
+}
+
+function showMarks(plan) {
+  for (const row of byId("marks").tBodies[0].rows) {
+    row.querySelector("button").setAttribute("aria-current", String(Number(row.dataset.plan) === plan));
+  }
 }
 
 /** The robots of a plan with their trails, and beside the map a button for each. */
@@ -48,14 +57,16 @@ function showRobots(plan, alone) {
   const sample = (robot) => sampleOf(styles[robot], trails[robot]);
   const [several, rewards] = [data.kinds.length > 0, data.trail_reward_texts];
   const head = [columnHead("robot", false), ...(several ? [columnHead("kind", false)] : []), columnHead("survives"),
-    ...(rewards.length ? [columnHead("brings alone")] : []), columnHead("nodes"), columnHead("trail", false)];
+    ...(rewards.length ? [columnHead("brings alone")] : []), columnHead("length"), columnHead("nodes"),
+    columnHead("trail", false)];
   const rows = trails.map((trail, robot) => {
     const names = trail.map((node) => isolated(data.names[node]));
     const way = make("td", { class: "way" }, trail.length > 1 ? names.join(" → ") : `stays at ${whereStays(trail)}`);
     const number = data.plans[plan][robot];
     return make("tr", {}, rowHead(make("span", { class: "robot" }, sample(robot), robot)),
       ...(several ? [make("td", {}, kindOf(robot))] : []), barCell(data.trail_codes[number]),
-      ...(rewards.length ? [cell(rewards[number])] : []), cell(new Set(trail).size - 1), way);
+      ...(rewards.length ? [cell(rewards[number])] : []), cell(data.trail_length_texts[number]),
+      cell(new Set(trail).size - 1), way);
   });
   byId("robots").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
   const team = byId("team"); // its buttons stay, since one may have the focus
@@ -141,21 +152,23 @@ function showWords(plans) {
   byId("words-note").hidden = plans.length === 1 || blocks.every(({ sentences }) => sentences.length);
 }
 
-/** The table of the nodes on the trails, which is filled while it is open. */
+/** The table of the nodes on the trails in the order of visit, which is filled while it is open. */
 function showNodes(plan) {
   const reach = [...reachOf(plan)].filter(([node]) => node !== data.base);
   const counted = reach.length === 1 ? "1 node" : `${reach.length} nodes`;
   byId("nodes-details").firstElementChild.textContent = `${counted}, the base not counted`;
   if (!byId("nodes-details").open) return;
-  const visits = trailsOf(plan).flatMap((trail, robot) => [...new Set(trail)].map((node) => [node, robot]));
-  const visitors = d3.rollup(visits, (pairs) => pairs.map((pair) => robotName(pair[1])).join(", "), (pair) => pair[0]);
+  const visits = d3.range(data.robots).flatMap((robot) => journeyOf(plan, robot)
+    .filter((visit) => visit.isFirst).map((visit) => ({ robot, ...visit })));
+  const byNode = d3.group(visits, (visit) => visit.node);
+  const firstAt = (node) => d3.min(byNode.get(node), (visit) => visit.length);
   const collected = data.collected.length ? reachOf(plan, "collected") : null;
-  const head = [columnHead("node", false), columnHead("reward"), columnHead("reached"),
+  const head = [columnHead("node", false), columnHead("visited after"), columnHead("reward"), columnHead("reached"),
     ...(collected ? [columnHead("collected")] : []), columnHead("by robots", false)];
-  const rows = d3.sort(reach, ([, code]) => -share(code)).map(([node, code]) =>
-    make("tr", {}, rowHead(nodeName(node)), cell(data.reward_texts[node]), barCell(code),
+  const rows = d3.sort(reach, ([node]) => firstAt(node)).map(([node, code]) =>
+    make("tr", {}, rowHead(nodeName(node)), cell(lengthOf(firstAt(node))), cell(data.reward_texts[node]), barCell(code),
       ...(collected ? [data.rewards[node] > 0 ? barCell(collected.get(node)) : cell("")] : []),
-      make("td", {}, visitors.get(node))));
+      make("td", {}, byNode.get(node).map((visit) => robotName(visit.robot)).join(", "))));
   byId("nodes").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
 }
 
@@ -164,12 +177,14 @@ function showPinned(go, unpin) {
   byId("pinned").hidden = !state.pins.length;
   if (showPinned.last === String(state.pins)) return;
   showPinned.last = String(state.pins);
+  showPinned.maps = [];
   const within = byId("cards").contains(document.activeElement);
   byId("cards").replaceChildren(...state.pins.map((plan, i) => {
     const svg = d3.create("svg").attr("role", "img").node();
     const map = new SiteMap(svg);
     map.resize(260, true);
     map.show(plan);
+    showPinned.maps.push(map);
     const button = (name, act) => make("button",
       { type: "button", onclick: () => act(plan), "aria-label": `${name} ${title(plan).toLowerCase()}` }, name);
     return make("article", {},

@@ -22,6 +22,7 @@ class Site:
     tail: OffsetArray
     head: OffsetArray
     reverse: OffsetArray
+    length: FloatArray
     survival: FloatArray  # of each kind and arc (n_kinds, n_arcs), 0 where it cannot take the arc
     reward: FloatArray  # of each node (n_nodes); what a robot expects, if one kind is shown
     collects: BoolArray  # which kinds can collect the reward of which nodes (n_kinds, n_nodes)
@@ -60,9 +61,11 @@ def site_of(mission: Mission, kind: str | None = None) -> Site:
     arcs, place = np.unique(tail * n + graph.head % n, return_inverse=True)
     survival = np.zeros((len(mission.kinds), len(arcs)))
     survival[layer, place] = graph.survival
+    length = np.zeros(len(arcs))
+    length[place] = graph.length
     survival = survival[list(kinds)]
     taken = (survival > 0).any(axis=0)
-    arcs, survival = arcs[taken], survival[:, taken]
+    arcs, length, survival = arcs[taken], length[taken], survival[:, taken]
     tail, head = np.divmod(arcs, n)
     back = head * n + tail
     found = np.minimum(np.searchsorted(arcs, back), max(0, len(arcs) - 1))
@@ -80,6 +83,7 @@ def site_of(mission: Mission, kind: str | None = None) -> Site:
         tail=tail,
         head=head,
         reverse=np.where(arcs[found] == back, found, -1),
+        length=length,
         survival=survival,
         reward=mission.rewards if kind is None else expected[0],
         collects=expected > 0,
