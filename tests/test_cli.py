@@ -993,6 +993,16 @@ class TestExplore:
         assert plain.status == 0
         assert (tmp_path / "plain.html").read_text("utf-8") != page
 
+    def test_a_map_of_the_site_lies_behind(self, botohe, solved, tmp_path):
+        Image.new("L", (2, 2)).save(tmp_path / "map.png")
+        said = "image: map.png\nresolution: 1.0\norigin: [0, 0, 0]\n"
+        (tmp_path / "map.yaml").write_text(said, "utf-8")
+        ended = botohe("explore", solved[1], "--out", "page.html", "--background", "map.yaml")
+        assert (ended.status, ended.out) == (0, "wrote page.html\n")
+        ended = botohe("explore", solved[1], "--out", "page.html", "--background", "no.yaml")
+        assert ended.status == 2
+        assert "no.yaml: the file cannot be read" in ended.err
+
     def test_it_is_opened(self, botohe, solved, tmp_path):
         code = "import webbrowser; webbrowser.open = lambda url: bool(print(url))"
         ended = botohe("explore", solved[1], "--out", "page.html", "--open", code=code)

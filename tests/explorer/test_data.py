@@ -14,7 +14,14 @@ from botohe_moo import Mission, read_solution
 from botohe_moo.decide.choosing import taken
 from botohe_moo.explorer import explore, explorer_page
 from botohe_moo.explorer.data import page_data, thinned
-from botohe_moo.explorer.texts import bin_codes, bin_edges, probability_codes
+from botohe_moo.explorer.texts import (
+    bin_codes,
+    bin_edges,
+    number_texts,
+    objective_texts,
+    probability_codes,
+    sentence_writer,
+)
 from botohe_moo.outcomes import Distribution
 from botohe_moo.plots import plot_outcomes
 from tests.decide.made import MISSION, NAMES, PLANS, star, trips
@@ -59,6 +66,33 @@ class TestNumbers:
         assert shown == f"{value:.3f}"
         assert (code == 1001) == (value > 0 and shown == "0.000")
         assert (code == 1002) == (value < 1 - 1e-12 and shown == "1.000")
+
+    @pytest.mark.parametrize(
+        ("values", "texts"),
+        [
+            ([81.526, 2.3456, 0.0004], ["81.5", "2.3", "0.0"]),
+            ([0.333333, 0.1], ["0.333", "0.100"]),
+            ([7.8, 1, 0], ["7.8", "1.0", "0.0"]),
+            ([12_345.6, 1], ["12346", "1"]),
+            ([0, 0], ["0", "0"]),
+            ([], []),
+        ],
+    )
+    def test_columns_have_three_digits_of_their_largest_number(self, values, texts):
+        assert number_texts(values) == texts
+
+    def test_objectives_have_a_fourth_digit_if_neighbours_need_it(self):
+        apart = np.array([[1.234, 3.0], [1.334, 2.5]])
+        near = np.array([[1.2311, 3.0], [1.2339, 2.9999]])
+        assert objective_texts(apart) == [["1.23", "1.33"], ["3.0", "2.5"]]
+        assert objective_texts(near) == [["1.231", "1.234"], ["3", "3"]]
+
+    def test_sentences_have_three_digits_but_not_in_wishes_and_labels(self):
+        write = sentence_writer(["lab 1.23456"])
+        said = 'survivors >= 1.23456 (1.23456); "lab 1.23456": 0.0012345 of 1234.56, 12 of 0.5.'
+        assert write(said) == (
+            'survivors >= 1.23456 (1.23); "lab 1.23456": 0.00123 of 1235, 12 of 0.5.'
+        )
 
     @given(st.floats(1e-6, 1e9))
     def test_bins_are_few_and_hold_everything(self, largest):

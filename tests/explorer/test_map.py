@@ -1,0 +1,297 @@
+"""The map and trails: danger, names, strips, marks, a map of the site, and robots that move."""
+
+import base64
+import io
+import re
+
+import networkx as nx
+import numpy as np
+import pytest
+from PIL import Image
+
+pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+from playwright.sync_api import expect
+
+from botohe_moo import Mission, load_mission, solve
+from botohe_moo.explorer import explore, explorer_page
+from botohe_moo.explorer.data import page_data
+from tests.explorer.conftest import solution_of, toy_plans
+from tests.explorer.test_browser import WIDTHS, at_hand, downloaded, shows, text_of
+from tests.plots.test_backgrounds import write_map
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def plant():
+    """Thirty-four nodes, robots of two kinds, and trails that fill the map."""
+    return solve("drones_and_rovers", evaluations=2_000, seed=1)
+
+
+@pytest.fixture(scope="module")
+def plant_page(plant, tmp_path_factory):
+    return explore(plant, tmp_path_factory.mktemp("explorer") / "plant.html")
+
+
+def along(lengths, survivals):
+    """A mission of one way for each robot, out and back, with these lengths and survivals."""
+    graph, trails = nx.DiGraph(), []
+    for robot, (arcs, alive) in enumerate(zip(lengths, survivals, strict=True)):
+        way = ["dock", *(f"{robot}-{i}" for i in range(1, len(arcs) + 1))]
+        for i, node in enumerate(way[1:], start=1):
+            graph.add_node(node, reward=1, pos=(100 * i, 100 * robot))
+            for arc in ((way[i - 1], node), (node, way[i - 1])):
+                graph.add_edge(*arc, survival=alive[i - 1], length=arcs[i - 1])
+        trails.append([*way, *way[-2::-1]])
+    graph.add_node("dock", reward=0, pos=(0, 50))
+    mission = Mission(graph, base="dock", robots=len(trails))
+    return mission, mission.plan(trails)
+
+
+class TestDanger:
+    def test_bands_are_wider_than_trails_and_stronger_for_more_danger(self, opened, tmp_path):
+        mission, plan = along([[1, 1, 1]], [[1.0, 0.9, 0.8]])
+        path = explore(solution_of(mission, [plan]), tmp_path / "danger.html")
+        with opened(path, "#pins=0") as page:
+            for svg in ("#map", "#cards svg"):
+                bands = page.locator(f"{svg} .arcs path:not([d=''])").evaluate_all(
+                    """paths => paths.map((p) => ["stroke-width", "stroke-opacity"]
+                    .map((name) => Number(p.getAttribute(name)))
+                    .concat((p.getAttribute("d").match(/M/g) ?? []).length))"""
+                )
+                *bands, line = bands
+                assert [n for *_, n in bands] == [1, 1, 1]
+                assert line[2] == 3
+                opacities = [opacity for _, opacity, _ in bands]
+                assert opacities[0] == 0
+                assert opacities[1] == pytest.approx(opacities[2] / 2, rel=0.25)
+                trail = float(page.locator(f"{svg} .trail").get_attribute("stroke-width"))
+                assert min(wide for wide, *_ in bands) > 2 * trail
+            assert page.inner_text("#safest") == "1.000"
+            assert page.inner_text("#riskiest") == "0.800"
+
+
+CROSSED = """() => {
+    const points = [...document.querySelectorAll("#map .trail")].flatMap((path) =>
+        Array.from({ length: path.getTotalLength() }, (_, i) => path.getPointAtLength(i)));
+    return [...document.querySelectorAll("#map .names text")].filter((text) => {
+        const [{ e, f }, box] = [text.transform.baseVal[0].matrix, text.getBBox()];
+        return points.some(({ x, y }) => Math.abs(x - e) < box.width / 2 && Math.abs(y - f) < 4);
+    }).map((text) => text.textContent);
+}"""
+
+
+class TestNames:
+    def test_they_are_beside_trails_and_drawn_above_them(self, opened, plant, plant_page):
+        n_crossed = 0
+        with opened(plant_page) as page:
+            page.click("#more")
+            for _ in range(10):
+                names = page.locator("#map .names text").all_text_contents()
+                assert len(names) == len(plant.mission.nodes)
+                n_crossed += len(page.evaluate(CROSSED))
+                page.keyboard.press("ArrowLeft")
+            layers = page.locator("#map > g").evaluate_all(
+                "all => all.map((g) => g.className.baseVal)"
+            )
+        assert n_crossed <= 10  # of 340 names
+        assert layers.index("names") > layers.index("trails") > layers.index("arcs")
+
+
+class TestStrips:
+    def test_survival_against_length_in_the_order_of_visit(self, opened, tmp_path):
+        mission, plan = along([[100, 300], [50]], [[0.9, 0.5], [1.0]])
+        home = mission.plan([mission.labels(plan)[0], ["dock"]])
+        path = explore(solution_of(mission, [plan, home]), tmp_path / "strips.html")
+        with opened(path, "#plan=0") as page:
+            strips = page.locator("#strips figure")
+            assert strips.count() == 2
+            first, second = strips.all()
+            assert first.locator("figcaption").inner_text().split("\n") == [
+                "robot 0", "from dock: survives with 0.203, length 800",
+            ]  # fmt: skip
+            assert "length 100" in second.inner_text()
+            names = first.locator(".labels text").all_text_contents()
+            assert names == ["dock", "0-1", "0-2", "0-1", "dock"]
+            dots = np.array(
+                first.locator(".visits circle").evaluate_all(
+                    "all => all.map((c) => [c.cx.baseVal.value, c.cy.baseVal.value])"
+                )
+            )
+            (left, top), (right, _) = dots[0], dots[-1]
+            assert (dots[:, 0] - left) / (right - left) * 800 == pytest.approx(
+                [0, 100, 400, 700, 800]
+            )
+            drop = dots[:, 1] - top
+            expected = 1 - np.array([1, 0.9, 0.45, 0.225, 0.2025])
+            assert drop / drop[-1] * expected[-1] == pytest.approx(expected)
+            again = first.locator(".visits .again")
+            assert again.count() == 2
+            first.scroll_into_view_if_needed()
+            box = first.locator("svg[role]").bounding_box()
+            scale = box["width"] / float(
+                first.locator("svg[role]").get_attribute("viewBox").split()[2]
+            )
+            page.mouse.move(box["x"] + scale * dots[2, 0] + 1, box["y"] + 20)
+            assert "0-2: alive with 0.450 after 400" in first.inner_text()
+            assert page.inner_text("#node").startswith("0-2: reward 1")
+            assert page.locator("#map .spot circle").count() == 1
+            page.mouse.move(5, 5)
+            assert page.locator("#map .spot circle").count() == 0
+            page.keyboard.press("ArrowLeft")
+            assert strips.count() == 1
+
+    @WIDTHS
+    def test_they_are_those_of_the_library(self, opened, plant, plant_page, viewport):
+        with opened(plant_page, viewport=viewport) as page:
+            plan = plant.plans[at_hand(page)]
+            said = page.locator("#strips figcaption").all_text_contents()
+            assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
+        survival = plant.mission.robot_survival([plan])[0]
+        trails = plant.mission.labels(plan)
+        leaving = [robot for robot, trail in enumerate(trails) if len(trail) > 1]
+        for text, robot in zip(said, leaving, strict=True):
+            kind = plant.mission.kind_of[robot].name
+            assert text.startswith(f"{kind} {robot}")
+            assert f"from {trails[robot][0]}: survives with {text_of(survival[robot])}, " in text
+
+
+class TestMarks:
+    def test_rows_lead_to_plans_by_click_and_by_key(self, opened, museum, museum_page):
+        with opened(museum_page) as page:
+            rows = page.locator("#marks tbody tr")
+            for i, act in ((0, lambda row: row.locator("td").last.click()), (2, self.by_key)):
+                row = rows.nth(i)
+                act(row)
+                plan = int(re.search(r"\d+", row.locator("th").inner_text())[0])
+                shows(page, plan)
+                button = row.locator("button")
+                assert button.get_attribute("aria-current") == "true"
+                assert page.locator('#marks [aria-current="true"]').count() == 1
+                reward, survivors, why = row.locator("td").all_inner_texts()
+                said = page.inner_text("#at-hand strong")
+                assert said == f"Plan {plan}: reward {reward}, survivors {survivors}"
+                assert page.locator("#at-hand .tag").all_inner_texts() == why.split("; ")
+
+    @staticmethod
+    def by_key(row):
+        row.locator("button").focus()
+        row.page.keyboard.press("Enter")
+
+
+def test_on_narrow_screens_map_and_slider_are_on_the_first_screen(opened, plant_page):
+    with opened(plant_page, viewport={"width": 390, "height": 844}) as page:
+        for part in ("#front", "#walk", "#at-hand", "#map"):
+            box = page.locator(part).bounding_box()
+            assert box["y"] + box["height"] < 844, part
+
+
+def test_it_prints_on_two_pages(opened, plant_page):
+    with opened(plant_page) as page:
+        printed = page.pdf(format="A4")
+    assert len(re.findall(rb"/Type /Page\b", printed)) == 2
+
+
+class TestBackground:
+    def test_it_lies_at_its_coordinates(self, opened, tmp_path):
+        mission, plans = toy_plans([1], [1, 2, 1])
+        pixels = np.full((40, 60), 255)
+        pixels[0, :] = 0
+        file = write_map(tmp_path, pixels, resolution=0.1, origin=(-1, -2))
+        path = explore(solution_of(mission, plans), tmp_path / "site.html", background=file)
+        with opened(path, "#pins=0") as page:
+            for svg in ("#map", "#cards svg"):
+                image = page.locator(f"{svg} image")
+                x, y, wide, high = (
+                    float(image.get_attribute(name)) for name in ("x", "y", "width", "height")
+                )
+                scale = wide / 6
+                assert high == pytest.approx(4 * scale)
+                node = page.locator(f"{svg} .nodes circle").first  # node 2
+                assert float(node.get_attribute("cx")) == pytest.approx(
+                    x + (mission.graph.nodes[2]["pos"][0] + 1) * scale
+                )
+                assert float(node.get_attribute("cy")) == pytest.approx(
+                    y + (2 - mission.graph.nodes[2]["pos"][1]) * scale
+                )
+            href = page.locator("#map image").get_attribute("href")
+            assert href in downloaded(page, "svg")
+        picture = Image.open(io.BytesIO(base64.b64decode(href.partition(",")[2])))
+        assert picture.mode == "LA"
+        grey, alpha = np.moveaxis(np.asarray(picture), 2, 0)
+        assert set(grey.ravel()) == {128}  # to be seen on light and on dark pages
+        assert alpha[0].tolist() == [127] * 60
+        assert not alpha[1:].any()
+
+    def test_it_needs_positions(self, tmp_path):
+        graph = load_mission("toy").graph.copy()
+        for node in graph:
+            del graph.nodes[node]["pos"]
+        mission = Mission(graph)
+        solution = solution_of(mission, [mission.stay_home()])
+        with pytest.raises(ValueError, match=r"positions for the background .*map.yaml"):
+            explorer_page(solution, background=write_map(tmp_path, [[0]]))
+
+    def test_without_one_there_is_no_picture(self):
+        assert page_data(solution_of(*toy_plans([1])))["background"] is None
+
+
+# How far robots have come, and where they are, at the same moment.
+MOMENT = """(svg) => ({
+    said: document.getElementById("moment").textContent,
+    at: [...document.querySelectorAll(`${svg} .robots g`)].map((robot) => {
+        const { e, f } = robot.transform.baseVal[0].matrix;
+        return [e, f];
+    }),
+    trails: [...document.querySelectorAll(`${svg} .trail`)].map((path) => path.getAttribute("d")),
+})"""
+
+
+class TestMoving:
+    LENGTHS = ([400], [200, 400])  # as long, until the first is at its end
+
+    @pytest.fixture
+    def path(self, tmp_path):
+        mission, plan = along(self.LENGTHS, [[0.9], [0.9, 0.9]])
+        return explore(solution_of(mission, [plan]), tmp_path / "moving.html")
+
+    @staticmethod
+    def expected(d, lengths, gone):
+        """Where a robot is on a trail that was drawn, each hop as two points."""
+        points = np.array(
+            [[float(x) for x in p.split(",")] for p in re.findall(r"[-\d.]+,[-\d.]+", d)]
+        )
+        for i, length in enumerate([*lengths, *lengths[::-1]]):
+            if gone <= length:
+                return points[2 * i] + gone / length * (points[2 * i + 1] - points[2 * i])
+            gone -= length
+        return points[-1]
+
+    @pytest.mark.parametrize("svg", ["#map", "#cards svg"])
+    def test_all_robots_are_as_fast_also_on_small_maps(self, opened, path, svg):
+        with opened(path, "#pins=0") as page:
+            page.click("#animate")
+            for _ in range(4):
+                page.wait_for_timeout(150)
+                moment = page.evaluate(MOMENT, svg)
+                gone, longest = map(
+                    int, re.fullmatch(r"length (\d+) of (\d+)", moment["said"]).groups()
+                )
+                assert longest == 1200
+                assert 0 < gone < 1200
+                for at, d, lengths in zip(
+                    moment["at"], moment["trails"], self.LENGTHS, strict=True
+                ):
+                    assert at == pytest.approx(self.expected(d, lengths, gone), abs=1.5)
+
+    def test_with_reduced_motion_they_are_at_nodes(self, opened, path):
+        with opened(path, reduced_motion="reduce") as page:
+            page.click("#animate")
+            expect(page.locator("#moment")).to_have_text("length 300 of 1200")
+            moment = page.evaluate(MOMENT, "#map")
+        # One is still where it started, the other at its first node.
+        for at, d, lengths, gone in zip(
+            moment["at"], moment["trails"], self.LENGTHS, (0, 200), strict=True
+        ):
+            start = self.expected(d, lengths, gone + 1e-9)
+            assert at == pytest.approx(start, abs=0.1)
