@@ -3,13 +3,13 @@
 The names are curves, speed, growth, allocations (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, budgets, orienteering
 (results/local-search/), lanes, threads (results/lanes/), fronts, large (results/growth/), bounds
-(results/bounds/), pictures (results/choosing/), gallery (results/gallery/), explorer
-(results/explorer/), teams (results/teams/), underway, learning (results/underway/), start and pace
-(results/start/).
-``--before`` names another checkout, which start and pace measure beside this one. The exit status
-is 1 if a curve is not the published one, or an area, a reward, a gap, a gain, a ratio to BO-ACO or
-a size misses its bound; times themselves, and ratios to another checkout, are never judged,
-machines differ.
+(results/bounds/), pictures (results/choosing/), gallery (results/gallery/), explorer,
+explorer_pictures (results/explorer/), teams (results/teams/), underway, learning
+(results/underway/), start and pace (results/start/).
+``--before`` names another checkout, which start and pace measure beside this one, and whose page
+explorer_pictures draws. The exit status is 1 if a curve is not the published one, or an area, a
+reward, a gap, a gain, a ratio to BO-ACO or a size misses its bound; times themselves, and ratios to
+another checkout, are never judged, machines differ.
 """
 
 import argparse
@@ -25,6 +25,7 @@ from benchmarks import (
     budgets,
     curves,
     explorer,
+    explorer_pictures,
     fronts,
     gallery,
     growth,
@@ -62,6 +63,7 @@ BENCHMARKS = {
     "large": (large.run, "growth"),
     "bounds": (bounds.run, "bounds"),
     "explorer": (explorer.run, "explorer"),
+    "explorer_pictures": (explorer_pictures.run, "explorer"),
     "pictures": (pictures.run, "choosing"),
     "gallery": (gallery.run, "gallery"),
     "teams": (teams.run, "teams"),
@@ -70,13 +72,13 @@ BENCHMARKS = {
     "start": (start.run, "start"),
     "pace": (pace.run, "start"),
 }
-BESIDE = ("pace", "start")  # which measure another checkout, too
+BESIDE = ("explorer_pictures", "pace", "start")  # which measure another checkout, too
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks")
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(BENCHMARKS))
-    parser.add_argument("--before", type=Path, help="another checkout, for pace and start")
+    parser.add_argument("--before", type=Path, help=f"another checkout, for {', '.join(BESIDE)}")
     given = parser.parse_args()
     wanted = given.names or list(BENCHMARKS)
     if unknown := set(wanted) - set(BENCHMARKS):
