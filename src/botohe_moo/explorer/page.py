@@ -23,7 +23,7 @@ from botohe_moo.explorer.data import page_data
 if TYPE_CHECKING:
     from botohe_moo.solution import Solution
 
-SCRIPTS = ("data", "state", "front", "map", "site", "strips", "tables", "files", "main")
+SCRIPTS = ("data", "state", "front", "room", "map", "site", "strips", "tables", "files", "main")
 _HEIGHT = 900  # pixels of a frame in a notebook
 _NOTEBOOK_PLANS = 100  # few, since a notebook keeps the page of each output
 

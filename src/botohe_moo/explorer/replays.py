@@ -16,7 +16,7 @@ from botohe_moo.underway import PlayedMission
 from botohe_moo.underway.played import PlayedStep
 from botohe_moo.underway.playing import POLICIES
 
-SCRIPTS = ("data", "map", "site", "replay")
+SCRIPTS = ("data", "room", "map", "site", "replay")
 
 
 def replay(played: PlayedMission, path: str | os.PathLike[str]) -> Path:

@@ -121,6 +121,25 @@ function restore() {
   render();
 }
 
+/** Let robots on maps of plans move, all as fast as each other; gives a function that stops them. */
+function animate(maps, say, ended) {
+  const ways = maps.flatMap((one) => one.ways);
+  const [hops, longest] = [d3.max(ways, (way) => way.hops.length), d3.max(ways, (way) => way.journey.at(-1).length)];
+  const [still, pace] = [isStill(), paceOf(hops)];
+  const timer = d3.timer((elapsed) => {
+    const time = (still ? Math.floor(elapsed / pace) : elapsed / pace) / hops;
+    if (time > 1) return stop();
+    say(time * longest, longest);
+    return maps.forEach((one) => one.drawRobots(time * longest, still));
+  });
+  const stop = () => {
+    timer.stop();
+    for (const one of maps) one.robots.selectAll("*").remove();
+    ended();
+  };
+  return stop;
+}
+
 function toggleAnimation() {
   const ended = () => { stopAnimation = null; showAnimate(state.plan); };
   if (stopAnimation) return stopAnimation();

@@ -8,8 +8,6 @@ const MOST_PIXELS = 16e6; // of the canvas, which browsers limit
 const ROUND = 15; // the diameter of what a number or a letter is in
 const TRIANGLE = "M0,-1L1,1H-1Z", TURNS = [0, 180, 270, 90]; // of kinds, since several may start at one node
 const HOPS_LAST = 12_000; // milliseconds that an animation takes at most
-const CELL = 4; // pixels of the cells in which names look for room
-const BESIDE = 1, CROSSED = 20, TAKEN = 10_000; // what a cell costs with an arc, a trail, a node or a name in it
 
 const colourOf = (kind) => `var(--robot-${kind % 10})`;
 
@@ -202,14 +200,15 @@ class SiteMap {
         .filter((part) => part[0] > 0 && part[1] > 0 && part[2] < this.width && part[3] < this.height);
     });
     this.order = d3.sort(d3.range(this.at.length), (node) => (node === data.base ? -Infinity : -data.rewards[node]));
-    this.room = new Room(this.width, this.height);
+    const [columns, rows] = [this.width, this.height].map((pixels) => Math.ceil(pixels / CELL));
+    this.room = new Room(columns, new Uint16Array(columns * rows));
     data.arcs[0].forEach((tail, i) => this.room.trace(this.at[tail], this.at[data.arcs[1][i]], BESIDE));
     this.at.forEach((at, node) => this.room.take(box(at, sizes[node], sizes[node])));
   }
 
   /** Names where there is room, those of much reward first, and beside trails and arcs as far as possible. */
   drawNames() {
-    const room = this.filled = this.room.copy();
+    const room = this.filled = new Room(this.room.columns, this.room.cells.slice());
     for (const { hops } of this.ways) for (const [from, to] of hops) room.trace(from, to, CROSSED);
     this.named = [];
     for (const node of this.order) {
@@ -336,67 +335,6 @@ class SiteMap {
     const node = d3.leastIndex(this.at, (place) => apart(place, at));
     return apart(this.at[node], at) < 20 ? node : null;
   }
-}
-
-/** What stands where on a map, as costs of cells. */
-class Room {
-  constructor(width, height, cells = null) {
-    Object.assign(this, { width, height, columns: Math.ceil(width / CELL) });
-    this.cells = cells ?? new Uint16Array(this.columns * Math.ceil(height / CELL));
-  }
-
-  copy() {
-    return new Room(this.width, this.height, this.cells.slice());
-  }
-
-  trace(from, to, cost) {
-    const n = Math.ceil(apart(from, to) / CELL) || 1;
-    for (let i = 0; i <= n; i += 1) {
-      const [x, y] = [0, 1].map((axis) => from[axis] + (i / n) * (to[axis] - from[axis]));
-      const cell = Math.floor(y / CELL) * this.columns + Math.floor(x / CELL);
-      if (this.cells[cell] < cost) this.cells[cell] = cost;
-    }
-  }
-
-  /** The rows of the cells of a box: where they begin and end. */
-  rows(part) {
-    const [left, top, right, bottom] = part.map((pixels) => Math.max(Math.round(pixels / CELL), 0));
-    return d3.range(top, bottom).map((row) =>
-      [row * this.columns + left, row * this.columns + Math.min(right, this.columns)]);
-  }
-
-  take(part) {
-    for (const [from, to] of this.rows(part)) this.cells.fill(TAKEN, from, to);
-  }
-
-  /** What a box costs, or more than the limit. */
-  cost(part, limit) {
-    let sum = 0;
-    for (const [from, to] of this.rows(part)) {
-      for (let cell = from; cell < to; cell += 1) sum += this.cells[cell];
-      if (sum > limit) break;
-    }
-    return sum;
-  }
-}
-
-/** Let robots on maps of plans move, all as fast as each other; gives a function that stops them. */
-function animate(maps, say, ended) {
-  const ways = maps.flatMap((one) => one.ways);
-  const [hops, longest] = [d3.max(ways, (way) => way.hops.length), d3.max(ways, (way) => way.journey.at(-1).length)];
-  const [still, pace] = [isStill(), paceOf(hops)];
-  const timer = d3.timer((elapsed) => {
-    const time = (still ? Math.floor(elapsed / pace) : elapsed / pace) / hops;
-    if (time > 1) return stop();
-    say(time * longest, longest);
-    return maps.forEach((one) => one.drawRobots(time * longest, still));
-  });
-  const stop = () => {
-    timer.stop();
-    for (const one of maps) one.robots.selectAll("*").remove();
-    ended();
-  };
-  return stop;
 }
 
 /** Circles with a number or a letter, wider for names: robots in their colours, and pins. */
