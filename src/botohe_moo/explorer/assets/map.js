@@ -190,20 +190,20 @@ class SiteMap {
     this.texts = data.names.map((name) => shortened(name, 18));
     const marked = new Map([...data.rings.map((node) => [node, 3]), ...data.ends.flat().map((node) => [node, 5])]);
     const sizes = this.size.map((size, node) => size + (marked.get(node) ?? 0));
+    const [columns, rows] = [this.width, this.height].map((pixels) => Math.floor(pixels / CELL));
     this.places = this.at.map(([x, y], node) => {
       const [half, away] = [pen.measureText(this.texts[node]).width / 2 + 2, sizes[node] + 2];
       const [side, above, beside, over] = [away + half, away + 6, 0.6 * away + half, 0.6 * away + 6];
       return [[side, 0], [-side, 0], [0, -above], [0, above],
         [beside, -over], [beside, over], [-beside, -over], [-beside, over],
         [half, -above], [half, above], [-half, -above], [-half, above]]
-        .map(([right, down]) => box([x + right, y + down], half, 6))
-        .filter((part) => part[0] > 0 && part[1] > 0 && part[2] < this.width && part[3] < this.height);
+        .map(([right, down]) => ({ node, at: [x + right, y + down], part: inCells(box([x + right, y + down], half, 6)) }))
+        .filter(({ part }) => part[0] >= 0 && part[1] >= 0 && part[2] <= columns && part[3] <= rows);
     });
     this.order = d3.sort(d3.range(this.at.length), (node) => (node === data.base ? -Infinity : -data.rewards[node]));
-    const [columns, rows] = [this.width, this.height].map((pixels) => Math.ceil(pixels / CELL));
     this.room = new Room(columns, new Uint16Array(columns * rows));
     data.arcs[0].forEach((tail, i) => this.room.trace(this.at[tail], this.at[data.arcs[1][i]], BESIDE));
-    this.at.forEach((at, node) => this.room.take(box(at, sizes[node], sizes[node])));
+    this.at.forEach((at, node) => this.room.take(inCells(box(at, sizes[node], sizes[node]))));
   }
 
   /** Names where there is room, those of much reward first, and beside trails and arcs as far as possible. */
@@ -212,21 +212,20 @@ class SiteMap {
     for (const { hops } of this.ways) for (const [from, to] of hops) room.trace(from, to, CROSSED);
     this.named = [];
     for (const node of this.order) {
-      const best = { cost: TAKEN };
-      for (const [i, part] of this.places[node].entries()) {
-        const cost = room.cost(part, best.cost - i / 20) + i / 20;
-        if (cost < best.cost) Object.assign(best, { node, cost, box: part });
-        if (best.cost < 1) break;
+      let [best, least] = [null, TAKEN];
+      for (const place of this.places[node]) { // the first of those that cost least
+        const cost = room.cost(place.part, least);
+        if (cost < least) [best, least] = [place, cost];
+        if (least === 0) break;
       }
-      if (best.cost >= TAKEN) continue;
-      room.take(best.box);
+      if (best === null) continue;
+      room.take(best.part);
       this.named.push(best);
     }
     this.names.selectAll("text").data(this.named, (name) => name.node).join((enter) => enter.append("text")
       .attr("text-anchor", "middle").attr("dy", "0.35em").text((name) => this.texts[name.node]))
-      .filter(function isElsewhere(name) { return this.box !== name.box; }) // few, and each costs
-      .property("box", (name) => name.box)
-      .attr("transform", ({ box: [left, top, right, bottom] }) => `translate(${(left + right) / 2},${(top + bottom) / 2})`);
+      .filter(function isElsewhere(name) { return this.place !== name; }) // few, and each costs
+      .property("place", (name) => name).attr("transform", (name) => `translate(${name.at})`);
   }
 
   show(plan, robot = null) {
@@ -235,7 +234,7 @@ class SiteMap {
     const faint = (way) => robot !== null && way.robot !== robot;
     this.fillNodes(reachOf(plan));
     this.drawWays(trails.map((trail, i) => ({ robot: i, trail, journey: journeyOf(plan, i),
-      label: this.small ? String(i) : robotName(i), look: faint({ robot: i }) ? "faint" : "", ...styles[i] })));
+      label: this.width < 480 ? String(i) : robotName(i), look: faint({ robot: i }) ? "faint" : "", ...styles[i] })));
     if (!this.small) this.showBadges(this.ways, faint);
     const said = trails.map((trail, i) =>
       `${robotText(i)} ${trail.length > 1 ? `visits ${new Set(trail).size - 1} nodes` : `stays at ${whereStays(trail)}`}`);
@@ -300,7 +299,7 @@ class SiteMap {
         const own = box(at, labelWidth(way.label) / 2 + 1.5, 9);
         const flat = ([x, y]) => [x * ROUND / labelWidth(way.label), y];
         const covered = d3.sum([...taken, this.at[data.base]], (other) => apart(flat(other), flat(at)) < 17)
-          + (this.filled.cost(own, TAKEN) >= TAKEN);
+          + (this.filled.cost(inCells(own), TAKEN) >= TAKEN);
         return { at, good: apart(from, to) - 10_000 * covered - 100 * this.used.get(tie) };
       });
       const { at } = d3.greatest(middles, (middle) => middle.good);

@@ -18,24 +18,21 @@ class Room {
     }
   }
 
-  /** The rows of the cells of a box: where they begin and end. */
-  rows(part) {
-    const [left, top, right, bottom] = part.map((pixels) => Math.max(Math.round(pixels / CELL), 0));
-    return d3.range(top, bottom).map((row) =>
-      [row * this.columns + left, row * this.columns + Math.min(right, this.columns)]);
+  take([left, top, right, bottom]) {
+    for (let row = top; row < bottom; row += 1) {
+      this.cells.fill(TAKEN, row * this.columns + left, row * this.columns + right);
+    }
   }
 
-  take(part) {
-    for (const [from, to] of this.rows(part)) this.cells.fill(TAKEN, from, to);
-  }
-
-  /** What a box costs, or more than the limit. */
-  cost(part, limit) {
+  /** What a part costs, or more than the limit. */
+  cost([left, top, right, bottom], limit) {
     let sum = 0;
-    for (const [from, to] of this.rows(part)) {
-      for (let cell = from; cell < to; cell += 1) sum += this.cells[cell];
-      if (sum > limit) break;
+    for (let row = top; row < bottom && sum <= limit; row += 1) {
+      for (let cell = row * this.columns + left; cell < row * this.columns + right; cell += 1) sum += this.cells[cell];
     }
     return sum;
   }
 }
+
+/** The part of the room that a box takes. */
+const inCells = (pixels) => pixels.map((one) => Math.round(one / CELL));

@@ -2,6 +2,7 @@
 
 const STRIP = { left: 26, right: 30, top: 50, low: 132, height: 152 }; // pixels
 const NAMES_APART = 13; // pixels along a strip
+const upward = d3.scaleLinear([0, 1], [STRIP.low, STRIP.top]); // where a probability to be alive is
 const TURN = -52; // degrees of the names
 
 function showStrips(plan) {
@@ -12,25 +13,30 @@ function showStrips(plan) {
     number: data.plans[plan][robot], journey: journeyOf(plan, robot) }));
   const longest = d3.max(strips, ({ journey }) => journey.at(-1).length);
   const x = d3.scaleLinear([0, longest], [STRIP.left, wide - STRIP.right]);
-  const y = d3.scaleLinear([0, 1], [STRIP.low, STRIP.top]);
-  const axes = [d3.axisBottom(x).ticks(wide / 90).tickSizeOuter(0),
-    d3.axisLeft(y).tickValues([0, 0.5, 1]).tickFormat(String).tickPadding(6).tickSize(STRIP.left + STRIP.right - wide)];
+  const axis = d3.axisBottom(x).ticks(wide / 90).tickSizeOuter(0);
   d3.select(byId("strips")).selectAll("figure").data(strips).join(addStrip).style("--robot", ({ style }) => style.colour)
-    .each(function draw(strip) { drawStrip(this, strip, x, y, axes); });
+    .each(function draw(strip) {
+      const key = [strip.robot, strip.number, strip.style.colour, strip.style.dash, longest].join();
+      if (this.key !== key) drawStrip(this, strip, x, axis); // neighbours on the front share trails
+      this.key = key;
+    });
 }
 
 function addStrip(enter) {
   const added = enter.append("figure");
   added.append("figcaption");
   const svg = added.append("svg").attr("role", "img").attr("viewBox", `0 0 ${showStrips.width} ${STRIP.height}`);
-  for (const name of ["axes across", "axes up", "shape", "visits", "labels"]) svg.append("g").attr("class", name);
+  for (const name of ["axes across", "axes up", "shape", "labels"]) svg.append("g").attr("class", name);
   svg.select(".across").attr("transform", `translate(0,${STRIP.low})`);
-  svg.select(".up").attr("transform", `translate(${STRIP.left},0)`);
-  for (const name of ["under", "stems", "alive"]) svg.select(".shape").append("path").attr("class", name);
+  svg.select(".up").attr("transform", `translate(${STRIP.left},0)`).call(d3.axisLeft(upward).tickValues([0, 0.5, 1])
+    .tickFormat(String).tickPadding(6).tickSize(STRIP.left + STRIP.right - showStrips.width));
+  for (const name of ["under", "stems", "alive", "visits", "visits again", "pointed"]) {
+    svg.select(".shape").append("path").attr("class", name);
+  }
   return added;
 }
 
-function drawStrip(element, { robot, style, trail, number, journey }, x, y, [across, up]) {
+function drawStrip(element, { robot, style, trail, number, journey }, x, axis) {
   const [figure, start] = [d3.select(element), isolated(data.names[trail[0]])];
   const said = `survives with ${probability(data.trail_codes[number])}, length ${data.trail_length_texts[number]}`;
   const read = make("span", { class: "caption" });
@@ -39,23 +45,22 @@ function drawStrip(element, { robot, style, trail, number, journey }, x, y, [acr
     `from ${start}: ${said}`, read);
   const svg = figure.select("svg[role]")
     .attr("aria-label", `Survival along the trail of ${robotText(robot)} from ${start}: ${said}.`);
-  svg.select(".across").call(across);
-  svg.select(".up").call(up);
-  const points = journey.map((visit) => [x(visit.length), y(visit.survival)]);
+  svg.select(".across").call(axis);
+  const points = journey.map((visit) => [x(visit.length), upward(visit.survival)]);
   const named = [];
   points.forEach(([at], i) => { if (at - (points[named.at(-1)]?.[0] ?? -Infinity) >= NAMES_APART) named.push(i); });
   svg.select(".under").attr("d", `${line(points)}V${STRIP.low}H${STRIP.left}Z`);
   svg.select(".alive").attr("d", line(points)).attr("stroke-dasharray", style.dash);
   svg.select(".stems").attr("d", named.map((i) => `M${points[i]}V${STRIP.top - 4}`).join(""));
-  svg.select(".visits").selectAll("circle").data(journey).join("circle")
-    .attr("r", Math.min(Math.max(showStrips.width / journey.length / 5, 1.2), 2.7))
-    .attr("cx", (_, i) => points[i][0]).attr("cy", (_, i) => points[i][1])
-    .classed("again", (visit) => !visit.isFirst);
+  const size = Math.min(Math.max(showStrips.width / journey.length / 5, 1.2), 2.7);
+  const dots = (isFirst) => points.filter((_, i) => journey[i].isFirst === isFirst).map((at) => disc(at, size)).join("");
+  svg.select(".visits").attr("d", dots(true));
+  svg.select(".again").attr("d", dots(false));
   svg.select(".labels").selectAll("text").data(named).join("text")
     .attr("transform", (i) => `translate(${points[i][0] + 3},${STRIP.top - 6}) rotate(${TURN})`)
     .text((i) => shortened(data.names[journey[i].node], 9));
   const point = (i) => {
-    svg.selectAll(".visits circle").classed("pointed", (_, one) => one === i);
+    svg.select(".pointed").attr("d", i === null ? null : disc(points[i], 5));
     read.replaceChildren(...(i === null ? [] : [nodeName(journey[i].node),
       `: alive with ${probability(codeOf(journey[i].survival))} after ${lengthOf(journey[i].length)}`]));
     tellNode(i === null ? null : journey[i].node);
