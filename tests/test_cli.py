@@ -1001,7 +1001,7 @@ class TestExplore:
         assert (ended.status, ended.out) == (0, "wrote page.html\n")
         ended = botohe("explore", solved[1], "--out", "page.html", "--background", "no.yaml")
         assert ended.status == 2
-        assert "no.yaml: the file cannot be read" in ended.err
+        assert "no.yaml: there is no such file" in ended.err
 
     def test_it_is_opened(self, botohe, solved, tmp_path):
         code = "import webbrowser; webbrowser.open = lambda url: bool(print(url))"

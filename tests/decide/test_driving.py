@@ -22,6 +22,7 @@ def harbour(labels=("dock", "reef", "pier"), *, robots=2, **more):
         graph.add_node(label, reward=1.0, pos=place)
     for i, survival in enumerate((0.5, 0.8, 1.0)):
         graph.add_edge(labels[i], labels[(i + 1) % 3], survival=survival)
+    graph.graph["geographic"] = True
     return Mission(graph, name="harbour", **({} if "kinds" in more else {"robots": robots}), **more)
 
 
@@ -127,6 +128,30 @@ def test_waypoints_by_hand():
         (16, 3, 2),
         (16, 3, 3),
     ]
+
+
+def test_positions_that_may_be_metres():
+    graph = harbour().graph.copy()
+    del graph.graph["geographic"]
+    mission = Mission(graph, robots=2)
+    with pytest.warns(UserWarning, match="taken for longitudes and latitudes"):
+        qgc_plans(mission, around(mission), altitude=3)
+
+
+def test_all_files_are_checked_before_any_is_written(tmp_path):
+    mission = harbour()
+    (tmp_path / "nav2" / "robot_1.json").mkdir(parents=True)
+    with pytest.raises(IsADirectoryError):
+        write_plan(mission, around(mission), tmp_path / "nav2")
+    assert [path.name for path in (tmp_path / "nav2").iterdir()] == ["robot_1.json"]
+
+
+def test_frames():
+    graph = harbour().graph.copy()
+    graph.nodes["reef"]["frame"], graph.nodes["pier"]["frame"] = None, "sea"
+    mission = Mission(graph, robots=2)
+    legs = json.loads(nav2_files(mission, around(mission))["robot_0.json"])["legs"]
+    assert [leg["frame"] for leg in legs] == ["map", "sea", "map"]
 
 
 def test_a_file_for_each_robot_that_leaves(tmp_path):

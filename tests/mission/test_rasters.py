@@ -1,6 +1,7 @@
 """Maps of dangers as files: YAML that names an image, and what route graphs take from them."""
 
 import math
+import os
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from PIL import Image
 from botohe_moo import MissionError, load_mission, save_mission
 from botohe_moo.mission.formats.rasters import read_raster
 from tests.examples import examples
-from tests.mission.test_routes import both_ways, site  # noqa: F401 - a fixture
+from tests.mission.test_routes import both_ways, line, site  # noqa: F401 - a fixture
 from tests.test_damaged_files import changed, check_message
 
 TEXT = "image: {image}\nmode: scale\nresolution: 0.5\norigin: [-1, 2, 0]\nnegate: {negate}\n"
@@ -37,10 +38,34 @@ def test_black_is_full_scale_and_the_first_row_is_at_the_top(hazard, image):
     assert read_raster(hazard([[0, 255, 51]], negate=1)).values.tolist() == [[0.0, 1.0, 0.2]]
 
 
+def test_a_black_map_is_the_danger_also_along_lines_that_are_longer(hazard, site):  # noqa: F811
+    path = site(*both_ways((3, 4)), line(4, 7, metadata={"length": 9}), line(7, 3))
+    given = {"base": 3, "robots": 1, "danger": 0.03}
+    black = hazard(np.zeros((20, 20)), text=TEXT.replace("[-1, 2, 0]", "[-1, -1]"))
+    mission = load_mission(path, hazard=black, **given)
+    assert mission.graph.edges[4, 7]["survival"] == pytest.approx(math.exp(-0.03 * 9))
+    zones = [{"circle": [0, 0, 99], "rate": 0.03}]
+    mission = load_mission(path, danger_zones=zones, **{**given, "danger": 0})
+    assert mission.graph.edges[4, 7]["survival"] == pytest.approx(math.exp(-0.03 * 9))
+
+
+def test_images_that_cannot_be_shares(hazard, tmp_path):
+    path = hazard([[0.5]], kind=np.float32, image="hazard.tif")
+    with pytest.raises(MissionError, match=r"image 'hazard\.tif': expected integers as pixels"):
+        read_raster(path)
+    path = hazard([[0]])
+    (tmp_path / "hazard.png").unlink()
+    os.mkfifo(tmp_path / "hazard.png")
+    with pytest.raises(MissionError, match="cannot be read: expected a file, found a device or a"):
+        read_raster(path)
+
+
 def test_images_of_sixteen_bits_and_in_colour(hazard):
     assert read_raster(hazard([[0, 65_535]], kind=np.uint16)).values.tolist() == [[1.0, 0.0]]
     white_and_black = [[[255, 255, 255], [0, 0, 0]]]
     assert read_raster(hazard(white_and_black)).values.tolist() == [[0.0, 1.0]]
+    red = [[[255, 0, 0]]]
+    assert read_raster(hazard(red)).values.tolist() == [[pytest.approx(2 / 3)]]
 
 
 def test_a_black_map_is_the_danger_alone(hazard, site):  # noqa: F811
@@ -54,6 +79,7 @@ def test_a_black_map_is_the_danger_alone(hazard, site):  # noqa: F811
     assert (load_mission(path, hazard=white, **given).arrays.survival == 1).all()
 
 
+@pytest.mark.filterwarnings("ignore:All survivals are given")
 def test_survivals_in_the_file_stay(hazard, tmp_path):
     save_mission(load_mission("toy"), tmp_path / "toy.geojson")
     path = hazard(np.zeros((20, 20)))
@@ -63,8 +89,8 @@ def test_survivals_in_the_file_stay(hazard, tmp_path):
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        (TEXT.replace("scale", "trinary"), "line 2: expected mode to be scale.* got 'trinary'"),
-        (TEXT.replace("mode: scale\n", ""), "expected mode to be scale, got 'trinary'"),
+        (TEXT.replace("scale", "trinary"), "line 2: expected mode to be scale, found 'trinary'"),
+        (TEXT.replace("mode: scale\n", ""), "expected mode to be scale, found none"),
         (TEXT + "free_thresh: 2\n", r"line 6: expected free_thresh < 1, got 2"),
         (TEXT.replace("0.5", "-1"), "line 3: expected resolution > 0, got -1"),
         (
@@ -97,7 +123,9 @@ def test_what_is_wrong_is_named_by_its_line(hazard, text, fault):
 
 def test_a_map_that_is_too_small(hazard, site):  # noqa: F811
     path = site(*both_ways((3, 4), (4, 7)))
-    with pytest.raises(MissionError, match=r"site\.geojson: Node 3: expected pos .* on the map"):
+    with pytest.raises(
+        MissionError, match=r"site\.geojson: .*hazard\.yaml: expected a map of all arcs"
+    ):
         load_mission(path, base=3, robots=1, danger=1, hazard=hazard([[0]]))
     with pytest.raises(MissionError, match=r"lost\.yaml: there is no such file"):
         load_mission(path, base=3, robots=1, danger=1, hazard="lost.yaml")

@@ -79,6 +79,13 @@ def test_dangers_on_a_map(tmp_path):
         roadmap_from_map(path, radius=0.25, danger=0.2, hazard=hazard)
 
 
+def test_spacing_is_a_cell_at_least(tmp_path):
+    with pytest.raises(ValueError, match=r"Expected spacing >= 0\.1, the width of a cell, got 1e"):
+        roadmap_from_map(drawn(tmp_path, CORRIDOR), spacing=1e-9)
+    with pytest.raises(ValueError, match="Expected danger, the rate of loss where the map is"):
+        roadmap_from_map(drawn(tmp_path, CORRIDOR), hazard="none.yaml")
+
+
 def test_crossings_and_ends(tmp_path):
     """A corridor along row 30 from column 4 to 105, others up at column 22 and down at 72."""
     cells = hall(60, 110, (28, 32, 2, 107), (2, 32, 20, 24), (28, 57, 70, 74))

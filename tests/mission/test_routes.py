@@ -292,3 +292,77 @@ def test_a_polygon_that_is_wrong_is_named_by_its_feature(site):
         "features[5]: expected a polygon of at least three corners [[x",
         "features[6]: expected a rate >= 0",
     ]
+
+
+def test_what_survives_without_danger_is_said(site):
+    path = site(
+        line(3, 4, metadata={"survival": 0.9}),
+        line(4, 3, metadata={"survival": 0.8}),
+        points={3: (0, 0), 4: (3, 4)},
+    )
+    with pytest.warns(
+        UserWarning, match="All survivals are given: danger, hazard and danger zones"
+    ):
+        load_mission(path, danger=7, base=3, robots=1)
+
+
+def test_longitudes_and_latitudes(site, tmp_path):
+    """A degree of a meridian is 111 195 m on the mean sphere; along 60 degrees north half of it."""
+    points = {3: (10, 60), 4: (10, 61), 7: (11, 60)}
+    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
+    path = site(*both_ways((3, 4), (3, 7)), points=points, crs=crs)
+    given = {"danger": 1e-6, "base": 3, "robots": 1}
+    with pytest.warns(UserWarning, match="positions count as metres: give geographic=True"):
+        assert load_mission(path, **given).graph.edges[3, 4]["length"] == 1
+    mission = load_mission(path, geographic=True, **given)
+    lengths = [mission.graph.edges[3, head]["length"] for head in (4, 7)]
+    assert lengths == [pytest.approx(111_195, abs=1), pytest.approx(111_195 / 2, rel=1e-4)]
+    assert mission.graph.edges[3, 4]["survival"] == pytest.approx(math.exp(-0.111195), rel=1e-6)
+    save_mission(mission, tmp_path / "again.geojson")
+    again = load_mission(tmp_path / "again.geojson")
+    assert again == mission
+    assert again.graph.graph["geographic"] is True
+    assert again.with_lengths_from_pos() == mission
+
+
+def test_a_base_whose_label_is_a_text_of_digits(site):
+    path = site(*both_ways(("0", "1")), points={"0": (0, 0), "1": (3, 4)})
+    assert load_mission(path, danger=1, base=0, robots=1).base == "0"
+
+
+def test_attributes_that_mission_files_use_for_labels(site):
+    path = site(
+        line(3, 4, metadata={"survival": 0.9, "source": "survey"}),
+        line(4, 3, metadata={"survival": 0.9}),
+        points={3: (0, 0)},
+    )
+    content = json.loads(path.read_text())
+    content["features"].append(point(4, (1, 1), metadata={"id": "kitchen", "class": "room"}))
+    path.write_text(json.dumps(content))
+    said = r"Left out attributes id, source and target, .*: features\[3\], features\[1\] \(2 in"
+    with pytest.warns(UserWarning, match=said):
+        mission = load_mission(path, base=3, robots=1)
+    assert mission.graph.nodes[4] == {"class": "room", "pos": [1.0, 1.0], "reward": 1.0}
+
+
+def test_ids_and_penalties_of_lines(site, tmp_path):
+    """What Nav2 can read stays; others get numbers above, and penalties are ours."""
+    names = ("startid", "endid")
+    path = site(
+        line(3, 4, names=names, id=20, metadata={"survival": 0.5, "penalty": 50, "id": 8}),
+        line(4, 3, names=names, id=21.0, metadata={"survival": 0.5, "penalty": "high"}),
+        line(4, 7, names=names, id=22, metadata={"survival": 0.5}),
+        line(7, 4, names=names, id=22, metadata={"survival": 1}),
+        line(3, 7, names=names, id="south", metadata={"survival": 0.5}),
+    )
+    mission = load_mission(path, base=3, robots=1)
+    save_mission(mission, tmp_path / "again.geojson")
+    again = json.loads((tmp_path / "again.geojson").read_text())
+    lines = [each["properties"] for each in again["features"] if "startid" in each["properties"]]
+    of_ends = {(each["startid"], each["endid"]): each for each in lines}
+    assert {ends: each["id"] for ends, each in of_ends.items()} == {
+        (3, 4): 20, (4, 3): 21, (3, 7): 23, (4, 7): 24, (7, 4): 25
+    }  # fmt: skip
+    penalties = {ends: each["metadata"]["penalty"] for ends, each in of_ends.items()}
+    assert penalties == {ends: 0.0 if ends == (7, 4) else math.log(2) for ends in of_ends}
+    assert load_mission(tmp_path / "again.geojson") == mission

@@ -281,7 +281,7 @@ def mission_from_map(
     ],
     out: Annotated[
         Path,
-        out_option("FILE", "Mission file to write: .json, .graphml, .geojson."),
+        out_option("FILE", "Mission file to write: .json, .geojson."),
     ],
     robots: Annotated[int, typer.Option("--robots", metavar="K", help="Number of robots.")] = 3,
     radius: Annotated[
@@ -339,12 +339,11 @@ def mission_from_map(
     """
     from botohe_moo._base.files import check_file, check_suffix
     from botohe_moo.mission import Mission, roadmap_from_map, save_mission
-    from botohe_moo.mission.formats.files import WRITTEN
     from botohe_moo.plots import plot_mission, save_plot
 
     drawn = out.with_name(f"{out.stem}-graph.png") if picture is None else picture
     with failing():
-        check_suffix(out, WRITTEN)
+        check_suffix(out, (".json", ".geojson"))  # in GraphML, numbers as labels become texts
         check_suffix(drawn, PICTURES)
         for file in (out, drawn):
             check_file(file)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from collections.abc import Sequence
 from itertools import accumulate, pairwise
 from operator import mul
@@ -102,7 +103,7 @@ def _stops(mission: Mission, nodes: Sequence[Any]) -> list[dict[str, Any]]:
         half = math.atan2(way[1], way[0]) / 2
         turn = {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)}
         pose = {"position": {"x": x, "y": y, "z": 0.0}, "orientation": turn}
-        frame = mission.graph.nodes[node].get("frame", _FRAME)
+        frame = str(mission.graph.nodes[node].get("frame") or _FRAME)
         stops.append({"node": plain_label(node), "frame": frame, "pose": pose})
     return stops
 
@@ -133,17 +134,30 @@ def qgc_plans(mission: Mission, plan: TrailPlan, *, altitude: Positive) -> dict[
     PlanError
         If the plan is not valid for the mission.
 
+    Warns
+    -----
+    UserWarning
+        If the graph of the mission has no attribute ``geographic`` that is true.
+
     Examples
     --------
     >>> import json
-    >>> from botohe_moo import load_mission
+    >>> from botohe_moo import Mission, load_mission
     >>> from botohe_moo.decide import qgc_plans
-    >>> toy = load_mission("toy")  # take its places for longitudes and latitudes
+    >>> graph = load_mission("toy").graph.copy()
+    >>> graph.graph["geographic"] = True  # its places are longitudes and latitudes
+    >>> toy = Mission(graph)
     >>> files = qgc_plans(toy, toy.plan([[1, 2, 4, 2, 1], [1]]), altitude=30)
     >>> [item["params"][4:] for item in json.loads(files[0])["mission"]["items"]]
     [[1.0, 0.5, 30.0], [0.5, 1.0, 30.0], [1.0, 0.5, 30.0], [0.5, 0.0, 30.0]]
     """
     check_mission(mission).evaluate([plan])
+    if not mission.graph.graph.get("geographic"):
+        warnings.warn(
+            "Positions are taken for longitudes and latitudes: set the graph attribute geographic "
+            "to true if they are.",
+            stacklevel=2,
+        )
     places = given_places(mission.graph)
     files = {}
     for robot, trail in enumerate(mission.labels(plan)):

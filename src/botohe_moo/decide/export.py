@@ -224,6 +224,8 @@ def write_plan(
     texts = _texts(mission, plan, path, altitude)
     if not path.suffix:
         path.mkdir(parents=True, exist_ok=True)
+    for file in texts:  # all of them before any is written
+        check_file(file)
     for file, text in texts.items():
         replace_file(file, text.encode())
     return tuple(texts)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, NoReturn
 
 import networkx as nx
@@ -88,3 +89,23 @@ def plain_numbers(value: Any) -> FloatArray:
     except (TypeError, ValueError):
         return np.empty(0)
     return numbers if np.isfinite(numbers).all() else np.empty(0)
+
+
+def distance_of(graph_attributes: Mapping[str, Any]) -> Callable[[Any, Any], float]:
+    """Return what measures how far two positions are apart.
+
+    Where the graph is ``geographic``, these are longitudes and latitudes in degrees, and the
+    distance is that on a sphere, in metres.
+    """
+    return _on_earth if graph_attributes.get("geographic") else math.dist
+
+
+_EARTH = 6_371_008.8  # mean radius in metres
+
+
+def _on_earth(one: Sequence[float], other: Sequence[float]) -> float:
+    """Return the distance on a sphere by the haversine formula, which is exact for short ways."""
+    (east, north), (east_2, north_2) = np.radians(one), np.radians(other)
+    half = math.sin((north_2 - north) / 2) ** 2
+    half += math.cos(north) * math.cos(north_2) * math.sin((east_2 - east) / 2) ** 2
+    return 2.0 * _EARTH * math.asin(math.sqrt(min(half, 1.0)))

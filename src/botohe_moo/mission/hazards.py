@@ -69,7 +69,7 @@ def survival_from_raster(
     >>> survival_from_raster(graph, dangers, resolution=1, scale=0.1)
     {('dock', 'reef'): 0.818730...}
     """
-    cells, places = _cells(values), positions(graph)
+    cells, places = table(values), positions(graph)
     at = {node: in_cells(place, cells, resolution, origin) for node, place in places.items()}
     if lost := [node for node in at if np.isnan(at[node]).any()]:
         ends = np.add(origin, np.multiply(cells.shape[::-1], resolution)).tolist()
@@ -77,9 +77,10 @@ def survival_from_raster(
             f"Node {quoted(lost[0])}: expected pos (x, y) on the map, from {list(origin)} to "
             f"{ends}, got {places[lost[0]].tolist()}."
         )
-    rate = scale * resolution  # for a cell
     return {
-        (tail, head): math.exp(-rate * integral(cells, at[tail], at[head]))
+        (tail, head): math.exp(
+            -scale * math.dist(places[tail], places[head]) * mean_along(cells, at[tail], at[head])
+        )
         for tail, head in graph.edges
     }
 
@@ -140,7 +141,7 @@ def rewards_from_raster(
     """
     from scipy.spatial import KDTree
 
-    cells, places = _cells(values), positions(graph)
+    cells, places = table(values), positions(graph)
     seen = np.argwhere(cells)
     centres = (seen[:, ::-1] + 0.5) * resolution + origin
     tree = KDTree(np.reshape([*places.values()], (-1, 2)))
@@ -150,7 +151,7 @@ def rewards_from_raster(
     return dict(zip(places, sums.tolist()[: len(places)], strict=True))
 
 
-def _cells(values: ArrayLike) -> FloatArray:
+def table(values: ArrayLike) -> FloatArray:
     """Return the values of a map, the lowest row first."""
     try:
         cells = np.array(values, float)
@@ -177,8 +178,8 @@ def in_cells(
     return np.where(is_on.all(axis=-1, keepdims=True), at - 0.5, np.nan)
 
 
-def integral(cells: FloatArray, start: FloatArray, end: FloatArray) -> float:
-    """Integrate values along a straight line, in units of cells.
+def mean_along(cells: FloatArray, start: FloatArray, end: FloatArray) -> float:
+    """Return the mean of values along a straight line between places in cells.
 
     Between lines through centres of cells they are quadratic, where Simpson's rule is exact. Within
     half a cell of the edge they are as on the nearest of these lines.
@@ -199,4 +200,4 @@ def integral(cells: FloatArray, start: FloatArray, end: FloatArray) -> float:
 
     ends = value(at)
     pieces = (ends[1:] + ends[:-1] + 4.0 * value(middle)) / 6.0
-    return float(np.hypot(*way) * (pieces @ np.diff(at)))
+    return float(pieces @ np.diff(at))

@@ -18,7 +18,7 @@ from botohe_moo._base.words import counted
 from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.events import Event
-from botohe_moo.mission.graphs import freeze, given_places
+from botohe_moo.mission.graphs import distance_of, freeze, given_places
 from botohe_moo.mission.kinds import (
     ONLY_KIND,
     Kind,
@@ -214,6 +214,9 @@ class Mission:
     def with_lengths_from_pos(self) -> Mission:
         """Return the same mission with Euclidean distances between positions as lengths of arcs.
 
+        Where the graph has the attribute ``geographic``, they are metres between longitudes and
+        latitudes.
+
         Replaces the lengths that arcs have; ``max_length``, in the same unit, stays. A MissionError
         names the nodes without ``pos``.
         """
@@ -221,9 +224,9 @@ class Mission:
         if missing := [node for node, place in places.items() if place is None]:
             faults = [f"node {quoted(node)}: expected pos [x, y], found none" for node in missing]
             raise MissionError(faults, f"Mission {quoted(self.name)}")
-        graph = self.graph.copy()
+        graph, distance = self.graph.copy(), distance_of(self.graph.graph)
         for tail, head, attributes in graph.edges(data=True):
-            attributes["length"] = math.dist(places[tail], places[head])  # type: ignore[arg-type]
+            attributes["length"] = distance(places[tail], places[head])
         return Mission(graph, base=self.base, kinds=self.kinds, pays=self.pays, name=self.name)
 
     @property

@@ -18,7 +18,7 @@ from botohe_moo._base.types import BoolArray, FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.formats.rasters import MODES, Raster, read_raster
-from botohe_moo.mission.hazards import in_cells, integral
+from botohe_moo.mission.hazards import in_cells, mean_along
 from botohe_moo.mission.validation import MissionError
 
 # The grey that map savers write for unknown cells, which is free by their own free_thresh of 0.25.
@@ -105,10 +105,16 @@ def roadmap_from_map(
         raise ParameterError(fault, "danger")
     loss_along = None if danger is None else _loss_along(danger, hazard)
     raster = read_raster(path, modes=MODES)
+    if spacing is not None and spacing < raster.resolution:
+        fault = f"Expected spacing >= {raster.resolution:g}, the width of a cell, got {spacing:g}."
+        raise ParameterError(fault, "spacing")
     ways = _skeleton(raster, radius, os.fspath(path))
     ways = _joined(_merged(ways, max(radius, 2.0 * raster.resolution)))
     if not ways:
-        fault = f"expected ways through free space for a robot of radius {radius:g}, found none"
+        fault = (
+            f"expected ways through free space for a robot of radius {radius:g}, found none: it "
+            "does not fit, or all is one round or square hall, which has a middle, but no ways"
+        )
         raise MissionError(fault, os.fspath(path))
     graph = _roadmap(ways, spacing, loss_along)
     if isinstance(base, tuple) and len(base) == 2 and np.isfinite([*map(as_float, base)]).all():
@@ -245,8 +251,8 @@ def _loss_along(
             x, y = points[is_off][0].tolist()
             fault = f"expected a map that covers all ways, found none of it at [{x:g}, {y:g}]"
             raise MissionError(fault, os.fspath(hazard))
-        pieces = [danger * resolution * integral(cells, *ends) for ends in pairwise(at)]
-        return np.append(0.0, np.cumsum(pieces))
+        shares = [mean_along(cells, *ends) for ends in pairwise(at)]
+        return danger * np.append(0.0, np.cumsum(shares * np.diff(_distances(points))))
 
     return losses
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping
 from typing import Any, NamedTuple
 
-import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import as_float, quoted
@@ -59,18 +58,11 @@ def survival_from_zones(
     >>> survival_from_zones(graph, [{"circle": [2, 0, 1], "rate": 0.1}])
     {('dock', 'reef'): 0.818730...}
     """
-    return zone_survivals(graph, read_zones(zones, "zones"), danger)
-
-
-def zone_survivals(
-    graph: nx.Graph[Any], zones: Sequence[Zone], danger: float = 0.0
-) -> dict[tuple[Hashable, Hashable], float]:
-    """Return what `survival_from_zones` does, for zones that have been read."""
-    places = positions(graph)
+    places, read = positions(graph), read_zones(zones, "zones")
     survivals = {}
     for tail, head in graph.edges:
         start, way = places[tail], places[head] - places[tail]
-        rate = danger + sum(zone.rate * zone.share(start, way) for zone in zones)
+        rate = danger + sum(zone.rate * zone.share(start, way) for zone in read)
         survivals[tail, head] = math.exp(-rate * float(np.hypot(*way)))
     return survivals
 

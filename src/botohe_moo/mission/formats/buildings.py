@@ -193,9 +193,12 @@ def read_building(
         spot: name if names[name := vertices[spot].name] == 1 else _label(spot) for spot in spots
     }
     bases = [labels[spot] for spot in spots if is_base(spot)]
+    if base is not None and len(bases) > 1:
+        found = ", ".join(bases)
+        raise MissionError(f"expected the label of one waypoint as base, found {found}")
     if base is None and not bases:
         raise MissionError("expected base, found no vertex with is_charger on a lane: give base")
-    start = bases[0] if base is None or len(bases) == 1 else str(base)
+    start = bases[0] if bases else str(base)
     frames, notes = _frames(site, {level for level, _ in spots})
     if base is None and len(bases) > 1:
         notes.append(f"The base is {quoted(start)}, the first of {len(bases)} chargers.")

@@ -31,7 +31,6 @@ _WRITERS = {
 }
 
 SUFFIXES = (*_READERS, *_BUILDINGS)
-WRITTEN = tuple(_WRITERS)
 
 
 def read_mission(
@@ -82,6 +81,8 @@ def read_mission(
         - ``interest``, a map of the same form of what is of interest, and ``sight``, how far robots
           see on it: then a point's reward is that of :func:`botohe_moo.rewards_from_raster`, with
           ``reward`` for a unit of area where the map is black.
+        - ``geographic``, whether positions are longitudes and latitudes: then a line is as long as
+          its ends are apart on the ground, in metres. It becomes an attribute of the graph.
 
         For ``.yaml``: ``base`` (default: the first charger), ``danger``, which is needed,
         ``reward``, and ``graph``, the index of the graph whose lanes are read (default: the first

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
@@ -13,6 +14,7 @@ from pydantic import AfterValidator, BaseModel, Field
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.document import Document
+from botohe_moo._base.files import read_bytes
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.formats.documents import file_content, validated
 from botohe_moo.mission.validation import MissionError
@@ -62,7 +64,8 @@ def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale"
             raise MissionError(f"expected a map, with an image, got {quoted(document.content)}")
         found = validated(document, _MapFile)
         if found.mode not in modes:
-            expected = f"expected mode to be {' or '.join(modes)}, got {found.mode!r}"
+            got = quoted(document.content["mode"]) if "mode" in document.content else "none"
+            expected = f"expected mode to be {' or '.join(modes)}, found {got}"
             raise MissionError(f"line {document.line(['mode'])}: {expected}")
         try:
             shares = _read_image(path.parent / found.image)
@@ -80,10 +83,12 @@ def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale"
 def _read_image(path: Path) -> FloatArray:
     """Read an image as shares of white (n_rows, n_columns); a ValueError says why it cannot be."""
     try:
-        with Image.open(path) as image:
-            # Of 16 bits or more; others have at most 8 for each colour.
+        with Image.open(BytesIO(read_bytes(path))) as image:
+            if image.mode == "F":
+                raise ValueError("expected integers as pixels, found floats")
+            # Of 16 bits or more; others have at most 8 for each colour, of which the mean counts.
             most = 65_535.0 if image.mode.startswith("I") else 255.0
-            pixels = np.asarray(image if most > 255.0 else image.convert("L"), float)
+            pixels = np.asarray(image if most > 255.0 else image.convert("RGB"), float)
     except FileNotFoundError:
         raise ValueError("there is no such file") from None
     except UnidentifiedImageError:
@@ -92,5 +97,6 @@ def _read_image(path: Path) -> FloatArray:
         raise ValueError(f"cannot be read: {error.strerror or error}") from None
     except (SyntaxError, Image.DecompressionBombError) as error:
         raise ValueError(f"cannot be read: {error}") from None
-    shares: FloatArray = np.clip(pixels / most, 0.0, 1.0)
+    grey = pixels if pixels.ndim == 2 else pixels.mean(axis=2)
+    shares: FloatArray = np.clip(grey / most, 0.0, 1.0)
     return shares

@@ -31,6 +31,13 @@ def road_graph(
     lists, and ends with ``notes``. In its words arcs are of the kind ``arc``, and nodes are a
     ``node``.
     """
+    nodes, arcs = list(nodes), list(arcs)
+    of_labels = [
+        where
+        for entries, names in ((nodes, ("id",)), (arcs, ("source", "target")))
+        for where, _, attributes in entries
+        if [attributes.pop(name) for name in names if name in attributes]
+    ]
     kept, loops, parallel = _simple(arcs)
     graph = graph_of(of_mission, nodes, kept)
     base = of_mission["base"]
@@ -41,6 +48,7 @@ def road_graph(
     graph.remove_nodes_from(lost)
     listed = {
         **left_out,
+        "attributes id, source and target, which are labels in mission files": of_labels,
         f"{arc}s from a {node} to itself": loops,
         f"{arc}s parallel to one that is at least as safe": parallel,
         f"{node}s that the base does not reach, or that have no way back": map(quoted, lost),

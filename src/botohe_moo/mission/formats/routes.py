@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import count
 from typing import Any
 
 import networkx as nx
@@ -16,6 +18,7 @@ from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.formats.nodelink import Entry, convert_ends
 from botohe_moo.mission.formats.roads import road_graph
 from botohe_moo.mission.formats.site_maps import add_rewards, add_survivals
+from botohe_moo.mission.graphs import distance_of
 from botohe_moo.mission.validation import MissionError, read_label
 from botohe_moo.mission.zones import Zone, read_zone
 
@@ -26,6 +29,8 @@ _ENDS = (("startid", "endid"), ("start_node", "end_node"))
 # What Nav2 reads outside of ``metadata``, and its ids: integers from 0 to below this number.
 _PROPERTIES = ("frame", "cost", "overridable", "operations")
 _END_OF_IDS = 2**32
+# Names of what has longitudes and latitudes; Nav2 reads all coordinates as they are.
+_DEGREES = ("CRS84", "EPSG::4326", "EPSG:4326")
 # What is written says so: then nothing is added when it is read.
 _GENERATOR = {"generator": "botohe_moo"}
 
@@ -42,6 +47,7 @@ def read_route_graph(
     reward: NotNegative = 1.0,
     interest: str | os.PathLike[str] | None = None,
     sight: Positive | None = None,
+    geographic: bool | None = None,
 ) -> nx.DiGraph[Any]:
     """Read GeoJSON whose points are nodes, and whose lines are arcs from one node to another.
 
@@ -75,20 +81,34 @@ def read_route_graph(
         of_mission["base"] = read_label(base)
     if of_mission.get("base") is None:
         raise MissionError('expected base, the "id" of a point, found none: give base')
+    if geographic is not None:
+        of_mission["geographic"] = geographic
     is_complete = content.items() >= _GENERATOR.items()
     nodes, arcs, zones, others = _entries(features, is_complete=is_complete)
     places = {label: node["pos"] for _, (label,), node in nodes}
+    if of_mission["base"] not in places:  # options are texts, and labels may be texts of digits
+        alike = [label for label in places if str(label) == str(of_mission["base"])]
+        of_mission["base"] = alike[0] if alike else of_mission["base"]
+    distance = distance_of(of_mission)
     add_rewards(
         places, nodes, base=of_mission["base"], reward=reward, interest=interest, sight=sight
     )
-    add_survivals(
-        places, arcs, danger=danger, hazard=hazard, danger_zones=danger_zones, zones=zones
+    note = add_survivals(
+        places, arcs, distance, danger=danger, hazard=hazard, danger_zones=danger_zones, zones=zones
     )
     for _, ends, arc in arcs:
         if not is_complete and all(end in places for end in ends):
-            arc.setdefault("length", math.dist(*(places[end] for end in ends)))
+            arc.setdefault("length", distance(*(places[end] for end in ends)))
+    notes = [note] if note else []
+    if "geographic" not in of_mission and any(name in str(content.get("crs")) for name in _DEGREES):
+        notes.append(
+            "The crs of the file is of degrees, but positions count as metres: give "
+            "geographic=True if they are longitudes and latitudes."
+        )
     left_out = {"features that are neither points, lines nor polygons with a rate": others}
-    return road_graph(of_mission, nodes, arcs, arc="line", node="point", left_out=left_out)
+    return road_graph(
+        of_mission, nodes, arcs, arc="line", node="point", left_out=left_out, notes=notes
+    )
 
 
 def _entries(
@@ -119,9 +139,11 @@ def _entries(
             elif kind in _LINES:
                 names = next((names for names in _ENDS if names[0] in given), _ENDS[0])
                 ends = tuple(_label(given, name) for name in names)
-                if is_complete:
-                    given.pop("id", None)
                 attributes = {**given, **metadata}
+                if not is_complete and "id" in given:
+                    attributes["id"] = as_whole(given["id"])
+                elif is_complete and "id" not in metadata:
+                    attributes.pop("id", None)
                 if attributes.get("penalty") == _penalty(attributes.get("survival")):
                     attributes.pop("penalty", None)
                 arcs.append((where, ends, attributes))
@@ -149,8 +171,12 @@ def _label(attributes: dict[str, Any], name: str) -> Any:
     if name not in attributes:
         raise ValueError(f'found no property "{name}"')
     label: Any = read_label(attributes.pop(name))
-    is_whole = name != "label" and isinstance(label, float) and label.is_integer()
-    return int(label) if is_whole else label
+    return label if name == "label" else as_whole(label)
+
+
+def as_whole(value: Any) -> Any:
+    """Return a float without a fraction as an integer, anything else as it is."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _position(value: object) -> list[float]:
@@ -187,7 +213,8 @@ def route_graph(content: dict[str, Any]) -> dict[str, Any]:
     """Return node-link data as GeoJSON: its nodes as points, then its arcs as lines.
 
     Ids are labels if all of these are integers that Nav2 can read; else points are numbered. Lines
-    have a ``penalty``, with which its router prefers safe ways.
+    keep an ``id`` of their own that Nav2 can read and no other line has. They have a ``penalty``,
+    with which its router prefers safe ways.
     """
     labels = [node["id"] for node in content["nodes"]]
     numbers = [label for label in labels if type(label) is int and 0 <= label < _END_OF_IDS]
@@ -206,13 +233,15 @@ def route_graph(content: dict[str, Any]) -> dict[str, Any]:
         for number, feature in zip(ids, features, strict=True)
     }
     own = [arc.get("id") for arc in content["edges"]]
-    has_ids = all(type(each) is int and 0 <= each < _END_OF_IDS for each in own)
-    has_ids = has_ids and len({*own}) == len(own)
-    for i, arc in enumerate(content["edges"], max(ids, default=0) + 1):
+    counts = Counter(each for each in own if type(each) is int and 0 <= each < _END_OF_IDS)
+    others = count(max([*ids, *counts], default=0) + 1)
+    for arc in content["edges"]:
         start, end = (id_of[json.dumps(arc.pop(key))] for key in ("source", "target"))
         penalty = _penalty(arc.get("survival"))
-        properties = {"id": arc["id"] if has_ids else i, "startid": start, "endid": end}
-        metadata = {} if penalty is None or "penalty" in arc else {"penalty": penalty}
+        number = arc.get("id")
+        is_own = type(number) is int and counts[number] == 1
+        properties = {"id": number if is_own else next(others), "startid": start, "endid": end}
+        metadata = {} if penalty is None else {"penalty": penalty}
         line = [places[start], places[end]]
         features.append(_feature("LineString", line, properties, arc, metadata))
     members = {"type": "FeatureCollection", **_GENERATOR, "mission": content["graph"]}

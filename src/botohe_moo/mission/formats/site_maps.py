@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import networkx as nx
+import numpy as np
 
 from botohe_moo._base.checks import as_float, quoted
+from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.formats.nodelink import Entry
-from botohe_moo.mission.hazards import rewards_from_raster, survival_from_raster
+from botohe_moo.mission.hazards import in_cells, mean_along, rewards_from_raster
 from botohe_moo.mission.validation import MissionError
-from botohe_moo.mission.zones import Zone, read_zones, zone_survivals
+from botohe_moo.mission.zones import Zone, read_zones
 
 if TYPE_CHECKING:
     from botohe_moo.mission.formats.rasters import Raster
@@ -25,17 +27,18 @@ _Places = Mapping[Any, Sequence[float]]
 def add_survivals(
     places: _Places,
     arcs: Iterable[Entry],
+    distance: Callable[[Any, Any], float] = math.dist,
     *,
     danger: float | None,
     hazard: _Path | None = None,
     danger_zones: object = (),
     zones: Sequence[Zone] = (),
-) -> None:
-    """Give arcs that have none a survival: exp(−the integral of the rate of loss).
+) -> str:
+    """Give arcs that have none a survival; return what there is to say of that, if anything.
 
-    The rate is ``danger`` along the length of the arc, or where there is a map ``hazard`` its
-    shares times ``danger``, and that of zones: ``danger_zones``, as a caller gives them, and
-    ``zones``. Maps and zones count along the straight line between the nodes.
+    It is exp(−length · rate), with the mean rate of loss along the straight line between the nodes:
+    ``danger``, or where there is a map ``hazard`` its shares times ``danger``, and the rates of
+    zones, of ``danger_zones``, as a caller gives them, and ``zones``.
     """
     lacking = [arc for arc in arcs if "survival" not in arc[2] and arc[1][0] != arc[1][1]]
     if not isinstance(danger_zones, list | tuple):
@@ -46,21 +49,36 @@ def add_survivals(
             f"{lacking[0][0]}: expected a survival, found none ({len(lacking)} without one): give "
             "danger, the rate of loss for a unit of length"
         )
-    rate = danger or 0.0
-    known = [(ends, arc) for _, ends, arc in lacking if all(end in places for end in ends)]
-    graph = _graph(places, (end for ends, _ in known for end in ends))
-    graph.add_edges_from(ends for ends, _ in known)
-    by_zones = zone_survivals(graph, listed) if listed else {}
-    by_map = {}
-    if hazard is not None:
-        values, resolution, origin, _ = _read(hazard)
-        by_map = survival_from_raster(
-            graph, values, resolution=resolution, origin=origin, scale=rate
-        )
-    for ends, arc in known:
-        length = as_float(arc.get("length", math.dist(*(places[end] for end in ends))))
-        survival = by_map.get(ends, math.exp(min(0.0, -rate * length)))
-        arc["survival"] = survival * by_zones.get(ends, 1.0)
+    share = (lambda *_: 1.0) if hazard is None else _share_of(hazard)
+    for _, ends, arc in lacking:
+        if all(end in places for end in ends):
+            start, end = (np.array(places[end], float) for end in ends)
+            rate = sum(zone.rate * zone.share(start, end - start) for zone in listed)
+            if danger:
+                rate += danger * share(start, end)
+            length = as_float(arc.get("length", distance(start, end)))
+            arc["survival"] = math.exp(min(0.0, -rate * length))
+    if lacking or (danger is None and hazard is None and not listed):
+        return ""
+    return "All survivals are given: danger, hazard and danger zones change none."
+
+
+def _share_of(hazard: _Path) -> Callable[[FloatArray, FloatArray], float]:
+    """Return what gives the mean share of a map along a straight line."""
+    values, resolution, origin, _ = _read(hazard)
+    cells = values[::-1]
+
+    def share(*ends: FloatArray) -> float:
+        at = [in_cells(place, cells, resolution, origin) for place in ends]
+        for place, where in zip(ends, at, strict=True):
+            if np.isnan(where).any():
+                x, y = place.tolist()
+                raise MissionError(
+                    f"{hazard}: expected a map of all arcs, found none of it at [{x:g}, {y:g}]"
+                )
+        return mean_along(cells, *at)
+
+    return share
 
 
 def add_rewards(
@@ -82,18 +100,13 @@ def add_rewards(
         raise MissionError("expected interest, a map, and sight, how far robots see on it, or none")
     if interest is not None and sight is not None:
         values, resolution, origin, _ = _read(interest)
-        graph = _graph(places, places)
+        graph: nx.DiGraph[Any] = nx.DiGraph()
+        graph.add_nodes_from((node, {"pos": place}) for node, place in places.items())
         by_map = rewards_from_raster(
             graph, values, resolution=resolution, origin=origin, radius=sight, scale=reward
         )
     for _, (label,), node in nodes:
         node.setdefault("reward", 0.0 if label == base else by_map.get(label, reward))
-
-
-def _graph(places: _Places, nodes: Iterable[Any]) -> nx.DiGraph[Any]:
-    graph: nx.DiGraph[Any] = nx.DiGraph()
-    graph.add_nodes_from((node, {"pos": places[node]}) for node in nodes)
-    return graph
 
 
 def _read(path: _Path) -> Raster:
