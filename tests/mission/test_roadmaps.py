@@ -15,6 +15,8 @@ from scipy.ndimage import distance_transform_edt
 from botohe_moo import Mission, MissionError, load_mission, roadmap_from_map, save_mission
 from tests.examples import examples
 
+# Skeletons are compiled at their first use; in `make test` the guide makes a roadmap.
+pytestmark = pytest.mark.slow
 FREE, OCCUPIED, UNKNOWN = 254, 0, 205
 ORIGIN = (-2.0, 3.0)
 
