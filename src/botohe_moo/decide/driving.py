@@ -20,7 +20,7 @@ from botohe_moo.mission.graphs import given_places
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import TrailPlan
 
-NAV2_GRAPH = "graph.geojson"
+_GRAPH = "graph.geojson"
 _FRAME = "map"  # of nodes that name no other
 # MAV_CMD_NAV_WAYPOINT, and heights above where the vehicle starts.
 _WAYPOINT, _RELATIVE_TO_HOME, _RELATIVE_MODE = 16, 3, 1
@@ -72,7 +72,7 @@ def nav2_files(mission: Mission, plan: TrailPlan) -> dict[str, str]:
     features = [feature["properties"] for feature in graph["features"]]
     id_of = {node: of["id"] for node, of in zip(mission.nodes, features, strict=False)}
     edges = {(of["startid"], of["endid"]): of["id"] for of in features if "startid" in of}
-    files = {NAV2_GRAPH: encoded(graph).decode()}
+    files = {_GRAPH: encoded(graph).decode()}
     for row, nodes, chances in zip(rows, mission.labels(plan), _alive(mission, plan), strict=True):
         start, *others = _stops(mission, nodes)
         ids = [id_of[node] for node in nodes]
@@ -81,7 +81,7 @@ def nav2_files(mission: Mission, plan: TrailPlan) -> dict[str, str]:
             for ends, chance, stop in zip(pairwise(ids), chances, others, strict=True)
         ]
         content = {"mission": mission.name, **row, "start": {"id": ids[0], **start}, "legs": legs}
-        files[f"robot_{row['robot']}.json"] = _json(content)
+        files[f"robot_{row['robot']}.json"] = json_text(content)
     return files
 
 
@@ -193,7 +193,7 @@ def _qgc_plan(at: Sequence[list[float]], altitude: float) -> str:
         }
         for number, place in enumerate(at[1:], 1)
     ]
-    return _json(
+    return json_text(
         {
             "fileType": "Plan",
             "version": 1,
@@ -214,5 +214,6 @@ def _qgc_plan(at: Sequence[list[float]], altitude: float) -> str:
     )
 
 
-def _json(content: dict[str, Any]) -> str:
+def json_text(content: dict[str, Any]) -> str:
+    """Write a file of a plan as JSON; a ValueError is raised for what JSON cannot hold."""
     return json.dumps(content, ensure_ascii=False, allow_nan=False, indent=1) + "\n"

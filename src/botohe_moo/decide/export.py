@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from botohe_moo._base.files import check_file, check_folder, check_suffix, replace_file
-from botohe_moo.decide.driving import nav2_files, qgc_plans
+from botohe_moo.decide.driving import json_text, nav2_files, qgc_plans
 from botohe_moo.decide.robots import robot_rows
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.graphs import given_places
@@ -66,7 +66,7 @@ def plan_json(mission: Mission, plan: TrailPlan) -> str:
         **{f"robot_{of}s": [row[of] for row in rows] for of in ("kind", "reward") if of in rows[0]},
         "trails": [[plain_label(node) for node in trail] for trail in mission.labels(plan)],
     }
-    return json.dumps(content, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+    return json_text(content)
 
 
 def plan_csv(mission: Mission, plan: TrailPlan) -> str:
@@ -161,7 +161,7 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
             known["collected"] = float(collected[mission.index(node)])
         features.append(_feature("Point", places[node], known))
     content = {"type": "FeatureCollection", "features": features}
-    return json.dumps(content, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+    return json_text(content)
 
 
 _TEXTS: dict[str, Callable[[Mission, TrailPlan], str]] = {
