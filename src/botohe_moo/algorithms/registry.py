@@ -11,7 +11,7 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, is_path
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
-from botohe_moo.mission.library import load_mission
+from botohe_moo.mission.named import load_mission
 
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
 # Options of a run: the caller of ``minimize`` sets them.

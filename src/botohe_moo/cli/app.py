@@ -18,6 +18,7 @@ import typer
 from botohe_moo.cli.bound import bound_mission, certify
 from botohe_moo.cli.check import check_conformance
 from botohe_moo.cli.choose import ChooseOption, choose_plan, explore_front, tell_choice, write_page
+from botohe_moo.cli.library import library_app
 from botohe_moo.cli.missions import missions_app
 from botohe_moo.cli.options import (
     BaseOption,
@@ -77,6 +78,7 @@ app.command("explore")(explore_front)
 app.command("replan")(replan_mission)
 app.command("replay")(replay_mission)
 app.command("simulate")(simulate_missions)
+app.add_typer(library_app, name="library")
 app.add_typer(missions_app, name="missions")
 app.add_typer(study_app, name="study")
 
@@ -190,7 +192,6 @@ def solve_mission(
         from botohe_moo.algorithms.registry import algorithm_parameters
         from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
-        from botohe_moo.mission.model import check_plain
         from botohe_moo.problem import BOTOHE
         from botohe_moo.solving import make_for_this_machine
 
@@ -211,7 +212,6 @@ def solve_mission(
         check_integer("--seed", seed, at_least=0)
         if certify_for is not None:
             check_number("--certify", certify_for, above=0)
-            check_plain(loaded, "--certify")
     solution, folder = _search_and_write(
         problem,
         built,

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from botohe_moo.mission.hazards import rewards_from_raster as rewards_from_raster
     from botohe_moo.mission.hazards import survival_from_raster as survival_from_raster
     from botohe_moo.mission.kinds import Kind as Kind
-    from botohe_moo.mission.library import load_mission as load_mission
-    from botohe_moo.mission.library import mission_names as mission_names
     from botohe_moo.mission.model import Mission as Mission
+    from botohe_moo.mission.named import load_mission as load_mission
+    from botohe_moo.mission.named import mission_names as mission_names
     from botohe_moo.mission.roadmaps import roadmap_from_map as roadmap_from_map
     from botohe_moo.mission.validation import MissionError as MissionError
     from botohe_moo.mission.validation import PlanError as PlanError

@@ -28,6 +28,8 @@ ArcProbability: TypeAlias = Annotated[
     Field(gt=0, le=1, description="Probability that there is a passage between two nodes."),
 ]
 
+Depots: TypeAlias = Annotated[int, Field(ge=0, description="Number of depots beside the base.")]
+
 _DIGITS = 4
 _SURVIVALS = (10**-_DIGITS, 1)  # the least and the greatest that is drawn
 _DRAWS = 1000  # of a graph, until it is connected
@@ -128,13 +130,16 @@ def complete(*, nodes: Nodes = 25, robots: Robots = 2, seed: Seed = 0) -> Missio
 
 
 @checked
-def terrain(*, nodes: Nodes = 200, robots: Robots = 5, seed: Seed = 0) -> Mission:
+def terrain(
+    *, nodes: Nodes = 200, robots: Robots = 5, depots: Depots = 0, seed: Seed = 0
+) -> Mission:
     """Waypoints in the unit square, with passages between near ones, like ``terrain_200``.
 
     A random geometric graph whose waypoints have about 6.7 neighbours, whatever their number; where
     it falls apart, passages between the nearest waypoints of its parts join them. Survivals are
     uniform in [0.9, 0.995], each way its own, and rewards uniform in [0, 1). The base is the
-    waypoint nearest to the centre.
+    waypoint nearest to the centre. If there are depots, which are drawn, rewards count on return
+    to one of these or the base.
     """
     rng = np.random.default_rng(seed)
     positions = np.round(rng.random((nodes, 2)), 6)
@@ -143,13 +148,19 @@ def terrain(*, nodes: Nodes = 200, robots: Robots = 5, seed: Seed = 0) -> Missio
     pairs = np.array(sorted({*near, *spanning_pairs(positions)}))
     title = f"Rolling terrain: {nodes} waypoints, random geometric graph, seed {seed}"
     base = int(((positions - 0.5) ** 2).sum(axis=1).argmin())
-    return _mission(
+    mission = _mission(
         nx.DiGraph(name="terrain", title=title, base=base, robots=robots),
         np.round(rng.random(nodes), 3),
         positions,
         pairs,
         np.round(0.9 + 0.095 * rng.random((len(pairs), 2)), _DIGITS),
     )
+    if not depots:
+        return mission
+    graph = mission.graph.copy()
+    for node in rng.permutation(nodes)[:depots].tolist():
+        graph.nodes[node]["depot"] = True
+    return Mission(graph, pays="return")
 
 
 @checked

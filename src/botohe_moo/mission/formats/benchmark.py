@@ -46,9 +46,22 @@ def read_benchmark(
     Research 88 (1996) 464-474.
     """
     robots, tmax, table = _parse(data.decode("utf-8-sig"))
-    scale = tmax if scale is None else scale
-    if scale <= 0:
+    if scale is None and tmax <= 0:
         raise MissionError(f"expected tmax > 0 to be the scale, got {tmax:g}; give a scale")
+    return benchmark_graph(
+        robots, tmax, table, neighbours=neighbours, scale=tmax if scale is None else scale
+    )
+
+
+def benchmark_graph(
+    robots: int,
+    tmax: float,
+    table: FloatArray,
+    *,
+    neighbours: int | Literal["all"],
+    scale: float,
+) -> nx.DiGraph[Any]:
+    """Make a graph of points with their scores (n, 3); see :func:`read_benchmark`."""
     points = table[:, :2]
     title = f"Team orienteering benchmark: {len(points)} points, tmax {tmax:g}"
     graph: nx.DiGraph[Any] = nx.DiGraph(base=0, robots=robots, title=title, max_length=tmax)

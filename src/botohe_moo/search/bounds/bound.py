@@ -15,10 +15,11 @@ from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive, Probability, TravelBudget
 from botohe_moo.indicators import check_objectives
 from botohe_moo.kernels.bounds.trails import find_trails
-from botohe_moo.mission.library import load_mission
-from botohe_moo.mission.model import Mission, check_plain
+from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.named import load_mission
 from botohe_moo.search.bounds.clock import Clock
 from botohe_moo.search.bounds.front_bound import FrontBound
+from botohe_moo.search.bounds.plain import relaxed_to_plain
 from botohe_moo.search.bounds.proof import Proof
 from botohe_moo.search.bounds.schedule import Schedule
 from botohe_moo.search.bounds.turns import Turns
@@ -110,7 +111,7 @@ def bound_front(
     >>> bound_front(toy).bound([0.3, 0.6, 0.9]).round(2).tolist()
     [7.09, 4.14, 0.0]
     """
-    check_plain(mission, "bound_front")
+    check_mission(mission)
     if mission.robots > MOST_ROBOTS:
         raise ValueError(
             f"Expected a mission of at most {MOST_ROBOTS:,} robots, got {mission.robots:,}: bounds "
@@ -119,11 +120,14 @@ def bound_front(
     if callback is not None and not callable(callback):
         raise TypeError(f"Expected callback to be callable, got {quoted(callback)}.")
     known = check_objectives("front", () if front is None else front)
-    limits = mission.limits(min_survival, max_length)
+    limits, relaxation = mission.limits(min_survival, max_length), mission
+    if not mission.is_plain:
+        relaxation, limits = relaxed_to_plain(mission, limits)
     which = limits.min_survival > 0.0, limits.max_length < math.inf
     _compile(_SMALL, *which)
     clock, turns = Clock(time_limit, n_threads), Turns(n_threads)
-    proof = Proof(mission, limits, seed=seed, memory=memory_limit, clock=clock, turns=turns)
+    how: Any = {"seed": seed, "memory": memory_limit, "clock": clock, "turns": turns}
+    proof = Proof(relaxation, limits, bounded=mission, **how)
     proof.bound().check("front", known)
     proof.known.add(known)
     try:

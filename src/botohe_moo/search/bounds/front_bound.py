@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -110,11 +111,11 @@ class FrontBound:
     @_OVERFLOW
     def _bound_where(self, moving: int, survivors: FloatArray) -> FloatArray:
         """Bound E[R] of plans in which a number of robots move."""
-        n_robots, graph = self.mission.robots, self.mission.arrays
+        n_robots, mission = self.mission.robots, self.mission
         bounds = np.full(survivors.shape, -np.inf)
         wanted = survivors * (1.0 - _ROUNDING)
         if moving == 0:
-            bounds[wanted <= n_robots] = graph.reward[graph.base]
+            bounds[wanted <= n_robots] = mission.rewards[mission.index(mission.base)]
             return bounds
         floor = moving * self.min_survival * (1.0 - _ROUNDING)
         x = np.maximum(wanted - (n_robots - moving), floor)
@@ -261,6 +262,7 @@ class FrontBound:
         record = BoundRecord(
             format=FORMAT,
             mission_digest=numbers_digest(self.mission),
+            version=version("botohe-moo"),
             max_length=None if self.max_length == np.inf else self.max_length,
             **{name: getattr(self, name) for name in _PLAIN},
         )

@@ -15,6 +15,7 @@ from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.lines import LEVELS, Lines
 from botohe_moo.search.bounds.memory import Remembered
 from botohe_moo.search.bounds.net import arcs_by_ends, new_net
+from botohe_moo.search.bounds.plain import NOTE
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import most_levels
 from botohe_moo.search.bounds.record import Step
@@ -58,6 +59,7 @@ class Proof:
         mission: Mission,
         limits: Limits,
         *,
+        bounded: Mission | None = None,
         seed: int,
         memory: float,
         clock: Clock,
@@ -66,6 +68,7 @@ class Proof:
         self.clock, self.turns = clock, turns
         self.limits, self.robots = limits, mission.robots
         self._mission, self._memory = mission, memory
+        self._bounded = mission if bounded is None else bounded  # whose plans are the mission's
         self._random_state = np.random.default_rng(seed)
         graph = mission.arrays
         # In units in which all reward is about 100: a power of 2, so that nothing is rounded.
@@ -76,7 +79,7 @@ class Proof:
         self._base_reward = base_reward / self.unit
         self.known = Known(base_reward, mission.robots)
         self._front: list[Step] = []
-        self._notes: list[str] = []
+        self._notes = [] if self._bounded.is_plain else [NOTE]
         # Without a memory and with one level; they are made again where there is time.
         self.lines: list[Lines] = []
         self.steps: list[Steps] = []
@@ -183,7 +186,7 @@ class Proof:
         found = [*(step for each in self.steps for step in each.found), *self.stairs.found]
         steps = (step._replace(most=step.most * unit) for step in found)
         return FrontBound(
-            mission=self._mission,
+            mission=self._bounded,
             lines=tuple(lines),
             steps=(*self._front, *steps),
             most_survival=self.most_survival,

@@ -72,6 +72,7 @@ class BoundRecord(BaseModel):
     max_length: NotNegative | None
     seconds: NotNegative
     notes: tuple[str, ...]
+    version: str | None = None  # of this package, which proved it; not in earlier versions' files
 
 
 def read_record(path: Path, mission: Mission) -> BoundRecord:

@@ -3,7 +3,7 @@
 import itertools
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -16,8 +16,8 @@ from botohe_moo.algorithms.registry import algorithm_faults
 from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.files import SUFFIXES
 from botohe_moo.mission.formats.nodelink import mission_content
-from botohe_moo.mission.library import load_mission, mission_faults, mission_origin
-from botohe_moo.mission.model import Mission, check_plain
+from botohe_moo.mission.model import Mission
+from botohe_moo.mission.named import load_mission, mission_faults, mission_origin
 from botohe_moo.problem import BOTOHE
 from botohe_moo.study.file.code import find_problem, problem_on, refusal, stated_bounds
 from botohe_moo.study.file.config import (
@@ -28,6 +28,7 @@ from botohe_moo.study.file.config import (
     MissionOrName,
     StudyFile,
     labelled,
+    labelled_missions,
 )
 from botohe_moo.study.file.model import StudyAlgorithm, StudyMission, seeds_of
 from botohe_moo.study.file.values import canonical, value_text
@@ -67,8 +68,8 @@ class CheckedContent:
         self._folder = folder
         self._packages = packages
         content = content if isinstance(content, dict) else {}
-        missions = _entries(_MISSION, content.get("missions"))
-        algorithms = _entries(_ALGORITHM, content.get("algorithms"))
+        missions = _entries(_MISSION, content.get("missions"), labelled_missions)
+        algorithms = _entries(_ALGORITHM, content.get("algorithms"), labelled)
         n_seeds = len(seeds_of(file.seeds)) if file else 1
         n_runs = _n_members(missions) * _n_members(algorithms) * n_seeds
         if n_runs > MAX_RUNS:
@@ -78,8 +79,8 @@ class CheckedContent:
         problem = self._find_problem(content.get("problem"))
         self.algorithms += self._read_algorithms(algorithms, problem)
         self._check_refusals(problem)
-        if content.get("bounds") is not None:
-            self._check_bounds()
+        if content.get("reference") == "best-known":
+            self._check_references()
         # Two algorithms that differ in their number of threads are the same on a mission whose runs
         # are not limited by seconds.
         budgets = [mission.budget for mission in self.missions]
@@ -213,13 +214,15 @@ class CheckedContent:
                 place = ("algorithms", algorithm.family, "algorithm")
                 self._add(place, f"{algorithm.algorithm!r}: {why}")
 
-    def _check_bounds(self) -> None:
-        """Note the first mission whose bounds cannot be proved."""
-        try:
-            for mission in self.missions:
-                check_plain(mission.mission, "bound_front")
-        except ValueError as error:
-            self._add(("bounds",), str(error))
+    def _check_references(self) -> None:
+        """Note the missions that have no best known front."""
+        for mission in self.missions:
+            if mission.in_library is None:
+                self._add(
+                    ("missions", mission.family),
+                    f"{quoted(mission.label)}, with its limits, is not a mission of the library: "
+                    "of others no best known front is there, which reference asks for.",
+                )
 
     def _check_different(self, kind: str, members: Sequence[tuple[Any, dict[str, Any]]]) -> None:
         """Refuse missions or algorithms that are the same in all that results depend on."""
@@ -255,7 +258,9 @@ def _members(entries: Mapping[str, MissionEntry | AlgorithmEntry]) -> Iterator[M
             yield Member(family, label, entry, {**entry.parameters, **grid}, grid)
 
 
-def _entries(entry: TypeAdapter[Any], content: Any) -> dict[str, Any]:
+def _entries(
+    entry: TypeAdapter[Any], content: Any, labelled: Callable[[Any], Any]
+) -> dict[str, Any]:
     """Return the entries that are well-formed, by their labels."""
     try:
         entries = labelled(content)

@@ -15,6 +15,7 @@ from pydantic import (
 
 from botohe_moo._base.checks import check_choice, quoted
 from botohe_moo.indicators import INDICATORS
+from botohe_moo.mission.collection import ENTRIES, PREFIX, SELECTIONS, library_names
 from botohe_moo.study.file.values import Label, Name, Text, all_distinct, check_distinct
 
 MAX_EVALUATIONS = 10**12
@@ -25,6 +26,27 @@ MAX_SEEDS = 100_000
 def _check_indicator(value: str) -> str:
     check_choice("an indicator", value, INDICATORS)
     return value
+
+
+def labelled_missions(value: Any) -> Any:
+    """Return a list of names as a mapping, and several missions of the library one by one."""
+    entries = labelled(value)
+    if not isinstance(entries, dict):
+        return entries
+    expanded: dict[Any, Any] = {}
+    for label, entry in entries.items():
+        name = entry.get("mission") if isinstance(entry, dict) else entry
+        selection = str(name).removeprefix(PREFIX)
+        if selection == name or selection not in (*SELECTIONS, *ENTRIES):
+            expanded[label] = entry
+            continue
+        if selection in ENTRIES and label != name:  # one, with a label of its own
+            expanded[label] = entry
+            continue
+        for member in library_names(selection):
+            one = f"{PREFIX}{member}"
+            expanded[member] = {**entry, "mission": one} if isinstance(entry, dict) else one
+    return expanded
 
 
 def labelled(value: Any) -> Any:
@@ -213,9 +235,10 @@ class StudyFile(_Entry):
     missions: Annotated[
         dict[Label, MissionOrName],
         Field(min_length=1),
-        BeforeValidator(labelled, json_schema_input_type=dict[str, MissionOrName] | Names),
+        BeforeValidator(labelled_missions, json_schema_input_type=dict[str, MissionOrName] | Names),
     ]
-    """Missions under labels of your own; or a list of names and files, which are the labels."""
+    """Missions under labels of your own; or a list of names and files, which are the labels.
+    "library:small", "library:tunnel" and so on are several missions, with their own names."""
     algorithms: Annotated[
         dict[Label, AlgorithmOrName],
         Field(min_length=1),
@@ -241,6 +264,9 @@ class StudyFile(_Entry):
         all_distinct("indicator"),
     ]
     """What fronts are judged by."""
+    reference: Literal["runs", "best-known"] = "runs"
+    """What fronts are compared with: what all runs on a mission found together, or with it the best
+    known front and the bound of the library."""
     comparison: Comparison = Comparison()
     """The control algorithm, if any, and the significance level."""
     bounds: Bounds | None = None
@@ -257,11 +283,11 @@ class StudyFile(_Entry):
             )
         return budget
 
-    @field_validator("bounds")
+    @field_validator("bounds", "reference")
     @classmethod
-    def _check_bounds(cls, bounds: Bounds | None, info: ValidationInfo) -> Bounds | None:
-        if bounds and (problem := info.data.get("problem")):
+    def _check_objectives(cls, value: Any, info: ValidationInfo) -> Any:
+        if value not in (None, "runs") and (problem := info.data.get("problem")):
             raise ValueError(
-                f"bounds are proved of E[R] and E[S], not of the objectives of {problem!r}"
+                f"{info.field_name} is of E[R] and E[S], not of the objectives of {problem!r}"
             )
-        return bounds
+        return value

@@ -15,6 +15,8 @@ from pydantic import AfterValidator, InstanceOf
 
 from botohe_moo.algorithms.origin import AlgorithmIdentity
 from botohe_moo.indicators import Scale, largest_objectives
+from botohe_moo.mission.collection import mission_of
+from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.config import Budget, Recording, Seeds, StudyFile
 from botohe_moo.study.file.values import canonical
@@ -72,6 +74,13 @@ class StudyMission:
     def scale(self) -> Scale:
         """The most that both objectives can be, by the mission or by the study's own problem."""
         return self.mission if self.objective_bounds is None else self.objective_bounds
+
+    @property
+    def in_library(self) -> str | None:
+        """Its name in the library, if it has the same numbers and limits as a mission there."""
+        if self.min_survival or self.max_length != self.mission.max_length:
+            return None
+        return mission_of(numbers_digest(self.mission))
 
     def decides(self) -> dict[str, Any]:
         """Return everything that results depend on; labels are not part of it."""
@@ -217,7 +226,15 @@ class Study:
 
     def manifest(self) -> dict[str, Any]:
         """Describe the study for readers of its tables."""
-        further = {"title", "description", "recording", "indicators", "comparison", "bounds"}
+        further = {
+            "title",
+            "description",
+            "recording",
+            "indicators",
+            "reference",
+            "comparison",
+            "bounds",
+        }
         return {
             "name": self.name,
             **self.file.model_dump(include=further),

@@ -11,6 +11,7 @@ import pyarrow as pa
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import TIE
+from botohe_moo.library import best_known, certified_bound
 from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.model import Run, Study, StudyError
 from botohe_moo.study.judge.comparisons import compare_algorithms, compare_ranks, rank_algorithms
@@ -45,7 +46,14 @@ def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> No
         for mission in (study.missions if study.file.bounds else ())
         if (bound_and_seconds := folder.bound(mission))
     }
-    tables = _judged(study, outcomes, bounds)
+    known = {}
+    if study.file.reference == "best-known":
+        names = {mission.label: mission.in_library or "" for mission in study.missions}
+        known = {label: best_known(name).objectives for label, name in names.items()}
+        bounds |= {
+            label: certified_bound(name) for label, name in names.items() if label not in bounds
+        }
+    tables = _judged(study, outcomes, bounds, known)
     _check_bounds(bounds, tables["runs"])
     tables["missions"] = mission_table(manifest, missions, bounds)
     tables["bounds"] = bound_table(bounds)
@@ -86,7 +94,10 @@ def _run_row(run: Run, outcome: Outcome, environment: str) -> dict[str, Any]:
 
 
 def _judged(
-    study: Study, outcomes: _Outcomes, bounds: Mapping[str, FrontBound]
+    study: Study,
+    outcomes: _Outcomes,
+    bounds: Mapping[str, FrontBound],
+    known: Mapping[str, FloatArray],
 ) -> dict[str, pd.DataFrame]:
     """Return all tables but ``missions``, ``bounds`` and ``algorithms``."""
     missions = {mission.label: mission.scale for mission in study.missions}
@@ -96,7 +107,7 @@ def _judged(
     tables = _recorded(outcomes)
     fronts = [[record.objectives for record in outcome.records] for _, outcome in outcomes]
     finals = [of_run[-1] if of_run else np.empty((0, 2)) for of_run in fronts]
-    references = reference_fronts(tables["runs"], finals)
+    references = reference_fronts(tables["runs"], finals, known)
     scores_of_records = score_records(
         zip(tables["trace"]["mission"], chain.from_iterable(fronts), strict=True),
         references,
@@ -130,7 +141,8 @@ def _judged(
         "summary": summarise(
             runs,
             scores,
-            missions=list(missions),
+            references,
+            missions=missions,
             algorithms=algorithms,
             significance=significance,
             bounds=bounds,

@@ -21,8 +21,12 @@ Samples: TypeAlias = dict[tuple[str, str], dict[str, FloatArray]]
 _DIGITS = 16  # of a reference front's digest
 
 
-def reference_fronts(runs: pd.DataFrame, fronts: Sequence[FloatArray]) -> pd.DataFrame:
+def reference_fronts(
+    runs: pd.DataFrame, fronts: Sequence[FloatArray], known: Mapping[str, FloatArray]
+) -> pd.DataFrame:
     """Return the table ``references``: what all runs on each mission found together.
+
+    With it go the points of its best known front (n, 2), which are in ``known`` by label.
 
     They are the non-dominated points of the final ``fronts``, one front for each run. Each point is
     there once, by descending reward. Where no run found any, the reference front is the point
@@ -31,7 +35,8 @@ def reference_fronts(runs: pd.DataFrame, fronts: Sequence[FloatArray]) -> pd.Dat
     rows: list[dict[str, Any]] = []
     for mission in runs["mission"].unique():
         of_mission = runs["mission"] == mission
-        union = _union([front for front, its in zip(fronts, of_mission, strict=True) if its])
+        found = [front for front, its in zip(fronts, of_mission, strict=True) if its]
+        union = _union([*found, known.get(mission, np.empty((0, 2)))])
         digest = hashlib.sha256(union.astype("<f8").tobytes()).hexdigest()[:_DIGITS]
         rows += [
             {"reference": digest, "mission": mission, "reward": reward, "survivors": survivors}

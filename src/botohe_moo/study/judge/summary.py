@@ -103,8 +103,9 @@ def _typed(values: list[Any]) -> "pd.Series[Any]":
 def summarise(
     runs: pd.DataFrame,
     indicators: pd.DataFrame,
+    references: pd.DataFrame,
     *,
-    missions: Sequence[str],
+    missions: Mapping[str, Scale],
     algorithms: Sequence[str],
     significance: float,
     bounds: Mapping[str, FrontBound],
@@ -122,6 +123,7 @@ def summarise(
     runs_of: dict[Any, pd.DataFrame] = dict(iter(groups))
     values: Any = indicators.groupby(["mission", "algorithm", "indicator"])["value"]
     medians = values.median().to_dict()
+    whole = _reference_areas(references, missions)
     rows: list[dict[str, Any]] = []
     for mission in missions:
         labels = [label for label in algorithms if (mission, label) in runs_of]
@@ -133,6 +135,8 @@ def summarise(
             for name in further_indicators():
                 row[f"{name}_median"] = medians.get((mission, label, name))
             row |= _described(runs_of[mission, label], significance)
+            if whole.get(mission):
+                row["area_share"] = row["area_mean"] / whole[mission]
             if mission in bounds:
                 row["area_gap"] = bounds[mission].gap_of_area(row["area_mean"])
             rows.append(row)
@@ -175,8 +179,7 @@ def reach_targets(
     mission, as in a study that was interrupted, has no rows, nor has a mission whose reference
     front has no area.
     """
-    fronts = points_by_mission(references)
-    areas = {label: area_indicator(fronts[label], missions[label]) for label in fronts}
+    areas = _reference_areas(references, missions)
     runs = runs[runs["mission"].map(areas).astype(float) > 0].reset_index(drop=True)
     reference_areas = trace["mission"].map(areas).to_numpy(float)
     keys, columns = ["mission", "algorithm"], ["evaluations", "seconds"]
@@ -195,3 +198,9 @@ def reach_targets(
     table = table.sort_values(list(order), key=lambda column: column.map(order[column.name].index))
     rows: Any = table.to_dict("records")
     return as_table("targets", rows)
+
+
+def _reference_areas(references: pd.DataFrame, missions: Mapping[str, Scale]) -> dict[str, float]:
+    """Return the area of the reference front of each mission that has runs."""
+    fronts = points_by_mission(references)
+    return {label: area_indicator(fronts[label], missions[label]) for label in fronts}

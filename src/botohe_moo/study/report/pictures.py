@@ -18,11 +18,12 @@ from botohe_moo.plots.study.comparisons import (
     plot_areas,
     plot_heat,
     plot_ranks,
+    plot_shortfalls,
     two_parameter_grids,
 )
 from botohe_moo.plots.study.curves import NAMES, Spent, plot_curves, plot_reached
 from botohe_moo.plots.study.fronts import plot_fronts
-from botohe_moo.study.report.words import level, main_indicator, slug
+from botohe_moo.study.report.words import level, main_indicator, reference_words, slug
 from botohe_moo.study.store.tables import StudyTables
 
 FORMATS = ("png", "pdf", "svg")
@@ -51,7 +52,8 @@ def draw_figures(tables: StudyTables, folder: Path) -> dict[str, list[ReportFigu
     Under ``""`` are those of the study as a whole; a mission without runs has none.
     """
     palette = palette_of(tables.algorithm_labels)
-    of_study = [_saved(folder, kind, ax, caption) for kind, ax, caption in _ranks(tables, palette)]
+    pictures = [*_shortfalls(tables, palette), *_ranks(tables, palette)]
+    of_study = [_saved(folder, kind, ax, caption) for kind, ax, caption in pictures]
     of_missions = {
         label: [
             _saved(folder, f"{kind}-{slug(label)}", ax, caption, f" On {label}.")
@@ -67,6 +69,25 @@ def _saved(folder: Path, name: str, ax: Axes, caption: str, where: str = "") -> 
     save_plot(ax, *paths)
     first = caption.split(". ")[0].removesuffix(".")  # sentence
     return ReportFigure(paths, caption, f"{first}.{where}")
+
+
+def _shortfalls(tables: StudyTables, palette: dict[str, Any]) -> Iterator[Picture]:
+    """Draw all missions in one picture, where there are several."""
+    if len(tables.mission_labels) > 1 and tables.summary["area_share"].notna().any():
+        caption = (
+            "By how much the mean area of each algorithm is smaller than that of the reference "
+            f"front: {reference_words(tables)}. Below 0.01 per cent the scale is linear."
+        )
+        if tables.missions["bound_area"].notna().any():
+            caption += (
+                " Grey bars say how much larger the reference front itself may be at most: that is "
+                "proved."
+            )
+        yield (
+            "shortfalls",
+            plot_shortfalls(tables.summary, tables.missions, palette=palette),
+            caption,
+        )
 
 
 def _ranks(tables: StudyTables, palette: dict[str, Any]) -> Iterator[Picture]:
@@ -209,8 +230,8 @@ class MissionPictures:
         ax = plot_fronts(plans, self._runs, reference=reference, bound=bound, palette=self._palette)
         caption = (
             "For each algorithm the final front of the run with the median area, of the middle two "
-            "the one with less. The thin line is the reference front: what all runs on this "
-            "mission found together."
+            "the one with less. The thin line is the reference front: "
+            f"{reference_words(self._tables)}."
         )
         if bound is not None:
             caption += " No plan lies beyond the dashed line: that is proved."

@@ -58,6 +58,7 @@ def summary_table(tables: StudyTables, mission: str) -> TextTable:
             for mean, sd in zip(rows["area_mean"], rows["area_sd"], strict=True)
         ],
         "best": rows["area_best"].map(fixed),
+        "of reference": rows["area_share"].map(percent),
         "gap at most": rows["area_gap"].map(percent),
     }
     if rows["area_gap"].isna().all():

@@ -85,6 +85,13 @@ def bound_words(mission: Mapping[Any, Any]) -> str:
     )
 
 
+def reference_words(tables: StudyTables) -> str:
+    """Return what reference fronts are."""
+    known = tables.manifest["reference"] == "best-known"
+    with_known = ", with the best known front of the library" if known else ""
+    return f"what all runs on a mission found together{with_known}"
+
+
 def parameter_words(parameters: Mapping[str, Any]) -> str:
     """Return parameters as name=value."""
     return ", ".join(f"{name}={value_text(value)}" for name, value in parameters.items())

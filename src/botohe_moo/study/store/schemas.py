@@ -140,6 +140,12 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         ("area_mean", NUMBER, "mean area"),
         ("area_sd", NUMBER, "standard deviation of the areas", "for a single run"),
         ("area_best", NUMBER, "largest area"),
+        (
+            "area_share",
+            NUMBER,
+            "area_mean as a share of that of the reference front",
+            "if that is 0",
+        ),
         ("area_gap", NUMBER, "share by which area_mean may be exceeded at most", "without bound"),
         *_scores("_median", "median"),
         ("front_size_median", NUMBER, "median number of points on the front"),

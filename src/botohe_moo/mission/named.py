@@ -13,6 +13,8 @@ from botohe_moo._plugins.checks import Fault, call_factory, check_values, checke
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, package_of
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 from botohe_moo._plugins.types import Robots
+from botohe_moo.mission.collection import ENTRIES, PREFIX, library_names
+from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.formats.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
@@ -86,9 +88,10 @@ def load_mission(
     Parameters
     ----------
     name_or_path
-        A name among `mission_names`, or the path of a file that `read_mission` reads. A text is a
-        path if it has a suffix of such files or a path separator, or if it names a file and no
-        mission. ``module:function`` names a mission that is not registered: a function whose
+        A name among `mission_names`, ``library:NAME`` with one of
+        :func:`~botohe_moo.library.library_names`, or the path of a file that `read_mission` reads.
+        A text is a path if it has a suffix of such files or a path separator, or if it names a file
+        and no mission. ``module:function`` names a mission that is not registered: a function whose
         annotation says that it returns a `Mission`, or a class derived from it. Nothing else is
         called, but importing the module runs it.
     robots
@@ -177,6 +180,8 @@ def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None
     two packages claim the name.
     """
     owner = None
+    if isinstance(name_or_path, str) and name_or_path.startswith(PREFIX):
+        name_or_path = ENTRIES[name_or_path.removeprefix(PREFIX)].source
     if isinstance(name_or_path, str) and name_or_path in _PLUGINS.claims():
         try:
             owner = _PLUGINS.entry(name_or_path).dist
@@ -205,6 +210,8 @@ def find_factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
         made = "; Mission(graph, base=..., robots=...) makes one of a graph"
         hint = made if isinstance(name, nx.Graph) else ""
         raise ValueError(f"Expected the name of a mission or a path, got {quoted(name)}{hint}.")
+    if name.startswith(PREFIX):
+        return _of_library(name.removeprefix(PREFIX))
     separators = {os.sep, os.altsep or os.sep}
     if Path(name).suffix.lower() in SUFFIXES or not separators.isdisjoint(name):
         return None
@@ -221,6 +228,28 @@ def find_factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
             hint = "; mission_from_tables, and botohe missions import, read tables"
         message = f"{error}{'' if known or ':' in name else hint}"
         raise MissionError(message, _PLUGINS.source(name)) from error
+
+
+def _of_library(name: str) -> Callable[[], Mission]:
+    """Return the function that makes a mission of the library."""
+    if name not in library_names(name):
+        several = ", ".join(library_names(name))
+        raise MissionError(f"expected one mission, but these are several: {several}", PREFIX + name)
+    entry = ENTRIES[name]
+
+    def make() -> Mission:
+        made = load_mission(entry.source, **entry.parameters)
+        how: dict[str, Any] = {"base": made.base, "kinds": made.kinds, "pays": made.pays}
+        mission = Mission(made.graph, **how, name=name)
+        if (found := numbers_digest(mission)) != entry.digest:
+            raise MissionError(
+                f"expected the digest {entry.digest}, got {found}: the numbers that are drawn here "
+                "are others than those of the library",
+                f"Mission {quoted(name)} of the library",
+            )
+        return mission
+
+    return make
 
 
 def _make(

@@ -15,7 +15,7 @@ from botohe_moo.mission import (
     mission_names,
     save_mission,
 )
-from botohe_moo.mission.library import mission_faults, mission_parameters
+from botohe_moo.mission.named import mission_faults, mission_parameters
 
 DATA = Path(__file__).parents[1] / "data"
 

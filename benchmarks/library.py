@@ -1,0 +1,61 @@
+"""The files of the library: long searches for best known fronts, and long proofs of bounds.
+
+A million evaluations of all algorithms are a study, ``experiments/library.yaml``; its plans are
+added by ``botohe library add``.
+"""
+
+from concurrent.futures import ProcessPoolExecutor
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+
+from botohe_moo import FrontBound, bound_front, load_mission, solve
+from botohe_moo._base.cpus import n_cpus
+from botohe_moo.library import Finder, best_known, check_library, library_names, library_table
+from botohe_moo.library.collection import add_plans
+
+FINDER = "the developers of botohe-moo"
+EVALUATIONS, SEEDS = 30_000_000, (1, 2, 3)
+SECONDS = 300.0  # for the bound of a mission, on one thread
+
+
+def run(folder: Path) -> bool:
+    """Search with new seeds, prove, keep what is better, print the table; judge by the checks."""
+    searched(folder)
+    proved(folder)
+    print(library_table(folder=folder).to_string(index=False))
+    faults = check_library(folder=folder)
+    print(faults or "all plans were evaluated again")
+    return not faults
+
+
+def searched(folder: Path) -> None:
+    """Add the plans of long runs of Pareto local search."""
+    for seed in SEEDS:
+        for name in library_names():
+            found = solve(f"library:{name}", evaluations=EVALUATIONS, seed=seed)
+            method = f"pareto-local-search, {EVALUATIONS:,} evaluations, seed {seed}"
+            finder = Finder(f"{datetime.now(UTC):%Y-%m-%d}", FINDER, method)
+            before, after = add_plans({name: [(found.plans, finder)]}, folder=folder)[name]
+            print(name, seed, before.area, after.area, len(after.objectives), flush=True)
+
+
+def proved(folder: Path, seconds: float = SECONDS) -> None:
+    """Bound each mission, and keep the bound if it is lower than the one that is there."""
+    with ProcessPoolExecutor(n_cpus()) as pool:
+        names = library_names()
+        prove = partial(_prove, folder=folder, seconds=seconds)
+        for name, gaps in zip(names, pool.map(prove, names), strict=True):
+            print(name, *gaps, flush=True)
+
+
+def _prove(name: str, folder: Path, seconds: float) -> tuple[float, float]:
+    """Return the gaps before and after, in per cent."""
+    mission, front = load_mission(f"library:{name}"), best_known(name, folder=folder).objectives
+    path = folder / f"{name}.bound.json"
+    bound = bound_front(mission, front=front, time_limit=seconds)
+    before = FrontBound.load(path, mission) if path.exists() else None
+    if before is None or bound.area < before.area:
+        bound.save(path)
+    after = FrontBound.load(path, mission)
+    return (100 * before.gap(front) if before else float("inf")), 100 * after.gap(front)

@@ -1,0 +1,16 @@
+"""The library: missions with their best known fronts and certified bounds."""
+
+from typing import TYPE_CHECKING
+
+from botohe_moo._base.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from botohe_moo.library.collection import best_known as best_known
+    from botohe_moo.library.collection import certified_bound as certified_bound
+    from botohe_moo.library.collection import check_library as check_library
+    from botohe_moo.library.collection import library_table as library_table
+    from botohe_moo.library.fronts import BestKnown as BestKnown
+    from botohe_moo.library.fronts import Finder as Finder
+    from botohe_moo.mission.collection import library_names as library_names
+
+__getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -1,0 +1,212 @@
+"""The files of the library: where they are, what is in them, and whether it is true."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from botohe_moo._base.files import replace_file
+from botohe_moo.library.fronts import BestKnown, Finder, packed
+from botohe_moo.mission.collection import ENTRIES, PREFIX, library_names
+from botohe_moo.mission.model import Mission
+from botohe_moo.mission.named import load_mission
+from botohe_moo.search.bounds import FrontBound
+from botohe_moo.trails import TrailPlan
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_PACKAGE = Path(__file__).parent
+# A package that is installed has the files beside this one, a clone in its results.
+_FILES = _PACKAGE / "data"
+FOLDER = _FILES if _FILES.is_dir() else _PACKAGE.parents[2] / "results" / "library"
+
+
+def library_mission(name: str) -> Mission:
+    """Return a mission of the library: ``load_mission("library:NAME")``."""
+    return load_mission(f"{PREFIX}{name}")
+
+
+def best_known(name: str, *, folder: str | os.PathLike[str] = FOLDER) -> BestKnown:
+    """Return the best front that is known of a mission of the library.
+
+    Parameters
+    ----------
+    name
+        One of `library_names`.
+    folder
+        Where the files are; default: those that come with this package.
+
+    Raises
+    ------
+    ValueError
+        If there is no such mission, or its file is damaged or of another mission.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.library import best_known
+    >>> known = best_known("lattice-12")
+    >>> found = solve("library:lattice-12", evaluations=20_000, seed=1)
+    >>> found.area / known.area > 0.999
+    True
+    """
+    mission = library_mission(name)
+    return BestKnown.read(_front_file(name, Path(folder)), mission)
+
+
+def certified_bound(name: str, *, folder: str | os.PathLike[str] = FOLDER) -> FrontBound:
+    """Return the bound that is proved of a mission of the library, as :func:`best_known`.
+
+    Examples
+    --------
+    >>> from botohe_moo.library import best_known, certified_bound
+    >>> gap = certified_bound("town-16").gap(best_known("town-16").objectives)
+    >>> gap < 1e-6
+    True
+    """
+    mission = library_mission(name)
+    return FrontBound.load(_bound_file(name, Path(folder)), mission)
+
+
+def check_library(
+    names: Iterable[str] | None = None, *, folder: str | os.PathLike[str] = FOLDER
+) -> dict[str, str]:
+    """Check missions of the library: make them, and evaluate all plans of their fronts again.
+
+    A mission has to have its digest. Its plans have to be valid, to keep its limits, to have the
+    objectives that the file says, and none may be dominated. Its bound has to lie above them. That
+    bounds are true is not proved again; :func:`~botohe_moo.bound_front` does that.
+
+    Returns
+    -------
+    dict
+        What is wrong, by name; empty if nothing is.
+
+    Examples
+    --------
+    >>> from botohe_moo.library import check_library
+    >>> check_library(["town-16", "terrain-10"])
+    {}
+    """
+    faults = {}
+    for name in library_names() if names is None else names:
+        path = Path()
+        try:
+            path = _front_file(name, Path(folder))
+            known = BestKnown.read(path, library_mission(name))
+            known.check()
+            path = _bound_file(name, Path(folder))
+            FrontBound.load(path, known.mission).check("front", known.objectives)
+        except (OSError, ValueError) as error:
+            text = str(error)
+            faults[name] = text if str(path) in text else f"{path}: {text}"
+    return faults
+
+
+def add_plans(
+    found: Mapping[str, Iterable[tuple[Iterable[TrailPlan], Finder]]],
+    *,
+    folder: str | os.PathLike[str] = FOLDER,
+) -> dict[str, tuple[BestKnown, BestKnown]]:
+    """Merge plans into the best known fronts, and write those that change.
+
+    Nothing is written before all plans are checked; each file is replaced in one step.
+
+    Parameters
+    ----------
+    found
+        Lists of plans, and who found them, by name of the mission.
+    folder
+        Where the files are.
+
+    Returns
+    -------
+    dict
+        The front before and after, by name.
+
+    Raises
+    ------
+    ValueError
+        If a plan does not keep the mission's limits, or a file is damaged.
+    """
+    folder, changed = Path(folder), {}
+    for name, lists in found.items():
+        before = after = BestKnown(library_mission(name))
+        if (path := _front_file(name, folder)).exists():
+            before = after = BestKnown.read(path, before.mission)
+        for plans, finder in lists:
+            after = after.merged(plans, finder)
+        changed[name] = before, after
+    for name, (before, after) in changed.items():
+        data = after.to_bytes()
+        if data == before.to_bytes():
+            continue
+        path, packed_data = packed(folder / f"{name}.front.json", data)
+        old = _front_file(name, folder)
+        replace_file(path, packed_data)
+        if old != path:  # it is compressed now, or not any more
+            old.unlink(missing_ok=True)
+    return changed
+
+
+def library_table(
+    names: Iterable[str] | None = None, *, folder: str | os.PathLike[str] = FOLDER
+) -> pd.DataFrame:
+    """List missions of the library: their sizes, best known areas, and certified gaps.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The columns ``mission``, ``family``, ``size``, ``nodes``, ``arcs``, ``robots``, ``plans``,
+        ``area``, ``bound_area`` and ``gap``: the largest share by which the area can grow.
+
+    Examples
+    --------
+    >>> from botohe_moo.library import library_table
+    >>> table = library_table(["town-16", "town-64"])
+    >>> table[["mission", "nodes", "arcs", "robots"]]
+       mission  nodes  arcs  robots
+    0  town-16     16    24       2
+    1  town-64     64   112       2
+    """
+    import pandas as pd
+
+    rows: list[dict[str, Any]] = []
+    for name in library_names() if names is None else names:
+        known, entry = best_known(name, folder=folder), ENTRIES[name]
+        bound = FrontBound.load(_bound_file(name, Path(folder)), known.mission)
+        rows.append(
+            {
+                "mission": name,
+                "family": entry.family,
+                "size": entry.size,
+                "nodes": len(known.mission.nodes),
+                "arcs": known.mission.graph.number_of_edges(),
+                "robots": known.mission.robots,
+                "plans": len(known.objectives),
+                "area": known.area,
+                "bound_area": bound.area,
+                "gap": bound.gap(known.objectives),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def library_digest(name: str, *, folder: str | os.PathLike[str] = FOLDER) -> str:
+    """Return a digest of the files of a mission, which changes when they do."""
+    paths = _front_file(name, Path(folder)), _bound_file(name, Path(folder))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
+
+
+def _front_file(name: str, folder: Path) -> Path:
+    path = folder / f"{name}.front.json"
+    compressed = path.with_name(f"{path.name}.gz")
+    return compressed if compressed.exists() else path
+
+
+def _bound_file(name: str, folder: Path) -> Path:
+    return folder / f"{name}.bound.json"

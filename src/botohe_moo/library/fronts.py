@@ -1,0 +1,270 @@
+"""Best known fronts, as plans, and the files that hold them."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from datetime import date
+from functools import cached_property
+from itertools import groupby
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, ValidationError
+
+from botohe_moo._base.files import read_bytes
+from botohe_moo._base.types import FloatArray
+from botohe_moo._plugins.faults import wrong_value
+from botohe_moo.indicators import area_indicator
+from botohe_moo.mission.digest import numbers_digest
+from botohe_moo.mission.model import Mission
+from botohe_moo.problem import BOTOHE
+from botohe_moo.trails import TrailPlan
+
+FORMAT: Literal["botohe-front-1"] = "botohe-front-1"
+_DIGITS = 12  # of objectives: the order in which factors are multiplied changes those behind
+_AGREES = 1e-9  # how far, as a share, objectives in files may be from those of the plans
+_LARGE = 2**17  # bytes of files that are compressed
+
+_Trails = tuple[tuple[int, ...], ...]
+
+
+class Finder(NamedTuple):
+    """Who found a plan, and when.
+
+    Attributes
+    ----------
+    on
+        Date, as 2026-11-27.
+    by
+        A name.
+    method
+        By what: the algorithm, its budget and seed, and the version of this package.
+    """
+
+    on: str
+    by: str
+    method: str
+
+
+class _Found(NamedTuple):
+    """A plan of a front; of those with equal objectives, the smallest stays."""
+
+    reward: float
+    survivors: float
+    finder: Finder
+    trails: _Trails  # indices of nodes, those of robots of a kind in ascending order
+
+
+class _Record(BaseModel, extra="forbid", strict=True):
+    format: Literal["botohe-front-1"]
+    mission: str
+    mission_digest: str
+    area: FiniteFloat
+    finders: list[Annotated[list[str], Field(min_length=3, max_length=3)]]
+    trails: list[list[int | str]]
+    plans: list[
+        tuple[FiniteFloat, FiniteFloat, NonNegativeInt, Annotated[list[int], Field(min_length=1)]]
+    ]
+
+
+@dataclass(frozen=True, repr=False)
+class BestKnown:
+    """The best front that is known of a mission.
+
+    No plan dominates another, and no two have the same objectives. Objectives are rounded to 12
+    significant digits, so that the order in which a plan's survivals are multiplied makes no other
+    plan of it.
+
+    Attributes
+    ----------
+    mission
+        The mission.
+
+    Examples
+    --------
+    >>> from botohe_moo.library import best_known
+    >>> front = best_known("town-16")
+    >>> front.objectives[0].round(2), front.finders[0].by
+    (array([9.27, 0.73]), 'the developers of botohe-moo')
+    """
+
+    mission: Mission
+    _found: tuple[_Found, ...] = field(default=())
+
+    @property
+    def objectives(self) -> FloatArray:
+        """E[R] and E[S] of the plans, by descending E[R] (n, 2)."""
+        return np.array([found[:2] for found in self._found], np.float64).reshape(-1, 2)
+
+    @property
+    def finders(self) -> tuple[Finder, ...]:
+        """Who found each plan, and when."""
+        return tuple(found.finder for found in self._found)
+
+    @cached_property
+    def plans(self) -> tuple[TrailPlan, ...]:
+        """The plans, in the order of ``objectives``; a ValueError names one that is not valid."""
+        nodes, plans = self.mission.nodes, []
+        for i, found in enumerate(self._found):
+            try:
+                plans.append(self.mission.plan([[nodes[v] for v in t] for t in found.trails]))
+            except ValueError as error:
+                raise ValueError(f"plan {i}: {error}") from None
+        return tuple(plans)
+
+    @property
+    def area(self) -> float:
+        """Its area indicator, in [0, 1]."""
+        return area_indicator(self.objectives, self.mission)
+
+    def merged(self, plans: Iterable[TrailPlan], finder: Finder) -> BestKnown:
+        """Return the front with the plans that improve it, and without those that they dominate.
+
+        Of plans with the same objectives, that of the earliest date stays, then that of the first
+        finder and method in alphabetical order. So fronts that are merged in any order are the
+        same.
+
+        Parameters
+        ----------
+        plans
+            Plans of the mission. A ValueError names one that does not keep the mission's limits.
+        finder
+            Who found them. A ValueError is raised if ``on`` is not a date, or a text is empty.
+        """
+        finder = _checked(finder)
+        batch = self.mission.batch(list(plans))
+        if not len(batch):
+            return self
+        problem = BOTOHE(self.mission)
+        excess = problem.constrain_batch(batch)
+        if (over := np.flatnonzero((excess > 0.0).any(axis=1))).size:
+            raise ValueError(f"plan {over[0]} does not keep the limits of {self.mission.name!r}.")
+        objectives = self.mission.evaluate(batch).tolist()
+        found = [
+            _Found(_rounded(reward), _rounded(survivors), finder, self._canonical(plan))
+            for (reward, survivors), plan in zip(objectives, batch, strict=True)
+        ]
+        return BestKnown(self.mission, _non_dominated([*self._found, *found]))
+
+    def _canonical(self, plan: TrailPlan) -> _Trails:
+        """Return the trails with those of robots of a kind, which are alike, in ascending order."""
+        of_kinds = zip(self.mission.kind_of, self.mission.trails(plan), strict=True)
+        alike = groupby(of_kinds, key=lambda pair: pair[0])
+        return tuple(trail for _, pairs in alike for trail in sorted(trail for _, trail in pairs))
+
+    def check(self) -> None:
+        """Evaluate all plans again, and compare them with what is said of them.
+
+        A ValueError names a plan that is not valid, does not keep the mission's limits, or has
+        other objectives, or is dominated.
+        """
+        again = BestKnown(self.mission).merged(self.plans, Finder("2000-01-01", "-", "-"))
+        evaluated = self.mission.evaluate(self.plans)
+        near = np.isclose(self.objectives, evaluated, rtol=_AGREES, atol=_AGREES).all(axis=1)
+        if (wrong := np.flatnonzero(~near)).size:
+            i = wrong[0]
+            said, found = self.objectives[i].tolist(), evaluated[i].tolist()
+            raise ValueError(f"plan {i}: expected the objectives {found} of its trails, got {said}")
+        if len(again._found) < len(self._found) or _non_dominated(self._found) != self._found:
+            raise ValueError("expected plans by descending reward, none dominated, each once")
+
+    def to_bytes(self) -> bytes:
+        """Return the content of its file: the same front has the same content."""
+        finders = sorted(set(self.finders))
+        trails = sorted({trail for found in self._found for trail in found.trails})
+        number_of = {trail: i for i, trail in enumerate(trails)}
+        nodes = self.mission.nodes
+        content: dict[str, list[Any]] = {
+            "finders": list(finders),
+            "trails": [[nodes[v] for v in trail] for trail in trails],
+            "plans": [
+                [*found[:2], finders.index(found.finder), [number_of[t] for t in found.trails]]
+                for found in self._found
+            ],
+        }
+        head = {
+            "format": FORMAT,
+            "mission": self.mission.name,
+            "mission_digest": numbers_digest(self.mission),
+            "area": _rounded(self.area),
+        }
+        lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in head.items()]
+        for key, values in content.items():  # a line for each, so that differences are readable
+            each = ",\n".join(json.dumps(v, separators=(",", ":")) for v in values)
+            lines.append(f"{json.dumps(key)}: [\n{each}\n]")
+        return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
+
+    @classmethod
+    def read(cls, path: Path, mission: Mission) -> BestKnown:
+        """Read the front of a mission; a ValueError names the file and what is wrong in it.
+
+        The plans themselves are looked at by :meth:`check`.
+        """
+        try:
+            data = read_bytes(path)
+            record = _Record.model_validate_json(
+                gzip.decompress(data) if path.suffix == ".gz" else data
+            )
+        except (OSError, EOFError, zlib.error) as error:
+            raise ValueError(f"{path}: the file cannot be read ({error}).") from None
+        except ValidationError as invalid:
+            fault = invalid.errors()[0]
+            raise ValueError(
+                f"{path}: {wrong_value('.'.join(map(str, fault['loc'])) or 'its content', fault)}"
+            ) from None
+        if record.mission_digest != numbers_digest(mission):
+            raise ValueError(f"{path} is a front of another mission than {mission.name!r}.")
+        index_of = {node: i for i, node in enumerate(mission.nodes)}
+        try:
+            finders = [_checked(Finder(*finder)) for finder in record.finders]
+            trails = [tuple(index_of[label] for label in trail) for trail in record.trails]
+            found = tuple(
+                _Found(r, s, finders[i], tuple(trails[t] for t in of_robots))
+                for r, s, i, of_robots in record.plans
+            )
+        except (KeyError, IndexError, ValueError) as error:
+            what = f"no node {error}" if isinstance(error, KeyError) else error
+            raise ValueError(f"{path}: {what}.") from None
+        return cls(mission, found)
+
+    def __repr__(self) -> str:
+        return (
+            f"<BestKnown of {self.mission.name!r}: {len(self._found)} plans, area {self.area:.6f}>"
+        )
+
+
+def packed(path: Path, data: bytes) -> tuple[Path, bytes]:
+    """Return the name and the content of a front's file, which is compressed where it is large."""
+    if len(data) < _LARGE:
+        return path, data
+    return path.with_name(f"{path.name}.gz"), gzip.compress(data, mtime=0)
+
+
+def _non_dominated(found: Iterable[_Found]) -> tuple[_Found, ...]:
+    """Return those that are not dominated, by descending reward, and of equal ones the first."""
+    front: list[_Found] = []
+    for each in sorted(found, key=lambda f: (-f.reward, -f.survivors, f.finder, f.trails)):
+        if not front or each.survivors > front[-1].survivors:
+            front.append(each)
+    return tuple(front)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{_DIGITS}g}")
+
+
+def _checked(finder: Finder) -> Finder:
+    try:
+        is_date = date.fromisoformat(finder.on).isoformat() == finder.on
+    except ValueError:
+        is_date = False
+    if not is_date:
+        raise ValueError(f"Expected a date such as 2026-11-27, got {finder.on!r}.")
+    if not finder.by.strip() or not finder.method.strip():
+        raise ValueError(f"Expected who found the plans and by what, got {finder[1:]}.")
+    return finder
