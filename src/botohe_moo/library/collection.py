@@ -14,7 +14,7 @@ from botohe_moo.mission.collection import ENTRIES, PREFIX, library_names
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.named import load_mission
 from botohe_moo.search.bounds import FrontBound
-from botohe_moo.trails import TrailPlan
+from botohe_moo.trails import Plans
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -108,7 +108,7 @@ def check_library(
 
 
 def add_plans(
-    found: Mapping[str, Iterable[tuple[Iterable[TrailPlan], Finder]]],
+    found: Mapping[str, Iterable[tuple[Plans, Finder]]],
     *,
     folder: str | os.PathLike[str] = FOLDER,
 ) -> dict[str, tuple[BestKnown, BestKnown]]:

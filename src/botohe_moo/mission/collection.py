@@ -67,7 +67,7 @@ ENTRIES: Mapping[str, Entry] = {
         "tunnel", "medium", "tunnel", {"nodes": 75, "robots": 3, "seed": 1}, "8c29210534fb4564"
     ),
     "tunnel-1000": Entry(
-        "tunnel", "large", "tunnel", {"nodes": 1000, "robots": 3, "seed": 1}, "9635cbb76ceacc1e"
+        "tunnel", "large", "tunnel", {"nodes": 1000, "robots": 2, "seed": 1}, "c723ea12baa75acd"
     ),
     "terrain-10": Entry(
         "terrain", "small", "terrain", {"nodes": 10, "robots": 2, "seed": 1}, "a2b36016a2e778a6"
