@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from botohe_moo.cli.app import app
+from botohe_moo.library import library_table
 from botohe_moo.study.report import pictures
 from botohe_moo.testing import algorithms, missions
 from tests.docs.guides import DOCS, GUIDES, ROOT, blocks, links, printed_by, words
@@ -192,8 +193,18 @@ def gaps():
     return pd.DataFrame(list(rows.values()))
 
 
+def collection():
+    """The missions of the library, with the areas of their best known fronts."""
+    found = library_table()
+    shown = found[["mission", "family", "nodes", "arcs", "robots", "plans"]]
+    return shown.assign(
+        area=found["area"].map("{:.6f}".format), gap=(100 * found["gap"]).map("{:.2f} %".format)
+    )
+
+
 KEPT = {
     "bounds": (gaps,),
+    "library": (collection,),
     "local-search": (lanes, threads),
     "paper": (published,),
     "performance": (speed, growth),

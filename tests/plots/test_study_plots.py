@@ -24,6 +24,7 @@ from botohe_moo.plots import (
     plot_fronts,
     plot_heat,
     plot_ranks,
+    plot_shortfalls,
     plot_reached,
 )
 from botohe_moo.plots.draw.algorithms import log_axis, tick_text
@@ -497,6 +498,44 @@ class TestRanks:
         posthoc["significant"] = False
         assert overruled(posthoc)
         assert self.bars(plot_ranks(self.table(self.RANKS), posthoc)) == [(1.2, 3.9)]
+
+
+class TestShortfalls:
+    SUMMARY = pd.DataFrame(
+        [
+            ("site", "ants", 0.4, 0.8),
+            ("site", "greedy", 0.45, 0.9),
+            ("mine", "ants", 0.2, 1.0),
+        ],
+        columns=["mission", "algorithm", "area_mean", "area_share"],
+    )
+    MISSIONS = pd.DataFrame(
+        {"mission": ["mine", "other", "site"], "bound_area": [np.nan, 0.9, 0.505]}
+    )
+
+    def test_points_are_shares_of_the_reference_and_bars_certified_gaps(self):
+        ax = plot_shortfalls(self.SUMMARY, self.MISSIONS, title="A study")
+        # Missions without runs are left out; the first is on top.
+        assert [tick.get_text() for tick in ax.get_yticklabels()] == ["mine", "site"]
+        [points] = [c for c in ax.collections if len(c.get_offsets()) == 3]
+        shown = sorted(tuple(np.round(point, 9)) for point in points.get_offsets().tolist())
+        assert shown == [(0.0, 0.0), (10.0, 1.0), (20.0, 1.0)]
+        assert [bar.get_width() for bar in ax.patches][1] == pytest.approx(1.0)  # 0.505 / 0.5
+        assert ax.get_xlim()[0] == 0.0
+        assert ax.get_title(loc="left") == "A study"
+
+    def test_algorithms_are_chosen(self):
+        ax = plot_shortfalls(self.SUMMARY, self.MISSIONS, algorithms=["greedy"])
+        [points] = [c for c in ax.collections if len(c.get_offsets())]
+        assert points.get_offsets().tolist() == [[pytest.approx(10.0), 1.0]]
+        with pytest.raises(ValueError, match="an algorithm of summary"):
+            plot_shortfalls(self.SUMMARY, self.MISSIONS, algorithms=["bees"])
+
+    def test_missing_columns_are_named(self):
+        with pytest.raises(ValueError, match="bound_area"):
+            plot_shortfalls(self.SUMMARY, self.MISSIONS[["mission"]])
+        with pytest.raises(ValueError, match="area_share"):
+            plot_shortfalls(self.SUMMARY.drop(columns="area_share"), self.MISSIONS)
 
 
 class TestHeat:

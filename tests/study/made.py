@@ -146,7 +146,8 @@ def study_tables(missions, algorithms, records, *, control=None, bounds=()):
         "summary": summarise(
             runs,
             scores,
-            missions=list(missions),
+            references,
+            missions=missions,
             algorithms=labels,
             significance=0.05,
             bounds=dict(bounds),

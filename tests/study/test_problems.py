@@ -186,12 +186,10 @@ class TestRefused:
         with pytest.raises(StudyError, match=r"package gone 1.0, which is not installed"):
             load_study({**STUDY, "problem": "gone:X"}, out=tmp_path)
 
-    def test_bounds_are_of_other_objectives(self):
-        line = fault({**STUDY, "bounds": {"seconds": 1}})
-        assert line == (
-            "bounds: bounds are proved of E[R] and E[S], not of the objectives of "
-            f"'{MADE}:Weakest'."
-        )
+    def test_bounds_and_best_known_fronts_are_of_other_objectives(self):
+        for key, value in (("bounds", {"seconds": 1}), ("reference", "best-known")):
+            line = fault({**STUDY, key: value})
+            assert line == f"{key}: expected E[R] and E[S], not the objectives of '{MADE}:Weakest'."
 
     @pytest.mark.parametrize("algorithm", ["random", FOREIGN])
     def test_objectives_outside_their_bounds_fail_the_run(self, algorithm):

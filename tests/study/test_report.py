@@ -164,7 +164,7 @@ class TestFiles:
         folder = tables.folder / "report"
         names = [name for label in ("toy", ODD) for name in figure_names(label)]
         expected = [folder / name for name in FIXED_NAMES]
-        expected += [folder / "figures" / name for name in names]
+        expected += [folder / "figures" / name for name in ("shortfalls.png", *names)]
         assert sorted(paths) == sorted(expected)
         assert sorted(folder.rglob("*.*")) == sorted(expected)
         assert all(path.stat().st_size for path in paths)
@@ -237,7 +237,7 @@ class TestPage:
     def test_figures_are_in_it(self, odd):
         tables, _ = odd
         page = page_of(tables)
-        n_figures = 2 * len(figure_names("toy"))
+        n_figures = 2 * len(figure_names("toy")) + 1  # and one of both missions
         assert page.tags.count("img") == n_figures
         assert page.tags.count("figcaption") == n_figures
         first = next(value for value in page.values("src"))

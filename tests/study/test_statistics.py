@@ -487,7 +487,7 @@ def pipeline(missions, algorithms, found, *, control=None, level=0.05, bounds=No
     made = {
         "comparisons": compare_algorithms(scores, runs=runs, control=control, **options),
         "ranks": rank_algorithms(scores, **options),
-        "summary": summarise(runs, scores, missions=missions, bounds=most, **options),
+        "summary": summarise(runs, scores, references, missions=known, bounds=most, **options),
     }
     for name, table in made.items():
         to_arrow(name, table)
@@ -542,12 +542,20 @@ class TestSummary:
         assert b["igd_plus_median"] == pytest.approx((0.6 + 0.5) / 2)
         assert b["epsilon_median"] == pytest.approx(0.6)
 
+    def test_shares_of_the_reference_front_by_hand(self):
+        # The area of the union, of (1, 0.5) and (0.1, 1) as shares, is 0.5 + 0.05.
+        shares = self.summary()["area_share"]
+        assert shares.tolist() == pytest.approx((self.summary()["area_mean"] / 0.55).tolist())
+        nothing = self.summary([("m", "A", 1, []), ("m", "B", 1, [])])
+        assert nothing["area_share"].isna().all()
+
     def test_what_is_not_computed_is_missing(self):
         runs, final = tables(FOUND)
         options = {"missions": {"m": quay()}, "indicators": ["epsilon"]}
-        scores = score_runs(runs, final, reference_fronts(runs, final), **options)
+        references = reference_fronts(runs, final)
+        scores = score_runs(runs, final, references, **options)
         options = {"algorithms": ["A", "B"], "significance": 0.05, "bounds": {}}
-        table = summarise(runs, scores, missions=["m"], **options)
+        table = summarise(runs, scores, references, missions={"m": quay()}, **options)
         to_arrow("summary", table)
         assert table["igd_plus_median"].isna().all()
         assert table["epsilon_median"].notna().all()
@@ -558,7 +566,7 @@ class TestSummary:
         found = [("m", "AB"[i % 2], i, [(10 * area, 2)]) for i, area in enumerate(areas)]
         alone = self.summary(found[::2], bounds={"m": 1.0})
         both = self.summary(found[::-1], bounds={"m": 1.0})
-        columns = [name for name in alone if name.startswith("area")]
+        columns = [name for name in alone if name.startswith("area") and name != "area_share"]
         assert both.loc[0, columns].tolist() == alone.loc[0, columns].tolist()
         assert alone["area_low"][0] < alone["area_median"][0] < alone["area_high"][0]
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from botohe_moo.library.collection import add_plans as add_plans
     from botohe_moo.library.collection import best_known as best_known
     from botohe_moo.library.collection import certified_bound as certified_bound
     from botohe_moo.library.collection import check_library as check_library

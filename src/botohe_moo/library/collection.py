@@ -132,6 +132,18 @@ def add_plans(
     ------
     ValueError
         If a plan does not keep the mission's limits, or a file is damaged.
+    OSError
+        If a file cannot be written.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.library import Finder, add_plans
+    >>> found = solve("library:town-16", evaluations=1_000, seed=1)
+    >>> finder = Finder("2026-11-27", "me", "pareto-local-search, 1,000 evaluations, seed 1")
+    >>> before, after = add_plans({"town-16": [(found.plans, finder)]}, folder="mine")["town-16"]
+    >>> before.area, round(after.area, 4)
+    (0.0, 0.6579)
     """
     folder, changed = Path(folder), {}
     for name, lists in found.items():
@@ -141,6 +153,7 @@ def add_plans(
         for plans, finder in lists:
             after = after.merged(plans, finder)
         changed[name] = before, after
+    folder.mkdir(parents=True, exist_ok=True)
     for name, (before, after) in changed.items():
         data = after.to_bytes()
         if data == before.to_bytes():

@@ -43,7 +43,13 @@ class Finder(NamedTuple):
     by
         A name.
     method
-        By what: the algorithm, its budget and seed, and the version of this package.
+        By what: the algorithm, its budget and its seed.
+
+    Examples
+    --------
+    >>> from botohe_moo.library import Finder
+    >>> Finder("2026-11-27", "me", "by hand").by
+    'me'
     """
 
     on: str
@@ -66,10 +72,8 @@ class _Record(BaseModel, extra="forbid", strict=True):
     mission_digest: str
     area: FiniteFloat
     finders: list[Annotated[list[str], Field(min_length=3, max_length=3)]]
-    trails: list[list[int | str]]
-    plans: list[
-        tuple[FiniteFloat, FiniteFloat, NonNegativeInt, Annotated[list[int], Field(min_length=1)]]
-    ]
+    trails: list[Annotated[list[int | str], Field(min_length=1)]]
+    plans: list[tuple[FiniteFloat, FiniteFloat, NonNegativeInt, list[NonNegativeInt]]]
 
 
 @dataclass(frozen=True, repr=False)
@@ -87,10 +91,10 @@ class BestKnown:
 
     Examples
     --------
-    >>> from botohe_moo.library import best_known
+    >>> from botohe_moo.library import BestKnown, best_known
     >>> front = best_known("town-16")
-    >>> front.objectives[0].round(2), front.finders[0].by
-    (array([9.27, 0.73]), 'the developers of botohe-moo')
+    >>> isinstance(front, BestKnown), front.objectives[0].round(2).tolist()
+    (True, [7.55, 0.76])
     """
 
     mission: Mission
@@ -229,9 +233,14 @@ class BestKnown:
                 _Found(r, s, finders[i], tuple(trails[t] for t in of_robots))
                 for r, s, i, of_robots in record.plans
             )
-        except (KeyError, IndexError, ValueError) as error:
-            what = f"no node {error}" if isinstance(error, KeyError) else error
-            raise ValueError(f"{path}: {what}.") from None
+        except KeyError as error:
+            raise ValueError(f"{path}: there is no node {error} in {mission.name!r}.") from None
+        except IndexError:
+            raise ValueError(f"{path}: a plan has a trail or a finder that is not there.") from None
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+        if any(len(each.trails) != mission.robots for each in found):
+            raise ValueError(f"{path}: expected {mission.robots} trails in each plan.")
         return cls(mission, found)
 
     def __repr__(self) -> str:

@@ -184,7 +184,11 @@ def plot_shortfalls(
         ax.set_ylim(len(names) - 0.5, -0.5)
         ax.set_yticks(range(len(names)), names)
         ax.tick_params(axis="y", length=0)
-        ax.set(xlabel="per cent of the reference front's area", ylabel="", title=title or "")
+        ax.set(
+            xlabel="per cent below the reference front (points), or above it at most (bars)",
+            ylabel="",
+            title=title or "",
+        )
         add_legend_beside(ax)
     return ax
 

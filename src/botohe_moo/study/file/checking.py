@@ -79,7 +79,7 @@ class CheckedContent:
         problem = self._find_problem(content.get("problem"))
         self.algorithms += self._read_algorithms(algorithms, problem)
         self._check_refusals(problem)
-        if content.get("reference") == "best-known":
+        if content.get("reference") == "best-known" and problem is None:
             self._check_references()
         # Two algorithms that differ in their number of threads are the same on a mission whose runs
         # are not limited by seconds.

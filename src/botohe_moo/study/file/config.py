@@ -287,7 +287,5 @@ class StudyFile(_Entry):
     @classmethod
     def _check_objectives(cls, value: Any, info: ValidationInfo) -> Any:
         if value not in (None, "runs") and (problem := info.data.get("problem")):
-            raise ValueError(
-                f"{info.field_name} is of E[R] and E[S], not of the objectives of {problem!r}"
-            )
+            raise ValueError(f"expected E[R] and E[S], not the objectives of {problem!r}")
         return value

@@ -22,7 +22,9 @@ _DIGITS = 16  # of a reference front's digest
 
 
 def reference_fronts(
-    runs: pd.DataFrame, fronts: Sequence[FloatArray], known: Mapping[str, FloatArray]
+    runs: pd.DataFrame,
+    fronts: Sequence[FloatArray],
+    known: Mapping[str, FloatArray] | None = None,
 ) -> pd.DataFrame:
     """Return the table ``references``: what all runs on each mission found together.
 
@@ -36,7 +38,7 @@ def reference_fronts(
     for mission in runs["mission"].unique():
         of_mission = runs["mission"] == mission
         found = [front for front, its in zip(fronts, of_mission, strict=True) if its]
-        union = _union([*found, known.get(mission, np.empty((0, 2)))])
+        union = _union([*found, (known or {}).get(mission, np.empty((0, 2)))])
         digest = hashlib.sha256(union.astype("<f8").tobytes()).hexdigest()[:_DIGITS]
         rows += [
             {"reference": digest, "mission": mission, "reward": reward, "survivors": survivors}

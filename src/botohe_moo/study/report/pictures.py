@@ -73,7 +73,7 @@ def _saved(folder: Path, name: str, ax: Axes, caption: str, where: str = "") -> 
 
 def _shortfalls(tables: StudyTables, palette: dict[str, Any]) -> Iterator[Picture]:
     """Draw all missions in one picture, where there are several."""
-    if len(tables.mission_labels) > 1 and tables.summary["area_share"].notna().any():
+    if len(set(tables.summary["mission"])) > 1 and tables.summary["area_share"].notna().any():
         caption = (
             "By how much the mean area of each algorithm is smaller than that of the reference "
             f"front: {reference_words(tables)}. Below 0.01 per cent the scale is linear."

@@ -87,7 +87,7 @@ def bound_words(mission: Mapping[Any, Any]) -> str:
 
 def reference_words(tables: StudyTables) -> str:
     """Return what reference fronts are."""
-    known = tables.manifest["reference"] == "best-known"
+    known = tables.manifest.get("reference") == "best-known"
     with_known = ", with the best known front of the library" if known else ""
     return f"what all runs on a mission found together{with_known}"
 

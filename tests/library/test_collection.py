@@ -1,0 +1,220 @@
+"""The library: its missions, its files, and what is handed in."""
+
+import json
+
+import pytest
+
+from botohe_moo import MissionError, area_indicator, bound_front, load_mission, solve
+from botohe_moo.library import (
+    Finder,
+    best_known,
+    certified_bound,
+    check_library,
+    library_names,
+    library_table,
+)
+from botohe_moo.library.collection import FOLDER, add_plans
+from botohe_moo.mission.collection import ENTRIES, mission_of
+from botohe_moo.mission.digest import numbers_digest
+from botohe_moo.study import make_tables, run_study
+
+SMALL = "town-16"
+ADA = Finder("2026-11-27", "Ada", "by hand")
+BOB = Finder("2026-11-28", "Bob", "by hand")
+
+
+@pytest.fixture(scope="module")
+def found():
+    """A front of a small mission, by descending reward."""
+    return solve(f"library:{SMALL}", evaluations=5_000, seed=1)
+
+
+@pytest.fixture
+def library(tmp_path, found):
+    """A folder with every other plan of that front, and a bound."""
+    folder = tmp_path / "library"
+    folder.mkdir()
+    add_plans({SMALL: [(found.plans[::2], ADA)]}, folder=folder)
+    bound_front(found.mission, time_limit=2).save(folder / f"{SMALL}.bound.json")
+    return folder
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+class TestMissions:
+    def test_each_has_its_digest_and_is_of_its_size(self):
+        for name, entry in ENTRIES.items():
+            mission = load_mission(f"library:{name}")  # refuses another digest
+            assert mission.name == name
+            assert mission_of(numbers_digest(mission)) == name
+            n_nodes = len(mission.nodes)
+            assert name.split("-")[1] == str(n_nodes)
+            limit = {"small": 40, "medium": 100, "large": 1000}[entry.size]
+            assert n_nodes <= limit
+        assert min(len(load_mission(f"library:{name}").nodes) for name in ENTRIES) == 10
+        assert len({entry.digest for entry in ENTRIES.values()}) == len(ENTRIES)
+
+    def test_selections_are_names_of_several(self):
+        assert library_names() == tuple(ENTRIES)
+        assert library_names(SMALL) == (SMALL,)
+        of_size = [library_names(size) for size in ("small", "medium", "large")]
+        assert sorted(name for names in of_size for name in names) == sorted(ENTRIES)
+        assert library_names("town") == ("town-16", "town-64", "town-196")
+        with pytest.raises(ValueError, match="a mission of the library among town-16, "):
+            library_names("town-17")
+
+    @pytest.mark.parametrize(
+        ("name", "fault"),
+        [
+            ("library:town-17", "Expected a mission of the library among town-16, "),
+            ("library:town", "these are several: town-16, town-64, town-196"),
+            ("library:", "Expected a mission of the library"),
+        ],
+    )
+    def test_other_names_are_refused(self, name, fault):
+        with pytest.raises(ValueError, match=fault):
+            load_mission(name)
+
+    def test_numbers_that_are_drawn_otherwise_are_noticed(self, monkeypatch):
+        changed = {**ENTRIES, SMALL: ENTRIES[SMALL]._replace(digest="0" * 16)}
+        monkeypatch.setattr("botohe_moo.mission.named.ENTRIES", changed)
+        with pytest.raises(MissionError, match="expected the digest 0000000000000000, got"):
+            load_mission(f"library:{SMALL}")
+
+    def test_another_team_is_another_mission(self):
+        mission = load_mission(f"library:{SMALL}", robots=3)
+        assert mission.robots == 3
+        assert mission_of(numbers_digest(mission)) is None
+
+
+class TestFiles:
+    """Those that come with the package."""
+
+    def test_there_is_a_front_and_a_bound_of_each(self):
+        names = {path.name for path in FOLDER.iterdir()}
+        fronts = {f"{name}.front.json" for name in ENTRIES}
+        assert {name.removesuffix(".gz") for name in names} == fronts | {
+            f"{name}.bound.json" for name in ENTRIES
+        }
+        assert sum(path.stat().st_size for path in FOLDER.iterdir()) < 12 * 2**20
+
+    def test_the_small_ones_are_right(self):
+        assert check_library(library_names("small")) == {}
+
+    @pytest.mark.slow
+    def test_all_are_right(self):
+        assert check_library() == {}
+
+    def test_bounds_say_who_proved_them(self):
+        record = json.loads((FOLDER / f"{SMALL}.bound.json").read_bytes())
+        assert record["version"]
+        assert record["mission_digest"] == ENTRIES[SMALL].digest
+
+    def test_the_table_lists_them(self):
+        table = library_table(library_names("small"))
+        assert list(table["mission"]) == list(library_names("small"))
+        assert (table["bound_area"] >= table["area"] * (1 - 1e-9)).all()
+        row = table.set_index("mission").loc[SMALL]
+        assert (row["nodes"], row["arcs"], row["robots"]) == (16, 24, 2)
+        assert row["gap"] == certified_bound(SMALL).gap(best_known(SMALL).objectives)
+
+
+class TestAdding:
+    def test_what_improves_the_front_enters(self, library, found):
+        before, after = add_plans({SMALL: [(found.plans, BOB)]}, folder=library)[SMALL]
+        assert after.area > before.area
+        assert best_known(SMALL, folder=library).to_bytes() == after.to_bytes()
+        kept = dict(zip(map(tuple, before.objectives.tolist()), before.finders, strict=True))
+        for point, finder in zip(map(tuple, after.objectives.tolist()), after.finders, strict=True):
+            assert finder == (ADA if point in kept else BOB)
+        assert check_library([SMALL], folder=library) == {}
+
+    def test_what_is_worse_everywhere_leaves_the_files(self, library, found):
+        before, front = contents(library), best_known(SMALL, folder=library).objectives
+        tried = solve(found.mission, "random", evaluations=50, seed=1)
+        behind = [
+            plan
+            for plan, point in zip(tried.plans, tried.objectives, strict=True)
+            if (front > point).all(axis=1).any()
+        ]
+        assert behind
+        add_plans({SMALL: [(found.plans[::2], BOB), (behind, ADA)]}, folder=library)
+        assert contents(library) == before
+
+    def test_two_additions_in_either_order_give_the_same_files(self, library, found):
+        lists = [(found.plans[1::4], ADA), (found.plans[1::3], BOB)]
+        orders = []
+        for order in (lists, lists[::-1]):
+            folder = library.with_name(f"order-{len(orders)}")
+            folder.mkdir()
+            for plans in order:
+                add_plans({SMALL: [plans]}, folder=folder)
+            orders.append(contents(folder))
+        assert orders[0] == orders[1]
+
+    def test_nothing_is_written_before_all_is_checked(self, library, found):
+        far = load_mission("library:orienteering-21")
+        unlimited = solve(far, "random", evaluations=50, max_length=float("inf"))
+        before = contents(library)
+        lists = {SMALL: [(found.plans, BOB)], "orienteering-21": [(unlimited.plans, BOB)]}
+        with pytest.raises(ValueError, match="does not keep the limits of 'orienteering-21'"):
+            add_plans(lists, folder=library)
+        assert contents(library) == before
+
+    def test_a_front_that_grows_is_compressed(self, library, found, monkeypatch):
+        monkeypatch.setattr("botohe_moo.library.fronts._LARGE", 1)
+        add_plans({SMALL: [(found.plans, BOB)]}, folder=library)
+        assert sorted(contents(library)) == [f"{SMALL}.bound.json", f"{SMALL}.front.json.gz"]
+        assert check_library([SMALL], folder=library) == {}
+
+
+class TestChecking:
+    def test_what_is_wrong_is_named(self, library):
+        path = library / f"{SMALL}.front.json"
+        content = json.loads(path.read_bytes())
+        content["plans"][0][0] *= 1.001
+        path.write_text(json.dumps(content))
+        faults = check_library([SMALL], folder=library)
+        assert list(faults) == [SMALL]
+        assert faults[SMALL].startswith(f"{path}: plan 0: expected the objectives")
+
+    def test_a_bound_below_the_front_is_named(self, library):
+        path = library / f"{SMALL}.bound.json"
+        content = json.loads(path.read_bytes())
+        content["steps"] = [
+            [n, most / 2, least, proof] for n, most, least, proof in content["steps"]
+        ]
+        path.write_text(json.dumps(content))
+        assert "has at most" in check_library([SMALL], folder=library)[SMALL]
+
+    @pytest.mark.parametrize("kind", ["front", "bound"])
+    def test_a_missing_file_is_named(self, library, kind):
+        path = library / f"{SMALL}.{kind}.json"
+        path.unlink()
+        assert str(path) in check_library([SMALL], folder=library)[SMALL]
+
+
+def test_best_known_fronts_are_references_of_studies(tmp_path):
+    study = {
+        "name": "trial",
+        "missions": {"mine": f"library:{SMALL}", "library:lattice-12": "library:lattice-12"},
+        "algorithms": ["greedy", "random"],
+        "budget": {"evaluations": 200},
+        "seeds": 1,
+        "reference": "best-known",
+    }
+    tables = run_study(study, tmp_path / "trial")
+    for label, name in (("mine", SMALL), ("lattice-12", "lattice-12")):
+        known, bound = best_known(name), certified_bound(name)
+        references = tables.references[tables.references["mission"] == label]
+        points = references[["reward", "survivors"]].to_numpy()
+        assert area_indicator(points, known.mission) == pytest.approx(known.area)
+        summary = tables.summary[tables.summary["mission"] == label]
+        for row in summary.to_dict("records"):
+            assert row["area_share"] == pytest.approx(row["area_mean"] / known.area)
+            assert row["area_gap"] == pytest.approx(bound.area / row["area_mean"] - 1)
+    made = (tmp_path / "trial" / "summary.csv").read_bytes()
+    make_tables(tmp_path / "trial")
+    assert (tmp_path / "trial" / "summary.csv").read_bytes() == made

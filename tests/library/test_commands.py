@@ -1,0 +1,126 @@
+"""The commands ``botohe library ...``."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from botohe_moo import solve
+from botohe_moo.cli import app
+from botohe_moo.library import best_known
+from botohe_moo.study import run_study
+
+SMALL = "town-16"
+
+
+@pytest.fixture
+def botohe(tmp_path):
+    """Run a command in this process, on a library of its own."""
+
+    def botohe(*args, status=0):
+        ended = CliRunner().invoke(app, ["library", *map(str, args)])
+        assert ended.exit_code == status, ended.output
+        return ended.output
+
+    (tmp_path / "library").mkdir()
+    return botohe
+
+
+@pytest.fixture
+def library(tmp_path):
+    return ("--library", tmp_path / "library")
+
+
+@pytest.fixture
+def solved(tmp_path):
+    """The folder of a solution."""
+    folder = tmp_path / "solved"
+    folder.mkdir()
+    solve(f"library:{SMALL}", evaluations=2_000, seed=1)._write_tables(folder)
+    return folder
+
+
+def test_solutions_are_added(botohe, library, solved):
+    said = botohe("add", solved, "--by", "Ada", "--on", "2026-11-27", *library)
+    assert said.startswith(f"{SMALL}: 22 new plans, area 0.6579")
+    front = best_known(SMALL, folder=library[1])
+    method = "pareto-local-search, 2,000 evaluations, seed 1"
+    assert set(front.finders) == {("2026-11-27", "Ada", method)}
+    assert "0 new plans" in botohe("add", solved, "--by", "Bob", *library)
+    assert best_known(SMALL, folder=library[1]).to_bytes() == front.to_bytes()
+
+
+def test_studies_are_added(botohe, library, tmp_path):
+    study = {
+        "name": "trial",
+        "missions": {"mine": f"library:{SMALL}", "toy": "toy"},
+        "algorithms": {"search": "random"},
+        "budget": {"evaluations": 100},
+        "seeds": 2,
+    }
+    run_study(study, tmp_path / "trial")
+    botohe("add", tmp_path / "trial", "--by", "Ada", *library)
+    methods = {finder.method for finder in best_known(SMALL, folder=library[1]).finders}
+    assert methods == {f"random, 100 evaluations, seed {seed}" for seed in (1, 2)}
+
+
+def test_plans_of_another_mission_are_refused(botohe, library, tmp_path):
+    folder = tmp_path / "toy"
+    folder.mkdir()
+    solve("toy", "greedy", evaluations=100)._write_tables(folder)
+    said = botohe("add", folder, "--by", "Ada", *library, status=2)
+    assert "expected plans of a mission of the library, found those of toy" in said
+    assert list(library[1].iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (lambda plan: plan["trails"].__setitem__(0, [0, 5, 0]), "plan 3"),
+        (lambda plan: plan.update(reward=99.0), "plan 3: expected the objectives"),
+    ],
+)
+def test_an_invalid_plan_is_named(botohe, library, solved, change, fault):
+    content = json.loads((solved / "plans.json").read_bytes())
+    change(content["plans"][3])
+    (solved / "plans.json").write_text(json.dumps(content))
+    assert fault in botohe("add", solved, "--by", "Ada", *library, status=2)
+    assert list(library[1].iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        (("--by", ""), "Expected who found the plans"),
+        (("--by", "Ada", "--on", "yesterday"), "Expected a date such as 2026-11-27"),
+    ],
+)
+def test_bad_options_are_named(botohe, library, solved, options, fault):
+    assert fault in botohe("add", solved, *options, *library, status=2)
+
+
+def test_a_folder_without_plans_is_named(botohe, library, tmp_path):
+    assert str(tmp_path) in botohe("add", tmp_path, "--by", "Ada", *library, status=2)
+
+
+def test_missions_are_listed_and_checked():
+    runner = CliRunner()
+    listed = runner.invoke(app, ["library", "list", "town"]).output
+    assert [line.split()[0] for line in listed.splitlines()[1:4]] == [
+        "town-16",
+        "town-64",
+        "town-196",
+    ]
+    checked = runner.invoke(app, ["library", "check", SMALL])
+    assert checked.exit_code == 0
+    assert f"{SMALL}: right" in checked.output
+    refused = runner.invoke(app, ["library", "check", "vilage"])
+    assert refused.exit_code == 2
+    assert "Expected a mission of the library among" in refused.output
+
+
+def test_what_is_wrong_is_named_with_status_1(botohe, library, solved):
+    botohe("add", solved, "--by", "Ada", *library)
+    path = library[1] / f"{SMALL}.front.json"
+    path.write_text(path.read_text().replace("1.66067138744", "1.76067138744"))
+    assert "expected the objectives" in botohe("check", SMALL, *library, status=1)

@@ -1,0 +1,228 @@
+"""Best known fronts: merging them, and the files that hold them."""
+
+import gzip
+import itertools
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import BOTOHE, Kind, Mission, area_indicator, load_mission
+from botohe_moo.library import BestKnown, Finder
+from botohe_moo.library.fronts import packed
+from botohe_moo.trails import TrailPlan
+from tests.strategies import missions, plans, team_missions
+
+TOY = load_mission("toy")
+ADA = Finder("2026-11-27", "Ada", "by hand")
+BOB = Finder("2026-11-28", "Bob", "by hand")
+# Node 3 pays 1 and node 4 pays 4; the way to 3 has survival 0.9, and on to 4 another 0.9.
+FAR = TOY.plan([[1, 3, 2, 4, 2, 3, 1], [1]])  # 0.9 + 0.81 · 4 = 4.14, and 1 + 0.9⁴ = 1.6561
+NEAR = TOY.plan([[1, 3, 1], [1]])  # 0.9, and 1 + 0.9² = 1.81
+HOME = TOY.stay_home()  # 0 and 2
+WORSE = TOY.plan([[1, 3, 2, 1], [1]])  # 0.9, and 1 + 0.9 · 0.9 · 0.81 = 1.6561: behind both
+
+
+@st.composite
+def lists_of_plans(draw):
+    """A mission, plain or not, and lists of its plans with who found them."""
+    mission = draw(missions(max_nodes=5) | team_missions())
+    drawn_plans = plans(mission).map(TrailPlan)
+    finders = st.builds(
+        Finder,
+        on=st.sampled_from(["2026-11-27", "2026-12-01"]),
+        by=st.sampled_from(["Ada", "Bob"]),
+        method=st.sampled_from(["by hand", "by chance"]),
+    )
+    lists = st.lists(st.tuples(st.lists(drawn_plans, max_size=4), finders), max_size=4)
+    problem = BOTOHE(mission)
+
+    def keep_limits(found):
+        batch = mission.batch(found)
+        return [
+            p
+            for p, g in zip(found, problem.constrain_batch(batch), strict=True)
+            if max(g, default=0) <= 0
+        ]
+
+    return mission, [(keep_limits(found), finder) for found, finder in draw(lists)]
+
+
+def merged(mission, lists):
+    front = BestKnown(mission)
+    for found, finder in lists:
+        front = front.merged(found, finder)
+    return front
+
+
+def not_dominated(mission, found):
+    """The readable twin: objectives with 12 digits, of which none is at least as good twice."""
+    if not found:
+        return set()
+    points = {tuple(float(f"{x:.12g}") for x in row) for row in mission.evaluate(found).tolist()}
+    return {p for p in points if not any(q != p and q[0] >= p[0] and q[1] >= p[1] for q in points)}
+
+
+class TestMerging:
+    def test_a_better_point_takes_the_place_of_those_it_dominates(self):
+        front = BestKnown(TOY).merged([WORSE, HOME], ADA)
+        assert front.objectives.tolist() == [[0.9, 1.6561], [0.0, 2.0]]
+        better = front.merged([NEAR, FAR], BOB)
+        assert better.objectives.tolist() == [[4.14, 1.6561], [0.9, 1.81], [0.0, 2.0]]
+        assert better.finders == (BOB, BOB, ADA)
+        assert [*better.plans] == [FAR, NEAR, HOME]
+        # (4.14 · 1.6561 + 0.9 · (1.81 − 1.6561)) / (10 · 2)
+        assert better.area == pytest.approx(0.34973820, abs=1e-8)
+
+    def test_what_is_worse_everywhere_changes_nothing(self):
+        front = BestKnown(TOY).merged([FAR, NEAR, HOME], ADA)
+        assert front.merged([WORSE], BOB).to_bytes() == front.to_bytes()
+        assert front.merged([], BOB).to_bytes() == front.to_bytes()
+
+    def test_of_equal_ones_the_earliest_stays(self):
+        for first, second in itertools.permutations([ADA, BOB]):
+            front = BestKnown(TOY).merged([NEAR], first).merged([NEAR], second)
+            assert front.finders == (ADA,)
+
+    @given(lists_of_plans(), st.randoms(use_true_random=False))
+    def test_any_order_gives_the_same_file(self, drawn, shuffled):
+        mission, lists = drawn
+        front = merged(mission, lists)
+        others = list(lists)
+        shuffled.shuffle(others)
+        assert merged(mission, others).to_bytes() == front.to_bytes()
+        apart = merged(mission, [([plan], finder) for found, finder in lists for plan in found])
+        assert apart.to_bytes() == front.to_bytes()
+        found = [plan for plans, _ in lists for plan in plans]
+        assert {tuple(row) for row in front.objectives.tolist()} == not_dominated(mission, found)
+        front.check()
+
+    @given(lists_of_plans())
+    def test_the_area_never_falls(self, drawn):
+        mission, lists = drawn
+        front = BestKnown(mission)
+        for found, finder in lists:
+            before, front = front, front.merged(found, finder)
+            assert front.area >= before.area - 1e-11
+            alone = area_indicator(mission.evaluate(found), mission) if found else 0.0
+            assert front.area >= alone - 1e-11
+
+    def test_robots_in_another_order_are_the_same_plan(self):
+        trails = [[1, 3, 1], [1, 3, 2, 4, 2, 3, 1]]
+        one, other = (BestKnown(TOY).merged([TOY.plan(t)], ADA) for t in (trails, trails[::-1]))
+        assert one.to_bytes() == other.to_bytes()
+
+    def test_limits_of_the_mission_count(self):
+        graph = TOY.graph.copy()
+        graph.graph["max_length"] = 2.0  # two arcs, each of length 1
+        short = Mission(graph)
+        BestKnown(short).merged([NEAR], ADA).check()
+        with pytest.raises(ValueError, match=r"plan 1 does not keep the limits of 'toy'"):
+            BestKnown(short).merged([NEAR, FAR], ADA)
+        floors = Mission(TOY.graph, kinds=[Kind("robot", 2, min_survival=0.9)])
+        with pytest.raises(ValueError, match="plan 0 does not keep the limits"):
+            BestKnown(floors).merged([floors.plan(TOY.labels(FAR))], ADA)
+
+    @pytest.mark.parametrize(
+        ("finder", "fault"),
+        [
+            (ADA._replace(on="27.11.2026"), "Expected a date such as 2026-11-27, got '27.11.2026'"),
+            (ADA._replace(on="20261127"), "Expected a date"),
+            (ADA._replace(by=" "), "Expected who found the plans"),
+            (ADA._replace(method=""), "Expected who found the plans"),
+        ],
+    )
+    def test_who_and_when_have_to_be_said(self, finder, fault):
+        with pytest.raises(ValueError, match=fault):
+            BestKnown(TOY).merged([HOME], finder)
+
+
+class TestFiles:
+    @given(lists_of_plans())
+    def test_what_is_written_is_read_again(self, tmp_path_factory, drawn):
+        mission, lists = drawn
+        front = merged(mission, lists)
+        path = tmp_path_factory.getbasetemp() / "front.json"
+        path.write_bytes(front.to_bytes())
+        again = BestKnown.read(path, mission)
+        assert again.to_bytes() == front.to_bytes()
+        assert again.finders == front.finders
+        assert list(again.plans) == list(front.plans)
+
+    def test_large_ones_are_compressed_the_same_each_time(self, tmp_path):
+        data = BestKnown(TOY).merged([FAR, NEAR, HOME], ADA).to_bytes()
+        assert packed(tmp_path / "a.front.json", data) == (tmp_path / "a.front.json", data)
+        large = data + b" " * 2**17
+        path, content = packed(tmp_path / "a.front.json", large)
+        assert path.name == "a.front.json.gz"
+        assert content == packed(tmp_path / "a.front.json", large)[1]
+        path.write_bytes(content)
+        assert gzip.decompress(content) == large
+        assert BestKnown.read(path, TOY).to_bytes() == data
+
+    @pytest.fixture
+    def changed(self, tmp_path):
+        """Read a file after a change of its content."""
+
+        def changed(change):
+            front = BestKnown(TOY).merged([FAR, NEAR, HOME], ADA)
+            content = json.loads(front.to_bytes())
+            change(content)
+            path = tmp_path / "toy.front.json"
+            path.write_text(json.dumps(content))
+            BestKnown.read(path, TOY).check()
+
+        return changed
+
+    def test_what_is_true_passes(self, changed):
+        changed(lambda content: None)
+
+    @pytest.mark.parametrize(
+        ("change", "fault"),
+        [
+            (lambda c: c.update(mission_digest="0" * 16), "front of another mission than 'toy'"),
+            (lambda c: c.update(format="botohe-front-2"), "format"),
+            (lambda c: c.pop("finders"), "finders"),
+            (lambda c: c["plans"][0].__setitem__(0, 9.5), "plan 0: expected the objectives"),
+            (lambda c: c["plans"][2].__setitem__(1, 1.9), "plan 2: expected the objectives"),
+            (lambda c: c["plans"].reverse(), "expected plans by descending reward"),
+            (lambda c: c["plans"].append(c["plans"][-1]), "each once"),
+            (lambda c: c["plans"][0].__setitem__(3, [0]), "expected 2 trails in each plan"),
+            (lambda c: c["plans"][0].__setitem__(3, [0, 9]), "a trail or a finder that is not"),
+            (lambda c: c["plans"][0].__setitem__(3, [0, -1]), "plans.0.3.1"),
+            (lambda c: c["plans"][0].__setitem__(2, 1), "a trail or a finder that is not there"),
+            (lambda c: c["trails"][1].__setitem__(1, "x"), "there is no node 'x' in 'toy'"),
+            (lambda c: c["trails"][1].pop(), "expected the base|does not end|end"),
+            (lambda c: c["trails"].__setitem__(1, []), "trails.1"),
+            (lambda c: c["finders"][0].__setitem__(0, "today"), "Expected a date"),
+            (lambda c: c["finders"][0].append("more"), "finders.0"),
+        ],
+    )
+    def test_what_is_not_is_named(self, changed, change, fault):
+        with pytest.raises(ValueError, match=fault):
+            changed(change)
+
+    def test_a_dominated_plan_is_named(self, changed):
+        def add_worse(content):
+            content["trails"].append([1, 3, 2, 1])
+            content["plans"].insert(1, [0.9, 1.6561, 0, [0, len(content["trails"]) - 1]])
+
+        with pytest.raises(ValueError, match="expected plans by descending reward, none dominated"):
+            changed(add_worse)
+
+    @pytest.mark.parametrize("content", [b"", b"[1]", b"{", b"\xff\xfe", b'{"format": NaN}'])
+    @pytest.mark.parametrize("name", ["a.front.json", "a.front.json.gz"])
+    def test_damaged_files_are_named(self, tmp_path, name, content):
+        path = tmp_path / name
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match=name):
+            BestKnown.read(path, TOY)
+        with pytest.raises(ValueError, match="cannot be read"):
+            BestKnown.read(tmp_path / "missing.json", TOY)
+
+    def test_a_front_without_plans_is_empty(self):
+        empty = BestKnown(TOY)
+        assert empty.objectives.shape == (0, 2)
+        assert empty.area == 0.0
+        empty.check()
