@@ -10,9 +10,9 @@ import pytest
 from botohe_moo.mission import (
     Mission,
     MissionError,
-    library,
     load_mission,
     mission_names,
+    named,
     save_mission,
 )
 from botohe_moo.mission.named import mission_faults, mission_parameters
@@ -79,7 +79,7 @@ def test_case_studies(name, nodes, arcs, robots, total):
     assert mission.balanced
     assert mission.title != name
     assert all("pos" in values for _, values in mission.graph.nodes(data=True))
-    assert mission == getattr(library, name)()
+    assert mission == getattr(named, name)()
     assert load_mission(name, robots=6) == mission.with_robots(6)
 
 
@@ -92,7 +92,7 @@ def test_names():
 def test_saved_case_studies_are_what_the_package_holds(tmp_path):
     for name in ("art_museum", "power_plant", "terrain_200"):
         save_mission(load_mission(name), tmp_path / "x.json")
-        data = Path(library.__file__).parent / "data" / f"{name}.json"
+        data = Path(named.__file__).parent / "data" / f"{name}.json"
         assert (tmp_path / "x.json").read_text() == data.read_text()
 
 

@@ -24,8 +24,8 @@ from botohe_moo.plots import (
     plot_fronts,
     plot_heat,
     plot_ranks,
-    plot_shortfalls,
     plot_reached,
+    plot_shortfalls,
 )
 from botohe_moo.plots.draw.algorithms import log_axis, tick_text
 from botohe_moo.plots.study.attainment import attainment_difference, attainment_surface
