@@ -64,12 +64,13 @@ def missions(
 
 
 @st.composite
-def team_missions(draw, max_nodes=5, max_robots=2, pays=None, labels=None, **options):
+def team_missions(draw, max_nodes=5, max_robots=2, pays=None, labels=None, aboard=True, **options):
     """Missions of one to three kinds, with all that a file may say of them.
 
     Kinds may be unable to reach some nodes, or to come back from them. Rewards are whole. Nodes
     pay on arrival or on return, unless ``pays`` says when all of them pay. There are up to
     ``max_robots`` of each kind. Nodes are numbered, unless ``labels`` draws what they are called.
+    Some robots carry something from the start, unless ``aboard`` is false.
     """
     graph = draw(missions(max_nodes=max_nodes, **options)).graph.copy()
     if labels is not None:
@@ -104,7 +105,7 @@ def team_missions(draw, max_nodes=5, max_robots=2, pays=None, labels=None, **opt
         for label, node in graph.nodes(data=True)
         if node.get("pays", pays) == "return" and not node.get("depot") and label != base
     ]
-    if may_carry:
+    if aboard and may_carry:
         kind["aboard"] = st.just(()) | st.lists(
             st.sampled_from(may_carry), unique=True, max_size=2
         ).map(tuple)

@@ -19,7 +19,7 @@ from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.named import load_mission
 from botohe_moo.search.bounds.clock import Clock
 from botohe_moo.search.bounds.front_bound import FrontBound
-from botohe_moo.search.bounds.plain import relaxed_to_plain
+from botohe_moo.search.bounds.plain import check_boundable, relaxed_to_plain
 from botohe_moo.search.bounds.proof import Proof
 from botohe_moo.search.bounds.schedule import Schedule
 from botohe_moo.search.bounds.turns import Turns
@@ -51,7 +51,8 @@ def bound_front(
     """Bound the front of a mission from above: for each E[S], an E[R] that no plan exceeds.
 
     Small missions get their true front. On others, visits and survival get prices, and a relaxation
-    bounds what a trail is worth under them; see ``docs/bounds.md``.
+    bounds what a trail is worth under them; see ``docs/bounds.md``. With kinds of robots or rewards
+    on return, all this is done for a plain mission that allows more.
 
     Parameters
     ----------
@@ -71,10 +72,10 @@ def bound_front(
     n_threads
         Threads that work at different places of the front, from 1 to 1 024.
     min_survival
-        Survival floor of every robot, in [0, 1].
+        Survival floor of every robot, in [0, 1]; a kind may have a higher one.
     max_length
-        Travel budget of every robot, at least 0. None is the mission's own, if it has one; inf is
-        no budget.
+        Travel budget of every robot, at least 0; a kind may have a lower one. None is the mission's
+        own, if it has one; inf is no budget.
     seed
         Of the search for trails, at least 0. With one thread, a seed and a time limit lead to the
         same bounds one after another, where libraries round alike; how far they get depends on the
@@ -93,9 +94,9 @@ def bound_front(
     TypeError
         If ``mission`` is not a Mission, or ``callback`` not callable.
     ValueError
-        If a parameter is out of its range, the mission has more than 5 000 robots, ``front`` is not
-        of shape (n, 2), or one of its plans lies above the bound: then it is of another mission, or
-        does not keep the limits.
+        If a parameter is out of its range, the mission has more than 5 000 robots or robots that
+        carry something from the start, ``front`` is not of shape (n, 2), or one of its plans lies
+        above the bound: then it is of another mission, or does not keep the limits.
 
     Notes
     -----
@@ -120,6 +121,7 @@ def bound_front(
     if callback is not None and not callable(callback):
         raise TypeError(f"Expected callback to be callable, got {quoted(callback)}.")
     known = check_objectives("front", () if front is None else front)
+    check_boundable(mission, "bound_front")
     limits, relaxation = mission.limits(min_survival, max_length), mission
     if not mission.is_plain:
         relaxation, limits = relaxed_to_plain(mission, limits)

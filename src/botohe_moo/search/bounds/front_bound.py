@@ -18,6 +18,7 @@ from botohe_moo.indicators import area_indicator, check_objectives
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.bounds.envelopes import lower_envelope
+from botohe_moo.search.bounds.plain import fewest_moving
 from botohe_moo.search.bounds.record import FORMAT, BoundRecord, Line, Step, read_record
 
 _ROUNDING = 1e-12  # survivors are lowered by this share: they are sums of rounded products
@@ -43,7 +44,8 @@ class FrontBound:
     """For each E[S], an E[R] that no plan of a mission exceeds; see :func:`bound_front`.
 
     Plans are bounded for each number j of robots that move, while the others stay at base and
-    survive. E[R] lies on or below all lines and steps for j. The bound is the largest over all j.
+    survive. E[R] lies on or below all lines and steps for j. The bound is the largest over all j
+    that a plan can have: robots that end elsewhere than they start always move.
 
     Attributes
     ----------
@@ -56,7 +58,8 @@ class FrontBound:
     most_survival
         The largest probability to survive of a robot that moves.
     min_survival, max_length
-        The limits that plans keep: survival floor, and travel budget (inf for none).
+        The limits that plans keep: survival floor, and travel budget (inf for none). Of kinds that
+        differ, the loosest.
     seconds
         How long the bound was computed.
     notes
@@ -114,6 +117,8 @@ class FrontBound:
         n_robots, mission = self.mission.robots, self.mission
         bounds = np.full(survivors.shape, -np.inf)
         wanted = survivors * (1.0 - _ROUNDING)
+        if moving < self._fewest_moving:
+            return bounds
         if moving == 0:
             bounds[wanted <= n_robots] = mission.rewards[mission.index(mission.base)]
             return bounds
@@ -126,6 +131,10 @@ class FrontBound:
         capped = proved.capped[np.searchsorted(proved.least, x, "right")]
         bounds[possible] = np.minimum(bound, capped)
         return bounds
+
+    @cached_property
+    def _fewest_moving(self) -> int:
+        return fewest_moving(self.mission)
 
     @cached_property
     def _proved(self) -> list[_Proved]:
@@ -179,7 +188,7 @@ class FrontBound:
         before = np.append(0.0, np.nextafter(survivors[:-1], np.inf))
         found = np.column_stack([self.bound(before), survivors])
         found = found[np.isfinite(found[:, 0])]
-        last: FloatArray = found[np.append(np.diff(found[:, 0]) < 0.0, True)]
+        last: FloatArray = found[np.diff(found[:, 0], append=-np.inf) < 0.0]
         return last
 
     @property
@@ -203,8 +212,8 @@ class FrontBound:
         low, high = (self.by_robots(corners[:-1] + share * width) for share in (0.25, 0.75))
         with np.errstate(invalid="ignore"):
             rise = np.where(np.isfinite(low) & np.isfinite(high), high - low, 0.0)
-        # The highest of these lines is convex, and below the chord between its ends.
-        ends = (low - rise / 2).max(axis=0) + (low + 1.5 * rise).max(axis=0)
+        # The highest of these lines, and 0, is convex, and below the chord between its ends.
+        ends = sum(each.max(axis=0, initial=0.0) for each in (low - rise / 2, low + 1.5 * rise))
         return float(width @ ends / 2)
 
     def gap(self, front: ArrayLike) -> float:
