@@ -965,6 +965,16 @@ class TestCertify:
         assert changed == ["front.png"]
         assert botohe("choose", "out").status == botohe("explore", "out").status == 0
 
+    def test_kinds_of_robots(self, botohe, tmp_path):
+        site = Mission(load_mission("toy").graph, base=1, kinds=[Kind("drone", 2, end=4)])
+        save_mission(site, tmp_path / "site.json")
+        ended = botohe("solve", "site.json", "-n", 200, "--out", "out", "--certify", 5)
+        assert (ended.status, ended.err) == (0, "")
+        assert "as if each were the best of all kinds, and rewards counted on arrival." in ended.out
+        assert FrontBound.load(tmp_path / "out" / "bound.json", site).area < 1
+        rows = botohe("bound", "site.json", "--front", "out").out.splitlines()
+        assert rows[-1].split() == ["2", "-", "-"]  # nobody can stay at the base
+
     def test_ctrl_c_keeps_what_is_proved(self, botohe, tmp_path):
         code = when_called("botohe_moo.search.bounds.proof", "LocalSearch")
         args = ["solve", "art_museum", "-n", 200, "--out", "out", "--certify", 500]
@@ -1172,10 +1182,15 @@ class TestImport:
         )
         assert "column 'survival', or columns such as 'survival:drone', found 'tail" in message
 
-    def test_bounds_of_kinds_are_refused_before_the_search(self, refused, tmp_path):
-        message = refused("solve", "drones_and_rovers", "--certify", 5, "--out", "out")
-        assert "--certify does not support mission 'drones_and_rovers', which has kinds" in message
-        assert not (tmp_path / "out").exists()
+    def test_bounds_of_robots_that_carry_something_are_refused_before_the_search(
+        self, refused, tmp_path
+    ):
+        kinds = [Kind("drone", 1, aboard=(4,))]
+        rest = Mission(load_mission("toy").graph, base=1, kinds=kinds, pays="return")
+        save_mission(rest, tmp_path / "rest.json")
+        message = refused("solve", "rest.json", "--certify", 5, "--out", "out")
+        assert "--certify does not support mission 'toy', in which robots carry some" in message
+        assert "botohe bound does not support mission 'toy'" in refused("bound", "rest.json")
 
     def test_a_number_of_robots_of_several_kinds(self, refused):
         message = refused("solve", "drones_and_rovers", "--robots", 3)

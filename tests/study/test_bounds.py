@@ -99,6 +99,13 @@ class TestTables:
         assert missions.loc["limited", "bound_area"] < missions.loc["toy", "bound_area"]
         assert tables.missing_bounds == []
 
+    def test_rewards_on_return_are_bounded(self, tmp_path):
+        site = {"mission": "terrain", "parameters": {"nodes": 8, "robots": 1, "depots": 1}}
+        source = study_of(missions={"site": site}, algorithms=["greedy"], seeds=1)
+        tables = run_study(source, tmp_path)
+        assert tables.missing_bounds == []
+        assert 0 < tables.summary["area_gap"].item() < 2
+
     def test_without_bounds_they_are_empty(self, tmp_path):
         tables = run_study(study_of(None), tmp_path)
         assert files(tmp_path) == []

@@ -435,10 +435,6 @@ indicators: [area, igd]
             ),
             ({"missions": {"m": {"mission": "toy", "max_length": -1}}}, ">= 0 or 'unlimited', got"),
             (
-                {"missions": ["drones_and_rovers", "toy"], "bounds": {"seconds": 5}},
-                "bounds: bound_front does not support mission 'drones_and_rovers', which has kin",
-            ),
-            (
                 {"algorithms": {"a": {"algorithm": "bo-aco", **twice}}},
                 "algorithms.a: expected each parameter once; 'n_ants' is there 2 times.",
             ),
@@ -470,6 +466,24 @@ indicators: [area, igd]
         *_, line = lines(path)
         assert f"{path}:2: missions.site: Mission 'toy': robots of kind 'drone' cannot keep" in line
         assert "cannot keep min_survival 0.99. The safest way" in line
+
+    def test_bounds_of_robots_that_carry_something(self, tmp_path):
+        kinds = [Kind("drone", 1, aboard=(4,))]
+        mission = Mission(load_mission("toy").graph, base=1, kinds=kinds, pays="return")
+        save_mission(mission, tmp_path / "rest.json")
+        path = written(
+            tmp_path,
+            """\
+            name: trial
+            missions: [toy, rest.json]
+            algorithms: [random]
+            budget: {evaluations: 9}
+            bounds: {seconds: 5}
+            """,
+        )
+        *_, line = lines(path)
+        said = "bounds: bound_front does not support mission 'toy', in which robots carry something"
+        assert line.startswith(f"{path}:5: {said} from the start: those of kind 'drone'.")
 
     def test_runs_that_would_be_the_same(self):
         grid = {"algorithm": "bo-aco", "grid": {"n_ants": [5, 100]}}

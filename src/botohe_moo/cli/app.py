@@ -211,7 +211,10 @@ def solve_mission(
         check_integer("--evaluations", evaluations, at_least=1)
         check_integer("--seed", seed, at_least=0)
         if certify_for is not None:
+            from botohe_moo.search.bounds.plain import check_boundable
+
             check_number("--certify", certify_for, above=0)
+            check_boundable(loaded, "--certify")
     solution, folder = _search_and_write(
         problem,
         built,

@@ -71,7 +71,8 @@ def bound_mission(
     """Prove how far a front is from the best there is.
 
     For each number of expected survivors, an expected reward that no plan whatsoever exceeds. More
-    time lowers it; Ctrl-C stops, and shows what is proved.
+    time lowers it; Ctrl-C stops, and shows what is proved. Kinds of robots are bounded as if each
+    robot were the best of all, and rewards on return as if on arrival.
 
     The front has to be of the same mission: give --robots and the mission's parameters as to
     `solve`. Its limits count; no others can be given.
@@ -84,12 +85,14 @@ def bound_mission(
         from botohe_moo._base.checks import check_integer, check_number
         from botohe_moo._base.files import check_file
         from botohe_moo.mission import load_mission
+        from botohe_moo.search.bounds.plain import check_boundable
 
         check_number("--time-limit", time_limit, above=0)
         check_integer("--seed", seed, at_least=0)
         if threads is not None:
             check_integer("--threads", threads, at_least=1, at_most=1_024)
         loaded = load_mission(**source)
+        check_boundable(loaded, "botohe bound")
         limits: dict[str, Any] = {"min_survival": min_survival, "max_length": max_length}
         solution = None
         if front is not None:
@@ -198,8 +201,9 @@ def _tell_bound(bound: FrontBound, solution: Solution | None) -> None:
     tell("\n survivors  reward at most" + ("" if solution is None else "     found"))
     for i in range(_ROWS + 1):
         survivors = bound.mission.robots * i / _ROWS
-        found = ""
+        most, found = bound.bound(survivors), ""
         if solution is not None:
             reached = solution.objectives[solution.objectives[:, 1] >= survivors * (1 - 1e-12), 0]
             found = f"{reached.max():10.4g}" if len(reached) else f"{'-':>10}"
-        tell(f"{survivors:10.4g}  {bound.bound(survivors):14.4g}{found}")
+        shown = f"{most:14.4g}" if most >= 0 else f"{'-':>14}"  # where there is no plan
+        tell(f"{survivors:10.4g}  {shown}{found}")

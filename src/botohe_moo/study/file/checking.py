@@ -19,6 +19,7 @@ from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.named import load_mission, mission_faults, mission_origin
 from botohe_moo.problem import BOTOHE
+from botohe_moo.search.bounds.plain import check_boundable
 from botohe_moo.study.file.code import find_problem, problem_on, refusal, stated_bounds
 from botohe_moo.study.file.config import (
     AlgorithmEntry,
@@ -79,6 +80,8 @@ class CheckedContent:
         problem = self._find_problem(content.get("problem"))
         self.algorithms += self._read_algorithms(algorithms, problem)
         self._check_refusals(problem)
+        if content.get("bounds") is not None:
+            self._check_bounds()
         if content.get("reference") == "best-known" and problem is None:
             self._check_references()
         # Two algorithms that differ in their number of threads are the same on a mission whose runs
@@ -213,6 +216,14 @@ class CheckedContent:
             if why := next(filter(None, reasons), None):
                 place = ("algorithms", algorithm.family, "algorithm")
                 self._add(place, f"{algorithm.algorithm!r}: {why}")
+
+    def _check_bounds(self) -> None:
+        """Note the first mission whose bounds cannot be proved."""
+        try:
+            for mission in self.missions:
+                check_boundable(mission.mission, "bound_front")
+        except ValueError as error:
+            self._add(("bounds",), str(error))
 
     def _check_references(self) -> None:
         """Note the missions that have no best known front."""
