@@ -187,6 +187,25 @@ class TestTerrain:
         pos = dict(mission.graph.nodes(data="pos"))
         assert mission.base == min(pos, key=lambda node: math.dist(pos[node], (0.5, 0.5)))
 
+    @given(seeds, st.integers(2, 60), st.data())
+    def test_depots_change_nothing_else(self, seed, nodes, data):
+        depots = data.draw(st.integers(1, nodes - 1))
+        plain = generators.terrain(nodes=nodes, seed=seed)
+        mission = generators.terrain(nodes=nodes, seed=seed, depots=depots)
+        assert (mission.base, mission.robots, mission.pays) == (plain.base, plain.robots, "return")
+        graph = mission.graph.copy()
+        drawn = [node for node, said in graph.nodes(data=True) if said.pop("depot", False)]
+        assert len(drawn) == depots
+        assert mission.base not in drawn
+        graph.graph["title"] = plain.title
+        assert nx.utils.graphs_equal(graph, nx.DiGraph(plain.graph))
+
+    def test_titles_and_numbers_of_depots(self):
+        title = generators.terrain(nodes=9, depots=1).title
+        assert title == "Rolling terrain: 9 waypoints, 1 depot, random geometric graph, seed 0"
+        with pytest.raises(ValueError, match="Expected depots <= 8, the nodes beside the base, go"):
+            generators.terrain(nodes=9, depots=9)
+
 
 class TestTunnel:
     @given(seeds, st.integers(2, 60))

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from botohe_moo._base.checks import ParameterError
 from botohe_moo._base.types import FloatArray, OffsetArray, Rng
+from botohe_moo._base.words import counted
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Robots
 from botohe_moo.mission.formats.benchmark import near_pairs, nearest_pairs, spanning_pairs
@@ -141,12 +142,16 @@ def terrain(
     waypoint nearest to the centre. If there are depots, which are drawn, rewards count on return
     to one of these or the base.
     """
+    if depots >= nodes:
+        message = f"Expected depots <= {nodes - 1}, the nodes beside the base, got {depots}."
+        raise ParameterError(message, "depots")
     rng = np.random.default_rng(seed)
     positions = np.round(rng.random((nodes, 2)), 6)
     # The spanning tree's long edges are the ones that join the parts, shortest first.
     near = near_pairs(positions, _REACH / math.sqrt(nodes))
     pairs = np.array(sorted({*near, *spanning_pairs(positions)}))
-    title = f"Rolling terrain: {nodes} waypoints, random geometric graph, seed {seed}"
+    size = f"{nodes} waypoints" + (f", {counted(depots, 'depot')}" if depots else "")
+    title = f"Rolling terrain: {size}, random geometric graph, seed {seed}"
     base = int(((positions - 0.5) ** 2).sum(axis=1).argmin())
     mission = _mission(
         nx.DiGraph(name="terrain", title=title, base=base, robots=robots),
@@ -158,7 +163,8 @@ def terrain(
     if not depots:
         return mission
     graph = mission.graph.copy()
-    for node in rng.permutation(nodes)[:depots].tolist():
+    drawn = rng.permutation(nodes)
+    for node in drawn[drawn != base][:depots].tolist():
         graph.nodes[node]["depot"] = True
     return Mission(graph, pays="return")
 

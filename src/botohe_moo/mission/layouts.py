@@ -16,8 +16,9 @@ import numpy as np
 from pydantic import Field
 
 from botohe_moo._base.checks import ParameterError
+from botohe_moo._base.words import counted
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Robots
+from botohe_moo._plugins.types import Positive, Robots
 from botohe_moo.mission.formats.benchmark import benchmark_graph
 from botohe_moo.mission.generators import Nodes, Seed
 from botohe_moo.mission.kinds import Kind
@@ -33,7 +34,7 @@ Wheeled: TypeAlias = Annotated[
     int, Field(ge=0, description="How many of the robots cannot take stairs.")
 ]
 Tour: TypeAlias = Annotated[
-    float, Field(gt=0, description="Travel budget of the team, as a share of a tour of all nodes.")
+    Positive, Field(description="Travel budget of the team, as a share of a tour of all nodes.")
 ]
 
 _DIGITS = 4
@@ -105,9 +106,10 @@ def building(
     """
     if wheeled and wheeled >= robots:
         raise ParameterError(
-            f"Expected fewer wheeled robots than robots, got {wheeled}.", "wheeled"
+            f"Expected wheeled to be fewer than all {counted(robots, 'robot')}, got {wheeled}.",
+            "wheeled",
         )
-    title = f"Building of {floors} floors with {2 * doors} rooms each, seed {seed}"
+    title = f"Building of {counted(floors, 'floor')} with {2 * doors} rooms each, seed {seed}"
     drawn = _Drawn("building", title, robots, seed)
     ends = sorted({0, doors - 1})
     for floor in range(floors):
