@@ -27,7 +27,18 @@ SIZES = [
     ("terrain_200", 200, 1348, 5, 103.949),
     ("toy", 5, 12, 2, 10),
 ]
-GENERATORS = ["complete", "drones_and_rovers", "random", "terrain", "tunnel", "two_communities"]
+GENERATORS = [
+    "building",
+    "complete",
+    "drones_and_rovers",
+    "lattice",
+    "orienteering",
+    "random",
+    "terrain",
+    "town",
+    "tunnel",
+    "two_communities",
+]
 
 
 @pytest.fixture

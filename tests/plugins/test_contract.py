@@ -19,7 +19,18 @@ pytestmark = pytest.mark.slow
 
 OURS = distribution("botohe-moo").entry_points
 ALGORITHMS = sorted(OURS.select(group="botohe_moo.algorithms").names)
-GENERATORS = ["complete", "drones_and_rovers", "random", "terrain", "tunnel", "two_communities"]
+GENERATORS = [
+    "building",
+    "complete",
+    "drones_and_rovers",
+    "lattice",
+    "orienteering",
+    "random",
+    "terrain",
+    "town",
+    "tunnel",
+    "two_communities",
+]
 BOTH = [*((name, "algorithm") for name in ALGORITHMS), *((name, "mission") for name in GENERATORS)]
 
 # At their bounds these take memory for arrays.
@@ -47,12 +58,15 @@ def bounds(hint):
     return [(name, bound) for name, bound in named if bound is not None]
 
 
-def outside(kind, bound, number):
+def outside(kind, bound, hint):
     """The value just outside a bound."""
+    number = get_args(hint)[0]
     if kind in ("gt", "lt"):
         return number(bound)
     way = -1 if kind == "ge" else 1
-    return bound + way if number is int else math.nextafter(bound, way * math.inf)
+    parts = [part for mark in hint.__metadata__ for part in getattr(mark, "metadata", [])]
+    step = next((part.multiple_of for part in parts if hasattr(part, "multiple_of")), 1)
+    return bound + way * step if number is int else math.nextafter(bound, way * math.inf)
 
 
 @pytest.mark.parametrize(("name", "kind"), BOTH)
@@ -67,7 +81,7 @@ def test_each_number_states_its_range_and_keeps_it(name, kind):
             assert bounds(hint), parameter
             number = get_args(hint)[0]
             for side, bound in bounds(hint):
-                value = outside(side, bound, number)
+                value = outside(side, bound, hint)
                 [(blamed, said)] = check(name, {parameter.name: value}, plain=True)
                 assert blamed == parameter.name
                 assert said.startswith(f"Expected {parameter.name} {parameter.range}")

@@ -10,7 +10,20 @@ from botohe_moo.testing import check_mission, parametrize_with_checks
 from botohe_moo.testing.missions import RULES
 
 
-@pytest.mark.parametrize("name", ["art_museum", "toy", "two_communities", "random", "complete"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "art_museum",
+        "building",
+        "complete",
+        "lattice",
+        "orienteering",
+        "random",
+        "town",
+        "toy",
+        "two_communities",
+    ],
+)
 def test_conforms(name):
     assert [each for each in check_mission(name) if each.status != "passed"] == []
 
