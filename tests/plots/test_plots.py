@@ -2,6 +2,9 @@
 
 import json
 import math
+import os
+import subprocess
+import sys
 from itertools import combinations
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -506,3 +509,25 @@ def test_all_formats_are_written_and_leave_the_settings_of_matplotlib(tmp_path):
     assert ET.fromstring(svg).tag.endswith("svg")
     with pytest.raises(ValueError, match=r"ends in one of \.png, \.pdf, \.svg; found .*jpg"):
         save_plot(PICTURES["front"](None), tmp_path / "a.jpg")
+
+
+@pytest.mark.slow
+def test_a_backend_that_draws_at_once_still_does_so_after_the_first_picture(tmp_path):
+    """As that of notebooks, which shows no figure where matplotlib is not interactive."""
+    backend = "import matplotlib\nfrom matplotlib.backends.backend_agg import *\n"
+    (tmp_path / "at_once.py").write_text(f"{backend}matplotlib.interactive(True)\n")
+    code = """
+import matplotlib
+from botohe_moo import plot_front
+plot_front([[1.0, 2.0]])
+print(matplotlib.is_interactive())
+"""
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "MPLBACKEND": "module://at_once", "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "True\n"

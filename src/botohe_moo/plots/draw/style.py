@@ -132,6 +132,8 @@ def theme() -> Iterator[None]:
     >>> line = ax.plot([0, 1], [2, 0])
     >>> save_plot(ax, "mine.png")
     """
+    # A notebook's backend makes matplotlib interactive when it is loaded: that has to last.
+    plt.draw_if_interactive()  # type: ignore[no-untyped-call]
     # The font is not part of it: a font that is not installed causes warnings.
     is_set = any(mpl.rcParams[name] != mpl.rcParamsDefault[name] for name in _THEME)
     # Labels of users may contain dollar signs, which are not to start mathematics.
