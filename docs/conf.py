@@ -15,7 +15,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "numpydoc",
-    "myst_parser",
+    "myst_nb",  # guides as myst_parser reads them, and notebooks
     # Those of _extensions:
     "command_line",
     "mathml",
@@ -27,6 +27,11 @@ highlight_language = "none"  # what is printed, and what is typed at a shell
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
+
+nb_execution_mode = "force"  # a notebook that fails breaks the build
+nb_execution_in_temp = True
+nb_execution_timeout = 600  # seconds a cell, the first of which compile
+nb_execution_show_tb = True
 
 autosummary_generate = True
 autodoc_typehints = "none"  # public_names puts them into the lists of parameters

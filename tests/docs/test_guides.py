@@ -13,7 +13,7 @@ from botohe_moo.cli.app import app
 from botohe_moo.library import library_table
 from botohe_moo.study.report import pictures
 from botohe_moo.testing import algorithms, missions
-from tests.docs.guides import DOCS, GUIDES, ROOT, blocks, links, printed_by, words
+from tests.docs.guides import DOCS, GUIDES, NOTEBOOKS, ROOT, blocks, links, printed_by, words
 
 # Read from top to bottom in one session; every block of the others stands alone.
 SESSIONS = {"model", "studies", "tour", "under-way"}
@@ -77,8 +77,9 @@ def test_links_lead_somewhere():
 
 
 def test_the_index_has_every_page():
-    linked = {target.resolve() for target in links(DOCS / "index.md") if target.suffix == ".md"}
-    assert linked == {*GUIDES, DOCS / "reference" / "index.md"} - {DOCS / "index.md"}
+    pages = [link for link in links(DOCS / "index.md") if link.suffix in (".md", ".ipynb")]
+    known = {*GUIDES, *NOTEBOOKS, DOCS / "reference" / "index.md"} - {DOCS / "index.md"}
+    assert {page.resolve() for page in pages} == known
 
 
 def test_the_gallery_shows_what_its_code_draws():
