@@ -9,14 +9,15 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from botohe_moo import FrontBound, bound_front, load_mission, solve
+from botohe_moo import FrontBound, TrailPlan, bound_front, load_mission, solve
 from botohe_moo._base.cpus import n_cpus
 from botohe_moo.library import Finder, best_known, check_library, library_names, library_table
 from botohe_moo.library.collection import add_plans
 
 FINDER = "the developers of botohe-moo"
-EVALUATIONS, SEEDS = 30_000_000, (1, 2, 3)
-SECONDS = 300.0  # for the bound of a mission, on one thread
+# Evaluations, and seeds. Seeds end in different fronts, so that many short runs add to few long ones.
+RUNS = ((30_000_000, range(1, 4)), (3_000_000, range(101, 107)), (1_000_000, range(11, 61)))
+SECONDS = 120.0  # for the bound of a mission, on one thread
 
 
 def run(folder: Path) -> bool:
@@ -30,14 +31,19 @@ def run(folder: Path) -> bool:
 
 
 def searched(folder: Path) -> None:
-    """Add the plans of long runs of Pareto local search."""
-    for seed in SEEDS:
-        for name in library_names():
-            found = solve(f"library:{name}", evaluations=EVALUATIONS, seed=seed)
-            method = f"pareto-local-search, {EVALUATIONS:,} evaluations, seed {seed}"
-            finder = Finder(f"{datetime.now(UTC):%Y-%m-%d}", FINDER, method)
-            before, after = add_plans({name: [(found.plans, finder)]}, folder=folder)[name]
-            print(name, seed, before.area, after.area, len(after.objectives), flush=True)
+    """Add the plans of Pareto local search."""
+    with ProcessPoolExecutor(n_cpus()) as pool:
+        for evaluations, seeds in RUNS:
+            for name in library_names():
+                search = partial(_search, name, evaluations)
+                before, after = add_plans({name: pool.map(search, seeds)}, folder=folder)[name]
+                print(name, evaluations, before.area, after.area, len(after.objectives), flush=True)
+
+
+def _search(name: str, evaluations: int, seed: int) -> tuple[tuple[TrailPlan, ...], Finder]:
+    found = solve(f"library:{name}", evaluations=evaluations, seed=seed, n_threads=1)
+    method = f"pareto-local-search, {evaluations:,} evaluations, seed {seed}"
+    return found.plans, Finder(f"{datetime.now(UTC):%Y-%m-%d}", FINDER, method)
 
 
 def proved(folder: Path, seconds: float = SECONDS) -> None:
