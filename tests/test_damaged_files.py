@@ -6,6 +6,7 @@
 
 import contextlib
 import copy
+import gzip
 import json
 import re
 import shutil
@@ -18,6 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission, mission_from_tables, read_solution, solve
+from botohe_moo.library import BestKnown, Finder
 from botohe_moo.mission import MissionError, read_mission, save_mission
 from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.tables import read_table
@@ -287,3 +289,33 @@ def test_a_bound(folder, bound, draw):
         check_message(error, path)
     else:
         assert 0 <= read.area <= 1
+
+
+def best_known_of_toy():
+    toy = load_mission("toy")
+    plans = [toy.plan([trail, [1]]) for trail in ([1, 3, 2, 4, 2, 3, 1], [1, 3, 1], [1])]
+    return BestKnown(toy).merged(plans, Finder("2026-11-27", "Ada", "by hand"))
+
+
+@examples(200)
+@given(draw=st.data(), packed=st.booleans())
+def test_a_best_known_front(folder, draw, packed):
+    known = best_known_of_toy()
+    data = draw.draw(changed(known.to_bytes(), is_json=True))
+    path = folder / ("toy.front.json.gz" if packed else "toy.front.json")
+    whole = gzip.compress(data, mtime=0)
+    path.write_bytes(draw.draw(changed(whole) | st.just(whole)) if packed else data)
+    try:
+        with WATCH.over():
+            read = BestKnown.read(path, known.mission)
+    except ValueError as error:
+        check_message(error, path)
+        return
+    try:
+        read.check()
+    except ValueError as error:
+        check_message(error, "")
+    else:
+        # A changed trail may be as good as the one that was there.
+        assert read.objectives == pytest.approx(read.mission.evaluate(read.plans))
+        assert 0 <= read.area <= known.area + 1e-9

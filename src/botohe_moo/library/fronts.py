@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, ValidationError
 
+from botohe_moo._base.checks import quoted
 from botohe_moo._base.files import read_bytes
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.faults import wrong_value
@@ -234,7 +235,8 @@ class BestKnown:
                 for r, s, i, of_robots in record.plans
             )
         except KeyError as error:
-            raise ValueError(f"{path}: there is no node {error} in {mission.name!r}.") from None
+            label = quoted(error.args[0])
+            raise ValueError(f"{path}: there is no node {label} in {mission.name!r}.") from None
         except IndexError:
             raise ValueError(f"{path}: a plan has a trail or a finder that is not there.") from None
         except ValueError as error:
@@ -275,7 +277,7 @@ def _checked(finder: Finder) -> Finder:
     except ValueError:
         is_date = False
     if not is_date:
-        raise ValueError(f"Expected a date such as 2026-11-27, got {finder.on!r}.")
+        raise ValueError(f"Expected a date such as 2026-11-27, got {quoted(finder.on)}.")
     if not finder.by.strip() or not finder.method.strip():
-        raise ValueError(f"Expected who found the plans and by what, got {finder[1:]}.")
+        raise ValueError(f"Expected who found the plans and by what, got {quoted(finder[1:])}.")
     return finder
