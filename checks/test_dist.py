@@ -25,10 +25,12 @@ from packaging.metadata import Metadata
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+PROJECT = PYPROJECT["project"]
 STEM = f"botohe_moo-{PROJECT['version']}"
 WHEEL = ROOT / "dist" / f"{STEM}-py3-none-any.whl"
 SDIST = ROOT / "dist" / f"{STEM}.tar.gz"
+LIBRARY = ROOT / "results" / "library"
 PLUG_INS = ("botohe-drift", "botohe-tower")
 
 pytestmark = pytest.mark.timeout(900)
@@ -64,6 +66,7 @@ class TestContents:
             if path.is_file() and "__pycache__" not in path.parts
         }
         assert {"botohe_moo/py.typed", "botohe_moo/mission/data/toy.json"} <= files
+        files |= {f"botohe_moo/library/data/{path.name}" for path in LIBRARY.iterdir()}
         info = f"{STEM}.dist-info/"
         packed = contents(WHEEL)
         assert {name for name in packed if not name.startswith(info)} == files
@@ -76,6 +79,8 @@ class TestContents:
         with tarfile.open(SDIST) as archive:
             packed = {name.removeprefix(f"{STEM}/") for name in archive.getnames()}
         assert {"PKG-INFO", "Makefile", "constraints.txt", "tests/conftest.py"} <= packed
+        assert {"paper/paper.md", "paper/paper.bib"} <= packed
+        assert {f"results/library/{path.name}" for path in LIBRARY.iterdir()} <= packed
         if not (ROOT / ".git").exists():
             pytest.skip("What is committed is known in a checkout only.")
         committed = run("git", "ls-files", "-z", cwd=ROOT).stdout.split("\0")
@@ -273,3 +278,22 @@ class TestUse:
         fronts.add(use(installed, work, [], outside(HOME=str(home))))
         assert not compiled(home)
         assert len(fronts) == 1
+
+
+class TestLibrary:
+    """After the tests of use: kernels are compiled by then."""
+
+    def test_best_known_fronts_come_with_the_package(self, installed, tmp_path):
+        folder = installed.site / "botohe_moo" / "library" / "data"
+        there = {path.name: path.read_bytes() for path in folder.iterdir()}
+        assert there == {path.name: path.read_bytes() for path in LIBRARY.iterdir()}
+        code = "from botohe_moo.library import best_known; best_known('town-16').check()"
+        run(installed.bin / "python", "-c", code, cwd=tmp_path, env=outside())
+
+    @pytest.mark.skipif(
+        not (LIBRARY / "town-16.bound.json").exists(), reason="Its bound is not there yet."
+    )
+    def test_the_command_checks_them(self, installed, tmp_path):
+        given = ("library", "check", "town-16")
+        said = run(installed.bin / "botohe", *given, cwd=tmp_path, env=outside()).stdout
+        assert said.startswith("town-16: right\n")
