@@ -93,7 +93,7 @@ docs: $(READY_FOR_DOCS)
 dist: $(READY_FOR_DIST)
 	rm -rf dist
 	$(BIN)/python -m build --no-isolation
-	$(BIN)/python -m pytest checks/test_dist.py
+	$(BIN)/python -m pytest checks/test_packaging.py checks/test_dist.py
 
 # Kernels run uncompiled for lines to be seen in them; the other tests take too long without compiled ones.
 COVERED_UNCOMPILED := tests/kernels tests/operators tests/outcomes

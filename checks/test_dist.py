@@ -85,7 +85,7 @@ class TestContents:
         with tarfile.open(SDIST) as archive:
             packed = {name.removeprefix(f"{STEM}/") for name in archive.getnames()}
         assert {"PKG-INFO", "Makefile", "constraints.txt", "tests/conftest.py"} <= packed
-        assert {"paper/paper.md", "paper/paper.bib"} <= packed
+        assert {"paper/paper.md", "paper/paper.bib", "packaging/recipe.yaml"} <= packed
         assert {f"results/library/{path.name}" for path in LIBRARY.iterdir()} <= packed
         if not (ROOT / ".git").exists():
             pytest.skip("What is committed is known in a checkout only.")
