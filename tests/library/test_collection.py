@@ -178,7 +178,7 @@ class TestChecking:
         path.write_text(json.dumps(content))
         faults = check_library([SMALL], folder=library)
         assert list(faults) == [SMALL]
-        assert faults[SMALL].startswith(f"{path}: plan 0: expected the objectives")
+        assert faults[SMALL].startswith(f"{path}: expected the area ")
 
     def test_a_bound_below_the_front_is_named(self, library):
         path = library / f"{SMALL}.bound.json"

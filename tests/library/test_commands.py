@@ -123,4 +123,4 @@ def test_what_is_wrong_is_named_with_status_1(botohe, library, solved):
     botohe("add", solved, "--by", "Ada", *library)
     path = library[1] / f"{SMALL}.front.json"
     path.write_text(path.read_text().replace("1.66067138744", "1.76067138744"))
-    assert "expected the objectives" in botohe("check", SMALL, *library, status=1)
+    assert "expected the area" in botohe("check", SMALL, *library, status=1)

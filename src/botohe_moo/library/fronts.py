@@ -59,7 +59,7 @@ class Finder(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """A plan of a front; of those with equal objectives, the smallest stays."""
+    """A plan of a front."""
 
     reward: float
     survivors: float
@@ -243,7 +243,10 @@ class BestKnown:
             raise ValueError(f"{path}: {error}") from None
         if any(len(each.trails) != mission.robots for each in found):
             raise ValueError(f"{path}: expected {mission.robots} trails in each plan.")
-        return cls(mission, found)
+        front = cls(mission, found)
+        if abs(front.area - record.area) > _AGREES:
+            raise ValueError(f"{path}: expected the area {front.area}, found {record.area}.")
+        return front
 
     def __repr__(self) -> str:
         return (
