@@ -27,7 +27,7 @@ OF_PACKAGES = {
     "adding-an-operator",
 }
 PAGES = [*GUIDES, *sorted((DOCS / "reference").glob("*.md"))]
-SLOW = {"gallery"}  # each function for plots has a test of its own
+SLOW = {"gallery", "under-way"}  # their functions have tests of their own
 TEXTS = [*PAGES, *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md"))]
 
 

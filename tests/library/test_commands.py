@@ -50,6 +50,7 @@ def test_solutions_are_added(botohe, library, solved):
     assert best_known(SMALL, folder=library[1]).to_bytes() == front.to_bytes()
 
 
+@pytest.mark.slow
 def test_studies_are_added(botohe, library, tmp_path):
     study = {
         "name": "trial",
