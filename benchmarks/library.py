@@ -1,8 +1,4 @@
-"""The files of the library: long searches for best known fronts, and long proofs of bounds.
-
-A million evaluations of all algorithms are a study, ``experiments/library.yaml``; its plans are
-added by ``botohe library add``.
-"""
+"""The files of the library: searches for best known fronts, and proofs of bounds."""
 
 from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime

@@ -296,9 +296,6 @@ class TestLibrary:
         code = "from botohe_moo.library import best_known; best_known('town-16').check()"
         run(installed.bin / "python", "-c", code, cwd=tmp_path, env=outside())
 
-    @pytest.mark.skipif(
-        not (LIBRARY / "town-16.bound.json").exists(), reason="Its bound is not there yet."
-    )
     def test_the_command_checks_them(self, installed, tmp_path):
         given = ("library", "check", "town-16")
         said = run(installed.bin / "botohe", *given, cwd=tmp_path, env=outside()).stdout

@@ -186,6 +186,7 @@ class TestFiles:
             (lambda c: c.update(mission_digest="0" * 16), "front of another mission than 'toy'"),
             (lambda c: c.update(format="botohe-front-2"), "format"),
             (lambda c: c.update(area=0.4), "expected the area 0.3497"),
+            (lambda c: c.update(area=1.0, plans=[[1e308, 1.0, 0, [0, 0]]]), r"toy.front.json: Exp"),
             (lambda c: c.pop("finders"), "finders"),
             (lambda c: c["plans"][0].__setitem__(0, 9.5), "plan 0: expected the objectives"),
             (lambda c: c["plans"][2].__setitem__(1, 1.9), "plan 2: expected the objectives"),

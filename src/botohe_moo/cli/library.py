@@ -70,7 +70,10 @@ def check(selection: SelectionArgument = "all", library: FolderOption = None) ->
         for name in names:
             faults = check_library([name], **_in(library))
             wrong += len(faults)
-            say(faults[name]) if faults else tell(f"{name}: right")
+            if faults:
+                say(faults[name])
+            else:
+                tell(f"{name}: right")
     if wrong:
         raise typer.Exit(FAILED)
     tell(f"\n{counted(len(names), 'mission')}: each plan was evaluated again, none is dominated")
@@ -102,9 +105,9 @@ def add(
         date = dt.date.today().isoformat() if on is None else on
         changed = add_plans(_found_in(found, by, date), **_in(library))
     for name, (before, after) in changed.items():
-        n_new = len(set(after.objectives[:, 0]) - set(before.objectives[:, 0]))
-        grown = after.area / before.area - 1 if before.area else float("inf")
-        tell(f"{name}: {counted(n_new, 'new plan')}, area {after.area:.6f} ({100 * grown:+.4f} %)")
+        n_new = len({*map(tuple, after.objectives)} - {*map(tuple, before.objectives)})
+        grown = f" ({100 * (after.area / before.area - 1):+.4f} %)" if before.area else ""
+        tell(f"{name}: {counted(n_new, 'new plan')}, area {after.area:.6f}{grown}")
 
 
 def _in(folder: Path | None) -> dict[str, Any]:

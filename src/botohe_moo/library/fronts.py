@@ -234,6 +234,8 @@ class BestKnown:
                 _Found(r, s, finders[i], tuple(trails[t] for t in of_robots))
                 for r, s, i, of_robots in record.plans
             )
+            front = cls(mission, found)
+            area = front.area
         except KeyError as error:
             label = quoted(error.args[0])
             raise ValueError(f"{path}: there is no node {label} in {mission.name!r}.") from None
@@ -243,9 +245,8 @@ class BestKnown:
             raise ValueError(f"{path}: {error}") from None
         if any(len(each.trails) != mission.robots for each in found):
             raise ValueError(f"{path}: expected {mission.robots} trails in each plan.")
-        front = cls(mission, found)
-        if abs(front.area - record.area) > _AGREES:
-            raise ValueError(f"{path}: expected the area {front.area}, found {record.area}.")
+        if abs(area - record.area) > _AGREES:
+            raise ValueError(f"{path}: expected the area {area}, found {record.area}.")
         return front
 
     def __repr__(self) -> str:
