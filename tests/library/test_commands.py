@@ -42,7 +42,7 @@ def solved(tmp_path):
 
 def test_solutions_are_added(botohe, library, solved):
     said = botohe("add", solved, "--by", "Ada", "--on", "2026-11-27", *library)
-    assert said.startswith(f"{SMALL}: 22 new plans, area 0.6579")
+    assert said.startswith(f"{SMALL}: 22 new plans, area 0.657907; wrote {library[1]}")
     front = best_known(SMALL, folder=library[1])
     method = "pareto-local-search, 2,000 evaluations, seed 1"
     assert set(front.finders) == {("2026-11-27", "Ada", method)}
@@ -70,7 +70,7 @@ def test_plans_of_another_mission_are_refused(botohe, library, tmp_path):
     folder.mkdir()
     solve("toy", "greedy", evaluations=100)._write_tables(folder)
     said = botohe("add", folder, "--by", "Ada", *library, status=2)
-    assert "expected plans of a mission of the library, found those of toy" in said
+    assert "expected plans of a mission of the library, found those of 'toy' of 2 robots" in said
     assert list(library[1].iterdir()) == []
 
 

@@ -16,10 +16,12 @@ from botohe_moo.cli.shell import FAILED, failing, say, tell
 
 if TYPE_CHECKING:
     from botohe_moo.library.fronts import Finder
-    from botohe_moo.mission.model import Mission
-    from botohe_moo.trails import TrailPlan
+    from botohe_moo.study import StudyTables
+    from botohe_moo.trails import PlanBatch, Plans
 
-    Found = dict[str, list[tuple[list[TrailPlan], Finder]]]
+    Found = dict[str, list[tuple[Plans, Finder]]]
+
+_METHOD = "{}, {:,} evaluations, seed {}"  # of the algorithm
 
 library_app = typer.Typer(no_args_is_help=True)
 
@@ -33,7 +35,9 @@ SelectionArgument = Annotated[
 FolderOption = Annotated[
     Path | None,
     path_option(
-        "--library", metavar="DIR", help="Folder of the library; by default that of the package."
+        "--library",
+        metavar="DIR",
+        help="Folder of the library; by default that of the package: in a clone, results/library.",
     ),
 ]
 
@@ -48,11 +52,12 @@ def list_library(selection: SelectionArgument = "all", library: FolderOption = N
     """List missions: nodes, arcs, robots, plans and area of the best known front, certified gap."""
     with failing():
         from botohe_moo.library import library_names, library_table
+        from botohe_moo.library.files import FOLDER
 
-        table = library_table(library_names(selection), **_in(library))
+        table = library_table(library_names(selection), folder=library or FOLDER)
     shown = table.drop(columns=["bound_area"])
     formats: Any = {"area": "{:.6f}".format, "gap": lambda gap: f"{100 * gap:.2f} %"}
-    tell(shown.to_string(index=False, formatters=formats))
+    tell(shown.to_string(index=False, formatters=formats, na_rep="-"))
     tell("\n`botohe solve library:NAME` searches, `botohe library add DIR` hands in what it found.")
 
 
@@ -64,11 +69,12 @@ def check(selection: SelectionArgument = "all", library: FolderOption = None) ->
     """
     with failing():
         from botohe_moo.library import check_library, library_names
+        from botohe_moo.library.files import FOLDER
 
         names = library_names(selection)
         wrong = 0
         for name in names:
-            faults = check_library([name], **_in(library))
+            faults = check_library([name], folder=library or FOLDER)
             wrong += len(faults)
             if faults:
                 say(faults[name])
@@ -100,56 +106,67 @@ def add(
     Plans that are dominated leave. Additions in any order give the same files.
     """
     with failing():
-        from botohe_moo.library.collection import add_plans
+        from botohe_moo.library.files import FOLDER, add_plans
 
         date = dt.date.today().isoformat() if on is None else on
-        changed = add_plans(_found_in(found, by, date), **_in(library))
-    for name, (before, after) in changed.items():
-        n_new = len({*map(tuple, after.objectives)} - {*map(tuple, before.objectives)})
+        changed = add_plans(_found_in(found, by, date), folder=library or FOLDER)
+    for name, (before, after, path) in changed.items():
+        was, now = (
+            {*zip(map(tuple, front.objectives.tolist()), front.finders, strict=True)}
+            for front in (before, after)
+        )
         grown = f" ({100 * (after.area / before.area - 1):+.4f} %)" if before.area else ""
-        tell(f"{name}: {counted(n_new, 'new plan')}, area {after.area:.6f}{grown}")
-
-
-def _in(folder: Path | None) -> dict[str, Any]:
-    return {} if folder is None else {"folder": folder}
+        wrote = "" if path is None else f"; wrote {path}"
+        tell(f"{name}: {counted(len(now - was), 'new plan')}, area {after.area:.6f}{grown}{wrote}")
 
 
 def _found_in(folder: Path, by: str, on: str) -> Found:
     """Read the plans of a solution or a study, by the library's name of their mission."""
     from botohe_moo.library.fronts import Finder
-    from botohe_moo.mission.collection import mission_of
     from botohe_moo.mission.digest import numbers_digest
+    from botohe_moo.mission.entries import library_name_of
     from botohe_moo.solution import read_solution
+    from botohe_moo.study import read_study
 
+    found: Found = {}
     if (folder / "plans.json").exists():
         read = read_solution(folder)
-        how = (read.algorithm, read.evaluations, read.seed)
-        lists = [(read.mission, list(read.plans), how)]
+        missions = [read.mission]
+        if name := library_name_of(numbers_digest(read.mission)):
+            method = _METHOD.format(read.algorithm, read.evaluations, read.seed)
+            found[name] = [(read.plans, Finder(on, by, method))]
     else:
-        lists = list(_of_study(folder))
-    found: Found = {}
-    for mission, plans, how in lists:
-        if name := mission_of(numbers_digest(mission)):
-            method = "{}, {:,} evaluations, seed {}".format(*how)
-            found.setdefault(name, []).append((plans, Finder(on, by, method)))
+        tables = read_study(folder)
+        missions = [tables.mission(label) for label in tables.mission_labels]
+        for label, mission in zip(tables.mission_labels, missions, strict=True):
+            if name := library_name_of(numbers_digest(mission)):
+                lists = found.setdefault(name, [])
+                lists += [
+                    (plans, Finder(on, by, method)) for plans, method in _of_runs(tables, label)
+                ]
     if not found:
-        others = ", ".join(dict.fromkeys(mission.name for mission, *_ in lists))
+        others = ", ".join(f"{mission.name!r} of {mission.team}" for mission in missions)
         raise ValueError(
             f"{folder}: expected plans of a mission of the library, found those of {others}: no "
-            "mission of the library has the same numbers, base and robots."
+            "mission of the library has the same nodes, arcs and team."
         )
     return found
 
 
-def _of_study(folder: Path) -> Iterator[tuple[Mission, list[TrailPlan], tuple[str, int, int]]]:
-    """Give the mission, the plans and the method of each run of a study."""
-    from botohe_moo.study import read_study
+def _of_runs(tables: StudyTables, label: str) -> Iterator[tuple[PlanBatch, str]]:
+    """Give the plans of each run on a mission of a study, and how they were found."""
+    from botohe_moo.library.fronts import batch_of
 
-    tables = read_study(folder)
+    mission = tables.mission(label)
+    index_of = {node: i for i, node in enumerate(mission.nodes)}
     names = dict(zip(tables.algorithms["algorithm"], tables.algorithms["name"], strict=True))
     trails = dict(iter(tables.plans.groupby("run")["trails"]))
-    columns = ["run", "mission", "algorithm", "evaluations", "seed"]
-    for run, label, algorithm, evaluations, seed in tables.runs[columns].itertuples(index=False):
-        mission = tables.mission(label)
-        plans = [mission.plan(json.loads(text)) for text in trails.get(run, ())]
-        yield mission, plans, (names[algorithm], evaluations, seed)
+    columns = ["run", "algorithm", "evaluations", "seed"]
+    runs = tables.runs.loc[tables.runs["mission"] == label, columns]
+    for run, algorithm, evaluations, seed in runs.itertuples(index=False):
+        read = [json.loads(text) for text in trails.get(run, ())]
+        try:
+            plans = [[[index_of[node] for node in trail] for trail in plan] for plan in read]
+        except KeyError as error:
+            raise ValueError(f"Run {run}: {label!r} has no node {error}.") from None
+        yield batch_of(mission, plans), _METHOD.format(names[algorithm], evaluations, seed)

@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING
 from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from botohe_moo.library.collection import add_plans as add_plans
-    from botohe_moo.library.collection import best_known as best_known
-    from botohe_moo.library.collection import certified_bound as certified_bound
-    from botohe_moo.library.collection import check_library as check_library
-    from botohe_moo.library.collection import library_table as library_table
+    from botohe_moo.library.files import Added as Added
+    from botohe_moo.library.files import add_plans as add_plans
+    from botohe_moo.library.files import best_known as best_known
+    from botohe_moo.library.files import certified_bound as certified_bound
+    from botohe_moo.library.files import check_library as check_library
+    from botohe_moo.library.files import library_table as library_table
     from botohe_moo.library.fronts import BestKnown as BestKnown
     from botohe_moo.library.fronts import Finder as Finder
-    from botohe_moo.mission.collection import library_names as library_names
+    from botohe_moo.mission.entries import library_names as library_names
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

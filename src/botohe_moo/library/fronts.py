@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 from functools import cached_property
@@ -27,9 +28,10 @@ from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
 FORMAT: Literal["botohe-front-1"] = "botohe-front-1"
-_DIGITS = 12  # of objectives: the order in which factors are multiplied changes those behind
-_AGREES = 1e-9  # how far, as a share, objectives in files may be from those of the plans
+_DIGITS = 12  # of objectives; further digits depend on the order in which factors are multiplied
+_AGREES = 1e-11  # how far, as a share, what files say may be from what is so: half of a last digit
 _LARGE = 2**17  # bytes of files that are compressed
+_SYSTEM = 9  # place of the operating system's byte in gzip's header (RFC 1952)
 
 _Trails = tuple[tuple[int, ...], ...]
 
@@ -114,13 +116,7 @@ class BestKnown:
     @cached_property
     def plans(self) -> PlanBatch:
         """The plans, in the order of ``objectives``; they are valid if `check` finds no fault."""
-        kind_of, n_nodes = self.mission.kind_of, len(self.mission.nodes)
-        first = [n_nodes * self.mission.kinds.index(kind) for kind in kind_of]  # of each layer
-        trails = [trail for found in self._found for trail in found.trails]
-        lengths = np.fromiter(map(len, trails), np.int64, len(trails))
-        nodes = np.fromiter(chain.from_iterable(trails), np.int32, int(lengths.sum()))
-        nodes += np.repeat(np.tile(np.array(first, np.int32), len(self._found)), lengths)
-        return PlanBatch(nodes, np.concatenate([[0], np.cumsum(lengths)]), self.mission.robots)
+        return batch_of(self.mission, [found.trails for found in self._found])
 
     @property
     def area(self) -> float:
@@ -137,7 +133,8 @@ class BestKnown:
         Parameters
         ----------
         plans
-            Plans of the mission. A ValueError names one that does not keep the mission's limits.
+            Plans of the mission. A ValueError names one that is not valid, or a robot that does not
+            keep the mission's limits.
         finder
             Who found them. A ValueError is raised if ``on`` is not a date, or a text is empty.
         """
@@ -154,9 +151,19 @@ class BestKnown:
         return BestKnown(self.mission, _non_dominated([*self._found, *found]))
 
     def _check_limits(self, plans: PlanBatch) -> None:
-        excess = BOTOHE(self.mission).constrain_batch(plans)
-        if (over := np.flatnonzero((excess > 0.0).any(axis=1))).size:
-            raise ValueError(f"plan {over[0]} does not keep the limits of {self.mission.name!r}")
+        problem = BOTOHE(self.mission)
+        lengths, alive = self.mission.trail_lengths(plans), self.mission.robot_survival(plans)
+        budgets, floors = problem.travel_budgets, problem.survival_floors
+        for broken, kept, values in (
+            (lengths > budgets, "a length of at most {:g}", lengths),
+            (alive < floors, "a survival of at least {:g}", alive),
+        ):
+            for plan, robot in np.argwhere(broken)[:1].tolist():
+                limit = budgets[robot] if values is lengths else floors[robot]
+                raise ValueError(
+                    f"Plan {plan}, robot {robot}: expected {kept.format(limit)} in mission "
+                    f"{self.mission.name!r}, got {values[plan, robot]:g}."
+                )
 
     def _canonical(self, plan: TrailPlan) -> _Trails:
         """Return the trails with those of robots of a kind, which are alike, in ascending order."""
@@ -168,17 +175,22 @@ class BestKnown:
         """Evaluate all plans again, and compare them with what is said of them.
 
         A ValueError names a plan that is not valid, does not keep the mission's limits, or has
-        other objectives, or is dominated.
+        other objectives, or says that one is dominated or its robots are in another order.
         """
         evaluated = self.mission.evaluate(self.plans)
         self._check_limits(self.plans)
-        near = np.isclose(self.objectives, evaluated, rtol=_AGREES, atol=_AGREES).all(axis=1)
+        near = np.isclose(self.objectives, evaluated, rtol=_AGREES, atol=0.0).all(axis=1)
         if (wrong := np.flatnonzero(~near)).size:
             i = wrong[0]
             said, found = self.objectives[i].tolist(), evaluated[i].tolist()
-            raise ValueError(f"plan {i}: expected the objectives {found} of its trails, got {said}")
+            raise ValueError(
+                f"Plan {i}: expected the objectives {found} of its trails, got {said}."
+            )
+        for i, (found, plan) in enumerate(zip(self._found, self.plans, strict=True)):
+            if found.trails != self._canonical(plan):
+                raise ValueError(f"Plan {i}: expected the trails of robots that are alike sorted.")
         if _non_dominated(self._found) != self._found:
-            raise ValueError("expected plans by descending reward, none dominated, each once")
+            raise ValueError("Expected plans by descending reward, none dominated, each once.")
 
     def to_bytes(self) -> bytes:
         """Return the content of its file: the same front has the same content."""
@@ -213,12 +225,7 @@ class BestKnown:
         The plans themselves are looked at by :meth:`check`.
         """
         try:
-            data = read_bytes(path)
-            record = _Record.model_validate_json(
-                gzip.decompress(data) if path.suffix == ".gz" else data
-            )
-        except (OSError, EOFError, zlib.error) as error:
-            raise ValueError(f"{path}: the file cannot be read ({error}).") from None
+            record = _Record.model_validate_json(unpacked(path))
         except ValidationError as invalid:
             fault = invalid.errors()[0]
             raise ValueError(
@@ -245,7 +252,7 @@ class BestKnown:
             raise ValueError(f"{path}: {error}") from None
         if any(len(each.trails) != mission.robots for each in found):
             raise ValueError(f"{path}: expected {mission.robots} trails in each plan.")
-        if abs(area - record.area) > _AGREES:
+        if not math.isclose(area, record.area, rel_tol=_AGREES):
             raise ValueError(f"{path}: expected the area {area}, found {record.area}.")
         return front
 
@@ -259,7 +266,34 @@ def packed(path: Path, data: bytes) -> tuple[Path, bytes]:
     """Return the name and the content of a front's file, which is compressed where it is large."""
     if len(data) < _LARGE:
         return path, data
-    return path.with_name(f"{path.name}.gz"), gzip.compress(data, mtime=0)
+    whole = bytearray(gzip.compress(data, mtime=0))
+    whole[_SYSTEM] = 255  # unknown, as Python 3.13 writes it; earlier ones write the system
+    return path.with_name(f"{path.name}.gz"), bytes(whole)
+
+
+def unpacked(path: Path) -> bytes:
+    """Return the content of a front's file; a ValueError names one that cannot be read."""
+    try:
+        data = read_bytes(path)
+        return gzip.decompress(data) if path.suffix == ".gz" else data
+    except FileNotFoundError:
+        raise ValueError(f"{path}: there is no such file.") from None
+    except (OSError, EOFError, zlib.error) as error:
+        raise ValueError(f"{path}: the file cannot be read ({error}).") from None
+
+
+def batch_of(mission: Mission, plans: Sequence[Sequence[Sequence[int]]]) -> PlanBatch:
+    """Return plans of a mission as a batch, without looking at them.
+
+    ``plans`` has a trail for each robot, as indices of nodes in ``mission.nodes``.
+    """
+    n_nodes = len(mission.nodes)
+    first = [n_nodes * mission.kinds.index(kind) for kind in mission.kind_of]  # of each layer
+    trails = [trail for plan in plans for trail in plan]
+    lengths = np.fromiter(map(len, trails), np.int64, len(trails))
+    nodes = np.fromiter(chain.from_iterable(trails), np.int32, int(lengths.sum()))
+    nodes += np.repeat(np.tile(np.array(first, np.int32), len(plans)), lengths)
+    return PlanBatch(nodes, np.concatenate([[0], np.cumsum(lengths)]), mission.robots)
 
 
 def _non_dominated(found: Iterable[_Found]) -> tuple[_Found, ...]:

@@ -13,8 +13,8 @@ from botohe_moo._plugins.checks import Fault, call_factory, check_values, checke
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, package_of
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 from botohe_moo._plugins.types import Robots
-from botohe_moo.mission.collection import ENTRIES, PREFIX, library_names
 from botohe_moo.mission.digest import numbers_digest
+from botohe_moo.mission.entries import ENTRIES, PREFIX, library_names
 from botohe_moo.mission.formats.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError

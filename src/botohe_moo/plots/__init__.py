@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from botohe_moo.plots.study.comparisons import plot_areas as plot_areas
     from botohe_moo.plots.study.comparisons import plot_heat as plot_heat
     from botohe_moo.plots.study.comparisons import plot_ranks as plot_ranks
-    from botohe_moo.plots.study.comparisons import plot_shortfalls as plot_shortfalls
     from botohe_moo.plots.study.curves import plot_curves as plot_curves
     from botohe_moo.plots.study.curves import plot_reached as plot_reached
     from botohe_moo.plots.study.fronts import plot_fronts as plot_fronts
+    from botohe_moo.plots.study.shortfalls import plot_shortfalls as plot_shortfalls
     from botohe_moo.plots.underway import plot_policies as plot_policies
     from botohe_moo.plots.underway import plot_replan as plot_replan
 

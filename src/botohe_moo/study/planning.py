@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from botohe_moo.library.collection import library_digest
+from botohe_moo.library.files import library_digest
 from botohe_moo.study.file.model import Run, Study, StudyError, StudyMission, installed_versions
 from botohe_moo.study.run.task import BoundTask
 from botohe_moo.study.store.folder import FAILURES, StudyFolder
@@ -123,8 +123,7 @@ def refresh_tables(study: Study, folder: StudyFolder, *, anew: bool = False) -> 
     With ``anew`` they are made in any case.
     """
     parts = [study.manifest(), installed_versions(), folder.inputs(study)]
-    if study.file.reference == "best-known":
-        parts += [library_digest(mission.in_library or "") for mission in study.missions]
+    parts += [library_digest(name) for name in study.best_known.values()]
     made_from = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     if not anew:
         with contextlib.suppress(StudyError):  # tables that are damaged or missing are made anew

@@ -228,11 +228,11 @@ class CheckedContent:
     def _check_references(self) -> None:
         """Note the missions that have no best known front."""
         for mission in self.missions:
-            if mission.in_library is None:
+            if mission.library_name is None:
                 self._add(
                     ("missions", mission.family),
-                    f"{quoted(mission.label)}, with its limits, is not a mission of the library: "
-                    "of others no best known front is there, which reference asks for.",
+                    "reference: best-known expects missions of the library with their own robots "
+                    f"and limits; {quoted(mission.label)} is not one, or has others.",
                 )
 
     def _check_different(self, kind: str, members: Sequence[tuple[Any, dict[str, Any]]]) -> None:

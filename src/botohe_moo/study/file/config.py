@@ -15,7 +15,7 @@ from pydantic import (
 
 from botohe_moo._base.checks import check_choice, quoted
 from botohe_moo.indicators import INDICATORS
-from botohe_moo.mission.collection import ENTRIES, PREFIX, SELECTIONS, library_names
+from botohe_moo.mission.entries import ENTRIES, PREFIX, SELECTIONS, library_names
 from botohe_moo.study.file.values import Label, Name, Text, all_distinct, check_distinct
 
 MAX_EVALUATIONS = 10**12
@@ -29,24 +29,28 @@ def _check_indicator(value: str) -> str:
 
 
 def labelled_missions(value: Any) -> Any:
-    """Return a list of names as a mapping, and several missions of the library one by one."""
+    """Return a list of names as a mapping, and several missions of the library one by one.
+
+    Those of a list have their own names as labels. Those of an entry with a label are labelled
+    "LABEL (NAME)", as the members of a grid are.
+    """
     entries = labelled(value)
     if not isinstance(entries, dict):
         return entries
-    expanded: dict[Any, Any] = {}
+    expanded: list[tuple[Any, Any]] = []
     for label, entry in entries.items():
         name = entry.get("mission") if isinstance(entry, dict) else entry
         selection = str(name).removeprefix(PREFIX)
         if selection == name or selection not in (*SELECTIONS, *ENTRIES):
-            expanded[label] = entry
-            continue
-        if selection in ENTRIES and label != name:  # one, with a label of its own
-            expanded[label] = entry
+            expanded.append((label, entry))
             continue
         for member in library_names(selection):
-            one = f"{PREFIX}{member}"
-            expanded[member] = {**entry, "mission": one} if isinstance(entry, dict) else one
-    return expanded
+            own = label if selection in ENTRIES else f"{label} ({member})"
+            mission = f"{PREFIX}{member}"
+            one = {**entry, "mission": mission} if isinstance(entry, dict) else mission
+            expanded.append((member if label == name else own, one))
+    check_distinct("mission", [label for label, _ in expanded])
+    return dict(expanded)
 
 
 def labelled(value: Any) -> Any:

@@ -15,8 +15,8 @@ from pydantic import AfterValidator, InstanceOf
 
 from botohe_moo.algorithms.origin import AlgorithmIdentity
 from botohe_moo.indicators import Scale, largest_objectives
-from botohe_moo.mission.collection import mission_of
 from botohe_moo.mission.digest import numbers_digest
+from botohe_moo.mission.entries import library_name_of
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.config import Budget, Recording, Seeds, StudyFile
 from botohe_moo.study.file.values import canonical
@@ -76,11 +76,11 @@ class StudyMission:
         return self.mission if self.objective_bounds is None else self.objective_bounds
 
     @property
-    def in_library(self) -> str | None:
+    def library_name(self) -> str | None:
         """Its name in the library, if it has the same numbers and limits as a mission there."""
         if self.min_survival or self.max_length != self.mission.max_length:
             return None
-        return mission_of(numbers_digest(self.mission))
+        return library_name_of(numbers_digest(self.mission))
 
     def decides(self) -> dict[str, Any]:
         """Return everything that results depend on; labels are not part of it."""
@@ -207,6 +207,14 @@ class Study:
     def bound_seconds(self) -> float:
         """Seconds for the bound of each mission; 0 if none is asked for."""
         return self.file.bounds.seconds if self.file.bounds else 0.0
+
+    @property
+    def best_known(self) -> dict[str, str]:
+        """Names in the library of the missions whose best known fronts are references."""
+        if self.file.reference != "best-known":
+            return {}
+        names = {mission.label: mission.library_name for mission in self.missions}
+        return {label: name for label, name in names.items() if name is not None}
 
     def runs(self) -> tuple[Run, ...]:
         """List the runs: mission by mission, algorithm by algorithm, seed by seed."""

@@ -46,13 +46,10 @@ def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> No
         for mission in (study.missions if study.file.bounds else ())
         if (bound_and_seconds := folder.bound(mission))
     }
-    known = {}
-    if study.file.reference == "best-known":
-        names = {mission.label: mission.in_library or "" for mission in study.missions}
-        known = {label: best_known(name).objectives for label, name in names.items()}
-        bounds |= {
-            label: certified_bound(name) for label, name in names.items() if label not in bounds
-        }
+    known = {label: best_known(name).objectives for label, name in study.best_known.items()}
+    for label, name in study.best_known.items():
+        certified = certified_bound(name)
+        bounds[label] = min(bounds.get(label, certified), certified, key=lambda bound: bound.area)
     tables = _judged(study, outcomes, bounds, known)
     _check_bounds(bounds, tables["runs"])
     tables["missions"] = mission_table(manifest, missions, bounds)
@@ -69,8 +66,8 @@ def _check_bounds(bounds: Mapping[str, FrontBound], runs: pd.DataFrame) -> None:
         if area > bound.area + TIE:
             raise StudyError(
                 f"The bound of {label} says that no front has an area above {bound.area:.6f}, but "
-                f"a run has found {area:.6f}. Remove its file from the folder bounds, and run the "
-                "study again; please report it, if it happens again."
+                f"a run has found {area:.6f}. If the study has computed it, remove its file from "
+                "the folder bounds, and run the study again; please report it, if it happens again."
             )
 
 

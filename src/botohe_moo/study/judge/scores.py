@@ -28,11 +28,10 @@ def reference_fronts(
 ) -> pd.DataFrame:
     """Return the table ``references``: what all runs on each mission found together.
 
-    With it go the points of its best known front (n, 2), which are in ``known`` by label.
-
-    They are the non-dominated points of the final ``fronts``, one front for each run. Each point is
-    there once, by descending reward. Where no run found any, the reference front is the point
-    (0, 0): a plan that brings nothing back.
+    They are the non-dominated points of the final ``fronts``, one front for each run, and of the
+    best known fronts (n, 2) in ``known``, by label of the mission. Each point is there once, by
+    descending reward. Where no run found any, the reference front is the point (0, 0): a plan that
+    brings nothing back.
     """
     rows: list[dict[str, Any]] = []
     for mission in runs["mission"].unique():

@@ -18,11 +18,11 @@ from botohe_moo.plots.study.comparisons import (
     plot_areas,
     plot_heat,
     plot_ranks,
-    plot_shortfalls,
     two_parameter_grids,
 )
 from botohe_moo.plots.study.curves import NAMES, Spent, plot_curves, plot_reached
 from botohe_moo.plots.study.fronts import plot_fronts
+from botohe_moo.plots.study.shortfalls import plot_shortfalls
 from botohe_moo.study.report.words import level, main_indicator, reference_words, slug
 from botohe_moo.study.store.tables import StudyTables
 

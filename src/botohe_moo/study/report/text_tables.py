@@ -58,11 +58,11 @@ def summary_table(tables: StudyTables, mission: str) -> TextTable:
             for mean, sd in zip(rows["area_mean"], rows["area_sd"], strict=True)
         ],
         "best": rows["area_best"].map(fixed),
-        "of best known": rows["area_share"].map(percent),
+        "of reference": rows["area_share"].map(percent),
         "gap at most": rows["area_gap"].map(percent),
     }
     if tables.manifest.get("reference") != "best-known":
-        del cells["of best known"]
+        del cells["of reference"]
     if rows["area_gap"].isna().all():
         del cells["gap at most"]
     for name in further_indicators():

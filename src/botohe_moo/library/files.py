@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from filelock import FileLock
 
 from botohe_moo._base.files import replace_file
-from botohe_moo.library.fronts import BestKnown, Finder, packed
-from botohe_moo.mission.collection import ENTRIES, PREFIX, library_names
+from botohe_moo.library.fronts import BestKnown, Finder, packed, unpacked
+from botohe_moo.mission.entries import ENTRIES, PREFIX, library_names
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.named import load_mission
 from botohe_moo.search.bounds import FrontBound
@@ -59,7 +62,21 @@ def best_known(name: str, *, folder: str | os.PathLike[str] = FOLDER) -> BestKno
 
 
 def certified_bound(name: str, *, folder: str | os.PathLike[str] = FOLDER) -> FrontBound:
-    """Return the bound that is proved of a mission of the library, as :func:`best_known`.
+    """Return the bound that is proved of a mission of the library.
+
+    Parameters
+    ----------
+    name
+        One of `library_names`.
+    folder
+        Where the files are; default: those that come with this package.
+
+    Raises
+    ------
+    ValueError
+        If there is no such mission, or its file is damaged or of another mission.
+    OSError
+        If there is no such file.
 
     Examples
     --------
@@ -78,8 +95,16 @@ def check_library(
     """Check missions of the library: make them, and evaluate all plans of their fronts again.
 
     A mission has to have its digest. Its plans have to be valid, to keep its limits, to have the
-    objectives that the file says, and none may be dominated. Its bound has to lie above them. That
-    bounds are true is not proved again; :func:`~botohe_moo.bound_front` does that.
+    objectives that the file says, and none may be dominated. The file has to be what `add_plans`
+    writes, and the bound has to lie above the plans. That bounds are true is not proved again;
+    :func:`~botohe_moo.bound_front` does that.
+
+    Parameters
+    ----------
+    names
+        Some of `library_names`; default: all.
+    folder
+        Where the files are; default: those that come with this package.
 
     Returns
     -------
@@ -94,39 +119,68 @@ def check_library(
     """
     faults = {}
     for name in library_names() if names is None else names:
-        path = Path()
+        path = Path(folder)
         try:
             path = _front_file(name, Path(folder))
             known = BestKnown.read(path, library_mission(name))
             known.check()
+            if unpacked(path) != known.to_bytes():
+                raise ValueError("Expected the content that the command `library add` writes.")
             path = _bound_file(name, Path(folder))
             FrontBound.load(path, known.mission).check("front", known.objectives)
         except (OSError, ValueError) as error:
-            text = str(error)
+            text = f"{error.strerror}." if isinstance(error, OSError) else str(error)
             faults[name] = text if str(path) in text else f"{path}: {text}"
     return faults
+
+
+class Added(NamedTuple):
+    """What became of a front to which plans were added.
+
+    Attributes
+    ----------
+    before, after
+        The front.
+    path
+        The file that was written; None if nothing has changed.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.library import Added, Finder, add_plans
+    >>> home = load_mission("library:town-16").stay_home()
+    >>> finder = Finder("2026-11-27", "me", "by hand")
+    >>> added = add_plans({"town-16": [([home], finder)]}, folder="home")["town-16"]
+    >>> isinstance(added, Added), added.path.name
+    (True, 'town-16.front.json')
+    """
+
+    before: BestKnown
+    after: BestKnown
+    path: Path | None
 
 
 def add_plans(
     found: Mapping[str, Iterable[tuple[Plans, Finder]]],
     *,
     folder: str | os.PathLike[str] = FOLDER,
-) -> dict[str, tuple[BestKnown, BestKnown]]:
+) -> dict[str, Added]:
     """Merge plans into the best known fronts, and write those that change.
 
-    Nothing is written before all plans are checked; each file is replaced in one step.
+    Nothing is written before all plans are checked; each file is replaced in one step. Others that
+    add to the same folder wait.
 
     Parameters
     ----------
     found
         Lists of plans, and who found them, by name of the mission.
     folder
-        Where the files are.
+        Where the files are; made if it does not exist.
 
     Returns
     -------
     dict
-        The front before and after, by name.
+        What became of each front, by name of the mission.
 
     Raises
     ------
@@ -141,29 +195,45 @@ def add_plans(
     >>> from botohe_moo.library import Finder, add_plans
     >>> found = solve("library:town-16", evaluations=1_000, seed=1)
     >>> finder = Finder("2026-11-27", "me", "pareto-local-search, 1,000 evaluations, seed 1")
-    >>> before, after = add_plans({"town-16": [(found.plans, finder)]}, folder="mine")["town-16"]
-    >>> before.area, round(after.area, 4)
+    >>> added = add_plans({"town-16": [(found.plans, finder)]}, folder="mine")["town-16"]
+    >>> added.before.area, round(added.after.area, 4)
     (0.0, 0.6579)
     """
-    folder, changed = Path(folder), {}
-    for name, lists in found.items():
-        before = after = BestKnown(library_mission(name))
-        if (path := _front_file(name, folder)).exists():
-            before = after = BestKnown.read(path, before.mission)
-        for plans, finder in lists:
-            after = after.merged(plans, finder)
-        changed[name] = before, after
+    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for name, (before, after) in changed.items():
-        data = after.to_bytes()
-        if data == before.to_bytes():
-            continue
-        path, packed_data = packed(folder / f"{name}.front.json", data)
-        old = _front_file(name, folder)
-        replace_file(path, packed_data)
-        if old != path:  # it is compressed now, or not any more
-            old.unlink(missing_ok=True)
-    return changed
+    # Beside the folder, in which there are fronts and bounds only.
+    with FileLock(folder.with_name(f".{folder.name}.lock")):
+        fronts = {name: _merged(name, lists, folder) for name, lists in found.items()}
+        return {
+            name: Added(before, after, _written(name, before, after, folder))
+            for name, (before, after) in fronts.items()
+        }
+
+
+def _merged(
+    name: str, lists: Iterable[tuple[Plans, Finder]], folder: Path
+) -> tuple[BestKnown, BestKnown]:
+    before = after = BestKnown(library_mission(name))
+    if (path := _front_file(name, folder)).exists():
+        before = after = BestKnown.read(path, before.mission)
+    for plans, finder in lists:
+        try:
+            after = after.merged(plans, finder)
+        except ValueError as error:
+            raise ValueError(f"{name}, {finder.method}: {error}") from None
+    return before, after
+
+
+def _written(name: str, before: BestKnown, after: BestKnown, folder: Path) -> Path | None:
+    """Write a front that has changed; return the file."""
+    if (data := after.to_bytes()) == before.to_bytes():
+        return None
+    old = _front_file(name, folder)
+    path, content = packed(folder / f"{name}.front.json", data)
+    replace_file(path, content)
+    if old != path:  # it is compressed now, or not any more
+        old.unlink(missing_ok=True)
+    return path
 
 
 def library_table(
@@ -171,11 +241,19 @@ def library_table(
 ) -> pd.DataFrame:
     """List missions of the library: their sizes, best known areas, and certified gaps.
 
+    Parameters
+    ----------
+    names
+        Some of `library_names`; default: all.
+    folder
+        Where the files are; default: those that come with this package.
+
     Returns
     -------
     pandas.DataFrame
         The columns ``mission``, ``family``, ``size``, ``nodes``, ``arcs``, ``robots``, ``plans``,
-        ``area``, ``bound_area`` and ``gap``: the largest share by which the area can grow.
+        ``area``, ``bound_area`` and ``gap``: the largest share by which the area can grow. The last
+        two are missing where there is no bound.
 
     Examples
     --------
@@ -191,7 +269,8 @@ def library_table(
     rows: list[dict[str, Any]] = []
     for name in library_names() if names is None else names:
         known, entry = best_known(name, folder=folder), ENTRIES[name]
-        bound = FrontBound.load(_bound_file(name, Path(folder)), known.mission)
+        path = _bound_file(name, Path(folder))
+        bound = FrontBound.load(path, known.mission) if path.exists() else None
         rows.append(
             {
                 "mission": name,
@@ -202,8 +281,8 @@ def library_table(
                 "robots": known.mission.robots,
                 "plans": len(known.objectives),
                 "area": known.area,
-                "bound_area": bound.area,
-                "gap": bound.gap(known.objectives),
+                "bound_area": bound.area if bound else math.nan,
+                "gap": bound.gap(known.objectives) if bound else math.nan,
             }
         )
     return pd.DataFrame(rows)
@@ -218,7 +297,11 @@ def library_digest(name: str, *, folder: str | os.PathLike[str] = FOLDER) -> str
 def _front_file(name: str, folder: Path) -> Path:
     path = folder / f"{name}.front.json"
     compressed = path.with_name(f"{path.name}.gz")
-    return compressed if compressed.exists() else path
+    if not compressed.exists():
+        return path
+    if path.exists():
+        raise ValueError(f"{path}: expected one file, found {compressed.name} beside it.")
+    return compressed
 
 
 def _bound_file(name: str, folder: Path) -> Path:

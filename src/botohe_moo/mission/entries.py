@@ -68,6 +68,6 @@ def library_names(selection: str = "all") -> tuple[str, ...]:
     )
 
 
-def mission_of(digest: str) -> str | None:
+def library_name_of(digest: str) -> str | None:
     """Return the name of the mission of the library with this digest of its numbers."""
     return next((name for name, entry in ENTRIES.items() if entry.digest == digest), None)

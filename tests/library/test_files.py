@@ -1,7 +1,11 @@
 """The library: its missions, its files, and what is handed in."""
 
 import json
+import subprocess
+import sys
+import textwrap
 
+import numpy as np
 import pytest
 
 from botohe_moo import MissionError, area_indicator, bound_front, load_mission, solve
@@ -13,10 +17,10 @@ from botohe_moo.library import (
     library_names,
     library_table,
 )
-from botohe_moo.library.collection import FOLDER, add_plans
-from botohe_moo.mission.collection import ENTRIES, mission_of
+from botohe_moo.library.files import FOLDER, add_plans
 from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.study import make_tables, run_study
+from botohe_moo.mission.entries import ENTRIES, library_name_of
+from botohe_moo.study import StudyError, load_study, make_tables, run_study
 
 SMALL = "town-16"
 ADA = Finder("2026-11-27", "Ada", "by hand")
@@ -48,7 +52,7 @@ class TestMissions:
         for name, entry in ENTRIES.items():
             mission = load_mission(f"library:{name}")  # refuses another digest
             assert mission.name == name
-            assert mission_of(numbers_digest(mission)) == name
+            assert library_name_of(numbers_digest(mission)) == name
             n_nodes = len(mission.nodes)
             assert name.split("-")[1] == str(n_nodes)
             limit = {"small": 40, "medium": 100, "large": 1000}[entry.size]
@@ -86,18 +90,16 @@ class TestMissions:
     def test_another_team_is_another_mission(self):
         mission = load_mission(f"library:{SMALL}", robots=3)
         assert mission.robots == 3
-        assert mission_of(numbers_digest(mission)) is None
+        assert library_name_of(numbers_digest(mission)) is None
 
 
 class TestFiles:
     """Those that come with the package."""
 
     def test_there_is_a_front_and_a_bound_of_each(self):
-        names = {path.name for path in FOLDER.iterdir()}
-        fronts = {f"{name}.front.json" for name in ENTRIES}
-        assert {name.removesuffix(".gz") for name in names} == fronts | {
-            f"{name}.bound.json" for name in ENTRIES
-        }
+        names = sorted(path.name.removesuffix(".gz") for path in FOLDER.iterdir())
+        kinds = ("front", "bound")
+        assert names == sorted(f"{name}.{kind}.json" for name in ENTRIES for kind in kinds)
         assert sum(path.stat().st_size for path in FOLDER.iterdir()) < 12 * 2**20
 
     def test_the_small_ones_are_right(self):
@@ -123,7 +125,8 @@ class TestFiles:
 
 class TestAdding:
     def test_what_improves_the_front_enters(self, library, found):
-        before, after = add_plans({SMALL: [(found.plans, BOB)]}, folder=library)[SMALL]
+        before, after, path = add_plans({SMALL: [(found.plans, BOB)]}, folder=library)[SMALL]
+        assert path == library / f"{SMALL}.front.json"
         assert after.area > before.area
         assert best_known(SMALL, folder=library).to_bytes() == after.to_bytes()
         kept = dict(zip(map(tuple, before.objectives.tolist()), before.finders, strict=True))
@@ -159,15 +162,41 @@ class TestAdding:
         unlimited = solve(far, "random", evaluations=50, max_length=float("inf"))
         before = contents(library)
         lists = {SMALL: [(found.plans, BOB)], "orienteering-21": [(unlimited.plans, BOB)]}
-        with pytest.raises(ValueError, match="does not keep the limits of 'orienteering-21'"):
+        with pytest.raises(
+            ValueError, match=r"orienteering-21, by hand: Plan .*expected a length of at most 65.3"
+        ):
             add_plans(lists, folder=library)
         assert contents(library) == before
 
-    def test_a_front_that_grows_is_compressed(self, library, found, monkeypatch):
-        monkeypatch.setattr("botohe_moo.library.fronts._LARGE", 1)
-        add_plans({SMALL: [(found.plans, BOB)]}, folder=library)
+    def test_a_front_that_grows_is_compressed_and_one_that_shrinks_is_not(
+        self, library, found, monkeypatch
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr("botohe_moo.library.fronts._LARGE", 1)
+            add_plans({SMALL: [(found.plans[::3], ADA)]}, folder=library)
         assert sorted(contents(library)) == [f"{SMALL}.bound.json", f"{SMALL}.front.json.gz"]
         assert check_library([SMALL], folder=library) == {}
+        add_plans({SMALL: [(found.plans, BOB)]}, folder=library)
+        assert sorted(contents(library)) == [f"{SMALL}.bound.json", f"{SMALL}.front.json"]
+        assert check_library([SMALL], folder=library) == {}
+
+    @pytest.mark.slow
+    def test_additions_at_the_same_time_wait_for_each_other(self, library, found, tmp_path):
+        code = """
+            import sys
+            from botohe_moo import solve
+            from botohe_moo.library import Finder, add_plans
+            found = solve("library:town-16", evaluations=5_000, seed=1).plans[int(sys.argv[1]) :: 4]
+            finder = Finder("2026-11-27", "Ada", "by hand")
+            for plan in found:
+                add_plans({"town-16": [([plan], finder)]}, folder=sys.argv[2])
+        """
+        folder = tmp_path / "both"
+        command = [sys.executable, "-c", textwrap.dedent(code)]
+        adding = [subprocess.Popen([*command, str(i), str(folder)]) for i in range(4)]
+        assert [process.wait() for process in adding] == [0] * 4
+        whole = best_known(SMALL, folder=folder).objectives
+        assert len(whole) == len({tuple(point) for point in found.objectives.tolist()})
 
 
 class TestChecking:
@@ -193,7 +222,33 @@ class TestChecking:
     def test_a_missing_file_is_named(self, library, kind):
         path = library / f"{SMALL}.{kind}.json"
         path.unlink()
-        assert str(path) in check_library([SMALL], folder=library)[SMALL]
+        said = check_library([SMALL], folder=library)[SMALL]
+        assert said.lower() in (
+            f"{path}: there is no such file.".lower(),
+            f"{path}: No such file or directory.".lower(),
+        )
+
+    def test_two_files_of_a_front_are_named(self, library):
+        path = library / f"{SMALL}.front.json"
+        path.with_name(f"{path.name}.gz").write_bytes(b"")
+        assert (
+            "found town-16.front.json.gz beside it" in check_library([SMALL], folder=library)[SMALL]
+        )
+        with pytest.raises(ValueError, match="expected one file"):
+            add_plans({SMALL: []}, folder=library)
+
+    def test_a_file_has_to_be_what_is_written(self, library):
+        path = library / f"{SMALL}.front.json"
+        content = json.loads(path.read_bytes())
+        content["trails"].append([0])
+        path.write_text(json.dumps(content))
+        assert "Expected the content that" in check_library([SMALL], folder=library)[SMALL]
+
+    def test_a_mission_without_a_bound_is_listed(self, library):
+        (library / f"{SMALL}.bound.json").unlink()
+        row = library_table([SMALL], folder=library).iloc[0]
+        assert np.isnan(row["gap"])
+        assert row["plans"] > 0
 
 
 def test_best_known_fronts_are_references_of_studies(tmp_path):
@@ -218,3 +273,66 @@ def test_best_known_fronts_are_references_of_studies(tmp_path):
     made = (tmp_path / "trial" / "summary.csv").read_bytes()
     make_tables(tmp_path / "trial")
     assert (tmp_path / "trial" / "summary.csv").read_bytes() == made
+
+
+def labels(missions):
+    study = {
+        "name": "trial",
+        "missions": missions,
+        "algorithms": ["greedy"],
+        "budget": {"evaluations": 10},
+        "seeds": 1,
+    }
+    return {m.label: m.mission.name for m in load_study(study).missions}
+
+
+class TestSelections:
+    def test_a_list_has_missions_by_their_own_names(self):
+        assert labels(["library:town", "library:lattice-12", "toy"]) == {
+            **{name: name for name in (*library_names("town"), "lattice-12")},
+            "toy": "toy",
+        }
+        assert list(labels(["library:small"])) == list(library_names("small"))
+
+    def test_an_entry_has_its_label_before_them(self):
+        limited = {"mission": "library:town", "min_survival": 0.3}
+        found = labels({"free": "library:town", "kept": limited, "mine": "library:lattice-12"})
+        assert list(found) == [
+            *(f"free ({name})" for name in library_names("town")),
+            *(f"kept ({name})" for name in library_names("town")),
+            "mine",
+        ]
+
+    def test_options_are_those_of_each(self):
+        study = load_study(
+            {
+                "name": "trial",
+                "missions": {"kept": {"mission": "library:town", "min_survival": 0.3}},
+                "algorithms": ["greedy"],
+                "budget": {"evaluations": 10},
+                "seeds": 1,
+            }
+        )
+        assert [mission.min_survival for mission in study.missions] == [0.3] * 3
+        assert [mission.library_name for mission in study.missions] == [None] * 3
+
+    def test_a_label_that_is_there_twice_is_named(self):
+        with pytest.raises(StudyError, match="town-16"):
+            labels({"town-16": "toy", "library:town": "library:town"})
+
+    @pytest.mark.parametrize("robots", [None, 3])
+    def test_best_known_fronts_are_of_missions_of_the_library(self, robots):
+        entry = {"mission": f"library:{SMALL}"} if robots else "toy"
+        given = {"mission": entry} if not robots else {"mission": {**entry, "robots": robots}}
+        study = {
+            "name": "trial",
+            "missions": given,
+            "algorithms": ["greedy"],
+            "budget": {"evaluations": 10},
+            "seeds": 1,
+            "reference": "best-known",
+        }
+        with pytest.raises(
+            StudyError, match="expects missions of the library with their own robots"
+        ):
+            load_study(study)
