@@ -5,8 +5,8 @@ The names are curves, speed, growth, allocations (results/bo-aco/), operators, a
 (results/local-search/), lanes, threads (results/lanes/), fronts, large (results/growth/), bounds
 (results/bounds/), pictures (results/choosing/), gallery (results/gallery/), explorer,
 explorer_pictures (results/explorer/), teams (results/teams/), underway, learning
-(results/underway/), library (results/library/; two hours), start and pace
-(results/start/).
+(results/underway/), library (results/library/; two hours), ranks (results/algorithms/), start and
+pace (results/start/).
 ``--before`` names another checkout, which start and pace measure beside this one, and whose page
 explorer_pictures draws. The exit status is 1 if a curve is not the published one, or an area, a
 reward, a gap, a gain, a ratio to BO-ACO or a size misses its bound; times themselves, and ratios to
@@ -65,6 +65,7 @@ BENCHMARKS = {
     "large": (large.run, "growth"),
     "bounds": (bounds.run, "bounds"),
     "library": (library.run, "library"),
+    "ranks": (library.ranks, "algorithms"),
     "explorer": (explorer.run, "explorer"),
     "explorer_pictures": (explorer_pictures.run, "explorer"),
     "pictures": (pictures.run, "choosing"),

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from botohe_moo.cli.app import app
 from botohe_moo.library import library_table
+from botohe_moo.mission.entries import ENTRIES
 from botohe_moo.study.report import pictures
 from botohe_moo.testing import algorithms, missions
 from tests.docs.guides import DOCS, GUIDES, NOTEBOOKS, ROOT, blocks, links, printed_by, words
@@ -203,7 +204,19 @@ def collection():
     )
 
 
+def by_size():
+    """Mean areas of the algorithms as shares of the best known ones, by the size of missions."""
+    summary = pd.read_csv(ROOT / "results" / "algorithms" / "summary.csv")
+    sizes = summary["mission"].map({name: entry.size for name, entry in ENTRIES.items()})
+    rows = summary.groupby("algorithm")["rank"].mean().sort_values().to_frame("average rank")
+    for size in ("small", "medium", "large"):
+        shares = summary[sizes == size].groupby("algorithm")["area_share"].mean()
+        rows[size] = (100 * shares).map("{:.2f} %".format)
+    return rows.reset_index().round({"average rank": 2})
+
+
 KEPT = {
+    "../README": (by_size,),
     "bounds": (gaps,),
     "library": (collection,),
     "local-search": (lanes, threads),

@@ -46,8 +46,10 @@ def test_solutions_are_added(botohe, library, solved):
     front = best_known(SMALL, folder=library[1])
     method = "pareto-local-search, 2,000 evaluations, seed 1"
     assert set(front.finders) == {("2026-11-27", "Ada", method)}
-    assert "0 new plans" in botohe("add", solved, "--by", "Bob", *library)
+    assert "0 new plans, area" in botohe("add", solved, "--by", "Bob", *library)
     assert best_known(SMALL, folder=library[1]).to_bytes() == front.to_bytes()
+    earlier = botohe("add", solved, "--by", "Bob", "--on", "2026-11-26", *library)
+    assert "0 new plans, 22 known ones credited to it, area" in earlier
 
 
 @pytest.mark.slow

@@ -112,12 +112,15 @@ def add(
         changed = add_plans(_found_in(found, by, date), folder=library or FOLDER)
     for name, (before, after, path) in changed.items():
         was, now = (
-            {*zip(map(tuple, front.objectives.tolist()), front.finders, strict=True)}
+            dict(zip(map(tuple, front.objectives.tolist()), front.finders, strict=True))
             for front in (before, after)
         )
+        n_credited = sum(was[point] != now[point] for point in was.keys() & now.keys())
+        credited = f", {n_credited} known ones credited to it" if n_credited else ""
         grown = f" ({100 * (after.area / before.area - 1):+.4f} %)" if before.area else ""
         wrote = "" if path is None else f"; wrote {path}"
-        tell(f"{name}: {counted(len(now - was), 'new plan')}, area {after.area:.6f}{grown}{wrote}")
+        new = counted(len(now.keys() - was.keys()), "new plan")
+        tell(f"{name}: {new}{credited}, area {after.area:.6f}{grown}{wrote}")
 
 
 def _found_in(folder: Path, by: str, on: str) -> Found:
