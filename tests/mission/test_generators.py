@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.mission import generators, save_mission, sites
+from botohe_moo.mission import generators, layouts, save_mission, sites
 
 ALL = [
     generators.two_communities,
@@ -61,6 +61,10 @@ def test_parameters_out_of_range():
         (generators.complete, (2, 25, 600, 0, 25.3035, 424.4402)),
         (generators.terrain, (5, 200, 1310, 160, 102.315, 1239.9792)),
         (generators.tunnel, (3, 45, 102, 0, 18.25, 93.4446)),
+        (layouts.lattice, (2, 65, 224, 0, 64.0, 212.8308)),
+        (layouts.town, (2, 64, 112, 0, 34.897, 106.7921)),
+        (layouts.building, (3, 54, 126, 9, 39.032, 120.2878)),
+        (layouts.orienteering, (2, 32, 992, 0, 354.0, 599.5778)),
     ],
 )
 def test_seed_zero(generate, expected):

@@ -20,16 +20,9 @@ pytestmark = pytest.mark.slow
 OURS = distribution("botohe-moo").entry_points
 ALGORITHMS = sorted(OURS.select(group="botohe_moo.algorithms").names)
 GENERATORS = [
-    "building",
-    "complete",
-    "drones_and_rovers",
-    "lattice",
-    "orienteering",
-    "random",
-    "terrain",
-    "town",
-    "tunnel",
-    "two_communities",
+    name
+    for name in sorted(OURS.select(group="botohe_moo.missions").names)
+    if any(parameter.name == "seed" for parameter in mission_parameters(name))
 ]
 BOTH = [*((name, "algorithm") for name in ALGORITHMS), *((name, "mission") for name in GENERATORS)]
 

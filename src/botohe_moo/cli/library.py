@@ -72,15 +72,13 @@ def check(selection: SelectionArgument = "all", library: FolderOption = None) ->
         from botohe_moo.library.files import FOLDER
 
         names = library_names(selection)
-        wrong = 0
-        for name in names:
-            faults = check_library([name], folder=library or FOLDER)
-            wrong += len(faults)
-            if faults:
-                say(faults[name])
-            else:
-                tell(f"{name}: right")
-    if wrong:
+        faults = check_library(names, folder=library or FOLDER)
+    for name in names:
+        if name in faults:
+            say(faults[name])
+        else:
+            tell(f"{name}: right")
+    if faults:
         raise typer.Exit(FAILED)
     tell(f"\n{counted(len(names), 'mission')}: each plan was evaluated again, none is dominated")
 
@@ -111,16 +109,10 @@ def add(
         date = dt.date.today().isoformat() if on is None else on
         changed = add_plans(_found_in(found, by, date), folder=library or FOLDER)
     for name, (before, after, path) in changed.items():
-        was, now = (
-            dict(zip(map(tuple, front.objectives.tolist()), front.finders, strict=True))
-            for front in (before, after)
-        )
-        n_credited = sum(was[point] != now[point] for point in was.keys() & now.keys())
-        credited = f", {n_credited} known ones credited to it" if n_credited else ""
+        was, now = ({*map(tuple, front.objectives.tolist())} for front in (before, after))
         grown = f" ({100 * (after.area / before.area - 1):+.4f} %)" if before.area else ""
         wrote = "" if path is None else f"; wrote {path}"
-        new = counted(len(now.keys() - was.keys()), "new plan")
-        tell(f"{name}: {new}{credited}, area {after.area:.6f}{grown}{wrote}")
+        tell(f"{name}: {counted(len(now - was), 'new plan')}, area {after.area:.6f}{grown}{wrote}")
 
 
 def _found_in(folder: Path, by: str, on: str) -> Found:
@@ -168,8 +160,5 @@ def _of_runs(tables: StudyTables, label: str) -> Iterator[tuple[PlanBatch, str]]
     runs = tables.runs.loc[tables.runs["mission"] == label, columns]
     for run, algorithm, evaluations, seed in runs.itertuples(index=False):
         read = [json.loads(text) for text in trails.get(run, ())]
-        try:
-            plans = [[[index_of[node] for node in trail] for trail in plan] for plan in read]
-        except KeyError as error:
-            raise ValueError(f"Run {run}: {label!r} has no node {error}.") from None
+        plans = [[[index_of[node] for node in trail] for trail in plan] for plan in read]
         yield batch_of(mission, plans), _METHOD.format(names[algorithm], evaluations, seed)

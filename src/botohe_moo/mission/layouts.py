@@ -131,10 +131,8 @@ def building(
                 survival = {"walking": survival, "wheeled": 0.0}
             drawn.arc((floor - 1, "hall", i), (floor, "hall", i), survival)
             drawn.arc((floor, "hall", i), (floor - 1, "hall", i), survival)
-    base = (0, "hall", doors // 2)
-    if not wheeled:
-        return drawn.mission(base)
-    return drawn.mission(base, [Kind("walking", robots - wheeled), Kind("wheeled", wheeled)])
+    kinds = [Kind("walking", robots - wheeled), Kind("wheeled", wheeled)] if wheeled else None
+    return drawn.mission((0, "hall", doors // 2), kinds)
 
 
 @checked

@@ -234,18 +234,9 @@ class Study:
 
     def manifest(self) -> dict[str, Any]:
         """Describe the study for readers of its tables."""
-        further = {
-            "title",
-            "description",
-            "recording",
-            "indicators",
-            "reference",
-            "comparison",
-            "bounds",
-        }
+        own = {"missions", "algorithms", "problem", "budget", "seeds"}
         return {
-            "name": self.name,
-            **self.file.model_dump(include=further),
+            **self.file.model_dump(exclude=own),
             "version": self.versions["version"],
             "missions": {
                 mission.label: {
