@@ -18,6 +18,7 @@ from botohe_moo import load_mission
 from botohe_moo.study.report import pictures
 from botohe_moo.study.report.page import render_page, write_report
 from botohe_moo.study.report.pictures import rivals
+from botohe_moo.study.report.text_tables import mission_table
 from botohe_moo.study.report.words import (
     budget_words,
     count,
@@ -224,6 +225,12 @@ class TestPage:
         assert "others with BO-ACO, at a significance level of 0.05" in text
         toy = f"toy {TOY.title} toy (robots=2) 10,000 evaluations 0 5 12 2 10.00"
         assert toy in text
+
+    def test_nodes_and_arcs_of_kinds_count_once(self, tmp_path):
+        mission = load_mission("building", robots=2, wheeled=1)
+        study = make_study(tmp_path, {"two kinds": mission}, algorithms("A"), [])
+        row = mission_table(study).cells.iloc[0]
+        assert (row["nodes"], row["arcs"]) == ("54", "126")
 
     def test_what_is_lost_is_said(self, odd):
         text = page_of(odd[0]).text

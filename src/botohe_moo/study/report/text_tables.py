@@ -161,8 +161,8 @@ def mission_table(tables: StudyTables) -> TextTable:
                 "budget of a run": budget_words(entry["budget"]),
                 "survival floor": significant(entry["min_survival"]),
                 "travel budget": "none" if limit is None else f"{limit:g}",
-                "nodes": count(mission.arrays.n_nodes),
-                "arcs": count(mission.arrays.n_arcs),
+                "nodes": count(len(mission.nodes)),
+                "arcs": count(mission.graph.number_of_edges()),
                 "robots": count(mission.robots),
                 "total reward": significant(mission.total_reward, 4),
             }
