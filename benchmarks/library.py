@@ -51,13 +51,13 @@ def searched(folder: Path) -> None:
         for evaluations, seeds in RUNS:
             for name in library_names():
                 search = partial(_search, name, evaluations)
-                before, after = add_plans({name: pool.map(search, seeds)}, folder=folder)[name]
+                before, after, _ = add_plans({name: pool.map(search, seeds)}, folder=folder)[name]
                 print(name, evaluations, before.area, after.area, len(after.objectives), flush=True)
 
 
 def _search(name: str, evaluations: int, seed: int) -> tuple[tuple[TrailPlan, ...], Finder]:
     found = solve(f"library:{name}", evaluations=evaluations, seed=seed, n_threads=1)
-    method = f"pareto-local-search, {evaluations:,} evaluations, seed {seed}"
+    method = f"pareto-local-search (n_lanes=8), {evaluations:,} evaluations, seed {seed}"
     return found.plans, Finder(f"{datetime.now(UTC):%Y-%m-%d}", FINDER, method)
 
 

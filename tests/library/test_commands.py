@@ -2,12 +2,14 @@
 
 import json
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
 from botohe_moo import solve
 from botohe_moo.cli import app
-from botohe_moo.library import best_known
+from botohe_moo.library import Finder, best_known
 from botohe_moo.study import run_study
 
 SMALL = "town-16"
@@ -44,8 +46,8 @@ def test_solutions_are_added(botohe, library, solved):
     said = botohe("add", solved, "--by", "Ada", "--on", "2026-11-27", *library)
     assert said.startswith(f"{SMALL}: 22 new plans, area 0.657907; wrote {library[1]}")
     front = best_known(SMALL, folder=library[1])
-    method = "pareto-local-search, 2,000 evaluations, seed 1"
-    assert set(front.finders) == {("2026-11-27", "Ada", method)}
+    method = "pareto-local-search (n_lanes=8), 2,000 evaluations, seed 1"
+    assert set(front.finders) == {Finder("2026-11-27", "Ada", method)}
     assert "0 new plans, area" in botohe("add", solved, "--by", "Bob", *library)
     assert best_known(SMALL, folder=library[1]).to_bytes() == front.to_bytes()
     earlier = botohe("add", solved, "--by", "Bob", "--on", "2026-11-26", *library)
@@ -59,14 +61,46 @@ def test_studies_are_added(botohe, library, tmp_path):
     study = {
         "name": "trial",
         "missions": {"mine": f"library:{SMALL}", "toy": "toy"},
-        "algorithms": {"search": "random"},
+        "algorithms": {"search": {"algorithm": "nsga2", "parameters": {"pop_size": 20}}},
         "budget": {"evaluations": 100},
         "seeds": 2,
     }
     run_study(study, tmp_path / "trial")
-    botohe("add", tmp_path / "trial", "--by", "Ada", *library)
+    said = botohe("add", tmp_path / "trial", "--by", "Ada", *library)
+    assert "toy is not a mission of the library." in said
     methods = {finder.method for finder in best_known(SMALL, folder=library[1]).finders}
-    assert methods == {f"random, 100 evaluations, seed {seed}" for seed in (1, 2)}
+    assert methods == {f"nsga2 (pop_size=20), 100 evaluations, seed {seed}" for seed in (1, 2)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("trails", "fault"),
+    [
+        ("[[0, 99, 0], [0]]", "expected 2 trails of nodes of 'mine' in each plan"),
+        ("[[0]]", "expected 2 trails"),
+        ('{"a": 1}', "expected 2 trails"),
+        ("[" * 100_000, "expected 2 trails"),
+        (None, "expected 2 trails"),
+        ("[[0, 5, 0], [0]]", "seed 1: "),
+    ],
+)
+def test_a_damaged_plan_of_a_study_is_named(botohe, library, tmp_path, trails, fault):
+    study = {
+        "name": "trial",
+        "missions": {"mine": f"library:{SMALL}"},
+        "algorithms": ["greedy"],
+        "budget": {"evaluations": 20},
+        "seeds": 1,
+    }
+    run_study(study, tmp_path / "trial")
+    path = tmp_path / "trial" / "plans.parquet"
+    table = pq.read_table(path)
+    column = table.column_names.index("trails")
+    changed = [trails, *table["trails"].to_pylist()[1:]]
+    pq.write_table(table.set_column(column, "trails", pa.array(changed, pa.string())), path)
+    said = botohe("add", tmp_path / "trial", "--by", "Ada", *library, status=2)
+    assert fault in " ".join(said.split())
+    assert list(library[1].iterdir()) == []
 
 
 def test_plans_of_another_mission_are_refused(botohe, library, tmp_path):
@@ -96,7 +130,7 @@ def test_an_invalid_plan_is_named(botohe, library, solved, change, fault):
 @pytest.mark.parametrize(
     ("options", "fault"),
     [
-        (("--by", ""), "Expected who found the plans"),
+        (("--by", ""), "says who found the plans"),
         (("--by", "Ada", "--on", "yesterday"), "Expected a date such as 2026-11-27"),
     ],
 )

@@ -4,9 +4,11 @@ import json
 import subprocess
 import sys
 import textwrap
+from functools import partial
 
 import numpy as np
 import pytest
+from filelock import FileLock, Timeout
 
 from botohe_moo import MissionError, area_indicator, bound_front, load_mission, solve
 from botohe_moo.library import (
@@ -66,6 +68,7 @@ class TestMissions:
         of_size = [library_names(size) for size in ("small", "medium", "large")]
         assert sorted(name for names in of_size for name in names) == sorted(ENTRIES)
         assert library_names("town") == ("town-16", "town-64", "town-196")
+        assert library_names(f"library:{SMALL}") == (SMALL,)
         with pytest.raises(ValueError, match="a mission of the library among town-16, "):
             library_names("town-17")
 
@@ -103,7 +106,7 @@ class TestFiles:
         assert sum(path.stat().st_size for path in FOLDER.iterdir()) < 12 * 2**20
 
     def test_the_small_ones_are_right(self):
-        assert check_library(library_names("small")) == {}
+        assert check_library("small") == {}
 
     @pytest.mark.slow
     def test_all_are_right(self):
@@ -115,7 +118,7 @@ class TestFiles:
         assert record["mission_digest"] == ENTRIES[SMALL].digest
 
     def test_the_table_lists_them(self):
-        table = library_table(library_names("small"))
+        table = library_table("small")
         assert list(table["mission"]) == list(library_names("small"))
         assert (table["bound_area"] >= table["area"] * (1 - 1e-9)).all()
         row = table.set_index("mission").loc[SMALL]
@@ -168,17 +171,37 @@ class TestAdding:
             add_plans(lists, folder=library)
         assert contents(library) == before
 
-    def test_a_front_that_grows_is_compressed_and_one_that_shrinks_is_not(
-        self, library, found, monkeypatch
-    ):
-        with monkeypatch.context() as patch:
-            patch.setattr("botohe_moo.library.fronts._LARGE", 1)
-            add_plans({SMALL: [(found.plans[::3], ADA)]}, folder=library)
-        assert sorted(contents(library)) == [f"{SMALL}.bound.json", f"{SMALL}.front.json.gz"]
-        assert check_library([SMALL], folder=library) == {}
-        add_plans({SMALL: [(found.plans, BOB)]}, folder=library)
-        assert sorted(contents(library)) == [f"{SMALL}.bound.json", f"{SMALL}.front.json"]
-        assert check_library([SMALL], folder=library) == {}
+    def test_fronts_of_large_missions_are_compressed(self, tmp_path):
+        home = load_mission("library:town-196").stay_home()
+        _, after, path = add_plans({"town-196": [([home], ADA)]}, folder=tmp_path)["town-196"]
+        assert path == tmp_path / "town-196.front.json.gz"
+        assert best_known("town-196", folder=tmp_path).to_bytes() == after.to_bytes()
+
+    def test_a_front_that_is_false_is_refused(self, library, found):
+        path = library / f"{SMALL}.front.json"
+        content = json.loads(path.read_bytes())
+        content["plans"] = [[8.5, 2.0, 0, content["plans"][0][3]]]
+        content["area"] = area_indicator([[8.5, 2.0]], found.mission)
+        path.write_text(json.dumps(content))
+        before = contents(library)
+        with pytest.raises(ValueError, match=r"front.json: Plan 0: expected the objectives"):
+            add_plans({SMALL: [(found.plans, BOB)]}, folder=library)
+        assert contents(library) == before
+
+    def test_a_file_in_another_form_is_written_anew(self, library, found):
+        before = contents(library)
+        path = library / f"{SMALL}.front.json"
+        path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+        assert SMALL in check_library(SMALL, folder=library)
+        add_plans({SMALL: [(found.plans[::2], ADA)]}, folder=library)
+        assert contents(library) == before
+
+    def test_links_to_a_folder_have_its_lock(self, library, tmp_path, monkeypatch):
+        link = tmp_path / "link"
+        link.symlink_to(library, target_is_directory=True)
+        monkeypatch.setattr("botohe_moo.library.files.FileLock", partial(FileLock, blocking=False))
+        with FileLock(tmp_path / ".library.lock"), pytest.raises(Timeout):
+            add_plans({}, folder=link)
 
     @pytest.mark.slow
     def test_additions_at_the_same_time_wait_for_each_other(self, library, found, tmp_path):
@@ -227,15 +250,6 @@ class TestChecking:
             f"{path}: there is no such file.".lower(),
             f"{path}: No such file or directory.".lower(),
         )
-
-    def test_two_files_of_a_front_are_named(self, library):
-        path = library / f"{SMALL}.front.json"
-        path.with_name(f"{path.name}.gz").write_bytes(b"")
-        assert (
-            "found town-16.front.json.gz beside it" in check_library([SMALL], folder=library)[SMALL]
-        )
-        with pytest.raises(ValueError, match="expected one file"):
-            add_plans({SMALL: []}, folder=library)
 
     def test_a_file_has_to_be_what_is_written(self, library):
         path = library / f"{SMALL}.front.json"

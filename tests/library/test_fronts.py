@@ -132,15 +132,19 @@ class TestMerging:
     @pytest.mark.parametrize(
         ("finder", "fault"),
         [
-            (ADA._replace(on="27.11.2026"), "Expected a date such as 2026-11-27, got '27.11.2026'"),
-            (ADA._replace(on="20261127"), "Expected a date"),
-            (ADA._replace(by=" "), "Expected who found the plans"),
-            (ADA._replace(method=""), "Expected who found the plans"),
+            (("27.11.2026", "Ada", "by hand"), "Expected a date .* got '27.11.2026'"),
+            (("20261127", "Ada", "by hand"), "Expected a date such as 2026-11-27"),
+            ((20261127, "Ada", "by hand"), "Expected a date such as 2026-11-27"),
+            (("2026-11-27", " ", "by hand"), "Expected a printable text that says who found"),
+            (("2026-11-27", "Ada", ""), "got ''"),
+            (("2026-11-27", "A\nda", "by hand"), "Expected a printable text"),
+            (("2026-11-27", "A\udcffda", "by hand"), "Expected a printable text"),
+            (("2026-11-27", "Ada", 5), "got 5"),
         ],
     )
     def test_who_and_when_have_to_be_said(self, finder, fault):
         with pytest.raises(ValueError, match=fault):
-            BestKnown(TOY).merged([HOME], finder)
+            Finder(*finder)
 
 
 class TestFiles:
@@ -157,13 +161,12 @@ class TestFiles:
 
     def test_large_ones_are_compressed_the_same_each_time(self, tmp_path):
         data = BestKnown(TOY).merged([FAR, NEAR, HOME], ADA).to_bytes()
-        assert packed(tmp_path / "a.front.json", data) == (tmp_path / "a.front.json", data)
-        large = data + b" " * 2**17
-        path, content = packed(tmp_path / "a.front.json", large)
-        assert path.name == "a.front.json.gz"
-        assert content == packed(tmp_path / "a.front.json", large)[1]
+        assert packed(tmp_path / "a.front.json", data) == data
+        path = tmp_path / "a.front.json.gz"
+        content = packed(path, data)
+        assert content == packed(path, data)
         path.write_bytes(content)
-        assert gzip.decompress(content) == large
+        assert gzip.decompress(content) == data
         assert BestKnown.read(path, TOY).to_bytes() == data
 
     @pytest.fixture
@@ -188,7 +191,7 @@ class TestFiles:
     @pytest.mark.parametrize(
         ("change", "fault"),
         [
-            (lambda c: c.update(mission_digest="0" * 16), "front of another mission than 'toy'"),
+            (lambda c: c.update(mission_digest="0" * 16), "that of another mission, '0000'*"),
             (lambda c: c.update(format="botohe-front-2"), "format"),
             (lambda c: c.update(area=0.4), "expected the area 0.3497"),
             (lambda c: c.update(area=1.0, plans=[[1e308, 1.0, 0, [0, 0]]]), r"toy.front.json: Exp"),

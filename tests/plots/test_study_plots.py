@@ -327,7 +327,7 @@ class TestPlotFronts:
     def test_reference_and_bound(self):
         points = pd.DataFrame({"reward": [5.0, 2.0], "survivors": [1.0, 3.0]})
         ax = plot_fronts(*fronts_of(RUNS), reference=points, bound=points)
-        assert legend_texts(ax)[-2:] == ["all runs together", "no plan lies beyond"]
+        assert legend_texts(ax)[-2:] == ["reference front", "no plan lies beyond"]
         for name in legend_texts(ax)[-2:]:
             line = lines_of(ax)[name].get_xydata().tolist()
             assert line == [[0, 3], [2, 3], [2, 1], [5, 1], [5, 0]]

@@ -25,8 +25,9 @@ from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
 from botohe_moo.kernels.local_search import refill, search
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study.file.loading import load_study
+from botohe_moo.study.run import perform as performing
 from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
-from botohe_moo.study.run.perform import perform, record_counts, verify
+from botohe_moo.study.run.perform import perform, record_counts, verify, warm_up
 from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.run.task import PATIENCE, Task
 from tests.algorithms.test_contract import DOTTED, ENDS_BY_ITSELF, NAMES
@@ -495,6 +496,39 @@ class TestPool:
         other = replace(task.run.algorithm, origin=origin)
         outcome = outcome_of(pool, replace(task, run=replace(task.run, algorithm=other)))
         assert "the study from" in outcome.error
+
+
+class TestWarmUp:
+    """What is compiled before the clock starts."""
+
+    @pytest.mark.parametrize(
+        ("algorithm", "evaluations", "begun"),
+        [
+            ("greedy", 100, ("greedy", 100)),
+            ("greedy", 10_000, ("greedy", 2_000)),
+            (f"{MADE}:Raising", 500, ("random", 500)),
+        ],
+    )
+    def test_the_run_is_begun(self, monkeypatch, algorithm, evaluations, begun):
+        mission = {"mission": "terrain_200", "min_survival": 0.2}
+        task, runs = make_task(algorithm, mission=mission, evaluations=evaluations), []
+        monkeypatch.setattr(performing, "perform", lambda run, send: runs.append(run))
+        warm_up(task.run)
+        [run] = runs
+        assert (run.algorithm.algorithm, run.mission.budget.evaluations) == begun
+        assert run.mission.mission is task.run.mission.mission
+        assert run.mission.min_survival == 0.2
+
+    def test_a_local_search_calls_all_of_its_kernels(self, monkeypatch):
+        called = []
+
+        def refill_counted(*given):
+            called.append(given)
+            return refill.refill(*given)
+
+        monkeypatch.setattr("botohe_moo.search.local_search.refill", refill_counted)
+        warm_up(make_task("pareto-local-search", mission="toy", evaluations=100_000).run)
+        assert called
 
 
 class TestVerification:

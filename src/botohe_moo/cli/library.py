@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
     from botohe_moo.trails import PlanBatch, Plans
 
     Found = dict[str, list[tuple[Plans, Finder]]]
-
-_METHOD = "{}, {:,} evaluations, seed {}"  # of the algorithm
 
 library_app = typer.Typer(no_args_is_help=True)
 
@@ -89,6 +86,8 @@ def add(
         Path,
         typer.Argument(
             metavar="DIR",
+            exists=True,
+            file_okay=False,
             help="Folder that `solve` or `study run` wrote, on missions of the library.",
         ),
     ],
@@ -110,9 +109,10 @@ def add(
         changed = add_plans(_found_in(found, by, date), folder=library or FOLDER)
     for name, (before, after, path) in changed.items():
         was, now = ({*map(tuple, front.objectives.tolist())} for front in (before, after))
-        grown = f" ({100 * (after.area / before.area - 1):+.4f} %)" if before.area else ""
+        n_new = len(now - was)
+        grown = f" ({100 * (after.area / before.area - 1):+.4f} %)" if before.area and n_new else ""
         wrote = "" if path is None else f"; wrote {path}"
-        tell(f"{name}: {counted(len(now - was), 'new plan')}, area {after.area:.6f}{grown}{wrote}")
+        tell(f"{name}: {counted(n_new, 'new plan')}, area {after.area:.6f}{grown}{wrote}")
 
 
 def _found_in(folder: Path, by: str, on: str) -> Found:
@@ -128,7 +128,7 @@ def _found_in(folder: Path, by: str, on: str) -> Found:
         read = read_solution(folder)
         missions = [read.mission]
         if name := library_name_of(numbers_digest(read.mission)):
-            method = _METHOD.format(read.algorithm, read.evaluations, read.seed)
+            method = _method(read.algorithm, read.parameters, read.evaluations, read.seed)
             found[name] = [(read.plans, Finder(on, by, method))]
     else:
         tables = read_study(folder)
@@ -139,6 +139,8 @@ def _found_in(folder: Path, by: str, on: str) -> Found:
                 lists += [
                     (plans, Finder(on, by, method)) for plans, method in _of_runs(tables, label)
                 ]
+            else:
+                say(f"{label} is not a mission of the library.")
     if not found:
         others = ", ".join(f"{mission.name!r} of {mission.team}" for mission in missions)
         raise ValueError(
@@ -150,15 +152,34 @@ def _found_in(folder: Path, by: str, on: str) -> Found:
 
 def _of_runs(tables: StudyTables, label: str) -> Iterator[tuple[PlanBatch, str]]:
     """Give the plans of each run on a mission of a study, and how they were found."""
+    from pydantic import TypeAdapter
+
     from botohe_moo.library.fronts import batch_of
 
+    as_trails = TypeAdapter(list[list[list[int | str]]])
     mission = tables.mission(label)
     index_of = {node: i for i, node in enumerate(mission.nodes)}
-    names = dict(zip(tables.algorithms["algorithm"], tables.algorithms["name"], strict=True))
     trails = dict(iter(tables.plans.groupby("run")["trails"]))
     columns = ["run", "algorithm", "evaluations", "seed"]
     runs = tables.runs.loc[tables.runs["mission"] == label, columns]
     for run, algorithm, evaluations, seed in runs.itertuples(index=False):
-        read = [json.loads(text) for text in trails.get(run, ())]
-        plans = [[[index_of[node] for node in trail] for trail in plan] for plan in read]
-        yield batch_of(mission, plans), _METHOD.format(names[algorithm], evaluations, seed)
+        try:
+            read = as_trails.validate_json(f"[{','.join(trails.get(run, ()))}]")
+            plans = [[[index_of[node] for node in trail] for trail in plan] for plan in read]
+            if any(len(plan) != mission.robots for plan in plans):
+                raise ValueError
+        except (LookupError, TypeError, ValueError):
+            raise ValueError(
+                f"{tables.folder / 'plans.parquet'}, run {run}: expected {mission.robots} trails "
+                f"of nodes of {label!r} in each plan."
+            ) from None
+        said = tables.manifest["algorithms"][algorithm]
+        method = _method(said["algorithm"], said["parameters"], evaluations, seed)
+        yield batch_of(mission, plans), method
+
+
+def _method(algorithm: str, parameters: Mapping[str, Any], evaluations: int, seed: int) -> str:
+    from botohe_moo.study.report.words import parameter_words
+
+    given = f" ({parameter_words(parameters)})" if parameters else ""
+    return f"{algorithm}{given}, {evaluations:,} evaluations, seed {seed}"

@@ -90,7 +90,7 @@ def certified_bound(name: str, *, folder: str | os.PathLike[str] = FOLDER) -> Fr
 
 
 def check_library(
-    names: Iterable[str] | None = None, *, folder: str | os.PathLike[str] = FOLDER
+    names: str | Iterable[str] = "all", *, folder: str | os.PathLike[str] = FOLDER
 ) -> dict[str, str]:
     """Check missions of the library: make them, and evaluate all plans of their fronts again.
 
@@ -102,7 +102,7 @@ def check_library(
     Parameters
     ----------
     names
-        Some of `library_names`; default: all.
+        Some of `library_names`, or what it takes.
     folder
         Where the files are; default: those that come with this package.
 
@@ -118,16 +118,17 @@ def check_library(
     {}
     """
     faults = {}
-    for name in library_names() if names is None else names:
+    for name in library_names(names) if isinstance(names, str) else names:
         path = Path(folder)
         try:
+            mission = library_mission(name)
             path = _front_file(name, Path(folder))
-            known = BestKnown.read(path, library_mission(name))
+            known = BestKnown.read(path, mission)
             known.check()
             if unpacked(path) != known.to_bytes():
-                raise ValueError("Expected the content that the command `library add` writes.")
+                raise ValueError("Expected the content that `botohe library add` writes.")
             path = _bound_file(name, Path(folder))
-            FrontBound.load(path, known.mission).check("front", known.objectives)
+            FrontBound.load(path, mission).check("front", known.objectives)
         except (OSError, ValueError) as error:
             text = f"{error.strerror}." if isinstance(error, OSError) else str(error)
             faults[name] = text if str(path) in text else f"{path}: {text}"
@@ -167,8 +168,8 @@ def add_plans(
 ) -> dict[str, Added]:
     """Merge plans into the best known fronts, and write those that change.
 
-    Nothing is written before all plans are checked; each file is replaced in one step. Others that
-    add to the same folder wait.
+    Nothing is written before all plans are checked, those of the fronts, too; each file is replaced
+    in one step. Others that add to the same folder wait.
 
     Parameters
     ----------
@@ -185,7 +186,7 @@ def add_plans(
     Raises
     ------
     ValueError
-        If a plan does not keep the mission's limits, or a file is damaged.
+        If a plan is not valid or does not keep the mission's limits, or a file is damaged.
     OSError
         If a file cannot be written.
 
@@ -201,8 +202,9 @@ def add_plans(
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    # Beside the folder, in which there are fronts and bounds only.
-    with FileLock(folder.with_name(f".{folder.name}.lock")):
+    # Beside the folder, in which there are fronts and bounds only; one lock, however it is called.
+    where = folder.resolve()
+    with FileLock(where.with_name(f".{where.name}.lock")):
         fronts = {name: _merged(name, lists, folder) for name, lists in found.items()}
         return {
             name: Added(before, after, _written(name, before, after, folder))
@@ -216,6 +218,10 @@ def _merged(
     before = after = BestKnown(library_mission(name))
     if (path := _front_file(name, folder)).exists():
         before = after = BestKnown.read(path, before.mission)
+        try:
+            before.check()
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
     for plans, finder in lists:
         try:
             after = after.merged(plans, finder)
@@ -225,26 +231,23 @@ def _merged(
 
 
 def _written(name: str, before: BestKnown, after: BestKnown, folder: Path) -> Path | None:
-    """Write a front that has changed; return the file."""
-    if (data := after.to_bytes()) == before.to_bytes():
+    """Write a front unless its file has this content; return the file."""
+    path, data = _front_file(name, folder), after.to_bytes()
+    if data == (unpacked(path) if path.exists() else before.to_bytes()):
         return None
-    old = _front_file(name, folder)
-    path, content = packed(folder / f"{name}.front.json", data)
-    replace_file(path, content)
-    if old != path:  # it is compressed now, or not any more
-        old.unlink(missing_ok=True)
+    replace_file(path, packed(path, data))
     return path
 
 
 def library_table(
-    names: Iterable[str] | None = None, *, folder: str | os.PathLike[str] = FOLDER
+    names: str | Iterable[str] = "all", *, folder: str | os.PathLike[str] = FOLDER
 ) -> pd.DataFrame:
     """List missions of the library: their sizes, best known areas, and certified gaps.
 
     Parameters
     ----------
     names
-        Some of `library_names`; default: all.
+        Some of `library_names`, or what it takes.
     folder
         Where the files are; default: those that come with this package.
 
@@ -267,7 +270,7 @@ def library_table(
     import pandas as pd
 
     rows: list[dict[str, Any]] = []
-    for name in library_names() if names is None else names:
+    for name in library_names(names) if isinstance(names, str) else names:
         known, entry = best_known(name, folder=folder), ENTRIES[name]
         path = _bound_file(name, Path(folder))
         bound = FrontBound.load(path, known.mission) if path.exists() else None
@@ -295,13 +298,7 @@ def library_digest(name: str, *, folder: str | os.PathLike[str] = FOLDER) -> str
 
 
 def _front_file(name: str, folder: Path) -> Path:
-    path = folder / f"{name}.front.json"
-    compressed = path.with_name(f"{path.name}.gz")
-    if not compressed.exists():
-        return path
-    if path.exists():
-        raise ValueError(f"{path}: expected one file, found {compressed.name} beside it.")
-    return compressed
+    return folder / f"{name}.front.json{'.gz' if ENTRIES[name].size == 'large' else ''}"
 
 
 def _bound_file(name: str, folder: Path) -> Path:

@@ -7,7 +7,7 @@ import json
 import math
 import zlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from datetime import date
 from functools import cached_property
 from itertools import chain, groupby
@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, ValidationError
+from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.files import read_bytes
 from botohe_moo._base.types import FloatArray
-from botohe_moo._plugins.faults import wrong_value
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.digest import numbers_digest
+from botohe_moo.mission.formats.documents import json_record
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
@@ -30,23 +30,24 @@ from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 FORMAT: Literal["botohe-front-1"] = "botohe-front-1"
 _DIGITS = 12  # of objectives; further digits depend on the order in which factors are multiplied
 _AGREES = 1e-11  # how far, as a share, what files say may be from what is so: half of a last digit
-_LARGE = 2**17  # bytes of files that are compressed
 _SYSTEM = 9  # place of the operating system's byte in gzip's header (RFC 1952)
 
 _Trails = tuple[tuple[int, ...], ...]
 
 
-class Finder(NamedTuple):
+@dataclass(frozen=True, order=True)
+class Finder:
     """Who found a plan, and when.
 
     Attributes
     ----------
     on
-        Date, as 2026-11-27.
+        Date, as 2026-11-27. A ValueError is raised if it is none.
     by
         A name.
     method
-        By what: the algorithm, its budget and its seed.
+        By what: the algorithm, its parameters, its budget and its seed. A ValueError is raised if
+        this or the name is empty, or has characters that are not printed.
 
     Examples
     --------
@@ -58,6 +59,20 @@ class Finder(NamedTuple):
     on: str
     by: str
     method: str
+
+    def __post_init__(self) -> None:
+        try:
+            is_date = date.fromisoformat(self.on).isoformat() == self.on
+        except (TypeError, ValueError):
+            is_date = False
+        if not is_date:
+            raise ValueError(f"Expected a date such as 2026-11-27, got {quoted(self.on)}.")
+        for text in (self.by, self.method):
+            if not (isinstance(text, str) and text.isprintable() and text.strip()):
+                raise ValueError(
+                    "Expected a printable text that says who found the plans, or by what, got "
+                    f"{quoted(text)}."
+                )
 
 
 class _Found(NamedTuple):
@@ -136,9 +151,8 @@ class BestKnown:
             Plans of the mission. A ValueError names one that is not valid, or a robot that does not
             keep the mission's limits.
         finder
-            Who found them. A ValueError is raised if ``on`` is not a date, or a text is empty.
+            Who found them.
         """
-        finder = _checked(finder)
         batch = self.mission.batch(plans)
         if not len(batch):
             return self
@@ -199,7 +213,7 @@ class BestKnown:
         number_of = {trail: i for i, trail in enumerate(trails)}
         nodes = self.mission.nodes
         content: dict[str, list[Any]] = {
-            "finders": list(finders),
+            "finders": [astuple(finder) for finder in finders],
             "trails": [[nodes[v] for v in trail] for trail in trails],
             "plans": [
                 [*found[:2], finders.index(found.finder), [number_of[t] for t in found.trails]]
@@ -224,18 +238,15 @@ class BestKnown:
 
         The plans themselves are looked at by :meth:`check`.
         """
-        try:
-            record = _Record.model_validate_json(unpacked(path))
-        except ValidationError as invalid:
-            fault = invalid.errors()[0]
+        record = json_record(path, unpacked(path), _Record)
+        if record.mission_digest != (digest := numbers_digest(mission)):
             raise ValueError(
-                f"{path}: {wrong_value('.'.join(map(str, fault['loc'])) or 'its content', fault)}"
-            ) from None
-        if record.mission_digest != numbers_digest(mission):
-            raise ValueError(f"{path} is a front of another mission than {mission.name!r}.")
+                f"{path}: expected the digest {digest} of {mission.name!r}, found that of another "
+                f"mission, {quoted(record.mission_digest)}."
+            )
         index_of = {node: i for i, node in enumerate(mission.nodes)}
         try:
-            finders = [_checked(Finder(*finder)) for finder in record.finders]
+            finders = [Finder(*finder) for finder in record.finders]
             trails = [tuple(index_of[label] for label in trail) for trail in record.trails]
             found = tuple(
                 _Found(r, s, finders[i], tuple(trails[t] for t in of_robots))
@@ -262,13 +273,13 @@ class BestKnown:
         )
 
 
-def packed(path: Path, data: bytes) -> tuple[Path, bytes]:
-    """Return the name and the content of a front's file, which is compressed where it is large."""
-    if len(data) < _LARGE:
-        return path, data
+def packed(path: Path, data: bytes) -> bytes:
+    """Return what is written to a front's file, compressed if its name ends in ``.gz``."""
+    if path.suffix != ".gz":
+        return data
     whole = bytearray(gzip.compress(data, mtime=0))
     whole[_SYSTEM] = 255  # unknown, as Python 3.13 writes it; earlier ones write the system
-    return path.with_name(f"{path.name}.gz"), bytes(whole)
+    return bytes(whole)
 
 
 def unpacked(path: Path) -> bytes:
@@ -307,15 +318,3 @@ def _non_dominated(found: Iterable[_Found]) -> tuple[_Found, ...]:
 
 def _rounded(value: float) -> float:
     return float(f"{value:.{_DIGITS}g}")
-
-
-def _checked(finder: Finder) -> Finder:
-    try:
-        is_date = date.fromisoformat(finder.on).isoformat() == finder.on
-    except ValueError:
-        is_date = False
-    if not is_date:
-        raise ValueError(f"Expected a date such as 2026-11-27, got {quoted(finder.on)}.")
-    if not finder.by.strip() or not finder.method.strip():
-        raise ValueError(f"Expected who found the plans and by what, got {quoted(finder[1:])}.")
-    return finder

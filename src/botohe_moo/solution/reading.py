@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, ValidationError
+from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
-from botohe_moo._plugins.faults import wrong_value
 from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.mission.formats.documents import file_content
+from botohe_moo.mission.formats.documents import file_content, json_record
 from botohe_moo.mission.formats.files import read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.solution.model import Solution, as_json
@@ -74,7 +73,7 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
     if mission is None:
         mission = read_mission(folder / "mission.json")
     path = folder / "plans.json"
-    record = _record(path)
+    record = json_record(path, file_content(path), _Record)
     if record.mission_digest != numbers_digest(mission):
         raise ValueError(
             f"{source}: expected the mission that the plans in {path} were made for, found one "
@@ -103,15 +102,3 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
         source=record.mission_source,
         **record.model_dump(exclude={"plans", "mission_source", "mission_digest"}),
     )
-
-
-def _record(path: Path) -> _Record:
-    try:
-        return _Record.model_validate_json(file_content(path))
-    except ValidationError as error:
-        first = error.errors()[0]
-        if first["type"] == "json_invalid":
-            raise ValueError(f"{path}: {first['msg']}.") from None
-        way = first["loc"][:-1] if first["type"] == "missing" else first["loc"]
-        name = ".".join(map(str, way)) or "its content"
-        raise ValueError(f"{path}: {wrong_value(name, first)}") from None

@@ -35,6 +35,19 @@ def validated(document: Document, model: type[M]) -> M:
     raise MissionError(faults)
 
 
+def json_record(path: Path, data: bytes, model: type[M]) -> M:
+    """Return the content of a JSON file that this package wrote; a ValueError names one fault."""
+    try:
+        return model.model_validate_json(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+    if first["type"] == "json_invalid":
+        raise ValueError(f"{path}: {first['msg']}.")
+    way = first["loc"][:-1] if first["type"] == "missing" else first["loc"]
+    name = ".".join(map(str, way)) or "its content"
+    raise ValueError(f"{path}: {wrong_value(name, first)}")
+
+
 def file_content(path: Path) -> bytes:
     """Return what is in a file; the MissionError for what cannot be read names the file."""
     try:

@@ -136,8 +136,10 @@ def theme() -> Iterator[None]:
     plt.draw_if_interactive()  # type: ignore[no-untyped-call]
     # The font is not part of it: a font that is not installed causes warnings.
     is_set = any(mpl.rcParams[name] != mpl.rcParamsDefault[name] for name in _THEME)
-    # Labels of users may contain dollar signs, which are not to start mathematics.
-    with mpl.rc_context({"text.parse_math": False, **({} if is_set else _THEME)}):
+    # Labels of users may contain dollar signs, which are not to start mathematics. An offset of
+    # the ticks would be written over the name of the axis.
+    always = {"text.parse_math": False, "axes.formatter.useoffset": False}
+    with mpl.rc_context({**always, **({} if is_set else _THEME)}):
         yield
 
 

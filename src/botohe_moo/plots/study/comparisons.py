@@ -104,6 +104,7 @@ def plot_areas(
         ax.set_ylim(len(labels) - 0.5, -0.7)
         ax.tick_params(axis="y", length=0)
         ax.set_yticks(range(len(labels)), wrapped(labels))
+        ax.locator_params(axis="x", nbins=7)  # areas that differ little have long numbers
         ax.set(xlabel="area of the final front (normalised hypervolume)", ylabel="")
         ax.set_title(title or "")
         if bound is not None:

@@ -106,6 +106,7 @@ def plot_curves(
             raise ValueError(f"Expected no bound, which is of areas, with {value}, got {bound}.")
     check_choice("band", band, _BANDS)
     steps = progress(trace, x=x, value=value, algorithms=algorithms)
+    steps[value] = steps[value].where(steps[value].abs() > TIE, 0.0)
     estimator, errorbar = _BANDS[band]
     middle = steps.pivot_table(values=value, index=x, columns="algorithm", aggfunc=estimator)
     chosen = [a for a in chosen_algorithms("trace", trace, (), algorithms) if a in middle]

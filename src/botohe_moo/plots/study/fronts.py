@@ -70,7 +70,7 @@ def plot_fronts(
     fronts = final_fronts(plans, runs, algorithms)
     seeds = {label: median_run(runs[runs["algorithm"] == label]) for label in fronts}
     further: list[tuple[pd.DataFrame | None, dict[str, Any]]] = [
-        (reference, {"color": INK, "linewidth": 0.6, "label": "all runs together"}),
+        (reference, {"color": INK, "linewidth": 0.6, "label": "reference front"}),
         (bound, {"color": MUTED, "linestyle": "--", "label": "no plan lies beyond"}),
     ]
     with theme():

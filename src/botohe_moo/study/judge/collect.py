@@ -46,8 +46,11 @@ def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> No
         for mission in (study.missions if study.file.bounds else ())
         if (bound_and_seconds := folder.bound(mission))
     }
-    known = {label: best_known(name).objectives for label, name in study.best_known.items()}
+    known = {}
     for label, name in study.best_known.items():
+        front = best_known(name)
+        # Evaluated again, since files have 12 digits, and runs that find the same plans have more.
+        known[label] = front.mission.evaluate(front.plans)
         certified = certified_bound(name)
         bounds[label] = min(bounds.get(label, certified), certified, key=lambda bound: bound.area)
     tables = _judged(study, outcomes, bounds, known)

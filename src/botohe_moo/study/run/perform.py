@@ -17,9 +17,6 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
-from botohe_moo.mission.kinds import Kind
-from botohe_moo.mission.model import Mission
-from botohe_moo.mission.named import load_mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study.file.code import check_objectives, problem_on
@@ -29,10 +26,7 @@ from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
 from botohe_moo.study.run.task import Outcome, Record, failure
 from botohe_moo.trails import PlanBatch
 
-# A run that only compiles kernels, and limits that do not limit its plans.
-_WARM_UP_EVALUATIONS = 250
-_WARM_UP_SURVIVAL = 1e-9
-_WARM_UP_LENGTH = 1e9
+_WARM_UP_EVALUATIONS = 2_000  # after which a local search has called all of its kernels
 
 
 def record_counts(
@@ -228,22 +222,13 @@ def _own_objectives(problem: BOTOHE, plans: PlanBatch) -> FloatArray:
 def warm_up(run: Run) -> None:
     """Compile, or load from the cache, the kernels of a run, so that this time is not the run's.
 
-    Other packages' algorithms and problems are not called: they may have side effects.
+    The run is begun, and thrown away. Other packages' algorithms and problems are not called: they
+    may have side effects.
     """
-    mission, algorithm = run.mission, run.algorithm
-    toy, longest = load_mission("toy"), mission.max_length
-    if not mission.mission.is_plain:
-        toy = Mission(toy.graph, base=toy.base, kinds=[Kind("one", 1), Kind("other", 1)])
-    limits = mission.mission.limits(mission.min_survival, math.inf if longest is None else longest)
-    small = replace(
-        mission,
-        mission=toy,
-        # Missions with limits, however loose, need further kernels.
-        min_survival=min(limits.min_survival, _WARM_UP_SURVIVAL),
-        max_length=None if limits.max_length == math.inf else _WARM_UP_LENGTH,
-        budget=Budget(evaluations=_WARM_UP_EVALUATIONS),
-    )
+    algorithm = run.algorithm
+    n = min(run.mission.budget.evaluations or _WARM_UP_EVALUATIONS, _WARM_UP_EVALUATIONS)
+    short = replace(run.mission, budget=Budget(evaluations=n))
     trusted = replace(algorithm, origin={**algorithm.origin, "problem": None})
     if not _is_ours(make_algorithm(algorithm.algorithm, **algorithm.parameters)):
         trusted = replace(trusted, algorithm="random", parameters={})
-    perform(replace(run, mission=small, algorithm=trusted), lambda _: None)
+    perform(replace(run, mission=short, algorithm=trusted), lambda _: None)
