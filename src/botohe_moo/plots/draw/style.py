@@ -138,8 +138,8 @@ def theme() -> Iterator[None]:
     is_set = any(mpl.rcParams[name] != mpl.rcParamsDefault[name] for name in _THEME)
     # Labels of users may contain dollar signs, which are not to start mathematics. An offset of
     # the ticks would be written over the name of the axis.
-    always = {"text.parse_math": False, "axes.formatter.useoffset": False}
-    with mpl.rc_context({**always, **({} if is_set else _THEME)}):
+    own = {} if is_set else _THEME
+    with mpl.rc_context({"text.parse_math": False, "axes.formatter.useoffset": False, **own}):
         yield
 
 
