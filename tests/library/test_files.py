@@ -46,7 +46,7 @@ def library(tmp_path, found):
 
 
 def contents(folder):
-    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.json*"))}
 
 
 class TestMissions:
@@ -68,7 +68,6 @@ class TestMissions:
         of_size = [library_names(size) for size in ("small", "medium", "large")]
         assert sorted(name for names in of_size for name in names) == sorted(ENTRIES)
         assert library_names("town") == ("town-16", "town-64", "town-196")
-        assert library_names(f"library:{SMALL}") == (SMALL,)
         with pytest.raises(ValueError, match="a mission of the library among town-16, "):
             library_names("town-17")
 
@@ -100,7 +99,7 @@ class TestFiles:
     """Those that come with the package."""
 
     def test_there_is_a_front_and_a_bound_of_each(self):
-        names = sorted(path.name.removesuffix(".gz") for path in FOLDER.iterdir())
+        names = sorted(path.name.removesuffix(".gz") for path in FOLDER.glob("[!.]*"))
         kinds = ("front", "bound")
         assert names == sorted(f"{name}.{kind}.json" for name in ENTRIES for kind in kinds)
         assert sum(path.stat().st_size for path in FOLDER.iterdir()) < 12 * 2**20
@@ -199,8 +198,8 @@ class TestAdding:
     def test_links_to_a_folder_have_its_lock(self, library, tmp_path, monkeypatch):
         link = tmp_path / "link"
         link.symlink_to(library, target_is_directory=True)
-        monkeypatch.setattr("botohe_moo.library.files.FileLock", partial(FileLock, blocking=False))
-        with FileLock(tmp_path / ".library.lock"), pytest.raises(Timeout):
+        monkeypatch.setattr("botohe_moo.library.files.FileLock", partial(FileLock, timeout=0))
+        with FileLock(library / ".lock"), pytest.raises(Timeout):
             add_plans({}, folder=link)
 
     @pytest.mark.slow
@@ -246,17 +245,18 @@ class TestChecking:
         path = library / f"{SMALL}.{kind}.json"
         path.unlink()
         said = check_library([SMALL], folder=library)[SMALL]
-        assert said.lower() in (
-            f"{path}: there is no such file.".lower(),
-            f"{path}: No such file or directory.".lower(),
-        )
+        assert said.startswith(f"{path}: ")
+        assert "no such file" in said.lower()
 
     def test_a_file_has_to_be_what_is_written(self, library):
         path = library / f"{SMALL}.front.json"
         content = json.loads(path.read_bytes())
         content["trails"].append([0])
         path.write_text(json.dumps(content))
-        assert "Expected the content that" in check_library([SMALL], folder=library)[SMALL]
+        assert (
+            "expected what `botohe library add` writes"
+            in check_library([SMALL], folder=library)[SMALL]
+        )
 
     def test_a_mission_without_a_bound_is_listed(self, library):
         (library / f"{SMALL}.bound.json").unlink()
@@ -279,7 +279,8 @@ def test_best_known_fronts_are_references_of_studies(tmp_path):
         known, bound = best_known(name), certified_bound(name)
         references = tables.references[tables.references["mission"] == label]
         points = references[["reward", "survivors"]].to_numpy()
-        assert area_indicator(points, known.mission) == pytest.approx(known.area)
+        evaluated = known.mission.evaluate(known.plans)  # with all digits
+        assert {*map(tuple, points.tolist())} == {*map(tuple, evaluated.tolist())}
         summary = tables.summary[tables.summary["mission"] == label]
         for row in summary.to_dict("records"):
             assert row["area_share"] == pytest.approx(row["area_mean"] / known.area)

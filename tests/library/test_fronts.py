@@ -1,6 +1,5 @@
 """Best known fronts: merging them, and the files that hold them."""
 
-import gzip
 import itertools
 import json
 
@@ -10,7 +9,6 @@ from hypothesis import strategies as st
 
 from botohe_moo import BOTOHE, Kind, Mission, area_indicator, load_mission
 from botohe_moo.library import BestKnown, Finder
-from botohe_moo.library.fronts import packed
 from botohe_moo.trails import TrailPlan
 from tests.strategies import missions, plans, team_missions
 
@@ -134,12 +132,10 @@ class TestMerging:
         [
             (("27.11.2026", "Ada", "by hand"), "Expected a date .* got '27.11.2026'"),
             (("20261127", "Ada", "by hand"), "Expected a date such as 2026-11-27"),
-            ((20261127, "Ada", "by hand"), "Expected a date such as 2026-11-27"),
-            (("2026-11-27", " ", "by hand"), "Expected a printable text that says who found"),
-            (("2026-11-27", "Ada", ""), "got ''"),
-            (("2026-11-27", "A\nda", "by hand"), "Expected a printable text"),
-            (("2026-11-27", "A\udcffda", "by hand"), "Expected a printable text"),
-            (("2026-11-27", "Ada", 5), "got 5"),
+            (("2026-11-27", " ", "by hand"), "Expected a line that says who found the plans"),
+            (("2026-11-27", "Ada", ""), "Expected a line that says by what, got ''"),
+            (("2026-11-27", "A\nda", "by hand"), "Expected a line that says who"),
+            (("2026-11-27", "A\udcffda", "by hand"), "Expected a line that says who"),
         ],
     )
     def test_who_and_when_have_to_be_said(self, finder, fault):
@@ -158,16 +154,6 @@ class TestFiles:
         assert again.to_bytes() == front.to_bytes()
         assert again.finders == front.finders
         assert list(again.plans) == list(front.plans)
-
-    def test_large_ones_are_compressed_the_same_each_time(self, tmp_path):
-        data = BestKnown(TOY).merged([FAR, NEAR, HOME], ADA).to_bytes()
-        assert packed(tmp_path / "a.front.json", data) == data
-        path = tmp_path / "a.front.json.gz"
-        content = packed(path, data)
-        assert content == packed(path, data)
-        path.write_bytes(content)
-        assert gzip.decompress(content) == data
-        assert BestKnown.read(path, TOY).to_bytes() == data
 
     @pytest.fixture
     def changed(self, tmp_path):
@@ -191,7 +177,7 @@ class TestFiles:
     @pytest.mark.parametrize(
         ("change", "fault"),
         [
-            (lambda c: c.update(mission_digest="0" * 16), "that of another mission, '0000'*"),
+            (lambda c: c.update(mission_digest="0" * 16), "that of another mission, '0{16}'"),
             (lambda c: c.update(format="botohe-front-2"), "format"),
             (lambda c: c.update(area=0.4), "expected the area 0.3497"),
             (lambda c: c.update(area=1.0, plans=[[1e308, 1.0, 0, [0, 0]]]), r"toy.front.json: Exp"),
@@ -206,10 +192,16 @@ class TestFiles:
             (lambda c: c["plans"].reverse(), "Expected plans by descending reward"),
             (lambda c: c["plans"].append(c["plans"][-1]), "each once"),
             (lambda c: c["plans"][0].__setitem__(3, [0]), "expected 2 trails in each plan"),
-            (lambda c: c["plans"][0].__setitem__(3, [0, 9]), "a trail or a finder that is not"),
+            (
+                lambda c: c["plans"][0].__setitem__(3, [0, 9]),
+                "a plan has a node, a trail or a finder",
+            ),
             (lambda c: c["plans"][0].__setitem__(3, [0, -1]), "plans.0.3.1"),
-            (lambda c: c["plans"][0].__setitem__(2, 1), "a trail or a finder that is not there"),
-            (lambda c: c["trails"][1].__setitem__(1, "x"), "there is no node 'x' in 'toy'"),
+            (lambda c: c["plans"][0].__setitem__(2, 1), "a plan has a node, a trail or a finder"),
+            (
+                lambda c: c["trails"][1].__setitem__(1, "x"),
+                "a plan has a node, a trail or a finder that is not there",
+            ),
             (lambda c: c["trails"][1].pop(), "expected the trail to end at base 1, got 3"),
             (lambda c: c["trails"].__setitem__(1, []), "trails.1"),
             (lambda c: c["finders"][0].__setitem__(0, "today"), "Expected a date"),

@@ -115,6 +115,12 @@ class TestTheme:
             for label, colour in zip("AB", wanted, strict=True):
                 assert to_rgb(lines[label].get_color()) == pytest.approx(to_rgb(colour))
 
+    def test_ticks_are_few_and_whole_numbers(self):
+        runs, summary = areas_of({"A": [0.1884501, 0.1884583], "B": [0.1884567, 0.1884589]})
+        axis = plot_areas(runs, summary).xaxis
+        assert axis.get_major_formatter().get_useOffset() is False
+        assert 2 <= len(axis.get_major_locator().tick_values(0.0, 0.9)) <= 8
+
     def test_a_theme_that_is_set_is_respected(self):
         with mpl.rc_context():
             sns.set_theme(style="whitegrid", palette="deep")
@@ -138,6 +144,12 @@ class TestTheme:
 
 
 # Curves
+
+
+class TestIndicators:
+    def test_ties_with_0_lie_below_the_axis(self):
+        trace = trace_of(TWO).assign(epsilon=[0.4, 0.2, 0.5, 0.3, 0.1, 1e-13])
+        assert plot_curves(trace, value="epsilon").get_ylim()[0] > 1e-3
 
 
 class TestProgress:
@@ -532,10 +544,12 @@ class TestShortfalls:
             plot_shortfalls(self.SUMMARY, self.MISSIONS, algorithms=["bees"])
 
     def test_missing_columns_are_named(self):
-        with pytest.raises(ValueError, match="bound_area"):
-            plot_shortfalls(self.SUMMARY, self.MISSIONS[["mission"]])
-        with pytest.raises(ValueError, match="area_share"):
-            plot_shortfalls(self.SUMMARY.drop(columns="area_share"), self.MISSIONS)
+        for column in ("mission", "bound_area"):
+            with pytest.raises(ValueError, match=f"missions .* it lacks .'{column}'"):
+                plot_shortfalls(self.SUMMARY, self.MISSIONS.drop(columns=column))
+        for column in ("mission", "area_share"):
+            with pytest.raises(ValueError, match=f"summary .* it lacks .'{column}'"):
+                plot_shortfalls(self.SUMMARY.drop(columns=column), self.MISSIONS)
 
 
 class TestHeat:

@@ -27,7 +27,7 @@ from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.run import perform as performing
 from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
-from botohe_moo.study.run.perform import perform, record_counts, verify, warm_up
+from botohe_moo.study.run.perform import perform, record_counts, special_kernels, verify, warm_up
 from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.run.task import PATIENCE, Task
 from tests.algorithms.test_contract import DOTTED, ENDS_BY_ITSELF, NAMES
@@ -502,24 +502,28 @@ class TestWarmUp:
     """What is compiled before the clock starts."""
 
     @pytest.mark.parametrize(
-        ("algorithm", "evaluations", "begun"),
+        ("algorithm", "limits", "limited"),
         [
-            ("greedy", 100, ("greedy", 100)),
-            ("greedy", 10_000, ("greedy", 2_000)),
-            (f"{MADE}:Raising", 500, ("random", 500)),
+            ("greedy", {}, [False, False]),
+            ("greedy", {"min_survival": 0.2}, [True, False]),
+            ("greedy", {"max_length": 9.0}, [False, True]),
+            (f"{MADE}:Raising", {}, [False, False]),
         ],
     )
-    def test_the_run_is_begun(self, monkeypatch, algorithm, evaluations, begun):
-        mission = {"mission": "terrain_200", "min_survival": 0.2}
-        task, runs = make_task(algorithm, mission=mission, evaluations=evaluations), []
+    @pytest.mark.parametrize("wheeled", [0, 1])
+    def test_a_small_mission_needs_the_same_kernels(
+        self, monkeypatch, wheeled, algorithm, limits, limited
+    ):
+        mission = {"mission": "building", "parameters": {"wheeled": wheeled}, **limits}
+        task, runs = make_task(algorithm, mission=mission), []
         monkeypatch.setattr(performing, "perform", lambda run, send: runs.append(run))
         warm_up(task.run)
         [run] = runs
-        assert (run.algorithm.algorithm, run.mission.budget.evaluations) == begun
-        assert run.mission.mission is task.run.mission.mission
-        assert run.mission.min_survival == 0.2
+        assert len(run.mission.mission.nodes) == 5
+        assert special_kernels(run) == special_kernels(task.run) == (not wheeled, *limited)
+        assert run.algorithm.algorithm == ("greedy" if algorithm == "greedy" else "random")
 
-    def test_a_local_search_calls_all_of_its_kernels(self, monkeypatch):
+    def test_a_local_search_also_refills(self, monkeypatch):
         called = []
 
         def refill_counted(*given):

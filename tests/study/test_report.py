@@ -232,6 +232,14 @@ class TestPage:
         row = mission_table(study).cells.iloc[0]
         assert (row["nodes"], row["arcs"]) == ("54", "126")
 
+    @pytest.mark.parametrize("kind", ["union", "best-known"])
+    def test_what_the_reference_is(self, odd, kind):
+        tables = replace(odd[0], manifest={**odd[0].manifest, "reference": kind})
+        known = Page(render_page(tables, {})).text
+        said = "from the reference front, what all runs on a mission found together{}; 0 is best."
+        with_known = ", with the best known front of the library"
+        assert said.format(with_known if kind == "best-known" else "") in known
+
     def test_what_is_lost_is_said(self, odd):
         text = page_of(odd[0]).text
         assert "scored as the plan that brings nothing back: area 0" in text

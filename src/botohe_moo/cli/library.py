@@ -15,6 +15,7 @@ from botohe_moo.cli.shell import FAILED, failing, say, tell
 
 if TYPE_CHECKING:
     from botohe_moo.library.fronts import Finder
+    from botohe_moo.mission.model import Mission
     from botohe_moo.study import StudyTables
     from botohe_moo.trails import PlanBatch, Plans
 
@@ -26,6 +27,7 @@ SelectionArgument = Annotated[
     str,
     typer.Argument(
         metavar="SELECTION",
+        parser=lambda text: text.removeprefix("library:"),
         help="A mission's name, a family, or one of small, medium, large, all.",
     ),
 ]
@@ -48,10 +50,9 @@ def library() -> None:
 def list_library(selection: SelectionArgument = "all", library: FolderOption = None) -> None:
     """List missions: nodes, arcs, robots, plans and area of the best known front, certified gap."""
     with failing():
-        from botohe_moo.library import library_names, library_table
-        from botohe_moo.library.files import FOLDER
+        from botohe_moo.library.files import FOLDER, library_table
 
-        table = library_table(library_names(selection), folder=library or FOLDER)
+        table = library_table(selection, folder=library or FOLDER)
     shown = table.drop(columns=["bound_area"])
     formats: Any = {"area": "{:.6f}".format, "gap": lambda gap: f"{100 * gap:.2f} %"}
     tell(shown.to_string(index=False, formatters=formats, na_rep="-"))
@@ -136,11 +137,8 @@ def _found_in(folder: Path, by: str, on: str) -> Found:
         for label, mission in zip(tables.mission_labels, missions, strict=True):
             if name := library_name_of(numbers_digest(mission)):
                 lists = found.setdefault(name, [])
-                lists += [
-                    (plans, Finder(on, by, method)) for plans, method in _of_runs(tables, label)
-                ]
-            else:
-                say(f"{label} is not a mission of the library.")
+                for plans, method in _of_runs(tables, label, mission):
+                    lists.append((plans, Finder(on, by, method)))
     if not found:
         others = ", ".join(f"{mission.name!r} of {mission.team}" for mission in missions)
         raise ValueError(
@@ -150,24 +148,24 @@ def _found_in(folder: Path, by: str, on: str) -> Found:
     return found
 
 
-def _of_runs(tables: StudyTables, label: str) -> Iterator[tuple[PlanBatch, str]]:
+def _of_runs(tables: StudyTables, label: str, mission: Mission) -> Iterator[tuple[PlanBatch, str]]:
     """Give the plans of each run on a mission of a study, and how they were found."""
-    from pydantic import TypeAdapter
+    from pydantic import Field, TypeAdapter
 
     from botohe_moo.library.fronts import batch_of
 
-    as_trails = TypeAdapter(list[list[list[int | str]]])
-    mission = tables.mission(label)
+    n_robots = Field(min_length=mission.robots, max_length=mission.robots)
+    plan_type = Annotated[list[list[int | str]], n_robots]
+    as_plans: TypeAdapter[Any] = TypeAdapter(list[plan_type])
     index_of = {node: i for i, node in enumerate(mission.nodes)}
-    trails = dict(iter(tables.plans.groupby("run")["trails"]))
+    rows = tables.plans[tables.plans["mission"] == label]
+    trails = dict(iter(rows.groupby("run")["trails"]))
     columns = ["run", "algorithm", "evaluations", "seed"]
     runs = tables.runs.loc[tables.runs["mission"] == label, columns]
     for run, algorithm, evaluations, seed in runs.itertuples(index=False):
         try:
-            read = as_trails.validate_json(f"[{','.join(trails.get(run, ()))}]")
+            read = as_plans.validate_json(f"[{','.join(trails.get(run, ()))}]")
             plans = [[[index_of[node] for node in trail] for trail in plan] for plan in read]
-            if any(len(plan) != mission.robots for plan in plans):
-                raise ValueError
         except (LookupError, TypeError, ValueError):
             raise ValueError(
                 f"{tables.folder / 'plans.parquet'}, run {run}: expected {mission.robots} trails "

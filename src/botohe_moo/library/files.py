@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import math
 import os
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from filelock import FileLock
 
 from botohe_moo._base.files import replace_file
-from botohe_moo.library.fronts import BestKnown, Finder, packed, unpacked
+from botohe_moo.library.fronts import BestKnown, Finder, unpacked
 from botohe_moo.mission.entries import ENTRIES, PREFIX, library_names
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.named import load_mission
@@ -102,7 +103,7 @@ def check_library(
     Parameters
     ----------
     names
-        Some of `library_names`, or what it takes.
+        Names of missions, or a selection as for `library_names`.
     folder
         Where the files are; default: those that come with this package.
 
@@ -119,19 +120,18 @@ def check_library(
     """
     faults = {}
     for name in library_names(names) if isinstance(names, str) else names:
-        path = Path(folder)
         try:
             mission = library_mission(name)
             path = _front_file(name, Path(folder))
-            known = BestKnown.read(path, mission)
-            known.check()
+            known = BestKnown.read(path, mission, check=True)
             if unpacked(path) != known.to_bytes():
-                raise ValueError("Expected the content that `botohe library add` writes.")
+                raise ValueError(f"{path}: expected what `botohe library add` writes.")
             path = _bound_file(name, Path(folder))
-            FrontBound.load(path, mission).check("front", known.objectives)
-        except (OSError, ValueError) as error:
-            text = f"{error.strerror}." if isinstance(error, OSError) else str(error)
-            faults[name] = text if str(path) in text else f"{path}: {text}"
+            FrontBound.load(path, mission).check(f"{path}: front", known.objectives)
+        except OSError as error:
+            faults[name] = f"{path}: {error.strerror}."
+        except ValueError as error:
+            faults[name] = str(error)
     return faults
 
 
@@ -143,7 +143,7 @@ class Added(NamedTuple):
     before, after
         The front.
     path
-        The file that was written; None if nothing has changed.
+        The file that was written; None if it has this content already.
 
     Examples
     --------
@@ -168,8 +168,8 @@ def add_plans(
 ) -> dict[str, Added]:
     """Merge plans into the best known fronts, and write those that change.
 
-    Nothing is written before all plans are checked, those of the fronts, too; each file is replaced
-    in one step. Others that add to the same folder wait.
+    Nothing is written before all plans are checked, those of the fronts, too. Then each file is
+    replaced in one step, one after another. Calls on the same folder wait for each other.
 
     Parameters
     ----------
@@ -202,9 +202,7 @@ def add_plans(
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    # Beside the folder, in which there are fronts and bounds only; one lock, however it is called.
-    where = folder.resolve()
-    with FileLock(where.with_name(f".{where.name}.lock")):
+    with FileLock(folder / ".lock"):
         fronts = {name: _merged(name, lists, folder) for name, lists in found.items()}
         return {
             name: Added(before, after, _written(name, before, after, folder))
@@ -217,11 +215,7 @@ def _merged(
 ) -> tuple[BestKnown, BestKnown]:
     before = after = BestKnown(library_mission(name))
     if (path := _front_file(name, folder)).exists():
-        before = after = BestKnown.read(path, before.mission)
-        try:
-            before.check()
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
+        before = after = BestKnown.read(path, before.mission, check=True)
     for plans, finder in lists:
         try:
             after = after.merged(plans, finder)
@@ -231,11 +225,11 @@ def _merged(
 
 
 def _written(name: str, before: BestKnown, after: BestKnown, folder: Path) -> Path | None:
-    """Write a front unless its file has this content; return the file."""
+    """Write a front and return its file, or None if that has this content."""
     path, data = _front_file(name, folder), after.to_bytes()
     if data == (unpacked(path) if path.exists() else before.to_bytes()):
         return None
-    replace_file(path, packed(path, data))
+    replace_file(path, gzip.compress(data, mtime=0) if path.suffix == ".gz" else data)
     return path
 
 
@@ -247,7 +241,7 @@ def library_table(
     Parameters
     ----------
     names
-        Some of `library_names`, or what it takes.
+        Names of missions, or a selection as for `library_names`.
     folder
         Where the files are; default: those that come with this package.
 

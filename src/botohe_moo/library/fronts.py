@@ -13,16 +13,16 @@ from functools import cached_property
 from itertools import chain, groupby
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
+from unicodedata import category
 
 import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
 from botohe_moo._base.checks import quoted
-from botohe_moo._base.files import read_bytes
 from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.mission.formats.documents import json_record
+from botohe_moo.mission.formats.documents import file_content, json_record
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
@@ -30,7 +30,8 @@ from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 FORMAT: Literal["botohe-front-1"] = "botohe-front-1"
 _DIGITS = 12  # of objectives; further digits depend on the order in which factors are multiplied
 _AGREES = 1e-11  # how far, as a share, what files say may be from what is so: half of a last digit
-_SYSTEM = 9  # place of the operating system's byte in gzip's header (RFC 1952)
+
+_NOT_OF_A_LINE = {"Cc", "Cs", "Zl", "Zp"}  # controls, surrogates, separators of lines
 
 _Trails = tuple[tuple[int, ...], ...]
 
@@ -42,12 +43,16 @@ class Finder:
     Attributes
     ----------
     on
-        Date, as 2026-11-27. A ValueError is raised if it is none.
+        Date, as 2026-11-27.
     by
         A name.
     method
-        By what: the algorithm, its parameters, its budget and its seed. A ValueError is raised if
-        this or the name is empty, or has characters that are not printed.
+        By what: the algorithm, its parameters, its budget and its seed.
+
+    Raises
+    ------
+    ValueError
+        If ``on`` is not a date, or ``by`` or ``method`` is not one printable line.
 
     Examples
     --------
@@ -63,16 +68,13 @@ class Finder:
     def __post_init__(self) -> None:
         try:
             is_date = date.fromisoformat(self.on).isoformat() == self.on
-        except (TypeError, ValueError):
+        except ValueError:
             is_date = False
         if not is_date:
             raise ValueError(f"Expected a date such as 2026-11-27, got {quoted(self.on)}.")
-        for text in (self.by, self.method):
-            if not (isinstance(text, str) and text.isprintable() and text.strip()):
-                raise ValueError(
-                    "Expected a printable text that says who found the plans, or by what, got "
-                    f"{quoted(text)}."
-                )
+        for said, text in (("who found the plans", self.by), ("by what", self.method)):
+            if not text.strip() or any(category(c) in _NOT_OF_A_LINE for c in text):
+                raise ValueError(f"Expected a line that says {said}, got {quoted(text)}.")
 
 
 class _Found(NamedTuple):
@@ -89,7 +91,7 @@ class _Record(BaseModel, extra="forbid", strict=True):
     mission: str
     mission_digest: str
     area: FiniteFloat
-    finders: list[Annotated[list[str], Field(min_length=3, max_length=3)]]
+    finders: list[tuple[str, str, str]]
     trails: list[Annotated[list[int | str], Field(min_length=1)]]
     plans: list[tuple[FiniteFloat, FiniteFloat, NonNegativeInt, list[NonNegativeInt]]]
 
@@ -233,10 +235,10 @@ class BestKnown:
         return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
 
     @classmethod
-    def read(cls, path: Path, mission: Mission) -> BestKnown:
+    def read(cls, path: Path, mission: Mission, *, check: bool = False) -> BestKnown:
         """Read the front of a mission; a ValueError names the file and what is wrong in it.
 
-        The plans themselves are looked at by :meth:`check`.
+        The plans themselves are looked at by :meth:`check`, which is called if ``check`` is set.
         """
         record = json_record(path, unpacked(path), _Record)
         if record.mission_digest != (digest := numbers_digest(mission)):
@@ -252,19 +254,19 @@ class BestKnown:
                 _Found(r, s, finders[i], tuple(trails[t] for t in of_robots))
                 for r, s, i, of_robots in record.plans
             )
+            if any(len(each.trails) != mission.robots for each in found):
+                raise ValueError(f"expected {mission.robots} trails in each plan.")
             front = cls(mission, found)
-            area = front.area
-        except KeyError as error:
-            label = quoted(error.args[0])
-            raise ValueError(f"{path}: there is no node {label} in {mission.name!r}.") from None
-        except IndexError:
-            raise ValueError(f"{path}: a plan has a trail or a finder that is not there.") from None
+            if not math.isclose(front.area, record.area, rel_tol=_AGREES):
+                raise ValueError(f"expected the area {front.area}, found {record.area}.")
+            if check:
+                front.check()
+        except LookupError:
+            raise ValueError(
+                f"{path}: a plan has a node, a trail or a finder that is not there."
+            ) from None
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
-        if any(len(each.trails) != mission.robots for each in found):
-            raise ValueError(f"{path}: expected {mission.robots} trails in each plan.")
-        if not math.isclose(area, record.area, rel_tol=_AGREES):
-            raise ValueError(f"{path}: expected the area {area}, found {record.area}.")
         return front
 
     def __repr__(self) -> str:
@@ -273,22 +275,11 @@ class BestKnown:
         )
 
 
-def packed(path: Path, data: bytes) -> bytes:
-    """Return what is written to a front's file, compressed if its name ends in ``.gz``."""
-    if path.suffix != ".gz":
-        return data
-    whole = bytearray(gzip.compress(data, mtime=0))
-    whole[_SYSTEM] = 255  # unknown, as Python 3.13 writes it; earlier ones write the system
-    return bytes(whole)
-
-
 def unpacked(path: Path) -> bytes:
     """Return the content of a front's file; a ValueError names one that cannot be read."""
+    data = file_content(path)
     try:
-        data = read_bytes(path)
         return gzip.decompress(data) if path.suffix == ".gz" else data
-    except FileNotFoundError:
-        raise ValueError(f"{path}: there is no such file.") from None
     except (OSError, EOFError, zlib.error) as error:
         raise ValueError(f"{path}: the file cannot be read ({error}).") from None
 

@@ -51,8 +51,8 @@ def library_names(selection: str = "all") -> tuple[str, ...]:
     Parameters
     ----------
     selection
-        A name; ``small``, ``medium``, ``large`` or ``all``; or a family; with or without
-        ``library:`` before it. A ValueError lists what is known.
+        A name; ``small``, ``medium``, ``large`` or ``all``; or a family. A ValueError lists what is
+        known.
 
     Examples
     --------
@@ -60,7 +60,6 @@ def library_names(selection: str = "all") -> tuple[str, ...]:
     >>> library_names("tunnel")
     ('tunnel-20', 'tunnel-75', 'tunnel-1000')
     """
-    selection = selection.removeprefix(PREFIX)
     check_choice("a mission of the library", selection, [*SELECTIONS, *ENTRIES])
     return tuple(
         name

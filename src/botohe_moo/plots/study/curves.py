@@ -66,7 +66,7 @@ def plot_curves(
         What the horizontal, logarithmic axis shows.
     value
         What the vertical axis shows: ``area``, or on a logarithmic axis ``igd_plus``, ``epsilon``
-        or another indicator of the trace; what is 0 lies below that axis.
+        or another indicator of the trace; what is a tie with 0 lies below that axis.
     algorithms
         Labels of the algorithms to draw. Default: all of them.
     palette

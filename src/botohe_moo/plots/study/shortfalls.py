@@ -50,25 +50,25 @@ def plot_shortfalls(
     >>> missions = pd.DataFrame({"mission": ["toy"], "bound_area": [0.51]})
     >>> save_plot(plot_shortfalls(summary, missions), "shortfalls.png")
     """
-    check_table("missions", missions.drop(columns="mission"), ("bound_area",))
-    columns = ("algorithm", "area_mean", "area_share")
-    labels = chosen_algorithms("summary", summary.drop(columns="mission"), columns, algorithms)
+    # Without rows, since tables have to be of one mission otherwise.
+    check_table("missions", missions[:0], ("mission", "bound_area"))
+    check_table("summary", summary[:0], ("mission", "area_mean", "area_share"))
+    labels = chosen_algorithms(
+        "summary", summary.drop(columns="mission"), ("algorithm",), algorithms
+    )
     names = [name for name in missions["mission"] if name in set(summary["mission"])]
     rows = summary[summary["algorithm"].isin(labels)]
-    rows = rows.assign(
-        row=rows["mission"].map({name: i for i, name in enumerate(names)}),
-        shortfall=(100 * (1 - rows["area_share"])).clip(lower=0.0),
-    )
+    rows = rows.assign(shortfall=(100 * (1 - rows["area_share"])).clip(lower=0.0))
     whole = (summary["area_mean"] / summary["area_share"]).groupby(summary["mission"]).first()
     bounds = missions.set_index("mission")["bound_area"].reindex(names)
     gaps = 100 * (bounds.to_numpy(float) / whole.reindex(names).to_numpy(float) - 1)
     with theme():
         ax = ax or new_axes(7.5, 1.2 + 0.26 * max(len(names), 4))
-        ax.barh(range(len(names)), gaps, 0.7, color="0.88", zorder=0, label="certified gap")
+        ax.barh(names, gaps, 0.7, color="0.88", zorder=0, label="certified gap")
         sns.scatterplot(
             rows,
             x="shortfall",
-            y="row",
+            y="mission",
             hue="algorithm",
             style="algorithm",
             palette=palette_of(labels, palette),
@@ -81,7 +81,6 @@ def plot_shortfalls(
         ax.set_xlim(left=0.0)
         ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         ax.set_ylim(len(names) - 0.5, -0.5)
-        ax.set_yticks(range(len(names)), names)
         ax.tick_params(axis="y", length=0)
         ax.set(
             xlabel="per cent below the reference front (points), or above it at most (bars)",

@@ -21,7 +21,7 @@ import numpy as np
 
 from botohe_moo.study.file.code import code_mismatch
 from botohe_moo.study.run.environment import environment
-from botohe_moo.study.run.perform import perform, warm_up
+from botohe_moo.study.run.perform import perform, special_kernels, warm_up
 from botohe_moo.study.run.task import MOST_SECONDS_TO_START, BoundTask, Outcome, Task, failure
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def main() -> None:
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     threading.Thread(target=_end_with_parent, args=(connection.fileno(),), daemon=True).start()
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    warm: set[tuple[str, ...]] = set()
+    warm: set[tuple[str, str]] = set()
     with contextlib.suppress(EOFError, OSError):
         while True:
             connection.send(("ready", None))
@@ -48,13 +48,13 @@ def main() -> None:
             connection.send(("end", result))
 
 
-def _run(task: Task, warm: set[tuple[str, ...]], connection: Connection) -> Outcome:
+def _run(task: Task, warm: set[tuple[str, str]], connection: Connection) -> Outcome:
     """Perform a run, and send its records; a run that takes too long ends the process."""
     _end_unless_within(MOST_SECONDS_TO_START)
     run = task.run
     if mismatch := code_mismatch({"version": run.setting["version"]}, [run.algorithm]):
         return failure(f"the worker {mismatch}")
-    key = run.algorithm.algorithm, repr(run.algorithm.parameters), run.mission.label
+    key = run.algorithm.algorithm, repr((run.algorithm.parameters, special_kernels(run)))
     if key not in warm:
         warm.add(key)
         with contextlib.suppress(Exception):  # the run will raise and report it

@@ -17,6 +17,9 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
+from botohe_moo.mission.kinds import Kind
+from botohe_moo.mission.model import Mission
+from botohe_moo.mission.named import load_mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study.file.code import check_objectives, problem_on
@@ -26,7 +29,11 @@ from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
 from botohe_moo.study.run.task import Outcome, Record, failure
 from botohe_moo.trails import PlanBatch
 
-_WARM_UP_EVALUATIONS = 2_000  # after which a local search has called all of its kernels
+# A run that only compiles kernels, and limits that do not limit its plans. A local search in one
+# lane has called all of its kernels then.
+_WARM_UP_EVALUATIONS = 2_000
+_WARM_UP_SURVIVAL = 1e-9
+_WARM_UP_LENGTH = 1e9
 
 
 def record_counts(
@@ -222,13 +229,31 @@ def _own_objectives(problem: BOTOHE, plans: PlanBatch) -> FloatArray:
 def warm_up(run: Run) -> None:
     """Compile, or load from the cache, the kernels of a run, so that this time is not the run's.
 
-    The run is begun, and thrown away. Other packages' algorithms and problems are not called: they
-    may have side effects.
+    Other packages' algorithms and problems are not called: they may have side effects.
     """
-    algorithm = run.algorithm
-    n = min(run.mission.budget.evaluations or _WARM_UP_EVALUATIONS, _WARM_UP_EVALUATIONS)
-    short = replace(run.mission, budget=Budget(evaluations=n))
+    mission, algorithm = run.mission, run.algorithm
+    toy, (is_plain, has_floors, has_budgets) = load_mission("toy"), special_kernels(run)
+    if not is_plain:
+        toy = Mission(toy.graph, base=toy.base, kinds=[Kind("one", 1), Kind("other", 1)])
+    small = replace(
+        mission,
+        mission=toy,
+        min_survival=_WARM_UP_SURVIVAL if has_floors else 0.0,
+        max_length=_WARM_UP_LENGTH if has_budgets else None,
+        budget=Budget(evaluations=_WARM_UP_EVALUATIONS),
+    )
     trusted = replace(algorithm, origin={**algorithm.origin, "problem": None})
     if not _is_ours(make_algorithm(algorithm.algorithm, **algorithm.parameters)):
         trusted = replace(trusted, algorithm="random", parameters={})
-    perform(replace(run, mission=short, algorithm=trusted), lambda _: None)
+    perform(replace(run, mission=small, algorithm=trusted), lambda _: None)
+
+
+def special_kernels(run: Run) -> tuple[bool, bool, bool]:
+    """Return whether a mission is plain, and has survival floors and travel budgets.
+
+    Each needs further kernels.
+    """
+    own = run.mission
+    most = math.inf if own.max_length is None else own.max_length
+    limits = own.mission.limits(own.min_survival, most)
+    return own.mission.is_plain, limits.min_survival > 0, limits.max_length < math.inf

@@ -48,7 +48,7 @@ class StudyFolder:
     def locked(self, study: Study) -> Iterator[None]:
         """Make the folder for a study, and keep other runners out of it."""
         self.check(study)
-        lock = filelock.FileLock(self.path / _LOCK, blocking=False)
+        lock = filelock.FileLock(self.path / _LOCK, timeout=0)
         with writing(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
             try:
