@@ -29,9 +29,10 @@ from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
 from botohe_moo.study.run.task import Outcome, Record, failure
 from botohe_moo.trails import PlanBatch
 
-# A run that only compiles kernels, and limits that do not limit its plans. A local search in one
-# lane has called all of its kernels then.
-_WARM_UP_EVALUATIONS = 2_000
+# A run that only compiles kernels, and limits that do not limit its plans. Evaluations in kernels
+# take no time, and after so many a local search in one lane has called all of its kernels.
+_WARM_UP_EVALUATIONS = 250
+_WARM_UP_IN_KERNELS = 2_000
 _WARM_UP_SURVIVAL = 1e-9
 _WARM_UP_LENGTH = 1e9
 
@@ -232,6 +233,8 @@ def warm_up(run: Run) -> None:
     Other packages' algorithms and problems are not called: they may have side effects.
     """
     mission, algorithm = run.mission, run.algorithm
+    made = make_algorithm(algorithm.algorithm, **algorithm.parameters)
+    in_kernels = getattr(made, "evaluates_in_kernels", False)
     toy, (is_plain, has_floors, has_budgets) = load_mission("toy"), special_kernels(run)
     if not is_plain:
         toy = Mission(toy.graph, base=toy.base, kinds=[Kind("one", 1), Kind("other", 1)])
@@ -240,10 +243,10 @@ def warm_up(run: Run) -> None:
         mission=toy,
         min_survival=_WARM_UP_SURVIVAL if has_floors else 0.0,
         max_length=_WARM_UP_LENGTH if has_budgets else None,
-        budget=Budget(evaluations=_WARM_UP_EVALUATIONS),
+        budget=Budget(evaluations=_WARM_UP_IN_KERNELS if in_kernels else _WARM_UP_EVALUATIONS),
     )
     trusted = replace(algorithm, origin={**algorithm.origin, "problem": None})
-    if not _is_ours(make_algorithm(algorithm.algorithm, **algorithm.parameters)):
+    if not _is_ours(made):
         trusted = replace(trusted, algorithm="random", parameters={})
     perform(replace(run, mission=small, algorithm=trusted), lambda _: None)
 
