@@ -202,7 +202,9 @@ def add_plans(
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    with FileLock(folder / ".lock"):
+    # Beside the folder, all of which comes with the package; one lock, however it is called.
+    where = folder.resolve()
+    with FileLock(where.with_name(f".{where.name}.lock")):
         fronts = {name: _merged(name, lists, folder) for name, lists in found.items()}
         return {
             name: Added(before, after, _written(name, before, after, folder))
