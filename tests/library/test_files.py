@@ -290,15 +290,14 @@ def test_best_known_fronts_are_references_of_studies(tmp_path):
     assert (tmp_path / "trial" / "summary.csv").read_bytes() == made
 
 
+def loaded(missions, **further):
+    budget = {"evaluations": 10}
+    study = {"name": "trial", "missions": missions, "algorithms": ["greedy"], "budget": budget}
+    return load_study({**study, "seeds": 1, **further})
+
+
 def labels(missions):
-    study = {
-        "name": "trial",
-        "missions": missions,
-        "algorithms": ["greedy"],
-        "budget": {"evaluations": 10},
-        "seeds": 1,
-    }
-    return {m.label: m.mission.name for m in load_study(study).missions}
+    return {m.label: m.mission.name for m in loaded(missions).missions}
 
 
 class TestSelections:
@@ -339,15 +338,7 @@ class TestSelections:
     def test_best_known_fronts_are_of_missions_of_the_library(self, robots):
         entry = {"mission": f"library:{SMALL}"} if robots else "toy"
         given = {"mission": entry} if not robots else {"mission": {**entry, "robots": robots}}
-        study = {
-            "name": "trial",
-            "missions": given,
-            "algorithms": ["greedy"],
-            "budget": {"evaluations": 10},
-            "seeds": 1,
-            "reference": "best-known",
-        }
         with pytest.raises(
             StudyError, match="expects missions of the library with their own robots"
         ):
-            load_study(study)
+            loaded(given, reference="best-known")

@@ -72,10 +72,7 @@ def check(selection: SelectionArgument = "all", library: FolderOption = None) ->
         names = library_names(selection)
         faults = check_library(names, folder=library or FOLDER)
     for name in names:
-        if name in faults:
-            say(faults[name])
-        else:
-            tell(f"{name}: right")
+        (say if name in faults else tell)(faults.get(name, f"{name}: right"))
     if faults:
         raise typer.Exit(FAILED)
     tell(f"\n{counted(len(names), 'mission')}: each plan was evaluated again, none is dominated")

@@ -213,8 +213,7 @@ class Study:
         """Names in the library of the missions whose best known fronts are references."""
         if self.file.reference != "best-known":
             return {}
-        names = {mission.label: mission.library_name for mission in self.missions}
-        return {label: name for label, name in names.items() if name is not None}
+        return {m.label: name for m in self.missions if (name := m.library_name)}
 
     def runs(self) -> tuple[Run, ...]:
         """List the runs: mission by mission, algorithm by algorithm, seed by seed."""

@@ -54,10 +54,10 @@ def _run(task: Task, warm: set[tuple[str, str]], connection: Connection) -> Outc
     run = task.run
     if mismatch := code_mismatch({"version": run.setting["version"]}, [run.algorithm]):
         return failure(f"the worker {mismatch}")
-    key = run.algorithm.algorithm, repr((run.algorithm.parameters, special_kernels(run)))
-    if key not in warm:
-        warm.add(key)
-        with contextlib.suppress(Exception):  # the run will raise and report it
+    with contextlib.suppress(Exception):  # the run will raise and report it
+        key = run.algorithm.algorithm, repr((run.algorithm.parameters, special_kernels(run)))
+        if key not in warm:
+            warm.add(key)
             warm_up(run)
     began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     connection.send(("begin", (began, environment())))
