@@ -20,8 +20,8 @@ from botohe_moo.library import (
     library_table,
 )
 from botohe_moo.library.files import FOLDER, add_plans
-from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.mission.entries import ENTRIES, library_name_of
+from botohe_moo.mission.model import numbers_digest
+from botohe_moo.mission.named import ENTRIES, library_name_of
 from botohe_moo.study import StudyError, load_study, make_tables, run_study
 
 SMALL = "town-16"

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.mission import generators, layouts, save_mission, sites
+from botohe_moo.mission import generators, save_mission
 
 ALL = [
     generators.two_communities,
@@ -61,10 +61,10 @@ def test_parameters_out_of_range():
         (generators.complete, (2, 25, 600, 0, 25.3035, 424.4402)),
         (generators.terrain, (5, 200, 1310, 160, 102.315, 1239.9792)),
         (generators.tunnel, (3, 45, 102, 0, 18.25, 93.4446)),
-        (layouts.lattice, (2, 65, 224, 0, 64.0, 212.8308)),
-        (layouts.town, (2, 64, 112, 0, 34.897, 106.7921)),
-        (layouts.building, (3, 54, 126, 9, 39.032, 120.2878)),
-        (layouts.orienteering, (2, 32, 992, 0, 354.0, 599.5778)),
+        (generators.lattice, (2, 65, 224, 0, 64.0, 212.8308)),
+        (generators.town, (2, 64, 112, 0, 34.897, 106.7921)),
+        (generators.building, (3, 54, 126, 9, 39.032, 120.2878)),
+        (generators.orienteering, (2, 32, 992, 0, 354.0, 599.5778)),
     ],
 )
 def test_seed_zero(generate, expected):
@@ -237,7 +237,7 @@ class TestTunnel:
 class TestDronesAndRovers:
     @given(seeds, st.integers(1, 9), st.integers(1, 9))
     def test_what_each_can_do(self, seed, drones, rovers):
-        mission = sites.drones_and_rovers(seed=seed, drones=drones, rovers=rovers)
+        mission = generators.drones_and_rovers(seed=seed, drones=drones, rovers=rovers)
         assert [(kind.name, kind.robots) for kind in mission.kinds] == [
             ("drone", drones),
             ("rover", rovers),
@@ -254,12 +254,12 @@ class TestDronesAndRovers:
 
     def test_same_seed_same_mission(self, tmp_path):
         for number in "12":
-            save_mission(sites.drones_and_rovers(seed=7), tmp_path / f"{number}.json")
+            save_mission(generators.drones_and_rovers(seed=7), tmp_path / f"{number}.json")
         assert (tmp_path / "1.json").read_bytes() == (tmp_path / "2.json").read_bytes()
-        assert sites.drones_and_rovers(seed=7) != sites.drones_and_rovers(seed=8)
+        assert generators.drones_and_rovers(seed=7) != generators.drones_and_rovers(seed=8)
 
     def test_seed_zero(self):
-        mission = sites.drones_and_rovers()
+        mission = generators.drones_and_rovers()
         sums = mission.total_reward, mission.arrays.survival.sum(), mission.arrays.length.sum()
         assert (len(mission.nodes), len(mission.graph.edges), mission.robots) == (34, 102, 4)
         assert [round(float(number), 4) for number in sums] == [100, 156.0656, 2248]

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.mission import layouts, save_mission
+from botohe_moo.mission import generators, save_mission
 from tests.examples import examples
 
-ALL = [layouts.lattice, layouts.town, layouts.building, layouts.orienteering]
+ALL = [generators.lattice, generators.town, generators.building, generators.orienteering]
 seeds = st.integers(0, 2**64)
 
 
@@ -49,7 +49,7 @@ class TestEvery:
 
 class TestLattice:
     def test_shape(self):
-        graph = layouts.lattice(rows=3, columns=4).graph
+        graph = generators.lattice(rows=3, columns=4).graph
         places = {tuple(pos): node for node, pos in graph.nodes(data="pos")}
         grid = nx.grid_2d_graph(4, 3).to_directed()
         assert {(places[tail], places[head]) for tail, head in grid.edges} == {*graph.edges}
@@ -57,7 +57,7 @@ class TestLattice:
         assert [reward for _, reward in graph.nodes(data="reward")] == [0] + [1] * 11
 
     def test_numbers(self):
-        mission = layouts.lattice(rows=30, columns=30)
+        mission = generators.lattice(rows=30, columns=30)
         assert is_alike_both_ways(mission.graph)
         found = mission.arrays.survival
         assert 0.9 <= found.min() < 0.901
@@ -69,7 +69,7 @@ class TestTown:
     @examples(40)
     @given(seeds, st.integers(1, 5).map(lambda half: 2 * half))
     def test_one_way_streets_that_alternate(self, seed, streets):
-        graph = layouts.town(streets=streets, seed=seed).graph
+        graph = generators.town(streets=streets, seed=seed).graph
         assert len(graph) == streets**2
         assert nx.is_strongly_connected(graph)
         ways = {}  # of each street: the steps of its arcs
@@ -84,7 +84,7 @@ class TestTown:
         assert graph.nodes[graph.graph["base"]]["pos"] == [0, 0]
 
     def test_numbers(self):
-        arrays = layouts.town(streets=30).arrays
+        arrays = generators.town(streets=30).arrays
         for found, low, high in ((arrays.survival, 0.9, 1), (arrays.reward[1:], 0.1, 1)):
             near = (high - low) / 100
             assert low <= found.min() < low + near
@@ -93,14 +93,14 @@ class TestTown:
 
     def test_odd_numbers_of_streets(self):
         with pytest.raises(ValueError, match="Expected streets to be a multiple of 2, got 3"):
-            layouts.town(streets=3)
+            generators.town(streets=3)
 
 
 class TestBuilding:
     @examples(60)
     @given(seeds, st.integers(1, 4), st.integers(1, 5))
     def test_shape(self, seed, floors, doors):
-        mission = layouts.building(floors=floors, doors=doors, seed=seed)
+        mission = generators.building(floors=floors, doors=doors, seed=seed)
         graph = mission.graph
         zones, pos = dict(graph.nodes(data="zone")), dict(graph.nodes(data="pos"))
         assert len(graph) == 3 * doors * floors
@@ -117,7 +117,7 @@ class TestBuilding:
 
     def test_numbers(self):
         floors, doors = 40, 8
-        graph = layouts.building(floors=floors, doors=doors).graph.copy()
+        graph = generators.building(floors=floors, doors=doors).graph.copy()
         rewards = []
         for _, node in graph.nodes(data=True):
             floor = int(node["zone"].removeprefix("floor "))
@@ -148,10 +148,10 @@ class TestBuilding:
     @given(seeds, st.integers(1, 3), st.integers(1, 3))
     def test_wheeled_robots_cannot_take_stairs(self, seed, floors, wheeled):
         how = {"floors": floors, "robots": 4, "seed": seed}
-        mission = layouts.building(wheeled=wheeled, **how)
+        mission = generators.building(wheeled=wheeled, **how)
         kinds = [(kind.name, kind.robots) for kind in mission.kinds]
         assert kinds == [("walking", 4 - wheeled), ("wheeled", wheeled)]
-        plain, graph = layouts.building(**how).graph, mission.graph
+        plain, graph = generators.building(**how).graph, mission.graph
         assert dict(graph.nodes(data=True)) == dict(plain.nodes(data=True))
         for tail, head, survival in plain.edges(data="survival"):
             is_stair = plain.nodes[tail]["zone"] != plain.nodes[head]["zone"]
@@ -160,14 +160,14 @@ class TestBuilding:
 
     def test_as_many_wheeled_robots_as_there_are(self):
         with pytest.raises(ValueError, match="Expected wheeled to be fewer than all 3 robots, got"):
-            layouts.building(robots=3, wheeled=3)
+            generators.building(robots=3, wheeled=3)
 
 
 class TestOrienteering:
     @examples(40)
     @given(seeds, st.integers(2, 20))
     def test_all_arcs_are_as_long_as_points_are_apart(self, seed, nodes):
-        mission = layouts.orienteering(nodes=nodes, seed=seed)
+        mission = generators.orienteering(nodes=nodes, seed=seed)
         pos = dict(mission.graph.nodes(data="pos"))
         assert mission.graph.number_of_edges() == nodes * (nodes - 1)
         for tail, head, arc in mission.graph.edges(data=True):
@@ -177,12 +177,12 @@ class TestOrienteering:
 
     def test_budget(self):
         """A tour of 100 points in a square of side 100 is some 712.4 long; 40 % for 4 robots."""
-        mission = layouts.orienteering(nodes=100, robots=4, tour=0.4)
+        mission = generators.orienteering(nodes=100, robots=4, tour=0.4)
         assert mission.max_length == 71.2
         assert mission.title == "Orienteering with 100 points, budget 71.2, seed 0"
 
     def test_numbers(self):
-        mission = layouts.orienteering(nodes=150)
+        mission = generators.orienteering(nodes=150)
         scores = mission.rewards[1:]
         assert {*scores.tolist()} == {*range(1, 21)}
         assert scores.mean() == pytest.approx(10.5, abs=1)
@@ -193,4 +193,4 @@ class TestOrienteering:
 
     def test_budgets_that_are_not_finite(self):
         with pytest.raises(ValueError, match="Expected tour to be a finite number > 0, got inf"):
-            layouts.orienteering(tour=math.inf)
+            generators.orienteering(tour=math.inf)

@@ -21,7 +21,7 @@ from botohe_moo.mission import (
     read_mission,
     save_mission,
 )
-from botohe_moo.mission.digest import mission_digest, numbers_digest
+from botohe_moo.mission.model import mission_digest, numbers_digest
 from botohe_moo.trails import TrailPlan
 from tests import twins
 from tests.strategies import missions, missions_with_plans

@@ -9,7 +9,7 @@ from hypothesis import given
 from PIL import Image
 
 from botohe_moo import MissionError, load_mission, save_mission
-from botohe_moo.mission.formats.rasters import read_raster
+from botohe_moo.mission.formats.maps import read_raster
 from tests.examples import examples
 from tests.mission.test_routes import both_ways, line, site  # noqa: F401 - a fixture
 from tests.test_damaged_files import changed, check_message

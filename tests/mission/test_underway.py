@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import Event, Mission, MissionError, load_mission
 from botohe_moo.mission import PlanError
-from botohe_moo.mission.digest import numbers_digest
+from botohe_moo.mission.model import numbers_digest
 from botohe_moo.underway import EventError, under_way
 from tests import twins
 from tests.examples import examples

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from botohe_moo import Mission, load_mission
-from botohe_moo.mission.validation import MissionError
+from botohe_moo.mission.rules import MissionError
 from botohe_moo.plots import plot_mission, plot_plan
 from botohe_moo.plots.draw.background import read_background
 

@@ -40,6 +40,7 @@ class PluginGroup:
 
     group: str
     kind: str  # what its entries are, for messages: "mission", "algorithm"
+    type: Any = Callable  # what they have to be instances of
 
     def source(self, name: object) -> str:
         """Return the words with which messages about an entry begin."""
@@ -78,10 +79,11 @@ class PluginGroup:
     def load(self, name: str) -> Callable[..., Any]:
         """Import the entry of that name; a PluginError says why this is not possible."""
         origin = self.origin(name)
-        function = imported(self.entry(name).load, origin)
-        if not callable(function):
-            raise PluginError(f"expected {origin} to be a function or class, got {function!r}")
-        return function  # type: ignore[no-any-return]
+        found = imported(self.entry(name).load, origin)
+        if not isinstance(found, self.type):
+            expected = "function or class" if self.type is Callable else self.type.__name__
+            raise PluginError(f"expected {origin} to be a {expected}, got {found!r}")
+        return found  # type: ignore[no-any-return]
 
     def entry(self, name: str) -> EntryPoint:
         """Find the entry of that name, without importing it; a PluginError if there is not one.

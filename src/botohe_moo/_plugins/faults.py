@@ -1,11 +1,15 @@
 """What pydantic finds wrong with a value, in the words of this package."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TypeAlias
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
+
+from pydantic import BaseModel, ValidationError
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.types import bound_text
 
+M = TypeVar("M", bound=BaseModel)
 Error: TypeAlias = Mapping[str, Any]  # one of pydantic's `ErrorDetails`
 
 _EXPECTED = {
@@ -98,3 +102,16 @@ def wrong_value(name: str, *errors: Error, bounds: str = "") -> str:
     first, *rest = dict.fromkeys(phrases)
     expected = " or ".join([first, *(phrase.removeprefix("to be ") for phrase in rest)])
     return f"Expected {name} {expected}, {got}"
+
+
+def json_record(path: Path, data: bytes, model: type[M]) -> M:
+    """Return the content of a JSON file that this package wrote; a ValueError names one fault."""
+    try:
+        return model.model_validate_json(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+    if first["type"] == "json_invalid":
+        raise ValueError(f"{path}: {first['msg']}.")
+    way = first["loc"][:-1] if first["type"] == "missing" else first["loc"]
+    name = ".".join(map(str, way)) or "its content"
+    raise ValueError(f"{path}: {wrong_value(name, first)}")

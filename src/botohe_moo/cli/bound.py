@@ -164,7 +164,7 @@ def _prove(
 
 
 def _read_front(folder: Path, mission: Mission) -> Solution:
-    from botohe_moo.mission.digest import numbers_digest
+    from botohe_moo.mission.model import numbers_digest
     from botohe_moo.solution import read_solution
 
     solution = read_solution(folder)

@@ -14,9 +14,9 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Positive
 from botohe_moo.decide.robots import robot_rows
+from botohe_moo.mission.arrays import given_places
 from botohe_moo.mission.formats.nodelink import mission_content, plain_label
 from botohe_moo.mission.formats.routes import encoded, route_graph
-from botohe_moo.mission.graphs import given_places
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import TrailPlan
 

@@ -18,7 +18,7 @@ from botohe_moo.decide.wishes import (
     label_text,
 )
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.validation import read_label
+from botohe_moo.mission.rules import read_label
 
 FORMS = (
     "reward >= 5",

@@ -16,7 +16,7 @@ from botohe_moo._base.checks import (
     quoted,
 )
 from botohe_moo.mission.formats.nodelink import plain_label
-from botohe_moo.mission.validation import read_label
+from botohe_moo.mission.rules import read_label
 
 Quantity = Literal["reward", "survivors"]
 QUANTITIES = ("reward", "survivors")

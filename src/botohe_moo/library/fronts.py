@@ -20,10 +20,10 @@ from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
+from botohe_moo._plugins.faults import json_record
 from botohe_moo.indicators import area_indicator
-from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.mission.formats.documents import file_content, json_record
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.formats.reading import file_content
+from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 

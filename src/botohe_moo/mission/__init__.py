@@ -7,16 +7,16 @@ from botohe_moo._base.lazy import lazy_names
 if TYPE_CHECKING:
     from botohe_moo.mission.formats.files import read_mission as read_mission
     from botohe_moo.mission.formats.files import save_mission as save_mission
+    from botohe_moo.mission.formats.maps import roadmap_from_map as roadmap_from_map
     from botohe_moo.mission.formats.tables import mission_from_tables as mission_from_tables
     from botohe_moo.mission.hazards import rewards_from_raster as rewards_from_raster
     from botohe_moo.mission.hazards import survival_from_raster as survival_from_raster
-    from botohe_moo.mission.kinds import Kind as Kind
+    from botohe_moo.mission.hazards import survival_from_zones as survival_from_zones
     from botohe_moo.mission.model import Mission as Mission
     from botohe_moo.mission.named import load_mission as load_mission
     from botohe_moo.mission.named import mission_names as mission_names
-    from botohe_moo.mission.roadmaps import roadmap_from_map as roadmap_from_map
-    from botohe_moo.mission.validation import MissionError as MissionError
-    from botohe_moo.mission.validation import PlanError as PlanError
-    from botohe_moo.mission.zones import survival_from_zones as survival_from_zones
+    from botohe_moo.mission.rules import Kind as Kind
+    from botohe_moo.mission.rules import MissionError as MissionError
+    from botohe_moo.mission.rules import PlanError as PlanError
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

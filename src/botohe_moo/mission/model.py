@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 import warnings
 from collections.abc import Hashable, Iterable, Sequence
@@ -17,25 +19,26 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
 from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.plans import evaluate as kernels
-from botohe_moo.mission.events import Event
-from botohe_moo.mission.graphs import distance_of, freeze, given_places
-from botohe_moo.mission.kinds import (
-    ONLY_KIND,
-    Kind,
+from botohe_moo.mission.arrays import (
+    distance_of,
+    freeze,
+    given_places,
     graph_of_kinds,
-    read_kinds,
     uncollected,
     ways_to_ends,
 )
-from botohe_moo.mission.underway import under_way
-from botohe_moo.mission.validation import (
+from botohe_moo.mission.rules import (
+    ONLY_KIND,
+    Kind,
     MissionError,
     PlanError,
     fault_text,
     graph_faults,
+    read_kinds,
     team_size_fault,
     trail_indices,
 )
+from botohe_moo.mission.underway import Event, under_way
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
 _MOST_NAMED = 20  # nodes in a warning
@@ -502,3 +505,31 @@ def check_plain(mission: object, who: str) -> Mission:
     raise ValueError(
         f"{who} does not support mission {quoted(checked.name)}, which has {checked.specialities}."
     )
+
+
+def mission_digest(mission: Mission) -> str:
+    """Return the digest of all that results depend on: not of names and positions."""
+    return _digest(mission, [[repr(node) for node in mission.nodes], repr(mission.base)])
+
+
+def numbers_digest(mission: Mission) -> str:
+    """Return the digest without labels, whose types may change when they are read from a file."""
+    return _digest(mission, [mission.arrays.base])
+
+
+def _digest(mission: Mission, first: list[object]) -> str:
+    limits: list[object] = [] if mission.max_length is None else [mission.max_length]
+    of_kinds = [[kind.min_survival, kind.max_length] for kind in mission.kinds]
+    if of_kinds != [[0.0, None]]:
+        limits += [of_kinds]
+    text = json.dumps([*first, mission.robots, *limits], separators=(",", ":"))
+    hashed = hashlib.sha256(text.encode())
+    arrays = mission.arrays
+    numbers = [arrays.tail, arrays.head, arrays.survival, arrays.reward]
+    if (arrays.length != 1.0).any():  # without lengths every hop is one long
+        numbers.append(arrays.length)
+    if arrays.kinds is not None:
+        numbers += arrays.kinds[:-1]
+    for values in numbers:
+        hashed.update(np.ascontiguousarray(values, f"<{values.dtype.kind}8").tobytes())
+    return hashed.hexdigest()[:16]

@@ -1,23 +1,85 @@
 """The missions that have a name: those of the package and those that other packages register."""
 
+from __future__ import annotations
+
+import json
 import os
 from collections.abc import Callable, Mapping
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import networkx as nx
 
-from botohe_moo._base.checks import quoted
+from botohe_moo._base.checks import check_choice, quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, package_of
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 from botohe_moo._plugins.types import Robots
-from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.mission.entries import ENTRIES, PREFIX, library_names
 from botohe_moo.mission.formats.files import SUFFIXES, read_mission
-from botohe_moo.mission.model import Mission
-from botohe_moo.mission.validation import MissionError
+from botohe_moo.mission.model import Mission, numbers_digest
+from botohe_moo.mission.rules import MissionError
+
+PREFIX = "library:"  # before the name of a mission, and of several
+
+
+class Entry(NamedTuple):
+    """A mission of the library.
+
+    Attributes
+    ----------
+    family
+        What it has in common with others.
+    size
+        Small up to 40 nodes, medium up to 100, large above.
+    source, parameters
+        The named mission or generator that makes it, and with which parameters.
+    digest
+        That of its numbers.
+    """
+
+    family: str
+    size: Literal["small", "medium", "large"]
+    source: str
+    parameters: Mapping[str, Any]
+    digest: str
+
+
+_DATA = files("botohe_moo.mission").joinpath("data", "library.json")
+ENTRIES: Mapping[str, Entry] = {
+    name: Entry(**said) for name, said in json.loads(_DATA.read_text("utf-8")).items()
+}
+FAMILIES = tuple(dict.fromkeys(entry.family for entry in ENTRIES.values()))
+SELECTIONS = ("small", "medium", "large", "all", *FAMILIES)  # names of several missions
+
+
+def library_names(selection: str = "all") -> tuple[str, ...]:
+    """Return the names of missions of the library.
+
+    Parameters
+    ----------
+    selection
+        A name; ``small``, ``medium``, ``large`` or ``all``; or a family. A ValueError lists what is
+        known.
+
+    Examples
+    --------
+    >>> from botohe_moo.library import library_names
+    >>> library_names("tunnel")
+    ('tunnel-20', 'tunnel-75', 'tunnel-1000')
+    """
+    check_choice("a mission of the library", selection, [*SELECTIONS, *ENTRIES])
+    return tuple(
+        name
+        for name, entry in ENTRIES.items()
+        if selection in ("all", name, entry.family, entry.size)
+    )
+
+
+def library_name_of(digest: str) -> str | None:
+    """Return the name of the mission of the library with this digest of its numbers."""
+    return next((name for name, entry in ENTRIES.items() if entry.digest == digest), None)
+
 
 COMMON = ("robots", "lengths_from_pos")  # parameters that every mission takes
 _PLUGINS = PluginGroup("botohe_moo.missions", "mission")

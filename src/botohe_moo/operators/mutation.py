@@ -17,7 +17,7 @@ from botohe_moo.kernels.plans.trails import read_trails
 from botohe_moo.kernels.plans.vary import join_pieces, ruin, share, whole_trails
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.validation import PlanError
+from botohe_moo.mission.rules import PlanError
 from botohe_moo.operators.base import Mixture, check_part
 from botohe_moo.operators.repair import PlanRepair, SafestPathRepair
 from botohe_moo.problem import BOTOHE

@@ -17,8 +17,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import check_objectives, check_row, front_rows
 from botohe_moo.indicators import area_indicator
-from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.model import Mission, check_mission, numbers_digest
 from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, colours, new_axes, theme, tint
 from botohe_moo.plots.draw.texts import Space, title_above
 

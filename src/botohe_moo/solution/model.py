@@ -21,9 +21,8 @@ from botohe_moo._base.words import counted
 from botohe_moo.decide import choosing, fronts, hazards, tradeoffs
 from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator
-from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.formats.nodelink import mission_content, write_node_link
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
-from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.mission.formats.documents import file_content, json_record
+from botohe_moo._plugins.faults import json_record
 from botohe_moo.mission.formats.files import read_mission
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.formats.reading import file_content
+from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.solution.model import Solution, as_json
 
 _REMEDY = "Solve the mission again, or put back what was written."

@@ -12,8 +12,8 @@ from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.generators import random
-from botohe_moo.mission.kinds import Kind
 from botohe_moo.mission.model import Mission
+from botohe_moo.mission.rules import Kind
 from botohe_moo.problem import BOTOHE
 from botohe_moo.testing.rules import expect
 from botohe_moo.trails import PlanBatch, TrailPlan

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from botohe_moo.mission.events import Event as Event
-    from botohe_moo.mission.events import EventError as EventError
+    from botohe_moo.mission.underway import Event as Event
+    from botohe_moo.mission.underway import EventError as EventError
     from botohe_moo.mission.underway import UnderWay as UnderWay
     from botohe_moo.mission.underway import under_way as under_way
     from botohe_moo.underway.played import PlayedMission as PlayedMission

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import short_text
 from botohe_moo.decide.wishes import label_text
-from botohe_moo.mission.events import Event
 from botohe_moo.mission.model import Mission
+from botohe_moo.mission.underway import Event
 from botohe_moo.trails import TrailPlan
 from botohe_moo.underway.replanning import Replan
 

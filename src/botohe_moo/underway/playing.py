@@ -10,10 +10,16 @@ import numpy as np
 
 from botohe_moo._base.checks import check_choice, check_integer
 from botohe_moo.kernels.graph.graph import Limits
-from botohe_moo.mission.events import Event, RobotState, robots_at_start
-from botohe_moo.mission.kinds import by_kind
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.mission.underway import check_limits, left_of, pay
+from botohe_moo.mission.rules import by_kind
+from botohe_moo.mission.underway import (
+    Event,
+    RobotState,
+    check_limits,
+    left_of,
+    pay,
+    robots_at_start,
+)
 from botohe_moo.trails import TrailPlan
 from botohe_moo.underway.played import PlayedMission, PlayedStep
 from botohe_moo.underway.replanning import Replan, check_price, replan_left

@@ -8,9 +8,9 @@ from collections.abc import Hashable
 
 from botohe_moo._base.checks import quoted
 from botohe_moo.decide.grammar import node_of
-from botohe_moo.mission.events import Event, EventError
 from botohe_moo.mission.formats.tables import FAULTS, read_table
 from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.underway import Event, EventError
 
 COLUMNS = ("time", "robot", "event", "node")
 

@@ -18,9 +18,8 @@ from botohe_moo.decide.fronts import (
     short_text,
 )
 from botohe_moo.kernels.graph.graph import Limits
-from botohe_moo.mission.events import Event
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.mission.underway import UnderWay, under_way
+from botohe_moo.mission.underway import Event, UnderWay, under_way
 from botohe_moo.search.local_search import LocalSearch
 from botohe_moo.trails import TrailPlan
 

@@ -14,7 +14,7 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Positive
-from botohe_moo.mission.validation import MissionError
+from botohe_moo.mission.rules import MissionError
 
 _HEADER = {"n": int, "m": int, "tmax": float}
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from botohe_moo._base.checks import most_alike, quoted
-from botohe_moo.mission.attributes import BY_KIND, attribute_of
 from botohe_moo.mission.formats.nodelink import Entry
+from botohe_moo.mission.rules import BY_KIND, attribute_of
 
 
 def column_faults(columns: Iterable[str], kinds: Sequence[str]) -> list[str]:

@@ -9,12 +9,12 @@ from botohe_moo._base.checks import ParameterError, unknown_parameter
 from botohe_moo._base.files import check_suffix, replace_file, suffix_fault
 from botohe_moo._plugins.stated import signature_parameters
 from botohe_moo.mission.formats.benchmark import read_benchmark
-from botohe_moo.mission.formats.documents import file_content
 from botohe_moo.mission.formats.graphml import read_graphml, write_graphml
 from botohe_moo.mission.formats.nodelink import mission_content, read_node_link, write_node_link
+from botohe_moo.mission.formats.reading import file_content
 from botohe_moo.mission.formats.routes import read_route_graph, write_route_graph
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.mission.validation import MissionError
+from botohe_moo.mission.rules import MissionError
 
 # A reader takes a file's bytes and keyword-only options.
 _READERS: dict[str, Callable[..., Any]] = {
@@ -130,7 +130,7 @@ def read_mission(
 def _reader(suffix: str) -> Callable[..., Any]:
     if suffix in _BUILDINGS:
         # Imported late: its models take time to make, and most missions are in other files.
-        from botohe_moo.mission.formats.buildings import read_building
+        from botohe_moo.mission.formats.rmf import read_building
 
         return read_building
     return _READERS[suffix]

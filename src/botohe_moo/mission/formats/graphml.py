@@ -13,8 +13,7 @@ import networkx as nx
 from botohe_moo._base.checks import quoted
 from botohe_moo.mission.formats.columns import column_faults, join_columns, split_columns
 from botohe_moo.mission.formats.nodelink import Entry, convert_ends, graph_of
-from botohe_moo.mission.kinds import read_kinds
-from botohe_moo.mission.validation import MissionError, kind_name_faults
+from botohe_moo.mission.rules import MissionError, kind_name_faults, read_kinds
 
 # What its reader raises for wrong values and types is not declared.
 _OF_NETWORKX = (nx.NetworkXError, ET.ParseError, LookupError, ValueError, TypeError, AttributeError)

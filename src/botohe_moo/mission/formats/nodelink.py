@@ -12,10 +12,15 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import quoted
-from botohe_moo.mission.attributes import attribute_faults
-from botohe_moo.mission.kinds import ONLY_KIND, Kind, read_kinds
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.validation import MissionError, read_label
+from botohe_moo.mission.rules import (
+    ONLY_KIND,
+    Kind,
+    MissionError,
+    attribute_faults,
+    read_kinds,
+    read_label,
+)
 
 _KEYS = {
     "directed": (bool, "true or false"),

@@ -15,12 +15,12 @@ import networkx as nx
 from botohe_moo._base.checks import as_float, quoted
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
+from botohe_moo.mission.arrays import distance_of
 from botohe_moo.mission.formats.nodelink import Entry, convert_ends
 from botohe_moo.mission.formats.roads import road_graph
 from botohe_moo.mission.formats.site_maps import add_rewards, add_survivals
-from botohe_moo.mission.graphs import distance_of
-from botohe_moo.mission.validation import MissionError, read_label
-from botohe_moo.mission.zones import Zone, read_zone
+from botohe_moo.mission.hazards import Zone, read_zone
+from botohe_moo.mission.rules import MissionError, read_label
 
 _LINES = ("LineString", "MultiLineString")
 _POLYGONS = ("Polygon", "MultiPolygon")

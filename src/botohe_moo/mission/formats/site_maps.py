@@ -13,12 +13,11 @@ import numpy as np
 from botohe_moo._base.checks import as_float, quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.formats.nodelink import Entry
-from botohe_moo.mission.hazards import in_cells, mean_along, rewards_from_raster
-from botohe_moo.mission.validation import MissionError
-from botohe_moo.mission.zones import Zone, read_zones
+from botohe_moo.mission.hazards import Zone, in_cells, mean_along, read_zones, rewards_from_raster
+from botohe_moo.mission.rules import MissionError
 
 if TYPE_CHECKING:
-    from botohe_moo.mission.formats.rasters import Raster
+    from botohe_moo.mission.formats.maps import Raster
 
 _Path = str | os.PathLike[str]
 _Places = Mapping[Any, Sequence[float]]
@@ -112,7 +111,7 @@ def add_rewards(
 def _read(path: _Path) -> Raster:
     """Read a map; its faults are part of those of the file that is read with it."""
     # Imported late: it takes time, and most missions need no images.
-    from botohe_moo.mission.formats.rasters import read_raster
+    from botohe_moo.mission.formats.maps import read_raster
 
     try:
         return read_raster(path)

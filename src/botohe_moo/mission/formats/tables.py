@@ -11,13 +11,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from botohe_moo._base.checks import check_frame, quoted
-from botohe_moo.mission.attributes import BY_KIND, attribute_of
 from botohe_moo.mission.formats.columns import column_faults, join_columns
-from botohe_moo.mission.formats.documents import file_content
 from botohe_moo.mission.formats.nodelink import Entry, graph_of
-from botohe_moo.mission.kinds import Kind, read_kinds
+from botohe_moo.mission.formats.reading import file_content
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.validation import MissionError, kind_name_faults
+from botohe_moo.mission.rules import (
+    BY_KIND,
+    Kind,
+    MissionError,
+    attribute_of,
+    kind_name_faults,
+    read_kinds,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

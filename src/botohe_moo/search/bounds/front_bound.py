@@ -15,8 +15,7 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.files import replace_file
 from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import area_indicator, check_objectives
-from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.model import Mission, check_mission, numbers_digest
 from botohe_moo.search.bounds.envelopes import lower_envelope
 from botohe_moo.search.bounds.plain import fewest_moving
 from botohe_moo.search.bounds.record import FORMAT, BoundRecord, Line, Step, read_record

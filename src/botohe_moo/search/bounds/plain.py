@@ -8,8 +8,8 @@ import networkx as nx
 
 from botohe_moo._base.checks import quoted
 from botohe_moo.kernels.graph.graph import Limits
-from botohe_moo.mission.kinds import by_kind
 from botohe_moo.mission.model import Mission
+from botohe_moo.mission.rules import by_kind
 
 NOTE = "Robots are bounded as if each were the best of all kinds, and rewards counted on arrival."
 

@@ -10,8 +10,7 @@ from pydantic import BaseModel, ConfigDict, FiniteFloat, PositiveInt, Validation
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.files import read_bytes
 from botohe_moo._plugins.types import NotNegative, Probability
-from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, numbers_digest
 
 FORMAT: Literal["botohe-front-bound-1"] = "botohe-front-bound-1"
 

@@ -13,10 +13,9 @@ from pydantic import TypeAdapter, ValidationError
 from botohe_moo._base.checks import most_alike, quoted
 from botohe_moo.algorithms.origin import OPERATORS, algorithm_identity, algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_faults
-from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.files import SUFFIXES
 from botohe_moo.mission.formats.nodelink import mission_content
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, mission_digest
 from botohe_moo.mission.named import load_mission, mission_faults, mission_origin
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.bounds.plain import check_boundable

@@ -17,9 +17,9 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
-from botohe_moo.mission.kinds import Kind
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.named import load_mission
+from botohe_moo.mission.rules import Kind
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study.file.code import check_objectives, problem_on

@@ -1,9 +1,10 @@
-"""The validation of missions and plans: what is wrong with them, in words."""
+"""The rules of missions and plans, and what is wrong with one that breaks them, in words."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from operator import index
 from typing import Any
 
@@ -12,9 +13,216 @@ import numpy as np
 
 from botohe_moo._base.checks import as_float, most_alike, quoted
 from botohe_moo.kernels.plans import evaluate as kernels
-from botohe_moo.mission.attributes import PAYS, attribute_faults, is_amount
-from botohe_moo.mission.kinds import Kind, by_kind
 from botohe_moo.trails import PlanBatch
+
+ONLY_KIND = "robot"  # the name of the kind of a mission that lists none
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Robots of one kind.
+
+    What a kind survives and what it can collect are attributes of arcs and nodes: ``survival`` and
+    ``share``.
+
+    Parameters
+    ----------
+    name
+        By which survivals, shares, tables and pictures refer to the kind: without ``:``, ``,`` and
+        ``=``, and without blanks around it.
+    robots
+        How many robots of this kind there are, at least 1.
+    start, end
+        Labels of the nodes where their trails begin and end; default: the base.
+    min_survival
+        Survival floor of each of them, in [0, 1]; 0 sets none.
+    max_length
+        Travel budget of each of them, at least 0; default: that of the mission.
+    aboard
+        Labels of nodes that pay on return, and where each of them has been before it starts: with
+        the probability ``share`` it carries the reward, which counts at the first depot.
+
+    Examples
+    --------
+    >>> import networkx as nx
+    >>> from botohe_moo import Kind, Mission
+    >>> graph = nx.DiGraph()
+    >>> graph.add_node("dock", reward=0)
+    >>> graph.add_node("reef", reward=5)
+    >>> graph.add_edge("dock", "reef", survival={"boat": 0.9, "diver": 0.5})
+    >>> graph.add_edge("reef", "dock", survival={"boat": 0.9, "diver": 0.5})
+    >>> mission = Mission(graph, base="dock", kinds=[Kind("boat", 1), Kind("diver", 2)])
+    >>> mission.robots
+    3
+    """
+
+    name: str
+    robots: int
+    start: Hashable | None = None
+    end: Hashable | None = None
+    min_survival: float = 0.0
+    max_length: float | None = None
+    aboard: tuple[Hashable, ...] = ()
+
+    def normalized(self) -> Kind:
+        """Return the same valid kind with numbers and tuples of Python's types."""
+        longest = None if self.max_length is None else float(self.max_length)
+        least, n = float(self.min_survival), index(self.robots)
+        aboard = tuple(self.aboard)
+        return replace(self, robots=n, min_survival=least, max_length=longest, aboard=aboard)
+
+    def ends(self, base: Hashable) -> tuple[Hashable, Hashable]:
+        """Return where trails start and end in a mission with this base."""
+        return base if self.start is None else self.start, base if self.end is None else self.end
+
+
+def read_kinds(kinds: Any) -> tuple[tuple[Kind, ...], list[str]]:
+    """Return kinds, which files hold as mappings, and the faults of what is not a kind.
+
+    None lists no kinds.
+    """
+    if kinds is None:
+        return (), []
+    if isinstance(kinds, str | Mapping | Kind) or not isinstance(kinds, Iterable):
+        return (), [f"expected kinds to be a list of kinds, got {quoted(kinds)}"]
+    read, faults, known = [], [], [field.name for field in fields(Kind)]
+    for i, kind in enumerate(kinds):
+        if isinstance(kind, Kind):
+            read.append(kind)
+        elif not isinstance(kind, Mapping):
+            faults.append(f"kinds[{i}]: expected a Kind, or an object, got {quoted(kind)}")
+        elif unknown := [name for name in kind if name not in known]:
+            near = most_alike(str(unknown[0]), known)
+            faults.append(f"kinds[{i}]: there is no {quoted(unknown[0])} of a kind{near}")
+        elif missing := [name for name in ("name", "robots") if name not in kind]:
+            faults.append(f"kinds[{i}]: expected {missing[0]}, found none in {quoted(kind)}")
+        else:
+            read.append(Kind(**kind))
+    if not read and not faults:
+        faults.append("expected at least one kind, got none")
+    return tuple(read), faults
+
+
+def by_kind(value: object, kinds: Sequence[Kind], default: float = 1.0) -> list[float]:
+    """Return an attribute for each kind: one number, or a number for each name."""
+    if isinstance(value, Mapping):
+        return [float(value.get(kind.name, default)) for kind in kinds]
+    return [float(value)] * len(kinds)  # type: ignore[arg-type]
+
+
+def is_amount(value: object) -> bool:
+    """Return whether a value is a finite number, at least 0."""
+    return 0 <= as_float(value) < math.inf
+
+
+def _is_place(value: Any) -> bool:
+    try:
+        x, y = map(as_float, value)
+    except (TypeError, ValueError):
+        return value is None
+    return math.isfinite(x) and math.isfinite(y)
+
+
+PAYS = ("arrival", "return")
+
+_Rules = dict[str, tuple[str, Callable[[Any], bool]]]
+_OF_NODES: _Rules = {
+    "reward": ("a finite reward >= 0", is_amount),
+    "pos": ("pos [x, y], two finite numbers", _is_place),
+    "share": ("share in [0, 1]", lambda value: 0 <= as_float(value) <= 1),
+    "pays": (
+        "pays to be 'arrival' or 'return'",
+        lambda value: isinstance(value, str) and value in PAYS,
+    ),
+    "depot": ("depot to be true or false", lambda value: isinstance(value, bool | np.bool_)),
+}
+_OF_ARCS: _Rules = {
+    "survival": ("survival in (0, 1]", lambda value: 0 < as_float(value) <= 1),
+    "length": ("a finite length >= 0", is_amount),
+}
+_OPTIONAL = ("pos", "length", "share", "pays", "depot")
+# Attributes that may have a number for each kind, and what the number may be then.
+BY_KIND: _Rules = {
+    "survival": ("survival in [0, 1]", lambda value: 0 <= as_float(value) <= 1),
+    "share": _OF_NODES["share"],
+}
+
+
+def attribute_of(column: str) -> str | None:
+    """Return the attribute of which a column, ``survival:drone``, has the numbers of one kind."""
+    name, colon, _ = column.partition(":")
+    return name if colon and name in BY_KIND else None
+
+
+def attribute_faults(graph: nx.DiGraph[Any], kinds: Sequence[Kind] = ()) -> Iterator[str]:
+    """List the attributes of nodes and arcs that are missing or wrong.
+
+    Numbers for a kind that there is not are one fault, however many nodes and arcs have them.
+    """
+    unknown: dict[tuple[str, str], list[str]] = {}
+    for node, attributes in graph.nodes(data=True):
+        for kind in _unknown(attributes.get("share"), kinds):
+            unknown.setdefault(("share", kind), []).append(f"node {quoted(node)}")
+    for tail, head, attributes in graph.edges(data=True):
+        for kind in _unknown(attributes.get("survival"), kinds):
+            arc = f"arc {quoted(tail)} -> {quoted(head)}"
+            unknown.setdefault(("survival", kind), []).append(arc)
+    for (name, kind), (first, *others) in unknown.items():
+        near = most_alike(kind, [known.name for known in kinds])
+        where = f"{first} and {len(others)} more" if others else first
+        yield f"{where}: {name} of kind {quoted(kind)}: there is no such kind{near}"
+    for node, attributes in graph.nodes(data=True):
+        for fault in _faults_of(attributes, _OF_NODES, kinds):
+            yield f"node {quoted(node)}: {fault}"
+    for tail, head, attributes in graph.edges(data=True):
+        for fault in _faults_of(attributes, _OF_ARCS, kinds):
+            yield f"arc {quoted(tail)} -> {quoted(head)}: {fault}"
+
+
+def _unknown(value: object, kinds: Sequence[Kind]) -> list[str]:
+    """Return the kinds of an attribute that the mission does not list, as texts."""
+    if not isinstance(value, Mapping) or not kinds:
+        return []
+    names = [kind.name for kind in kinds]
+    return [str(kind) for kind in value if kind not in names]
+
+
+def _faults_by_kind(name: str, value: Mapping[Any, Any], kinds: Sequence[Kind]) -> Iterator[str]:
+    """List the faults of an attribute that has a number for each kind."""
+    names = [kind.name for kind in kinds]
+    expected, is_valid = BY_KIND[name]
+    for kind, number in value.items():
+        if kind in names and not is_valid(number):
+            yield f"expected {expected} of kind {quoted(kind)}, got {quoted(number)}{_hint(number)}"
+    # A kind that is not listed may be the missing one, misspelt.
+    if name == "survival" and not _unknown(value, kinds):
+        for kind in names:
+            if kind not in value:
+                yield f"expected {expected} of kind {quoted(kind)}, found none"
+
+
+def _faults_of(
+    attributes: Mapping[str, Any], rules: _Rules, kinds: Sequence[Kind]
+) -> Iterator[str]:
+    for name in attributes:
+        if attribute := attribute_of(str(name)):  # in GraphML it would be read as that of a kind
+            found = f"found an attribute {quoted(name)}, which stands in tables and GraphML only"
+            yield f"expected {attribute} to be a mapping from kinds to numbers, {found}"
+    for name, (expected, is_valid) in rules.items():
+        if name not in attributes:
+            if name not in _OPTIONAL:
+                yield f"expected {expected}, found no attribute {name!r}"
+        elif kinds and name in BY_KIND and isinstance(attributes[name], Mapping):
+            yield from _faults_by_kind(name, attributes[name], kinds)
+        elif not is_valid(value := attributes[name]):
+            no_kinds = isinstance(value, Mapping) and name in BY_KIND
+            hint = "; the mission lists no kinds" if no_kinds else _hint(value)
+            yield f"expected {expected}, got {quoted(value)}{hint}"
+
+
+def _hint(value: object) -> str:
+    return "; write numbers with a point" if isinstance(value, str) and "," in value else ""
+
 
 _SEPARATORS = frozenset(":,=")  # of the name of a kind from what follows it
 _ROUNDING = 1e-12  # relative: what rounding may change along a way

@@ -16,11 +16,11 @@ from pydantic import BaseModel, BeforeValidator, Field, model_validator
 from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative
-from botohe_moo.mission.formats.documents import validated
 from botohe_moo.mission.formats.nodelink import Entry
+from botohe_moo.mission.formats.reading import validated
 from botohe_moo.mission.formats.roads import road_graph
 from botohe_moo.mission.formats.site_maps import add_rewards, add_survivals
-from botohe_moo.mission.validation import MissionError
+from botohe_moo.mission.rules import MissionError
 
 if TYPE_CHECKING:
     from botohe_moo._base.document import Document

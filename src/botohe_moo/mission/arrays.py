@@ -1,17 +1,16 @@
-"""Kinds of robots: what a mission says of them, and the graph of each kind."""
+"""What a mission takes from its graph: a frozen copy, arrays for kernels, and positions."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from operator import index
-from typing import Any
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any, NoReturn
 
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import most_alike, quoted
-from botohe_moo._base.types import OffsetArray
+from botohe_moo._base.checks import quoted
+from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.graph.graph import (
     Graph,
     Limits,
@@ -20,100 +19,105 @@ from botohe_moo.kernels.graph.graph import (
     with_costs,
 )
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
+from botohe_moo.mission.rules import Kind, by_kind
 
-ONLY_KIND = "robot"  # the name of the kind of a mission that lists none
+
+class _Attributes(dict[str, Any]):
+    """Attributes, and mappings among them, that stay what they are."""
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, Any]) -> _Attributes:
+        return cls(
+            (name, cls(value) if isinstance(value, Mapping) else value)
+            for name, value in attributes.items()
+        )
+
+    def copy(self) -> dict[str, Any]:
+        """Return a plain dictionary, also of mappings, as ``graph.copy()`` needs it."""
+        return {
+            name: value.copy() if isinstance(value, _Attributes) else value
+            for name, value in self.items()
+        }
+
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
+        raise TypeError(
+            "The graph of a mission cannot be changed: change mission.graph.copy(), and make a "
+            "Mission of that."
+        )
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (dict(self),)  # by default it would be filled item by item
 
 
-@dataclass(frozen=True)
-class Kind:
-    """Robots of one kind.
+def freeze(graph: nx.DiGraph[Any]) -> nx.DiGraph[Any]:
+    """Let neither nodes and arcs nor their attributes be changed any more.
 
-    What a kind survives and what it can collect are attributes of arcs and nodes: ``survival`` and
-    ``share``.
-
-    Parameters
-    ----------
-    name
-        By which survivals, shares, tables and pictures refer to the kind: without ``:``, ``,`` and
-        ``=``, and without blanks around it.
-    robots
-        How many robots of this kind there are, at least 1.
-    start, end
-        Labels of the nodes where their trails begin and end; default: the base.
-    min_survival
-        Survival floor of each of them, in [0, 1]; 0 sets none.
-    max_length
-        Travel budget of each of them, at least 0; default: that of the mission.
-    aboard
-        Labels of nodes that pay on return, and where each of them has been before it starts: with
-        the probability ``share`` it carries the reward, which counts at the first depot.
-
-    Examples
-    --------
-    >>> import networkx as nx
-    >>> from botohe_moo import Kind, Mission
-    >>> graph = nx.DiGraph()
-    >>> graph.add_node("dock", reward=0)
-    >>> graph.add_node("reef", reward=5)
-    >>> graph.add_edge("dock", "reef", survival={"boat": 0.9, "diver": 0.5})
-    >>> graph.add_edge("reef", "dock", survival={"boat": 0.9, "diver": 0.5})
-    >>> mission = Mission(graph, base="dock", kinds=[Kind("boat", 1), Kind("diver", 2)])
-    >>> mission.robots
-    3
+    :func:`networkx.freeze` leaves the attributes as they are.
     """
-
-    name: str
-    robots: int
-    start: Hashable | None = None
-    end: Hashable | None = None
-    min_survival: float = 0.0
-    max_length: float | None = None
-    aboard: tuple[Hashable, ...] = ()
-
-    def normalized(self) -> Kind:
-        """Return the same valid kind with numbers and tuples of Python's types."""
-        longest = None if self.max_length is None else float(self.max_length)
-        least, n = float(self.min_survival), index(self.robots)
-        aboard = tuple(self.aboard)
-        return replace(self, robots=n, min_survival=least, max_length=longest, aboard=aboard)
-
-    def ends(self, base: Hashable) -> tuple[Hashable, Hashable]:
-        """Return where trails start and end in a mission with this base."""
-        return base if self.start is None else self.start, base if self.end is None else self.end
+    graph.graph = _Attributes.of(graph.graph)
+    inside: Any = graph  # networkx has no public way to replace its dictionaries
+    for node, attributes in inside._node.items():
+        inside._node[node] = _Attributes.of(attributes)
+    for tail, heads in inside._succ.items():
+        for head, attributes in heads.items():
+            heads[head] = inside._pred[head][tail] = _Attributes.of(attributes)
+    frozen: nx.DiGraph[Any] = nx.freeze(graph)
+    return frozen
 
 
-def read_kinds(kinds: Any) -> tuple[tuple[Kind, ...], list[str]]:
-    """Return kinds, which files hold as mappings, and the faults of what is not a kind.
+def given_places(graph: nx.DiGraph[Any]) -> dict[Hashable, tuple[float, float] | None]:
+    """Return the attribute ``pos`` of each node of a mission, or None."""
+    places: dict[Hashable, tuple[float, float] | None] = {}
+    place: Any
+    for node, place in graph.nodes(data="pos"):
+        places[node] = None if place is None else (float(place[0]), float(place[1]))
+    return places
 
-    None lists no kinds.
+
+def positions(graph: Any) -> dict[Hashable, FloatArray]:
+    """Return where nodes are; a ValueError names one without a position."""
+    if not isinstance(graph, nx.Graph):
+        raise TypeError(f"Expected graph to be an nx.DiGraph, got {quoted(graph)}.")
+    places = {node: plain_numbers(place) for node, place in graph.nodes(data="pos")}
+    for node, place in places.items():
+        if place.shape != (2,):
+            found = quoted(graph.nodes[node].get("pos"))
+            raise ValueError(f"Node {quoted(node)}: expected pos (x, y), got {found}.")
+    return places
+
+
+def plain_numbers(value: Any) -> FloatArray:
+    """Return an array of finite numbers, an empty one if there are others."""
+    try:
+        numbers = np.array(value, float)
+    except (TypeError, ValueError):
+        return np.empty(0)
+    return numbers if np.isfinite(numbers).all() else np.empty(0)
+
+
+def distance_of(graph_attributes: Mapping[str, Any]) -> Callable[[Any, Any], float]:
+    """Return what measures how far two positions are apart.
+
+    Where the graph is ``geographic``, these are longitudes and latitudes in degrees, and the
+    distance is that on a sphere, in metres.
     """
-    if kinds is None:
-        return (), []
-    if isinstance(kinds, str | Mapping | Kind) or not isinstance(kinds, Iterable):
-        return (), [f"expected kinds to be a list of kinds, got {quoted(kinds)}"]
-    read, faults, known = [], [], [field.name for field in fields(Kind)]
-    for i, kind in enumerate(kinds):
-        if isinstance(kind, Kind):
-            read.append(kind)
-        elif not isinstance(kind, Mapping):
-            faults.append(f"kinds[{i}]: expected a Kind, or an object, got {quoted(kind)}")
-        elif unknown := [name for name in kind if name not in known]:
-            near = most_alike(str(unknown[0]), known)
-            faults.append(f"kinds[{i}]: there is no {quoted(unknown[0])} of a kind{near}")
-        elif missing := [name for name in ("name", "robots") if name not in kind]:
-            faults.append(f"kinds[{i}]: expected {missing[0]}, found none in {quoted(kind)}")
-        else:
-            read.append(Kind(**kind))
-    if not read and not faults:
-        faults.append("expected at least one kind, got none")
-    return tuple(read), faults
+    return _on_earth if graph_attributes.get("geographic") else math.dist
 
 
-def by_kind(value: object, kinds: Sequence[Kind], default: float = 1.0) -> list[float]:
-    """Return an attribute for each kind: one number, or a number for each name."""
-    if isinstance(value, Mapping):
-        return [float(value.get(kind.name, default)) for kind in kinds]
-    return [float(value)] * len(kinds)  # type: ignore[arg-type]
+_EARTH = 6_371_008.8  # mean radius in metres
+
+
+def _on_earth(one: Sequence[float], other: Sequence[float]) -> float:
+    """Return the distance on a sphere by the haversine formula, which is exact for short ways."""
+    (east, north), (east_2, north_2) = np.radians(one), np.radians(other)
+    half = math.sin((north_2 - north) / 2) ** 2
+    half += math.cos(north) * math.cos(north_2) * math.sin((east_2 - east) / 2) ** 2
+    return 2.0 * _EARTH * math.asin(math.sqrt(min(half, 1.0)))
 
 
 def graph_of_kinds(

@@ -1,0 +1,256 @@
+"""Formats of mission files: what a reader is given, what it returns, and which one a file is in."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from botohe_moo._base.files import read_bytes, suffix_fault
+from botohe_moo._plugins.entry_points import PluginGroup
+from botohe_moo._plugins.faults import way_into, wrong_value
+from botohe_moo.mission.rules import MissionError
+
+if TYPE_CHECKING:
+    import os
+
+    from botohe_moo._base.document import Document
+    from botohe_moo.mission.hazards import Zone
+    from botohe_moo.mission.model import Mission
+
+M = TypeVar("M", bound=BaseModel)
+
+
+class Row(NamedTuple):
+    """A node or an arc of a file.
+
+    Attributes
+    ----------
+    where
+        Where it stands in the file, such as ``line 7``: messages begin with it.
+    labels
+        The label of a node, ``(label,)``, or those of the ends of an arc, ``(tail, head)``.
+    attributes
+        Its attributes, such as ``reward`` or ``survival``. Numbers may be texts, and a number for
+        one kind of robots may stand in a column of its own, such as ``survival:drone``.
+    """
+
+    where: str
+    labels: tuple[Any, ...]
+    attributes: dict[str, Any]
+
+
+@dataclass
+class Draft:
+    """What a reader finds in a file: a table of nodes, a table of arcs, attributes of the graph.
+
+    Parameters
+    ----------
+    nodes, arcs
+        The rows of both tables.
+    graph
+        Attributes of the graph, such as ``base``, ``robots``, ``kinds`` and ``title``.
+    faults
+        What is wrong with the file, beside what the rules of missions say of its rows.
+    directed
+        Whether an arc leads one way. If not, the file is read with ``both_ways`` only.
+    trim
+        Whether what cannot be part of a mission is left out, with a warning, as files of other
+        tools hold it: parallel arcs, arcs from a node to itself, and nodes without a way from the
+        base or back. If not, these are faults.
+    words
+        What the file calls a node and an arc, for that warning.
+    left_out
+        What the reader itself has left out: names by what they are.
+    notes
+        Further sentences of the warning.
+    zones
+        Danger zones that the file holds.
+    """
+
+    nodes: list[Row]
+    arcs: list[Row]
+    graph: dict[str, Any] = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
+    directed: bool = True
+    trim: bool = False
+    words: tuple[str, str] = ("node", "arc")
+    left_out: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    zones: Sequence[Zone] = ()
+
+
+class Source:
+    """A file that is read: its ``path`` and its ``data``, and views of these."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        self.data = file_content(self.path)
+
+    @functools.cached_property
+    def text(self) -> str:
+        """The file as a text in UTF-8; a UnicodeDecodeError if it is none."""
+        return self.data.decode("utf-8-sig")
+
+    @functools.cached_property
+    def json(self) -> Any:
+        """The content of a JSON file; a ValueError if it is none."""
+        return json.loads(self.text)
+
+    @functools.cached_property
+    def yaml(self) -> Document:
+        """The content of a YAML file, with the line of each value; a ValueError if it is none."""
+        # Imported late: it takes time, and most missions are not in YAML.
+        from botohe_moo._base.document import Document
+
+        return Document(self.text)
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of mission files.
+
+    Packages register instances in the entry-point group ``botohe_moo.formats``.
+
+    Parameters
+    ----------
+    suffixes
+        Ends of file names, in lower case, such as ``.json``. What :func:`save_mission` writes has
+        the first one.
+    sniff
+        Tells by the content whether a file with such a name is in this format. A ValueError means
+        no.
+    read
+        Reads a `Source`. Its keyword-only parameters are options that this format has beside those
+        that all have.
+    write
+        Returns the bytes of a file that holds a mission; a ValueError names what the format cannot
+        hold. Default: the format is only read.
+    """
+
+    suffixes: tuple[str, ...]
+    sniff: Callable[[Source], bool]
+    read: Callable[..., Draft]
+    write: Callable[[Mission], bytes] | None = None
+
+
+_FORMATS = PluginGroup("botohe_moo.formats", "format", Format)
+
+# Other kinds of files with the same suffixes, by their keys, and what can be done about them.
+_FOREIGN: Sequence[tuple[str, set[str]]] = (
+    ("a map, of which `botohe missions from-map` makes a mission", {"image", "resolution"}),
+    ("a study, which `botohe study run` runs", {"missions", "algorithms"}),
+    ("a topological map of LCAS: docs/missions-robots.md has a recipe", {"nodes", "pointset"}),
+    ("a fleet configuration of Open-RMF: read its navigation graph", {"rmf_fleet"}),
+    ("a site of Open-RMF's site editor: export its navigation graphs", {"anchors", "levels"}),
+    ("a layout of VDA 5050 (LIF)", {"layouts", "metaInformation"}),
+    ("a plan of QGroundControl", {"fileType", "mission"}),
+    ("a TopoJSON topology: convert it to GeoJSON", {"arcs", "objects"}),
+    ("features of ArcGIS: convert them to GeoJSON", {"features", "geometryType"}),
+    ("OpenStreetMap data: docs/missions-maps.md has a recipe for streets", {"elements", "osm3s"}),
+    ("a graph of Cytoscape: export GraphML", {"elements"}),
+)
+
+
+def formats() -> dict[str, Format]:
+    """Return the formats that are registered, by name; warns of what cannot be loaded."""
+    found: Any = {name: _FORMATS.load(name) for name in _FORMATS.names()}
+    return found  # type: ignore[no-any-return]
+
+
+def _candidates(path: Path) -> list[Format]:
+    """Return the formats with a suffix of a file, first those whose suffix is longest."""
+    name = path.name.lower()
+    found = [
+        (-len(suffix), i, known)
+        for known in formats().values()
+        for i, suffix in enumerate(known.suffixes)
+        if name.endswith(suffix)
+    ]
+    return [known for *_, known in sorted(found, key=lambda one: one[:2])]
+
+
+def is_file_name(name: str | os.PathLike[str]) -> bool:
+    """Return whether a name has a suffix of mission files."""
+    return bool(_candidates(Path(name)))
+
+
+def stem_of(path: str | os.PathLike[str]) -> str:
+    """Return the name of a file without its suffix: ``hotel`` of ``hotel.building.yaml``."""
+    path = Path(path)
+    ends = [s for known in formats().values() for s in known.suffixes]
+    longest = max((len(s) for s in ends if path.name.lower().endswith(s)), default=0)
+    return path.name[:-longest] if 0 < longest < len(path.name) else path.stem
+
+
+def format_of(path: str | os.PathLike[str] | Source) -> Format:
+    """Return the format of a mission file, by its suffix and its content.
+
+    Raises
+    ------
+    MissionError
+        If no format has the suffix, the file cannot be read, or it is of a known kind that is no
+        mission: names that kind.
+    """
+    source = path if isinstance(path, Source) else None
+    where = source.path if source else Path(path)  # type: ignore[arg-type]
+    found = _candidates(where)
+    if not found:
+        known_suffixes = [suffix for known in formats().values() for suffix in known.suffixes]
+        raise MissionError(suffix_fault(where, dict.fromkeys(known_suffixes)), str(where))
+    source = source or Source(where)
+    for known in found:
+        try:
+            if known.sniff(source):
+                return known
+        except (ValueError, RecursionError):
+            continue
+    if kind := _foreign_kind(source):
+        raise MissionError(f"expected a mission, found {kind}", str(where))
+    return found[0]  # whose reader says what it misses
+
+
+def _foreign_kind(source: Source) -> str:
+    """Return what a file is that is in no format of missions; empty if that is not known."""
+    try:
+        is_yaml = source.path.suffix.lower() in (".yaml", ".yml")
+        content = source.yaml.content if is_yaml else source.json
+    except (ValueError, RecursionError):
+        return ""
+    if isinstance(content, list) and content and isinstance(content[0], dict):
+        content = dict.fromkeys(["nodes", "pointset"] if "node" in content[0] else [])
+    keys = content if isinstance(content, dict) else {}
+    return next((kind for kind, needed in _FOREIGN if needed <= keys.keys()), "")
+
+
+def validated(document: Document, model: type[M]) -> M:
+    """Return the content of a document, a mapping, as a model; a MissionError lists all faults."""
+    try:
+        return model.model_validate(document.content)
+    except ValidationError as invalid:
+        errors = invalid.errors(include_url=False)
+    faults = []
+    for error in errors:
+        way = way_into(document.content, error["loc"])
+        start = max((i for i, key in enumerate(way) if isinstance(key, str)), default=None)
+        name = "the file"
+        if start is not None:
+            name = f"{way[start]}{''.join(f'[{key}]' for key in way[start + 1 :])}"
+        said = wrong_value(name, error).rstrip(".").replace("Expected", "expected", 1)
+        faults.append(f"line {document.line(way)}: {said}" if way else said)
+    raise MissionError(faults)
+
+
+def file_content(path: Path) -> bytes:
+    """Return what is in a file; the MissionError for what cannot be read names the file."""
+    try:
+        return read_bytes(path)
+    except FileNotFoundError:
+        raise MissionError("there is no such file", str(path)) from None
+    except OSError as error:
+        raise MissionError(f"the file cannot be read: {error.strerror}", str(path)) from None
