@@ -341,3 +341,11 @@ def read_zone(zone: Any) -> Zone:
     flat = [ring[:, :2] for ring in rings]  # without heights
     sides = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in flat]
     return Zone(rate, None, np.concatenate(sides))
+
+
+def survived(rate: float, length: float) -> float:
+    """Return exp(-rate * length)."""
+    survival = math.exp(-rate * length)
+    if survival == 0.0:
+        raise ValueError(f"rate {rate:g} length {length:g}")
+    return survival

@@ -16,7 +16,8 @@ from botohe_moo._plugins.checks import Fault, call_factory, check_values, checke
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, package_of
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 from botohe_moo._plugins.types import Robots
-from botohe_moo.mission.formats.files import SUFFIXES, read_mission
+from botohe_moo.mission.formats.files import read_mission
+from botohe_moo.mission.formats.reading import is_file_name, suffixes
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.mission.rules import MissionError
 
@@ -275,9 +276,9 @@ def find_factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
     if name.startswith(PREFIX):
         return _of_library(name.removeprefix(PREFIX))
     separators = {os.sep, os.altsep or os.sep}
-    if Path(name).suffix.lower() in SUFFIXES or not separators.isdisjoint(name):
-        return None
     known = name in _PLUGINS.claims()
+    if not known and (is_file_name(name) or not separators.isdisjoint(name)):
+        return None
     if not known and Path(name).is_file():
         return None
     try:
@@ -285,7 +286,7 @@ def find_factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
             return _PLUGINS.load(name)
         return declared_factory(name, _PLUGINS, Mission)
     except PluginError as error:
-        hint = f"; mission files end in one of {', '.join(SUFFIXES)}"
+        hint = f"; mission files end in one of {', '.join(suffixes())}"
         if Path(name).suffix.lower() == ".csv":
             hint = "; mission_from_tables, and botohe missions import, read tables"
         message = f"{error}{'' if known or ':' in name else hint}"

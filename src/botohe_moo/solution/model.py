@@ -21,7 +21,7 @@ from botohe_moo._base.words import counted
 from botohe_moo.decide import choosing, fronts, hazards, tradeoffs
 from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator
-from botohe_moo.mission.formats.nodelink import mission_content, write_node_link
+from botohe_moo.mission.formats.nodelink import write_node_link
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.trails import TrailPlan
 
@@ -274,7 +274,7 @@ class Solution:
         csv.writer(front, lineterminator="\n").writerows([COLUMNS, *self.rows()])
         tables = {"front.csv": front.getvalue().encode(), "plans.json": self.to_json().encode()}
         with contextlib.suppress(ValueError):
-            tables["mission.json"] = write_node_link(mission_content(self.mission))
+            tables["mission.json"] = write_node_link(self.mission)
         for name in FILES:
             if name in tables:
                 replace_file(folder / name, tables[name])

@@ -14,6 +14,7 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Positive
+from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.rules import MissionError
 
 _HEADER = {"n": int, "m": int, "tmax": float}
@@ -21,12 +22,11 @@ _HEADER = {"n": int, "m": int, "tmax": float}
 
 @checked
 def read_benchmark(
-    data: bytes,
-    /,
+    source: Source,
     *,
     neighbours: Annotated[int, Field(ge=1)] | Literal["all"] = 8,
     scale: Positive | None = None,
-) -> nx.DiGraph[Any]:
+) -> Draft:
     """Read a team-orienteering instance as a nearest-neighbours mission.
 
     The file has the lines ``n N``, ``m M`` and ``tmax T``, and then N lines ``x y score``;
@@ -45,12 +45,15 @@ def read_benchmark(
     Chao, Golden and Wasil, "The team orienteering problem", European Journal of Operational
     Research 88 (1996) 464-474.
     """
-    robots, tmax, table = _parse(data.decode("utf-8-sig"))
+    robots, tmax, table = _parse(source.text)
     if scale is None and tmax <= 0:
         raise MissionError(f"expected tmax > 0 to be the scale, got {tmax:g}; give a scale")
-    return benchmark_graph(
+    graph = benchmark_graph(
         robots, tmax, table, neighbours=neighbours, scale=tmax if scale is None else scale
     )
+    nodes = [Row(f"node {node}", (node,), {**of}) for node, of in graph.nodes(data=True)]
+    arcs = [Row(f"arc {u} -> {v}", (u, v), {**of}) for u, v, of in graph.edges(data=True)]
+    return Draft(nodes, arcs, graph.graph)
 
 
 def benchmark_graph(
@@ -152,3 +155,6 @@ def _squares(points: FloatArray, origin: FloatArray) -> FloatArray:
     x, y = (points - origin).T
     squares: FloatArray = x * x + y * y
     return squares
+
+
+ORIENTEERING = Format((".txt",), lambda source: bool(source.text), read_benchmark)

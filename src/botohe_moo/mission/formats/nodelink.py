@@ -1,26 +1,19 @@
-"""Node-link JSON, the mission format; GraphML is converted to and from its data."""
+"""Node-link JSON, the mission format of this package; other formats write its content, too."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import fields
 from numbers import Real
 from typing import Any
 
-import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import quoted
+from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.rules import (
-    ONLY_KIND,
-    Kind,
-    MissionError,
-    attribute_faults,
-    read_kinds,
-    read_label,
-)
+from botohe_moo.mission.rules import ONLY_KIND, Kind, MissionError, read_label
 
 _KEYS = {
     "directed": (bool, "true or false"),
@@ -30,18 +23,21 @@ _KEYS = {
     "edges": (list, "a list"),
 }
 
-# Where an entry is in its file, its labels, and its attributes.
-Entry = tuple[str, tuple[Any, ...], dict[str, Any]]
+
+def is_node_link(source: Source) -> bool:
+    """Return whether a file is node-link JSON, with any faults."""
+    content = source.json
+    return isinstance(content, dict) and isinstance(content.get("nodes"), list)
 
 
-def read_node_link(data: bytes, /) -> nx.Graph[Any]:
-    """Read node-link JSON in UTF-8.
+def read_node_link(source: Source) -> Draft:
+    """Read node-link JSON.
 
     networkx' own ``node_link_graph`` would add nodes that only arcs name, let the last of several
-    equal nodes or arcs win, and keep the base's label as a list. A MissionError is raised for what
-    is not node-link data, and as in `graph_of`.
+    equal nodes or arcs win, and keep the base's label as a list. A MissionError names what is not
+    node-link data.
     """
-    content = json.loads(data.decode("utf-8-sig"))
+    content = source.json
     if not isinstance(content, dict):
         raise MissionError(f"expected node-link data, a JSON object, got {quoted(content)}")
     links = content.get("links")  # as networkx before 3.4 names the arcs
@@ -51,73 +47,28 @@ def read_node_link(data: bytes, /) -> nx.Graph[Any]:
         for key, (kind, expected) in _KEYS.items()
         if not isinstance(content.get(key), kind)
     ]
+    if content["multigraph"] is True:
+        faults.append('expected at most one arc from a node to another, got "multigraph": true')
     if faults:
         raise MissionError(faults)
-    if not content["directed"] or content["multigraph"]:
-        return nx.MultiDiGraph() if content["multigraph"] else nx.Graph()  # which are refused
-    graph_attributes = content["graph"]
-    nodes = [_entry(f"nodes[{i}]", entry, "id") for i, entry in enumerate(content["nodes"])]
+    nodes = [_row(f"nodes[{i}]", entry, "id") for i, entry in enumerate(content["nodes"])]
     arcs = [
-        _entry(f"edges[{i}]", entry, "source", "target") for i, entry in enumerate(content["edges"])
+        _row(f"edges[{i}]", entry, "source", "target") for i, entry in enumerate(content["edges"])
     ]
-    if "base" in graph_attributes:
-        graph_attributes["base"] = read_label(graph_attributes["base"])
-    convert_ends(graph_attributes.get("kinds"), read_label)
-    return graph_of(graph_attributes, nodes, arcs)
+    return Draft(nodes, arcs, content["graph"], directed=content["directed"])
 
 
-def convert_ends(kinds: object, convert: Callable[[Any], object]) -> None:
-    """Convert the labels in a file's kinds; what is not a kind is left to `read_kinds`."""
-    for kind in kinds if isinstance(kinds, list) else ():
-        for key in ("start", "end"):
-            if isinstance(kind, dict) and kind.get(key) is not None:
-                kind[key] = convert(kind[key])
-        if isinstance(kind, dict) and isinstance(kind.get("aboard"), list):
-            kind["aboard"] = tuple(map(convert, kind["aboard"]))
-
-
-def _entry(where: str, entry: object, *keys: str) -> Entry:
+def _row(where: str, entry: object, *keys: str) -> Row:
     """Split an entry into its labels and its attributes."""
     if not isinstance(entry, dict):
         raise MissionError(f"{where}: expected an object, got {quoted(entry)}")
     if missing := [key for key in keys if key not in entry]:
         raise MissionError(f'{where}: found no key "{missing[0]}" in {quoted(entry)}')
     try:
-        labels = tuple(read_label(entry.pop(key)) for key in keys)
+        labels = tuple(read_label(entry[key]) for key in keys)
     except ValueError as error:
         raise MissionError(f"{where}: {error}") from None
-    return where, labels, entry
-
-
-def graph_of(
-    graph_attributes: Mapping[str, Any],
-    nodes: Iterable[Entry],
-    arcs: Iterable[Entry],
-    faults: Iterable[str] = (),
-) -> nx.DiGraph[Any]:
-    """Make a graph of its attributes, and of entries for its nodes and for its arcs.
-
-    If there are ``faults``, if nodes or arcs are listed more than once, or if ends of arcs are not
-    among the nodes, a MissionError lists all this, and the attributes that are wrong.
-    """
-    graph: nx.DiGraph[Any] = nx.DiGraph(**graph_attributes)
-    faults = list(faults)
-    for where, (label,), attributes in nodes:
-        if label in graph:
-            faults.append(f"{where}: node {quoted(label)} is listed more than once")
-        graph.add_nodes_from([(label, attributes)])
-    for where, (tail, head), attributes in arcs:
-        unknown = [label for label in dict.fromkeys((tail, head)) if label not in graph]
-        wrong = [f"there is no node {quoted(label)}" for label in unknown]
-        if graph.has_edge(tail, head):
-            wrong.append("is listed more than once")
-        faults += [f"{where}: arc {quoted(tail)} -> {quoted(head)}: {fault}" for fault in wrong]
-        if not unknown:
-            graph.add_edges_from([(tail, head, attributes)])
-    if faults:
-        kinds, wrong = read_kinds(graph.graph.get("kinds"))
-        raise MissionError([*faults, *(wrong or attribute_faults(graph, kinds))])
-    return graph
+    return Row(where, labels, {key: value for key, value in entry.items() if key not in keys})
 
 
 def mission_content(mission: Mission) -> dict[str, Any]:
@@ -170,8 +121,9 @@ def _kind_content(kind: Kind) -> dict[str, object]:
     return content | {end: plain_label(content[end]) for end in ("start", "end") if end in content}
 
 
-def write_node_link(content: dict[str, Any]) -> bytes:
-    """Write node-link data as JSON, one line for each node and arc."""
+def write_node_link(mission: Mission) -> bytes:
+    """Write a mission as node-link JSON, one line for each node and arc."""
+    content = mission_content(mission)
     written = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
     lines = [f' "{key}": {written(content[key])}' for key in ("directed", "multigraph", "graph")]
     for key in ("nodes", "edges"):
@@ -217,3 +169,6 @@ def _number(value: object) -> object:
     if isinstance(value, Real):
         return float(value)
     raise TypeError(f"JSON has no {type(value).__name__}")
+
+
+NODE_LINK = Format((".json",), is_node_link, read_node_link, write_node_link)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -71,6 +72,9 @@ class Draft:
         Further sentences of the warning.
     zones
         Danger zones that the file holds.
+    straight
+        Whether an arc without a length is as long as its ends are apart. If not, only arcs are that
+        get their survival by it.
     """
 
     nodes: list[Row]
@@ -83,14 +87,19 @@ class Draft:
     left_out: Mapping[str, Sequence[str]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     zones: Sequence[Zone] = ()
+    straight: bool = False
 
 
 class Source:
-    """A file that is read: its ``path`` and its ``data``, and views of these."""
+    """A file that is read: its path, its bytes, and what these say as a text, JSON or YAML."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
-        self.data = file_content(self.path)
+
+    @functools.cached_property
+    def data(self) -> bytes:
+        """The bytes of the file; a MissionError if it cannot be read."""
+        return file_content(self.path)
 
     @functools.cached_property
     def text(self) -> str:
@@ -123,8 +132,8 @@ class Format:
         Ends of file names, in lower case, such as ``.json``. What :func:`save_mission` writes has
         the first one.
     sniff
-        Tells by the content whether a file with such a name is in this format. A ValueError means
-        no.
+        Tells by the content whether a file with such a name is in this format. An error that the
+        content causes means no.
     read
         Reads a `Source`. Its keyword-only parameters are options that this format has beside those
         that all have.
@@ -163,6 +172,11 @@ def formats() -> dict[str, Format]:
     return found  # type: ignore[no-any-return]
 
 
+def suffixes() -> tuple[str, ...]:
+    """Return the suffixes of all formats, each once."""
+    return tuple(dict.fromkeys(s for known in formats().values() for s in known.suffixes))
+
+
 def _candidates(path: Path) -> list[Format]:
     """Return the formats with a suffix of a file, first those whose suffix is longest."""
     name = path.name.lower()
@@ -188,7 +202,7 @@ def stem_of(path: str | os.PathLike[str]) -> str:
     return path.name[:-longest] if 0 < longest < len(path.name) else path.stem
 
 
-def format_of(path: str | os.PathLike[str] | Source) -> Format:
+def format_of(file: str | os.PathLike[str] | Source) -> Format:
     """Return the format of a mission file, by its suffix and its content.
 
     Raises
@@ -197,21 +211,17 @@ def format_of(path: str | os.PathLike[str] | Source) -> Format:
         If no format has the suffix, the file cannot be read, or it is of a known kind that is no
         mission: names that kind.
     """
-    source = path if isinstance(path, Source) else None
-    where = source.path if source else Path(path)  # type: ignore[arg-type]
-    found = _candidates(where)
+    source = file if isinstance(file, Source) else Source(file)
+    found = _candidates(source.path)
     if not found:
-        known_suffixes = [suffix for known in formats().values() for suffix in known.suffixes]
-        raise MissionError(suffix_fault(where, dict.fromkeys(known_suffixes)), str(where))
-    source = source or Source(where)
+        raise MissionError(suffix_fault(source.path, suffixes()), str(source.path))
+    source.data  # noqa: B018 - a file that cannot be read is in no format
     for known in found:
-        try:
+        with suppress(ValueError, RecursionError, AttributeError, TypeError, LookupError):
             if known.sniff(source):
                 return known
-        except (ValueError, RecursionError):
-            continue
     if kind := _foreign_kind(source):
-        raise MissionError(f"expected a mission, found {kind}", str(where))
+        raise MissionError(f"expected a mission, found {kind}", str(source.path))
     return found[0]  # whose reader says what it misses
 
 

@@ -10,16 +10,11 @@ from itertools import combinations
 from statistics import fmean
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
-import networkx as nx
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import NotNegative
-from botohe_moo.mission.formats.nodelink import Entry
-from botohe_moo.mission.formats.reading import validated
-from botohe_moo.mission.formats.roads import road_graph
-from botohe_moo.mission.formats.site_maps import add_rewards, add_survivals
+from botohe_moo.mission.formats.reading import Draft, Format, Row, Source, validated
 from botohe_moo.mission.rules import MissionError
 
 if TYPE_CHECKING:
@@ -143,14 +138,11 @@ class _Site(_Part):
 
 @checked
 def read_building(
-    data: bytes,
-    /,
+    source: Source,
     *,
     base: Any = None,
-    danger: NotNegative | None = None,
-    reward: NotNegative = 1.0,
     graph: Annotated[int, Field(ge=0)] | Literal["all"] | None = None,
-) -> nx.DiGraph[Any]:
+) -> Draft:
     """Read the lanes of a building as arcs, and the vertices at their ends as nodes.
 
     A label is the name of the vertex where no other has it, else its level and index: ``L1/7``.
@@ -167,13 +159,8 @@ def read_building(
     ----------
     ``rmf_building_map_tools`` of open-rmf/rmf_traffic_editor.
     """
-    # Imported late: it takes time, and most missions are not in YAML.
-    from botohe_moo._base.document import Document
-
-    document = Document(data.decode("utf-8-sig"))
+    document = source.yaml
     site = _read_site(document)
-    if danger is None:
-        raise MissionError("expected danger, the rate of loss for a metre, found none: give danger")
     vertices = {
         (name, i): vertex
         for name, level in site.levels.items()
@@ -203,27 +190,24 @@ def read_building(
     if base is None and len(bases) > 1:
         notes.append(f"The base is {quoted(start)}, the first of {len(bases)} chargers.")
     at = {spot: frames[spot[0]](vertices[spot].place) for spot in spots}
-    nodes: list[Entry] = []
+    nodes: list[Row] = []
     for spot, label in labels.items():
         *_, name, traits = vertices[spot]
         attributes = {**traits}
         if name not in ("", label):
             attributes["name"] = name
         attributes |= {"zone": spot[0], "pos": [at[spot].real, at[spot].imag]}
-        nodes.append((_label(spot), (label,), attributes))
+        nodes.append(Row(_label(spot), (label,), attributes))
     ways = [
         (where, ends, abs(at[ends[0]] - at[ends[1]]))
         for where, (tail, head), is_both in lanes
         for ends in [(tail, head), (head, tail)][: 1 + is_both]
     ]
     rides = list(_rides(site, frames, at, vertices))
-    arcs: list[Entry] = [
-        (where, (labels[tail], labels[head]), {"length": length})
+    arcs: list[Row] = [
+        Row(where, (labels[tail], labels[head]), {"length": length})
         for where, (tail, head), length in [*ways, *rides]
     ]
-    places = {label: node["pos"] for _, (label,), node in nodes}
-    add_rewards(places, nodes, base=start, reward=reward)
-    add_survivals(places, arcs, danger=danger)
     joining = {where for where, _, _ in rides}
     left_out = {
         **others,
@@ -234,8 +218,14 @@ def read_building(
         ],
         "lifts that join no levels": [n for n in site.lifts if f"lift {n}" not in joining],
     }
-    return road_graph(
-        {"base": start}, nodes, arcs, arc="lane", node="waypoint", left_out=left_out, notes=notes
+    return Draft(
+        nodes,
+        arcs,
+        {"base": start},
+        trim=True,
+        words=("waypoint", "lane"),
+        left_out=left_out,
+        notes=notes,
     )
 
 
@@ -386,3 +376,12 @@ def _lost(site: _Site) -> Iterator[tuple[list[int | str], str]]:
         if level_name and level_name not in site.levels:
             expected = f"one of {', '.join(site.levels)}"
             yield way, f"expected {way[-1]} to be {expected}, got {quoted(level_name)}"
+
+
+def is_building(source: Source) -> bool:
+    """Return whether a file has levels."""
+    content = source.yaml.content
+    return isinstance(content, dict) and "levels" in content
+
+
+BUILDING = Format((".building.yaml", ".yaml", ".yml"), is_building, read_building)

@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
 from itertools import count
 from typing import Any
 
-import networkx as nx
-
 from botohe_moo._base.checks import as_float, quoted
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import NotNegative, Positive
-from botohe_moo.mission.arrays import distance_of
-from botohe_moo.mission.formats.nodelink import Entry, convert_ends
-from botohe_moo.mission.formats.roads import road_graph
-from botohe_moo.mission.formats.site_maps import add_rewards, add_survivals
+from botohe_moo.mission.formats.nodelink import mission_content
+from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.hazards import Zone, read_zone
+from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import MissionError, read_label
 
 _LINES = ("LineString", "MultiLineString")
@@ -36,19 +30,7 @@ _GENERATOR = {"generator": "botohe_moo"}
 
 
 @checked
-def read_route_graph(
-    data: bytes,
-    /,
-    *,
-    base: Any = None,
-    danger: NotNegative | None = None,
-    hazard: str | os.PathLike[str] | None = None,
-    danger_zones: Sequence[Mapping[str, Any]] = (),
-    reward: NotNegative = 1.0,
-    interest: str | os.PathLike[str] | None = None,
-    sight: Positive | None = None,
-    geographic: bool | None = None,
-) -> nx.DiGraph[Any]:
+def read_route_graph(source: Source, *, geographic: bool | None = None) -> Draft:
     """Read GeoJSON whose points are nodes, and whose lines are arcs from one node to another.
 
     Points have the property ``id``, and lines ``startid`` and ``endid``; all other properties, and
@@ -66,7 +48,7 @@ def read_route_graph(
     ----------
     ``nav2_route`` of ros-navigation/navigation2.
     """
-    content = json.loads(data.decode("utf-8-sig"))
+    content = source.json
     features = content.get("features") if isinstance(content, dict) else None
     if not isinstance(features, list):
         found = quoted(content if features is None else features)
@@ -74,53 +56,40 @@ def read_route_graph(
     of_mission = content.get("mission", {})
     if not isinstance(of_mission, dict):
         raise MissionError(f'expected "mission" to be an object, got {quoted(of_mission)}')
-    if "base" in of_mission:
-        of_mission["base"] = read_label(of_mission["base"])
-    convert_ends(of_mission.get("kinds"), read_label)
-    if base is not None:
-        of_mission["base"] = read_label(base)
-    if of_mission.get("base") is None:
-        raise MissionError('expected base, the "id" of a point, found none: give base')
     if geographic is not None:
         of_mission["geographic"] = geographic
     is_complete = content.items() >= _GENERATOR.items()
     nodes, arcs, zones, others = _entries(features, is_complete=is_complete)
-    places = {label: node["pos"] for _, (label,), node in nodes}
-    if of_mission["base"] not in places:  # options are texts, and labels may be texts of digits
-        alike = [label for label in places if str(label) == str(of_mission["base"])]
-        of_mission["base"] = alike[0] if alike else of_mission["base"]
-    distance = distance_of(of_mission)
-    add_rewards(
-        places, nodes, base=of_mission["base"], reward=reward, interest=interest, sight=sight
-    )
-    note = add_survivals(
-        places, arcs, distance, danger=danger, hazard=hazard, danger_zones=danger_zones, zones=zones
-    )
-    for _, ends, arc in arcs:
-        if not is_complete and all(end in places for end in ends):
-            arc.setdefault("length", distance(*(places[end] for end in ends)))
-    notes = [note] if note else []
+    notes = []
     if "geographic" not in of_mission and any(name in str(content.get("crs")) for name in _DEGREES):
         notes.append(
             "The crs of the file is of degrees, but positions count as metres: give "
             "geographic=True if they are longitudes and latitudes."
         )
     left_out = {"features that are neither points, lines nor polygons with a rate": others}
-    return road_graph(
-        of_mission, nodes, arcs, arc="line", node="point", left_out=left_out, notes=notes
+    return Draft(
+        nodes,
+        arcs,
+        of_mission,
+        trim=True,
+        words=("point", "line"),
+        left_out=left_out,
+        notes=notes,
+        zones=zones,
+        straight=not is_complete,
     )
 
 
 def _entries(
     features: list[Any], *, is_complete: bool
-) -> tuple[list[Entry], list[Entry], list[Zone], list[str]]:
+) -> tuple[list[Row], list[Row], list[Zone], list[str]]:
     """Return nodes, arcs, zones, and what is none of them; a MissionError names what is wrong.
 
     In what is complete, ids of lines merely number them, and so may ids of points: then these have
     their label as a property.
     """
-    nodes: list[Entry] = []
-    arcs: list[Entry] = []
+    nodes: list[Row] = []
+    arcs: list[Row] = []
     zones, others, faults = [], [], []
     labels: dict[Any, Any] = {}  # of points with another label than their id
     for i, feature in enumerate(features):
@@ -135,7 +104,7 @@ def _entries(
                 if is_complete and "label" in given:
                     label = labels[number] = _label(given, "label")
                 place = {"pos": _position(at)}
-                nodes.append((where, (label,), {**given, **metadata, **place}))
+                nodes.append(Row(where, (label,), {**given, **metadata, **place}))
             elif kind in _LINES:
                 names = next((names for names in _ENDS if names[0] in given), _ENDS[0])
                 ends = tuple(_label(given, name) for name in names)
@@ -146,7 +115,7 @@ def _entries(
                     attributes.pop("id", None)
                 if attributes.get("penalty") == _penalty(attributes.get("survival")):
                     attributes.pop("penalty", None)
-                arcs.append((where, ends, attributes))
+                arcs.append(Row(where, ends, attributes))
             elif kind in _POLYGONS and "rate" in (known := {**given, **metadata}):
                 polygons = at if kind == "MultiPolygon" and isinstance(at, list) else [at]
                 zones += [read_zone({"polygon": one, "rate": known["rate"]}) for one in polygons]
@@ -157,7 +126,7 @@ def _entries(
     if faults:
         raise MissionError(faults)
     for i, (where, ends, attributes) in enumerate(arcs):
-        arcs[i] = where, tuple(labels.get(end, end) for end in ends), attributes
+        arcs[i] = Row(where, tuple(labels.get(end, end) for end in ends), attributes)
     return nodes, arcs, zones, others
 
 
@@ -195,9 +164,9 @@ def _penalty(survival: object) -> float | None:
     return abs(math.log(chance)) if 0.0 < chance <= 1.0 else None
 
 
-def write_route_graph(content: dict[str, Any]) -> bytes:
-    """Write node-link data as GeoJSON for Nav2; a ValueError names a node without a position."""
-    return encoded(route_graph(content))
+def write_route_graph(mission: Mission) -> bytes:
+    """Write a mission as GeoJSON for Nav2; a ValueError names a node without a position."""
+    return encoded(route_graph(mission_content(mission)))
 
 
 def encoded(graph: dict[str, Any]) -> bytes:
@@ -262,3 +231,13 @@ def _feature(
         "properties": {**properties, **known, "metadata": {**attributes, **metadata}},
         "geometry": {"type": shape, "coordinates": coordinates},
     }
+
+
+def is_route_graph(source: Source) -> bool:
+    """Return whether a file holds features of GeoJSON."""
+    content = source.json
+    is_esri = isinstance(content, dict) and "geometryType" in content
+    return not is_esri and isinstance(content.get("features"), list)
+
+
+ROUTE_GRAPH = Format((".geojson", ".json"), is_route_graph, read_route_graph, write_route_graph)

@@ -13,8 +13,8 @@ from pydantic import TypeAdapter, ValidationError
 from botohe_moo._base.checks import most_alike, quoted
 from botohe_moo.algorithms.origin import OPERATORS, algorithm_identity, algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_faults
-from botohe_moo.mission.formats.files import SUFFIXES
 from botohe_moo.mission.formats.nodelink import mission_content
+from botohe_moo.mission.formats.reading import is_file_name
 from botohe_moo.mission.model import Mission, mission_digest
 from botohe_moo.mission.named import load_mission, mission_faults, mission_origin
 from botohe_moo.problem import BOTOHE
@@ -101,7 +101,7 @@ class CheckedContent:
         for member in _members(entries):
             entry: MissionEntry = member.entry
             name = entry.mission
-            if Path(name).suffix.lower() in SUFFIXES or "/" in name or os.sep in name:
+            if is_file_name(name) or "/" in name or os.sep in name:
                 name = str(self._folder / name)
             source = {"name_or_path": name, **entry.own_parameters, **member.parameters}
             if mission := self._load(source, member):
