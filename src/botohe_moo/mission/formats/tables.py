@@ -194,7 +194,10 @@ class _Site:
         for label in lacking:
             self.at[label]["reward"] = seen.get(label, default)
         if reward is None and interest is None and len(lacking) < len(self.at) - 1:
-            self.notes += _named("Nodes without a reward, which count as 1", map(quoted, lacking))
+            self.notes += [
+                f"{named}; reward gives them another."
+                for named in _named("Nodes without a reward have 1", map(quoted, lacking))
+            ]
 
     def add_survivals(
         self, danger: float | None, hazard: _Path | None, danger_zones: object
