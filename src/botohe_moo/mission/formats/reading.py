@@ -154,14 +154,14 @@ _FORMATS = PluginGroup("botohe_moo.formats", "format", Format)
 _FOREIGN: Sequence[tuple[str, set[str]]] = (
     ("a map, of which `botohe missions from-map` makes a mission", {"image", "resolution"}),
     ("a study, which `botohe study run` runs", {"missions", "algorithms"}),
-    ("a topological map of LCAS: docs/missions-robots.md has a recipe", {"nodes", "pointset"}),
+    ("a topological map of LCAS: docs/mission-robots.md has a recipe", {"nodes", "pointset"}),
     ("a fleet configuration of Open-RMF: read its navigation graph", {"rmf_fleet"}),
     ("a site of Open-RMF's site editor: export its navigation graphs", {"anchors", "levels"}),
     ("a layout of VDA 5050 (LIF)", {"layouts", "metaInformation"}),
     ("a plan of QGroundControl", {"fileType", "mission"}),
     ("a TopoJSON topology: convert it to GeoJSON", {"arcs", "objects"}),
     ("features of ArcGIS: convert them to GeoJSON", {"features", "geometryType"}),
-    ("OpenStreetMap data: docs/missions-maps.md has a recipe for streets", {"elements", "osm3s"}),
+    ("OpenStreetMap data: docs/mission-maps.md has a recipe for streets", {"elements", "osm3s"}),
     ("a graph of Cytoscape: export GraphML", {"elements"}),
 )
 
