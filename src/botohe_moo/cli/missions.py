@@ -255,21 +255,21 @@ def import_mission(
     from botohe_moo.mission.formats.tables import read_table
 
     with failing():
-        if robots is None and not kind:
-            raise ValueError("Expected --robots K, or --kind NAME=K for each kind, found neither.")
-        loaded = mission_from_tables(
-            read_table(nodes),
-            read_table(arcs),
+        given = mission_options(
+            mission_parameter,
             base=base,
             robots=robots,
-            kinds=[read_kind(text) for text in kind] if kind else None,
             pays=pays,
-            both_ways=both_ways,
+            both_ways=both_ways or None,
             max_length=max_length,
-            name=stem_of(out),
             title=title,
-            **mission_options(mission_parameter, danger=danger, hazard=hazard),
+            danger=danger,
+            hazard=hazard,
         )
+        if kind:
+            given["kinds"] = [read_kind(text) for text in kind]
+        tables = read_table(nodes), read_table(arcs)
+        loaded = mission_from_tables(*tables, **{"name": stem_of(out), **given})
         if lengths_from_pos:
             loaded = loaded.with_lengths_from_pos()
         save_mission(loaded, out)

@@ -156,9 +156,8 @@ def _value(name: str, text: str) -> Any:
 def mission_options(pairs: list[str] | None, **options: object) -> dict[str, Any]:
     """Collect parameters of a mission, some of which are options of their own."""
     own = {name: value for name, value in options.items() if value is not None}
-    typed = [f"{name}={value}" for name, value in own.items() if not isinstance(value, Path)]
-    paths = {name: str(value) for name, value in own.items() if isinstance(value, Path)}
-    return {**read_parameters([*(pairs or []), *typed]), **paths}
+    own = {name: str(of) if isinstance(of, Path) else of for name, of in own.items()}
+    return read_parameters(pairs) | own
 
 
 def mission_source(mission: str, pairs: list[str] | None, **options: object) -> dict[str, Any]:
