@@ -294,6 +294,44 @@ class TestGraphML:
         assert any(fault in found for found in graphml_faults(text))
 
     @pytest.mark.parametrize(
+        ("kind", "text", "fault"),
+        [
+            ("int", "5.0", "expected an integer as danger, got '5.0'"),
+            ("long", "1e3", "expected an integer as danger, got '1e3'"),
+            ("double", "five", "expected a number as danger, got 'five'"),
+            ("boolean", "yes", "expected true or false as danger, got 'yes'"),
+            (
+                "decimal",
+                "5",
+                "expected a type among string, boolean, int, .* as danger, got 'decim",
+            ),
+        ],
+    )
+    @pytest.mark.parametrize("owner", ["node", "edge", "graph"])
+    def test_values_that_are_not_of_their_type(self, graphml_faults, owner, kind, text, fault):
+        key = f'<key id="d" for="{owner}" attr.name="danger" attr.type="{kind}"/><graph '
+        value = f'<data key="d">{text}</data>'
+        begin, named = {
+            "node": ('<node id="a">', "node 'a'"),
+            "edge": ('<edge source="a" target="b">', "arc 'a' -> 'b'"),
+            "graph": ('<data key="b">', "the graph"),
+        }[owner]
+        changed = TWO.replace(begin, value + begin if owner == "graph" else begin + value)
+        (found,) = graphml_faults(graphml(changed).replace("<graph ", key))
+        assert re.match(f"{re.escape(named)}: {fault}", found)
+
+    def test_names_on_yeds_drawings(self, tmp_path):
+        drawing = "<y:ShapeNode><y:NodeLabel>Dock</y:NodeLabel></y:ShapeNode>"
+        drawn = TWO.replace('<node id="a">', f'<node id="a"><data key="g">{drawing}</data>')
+        key = '<key id="g" for="node" yfiles.type="nodegraphics"/><graph '
+        text = graphml(drawn).replace("<graph ", key)
+        path = tmp_path / "drawn.graphml"
+        yworks = 'xmlns:y="http://www.yworks.com/xml/graphml"'
+        path.write_text(text.replace("<graphml ", f"<graphml {yworks} "))
+        assert read_mission(path).graph.nodes["a"]["label"] == "Dock"
+        assert read_mission(path, base="Dock").base == "a"
+
+    @pytest.mark.parametrize(
         ("label", "attributes", "message"),
         [
             (2, {}, "Node 2: expected a label that is text, as all labels in GraphML"),

@@ -162,6 +162,27 @@ def test_the_mission_is_checked():
     assert faults_of(arcs=back, both_ways=False) == ["node 'cave': has no way back to base 'dock'"]
 
 
+@pytest.mark.parametrize("both_ways", [False, True])
+def test_a_self_loop(both_ways):
+    arcs = {"tail": ["dock", "reef"], "head": ["reef", "dock"], "survival": [0.9, 0.8]}
+    nodes = pd.DataFrame({"label": ["dock", "reef"], "reward": [0, 1]})
+    looped = pd.concat([pd.DataFrame(arcs), pd.DataFrame({"tail": ["reef"], "head": ["reef"]})])
+    with pytest.raises(MissionError) as caught:
+        mission_from_tables(nodes, looped, base="dock", robots=1, both_ways=both_ways)
+    assert caught.value.faults == ("arc 'reef' -> 'reef': a node must not have an arc to itself",)
+
+
+def test_an_arc_that_has_one_back_keeps_it():
+    arcs = {"tail": ["dock", "reef", "reef"], "head": ["reef", "dock", "cave"]}
+    graph = made(arcs={**arcs, "survival": [0.9, 0.8, 0.7]}).graph
+    assert {ends: graph.edges[ends]["survival"] for ends in graph.edges} == {
+        ("dock", "reef"): 0.9,
+        ("reef", "dock"): 0.8,
+        ("reef", "cave"): 0.7,
+        ("cave", "reef"): 0.7,
+    }
+
+
 def test_what_is_not_a_table():
     with pytest.raises(TypeError, match=r"Expected nodes to be a pandas\.DataFrame, got {"):
         mission_from_tables(NODES, pd.DataFrame(ARCS), base="dock", robots=1)
@@ -177,6 +198,14 @@ class TestReading:
         assert list(table.columns) == ["Label", "Reward"]
         assert list(table.index) == [2, 4, 6]  # as a spreadsheet counts them
         assert table.to_numpy().tolist() == [["dock", "0"], ['north "hall"', "5"], [" 7 ", "NA"]]
+
+    @pytest.mark.parametrize("first", ["sep=;", "SEP=;\r"])
+    def test_a_first_line_that_tells_the_separator(self, tmp_path, first):
+        path = tmp_path / "nodes.csv"
+        path.write_bytes(f"\ufeff{first}\nlabel;reward, as a price\ndock;0\n".encode())
+        table = read_table(path)
+        assert list(table.columns) == ["label", "reward, as a price"]
+        assert list(table.index) == [3]
 
     @pytest.mark.parametrize(
         ("data", "fault"),

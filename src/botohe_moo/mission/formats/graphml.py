@@ -87,20 +87,22 @@ def _without_drawings(root: ET.Element) -> dict[str | None, dict[str, str]]:
 def _value_faults(root: ET.Element) -> Iterator[str]:
     """List the values that are not of their declared type; networkx does not say whose they are."""
     keys = {key.get("id"): key for key in root.findall("{*}key")}
+    values = [("the default", key, key.findtext("{*}default")) for key in keys.values()]
     for owner in root.iter():
-        for data in owner.findall("{*}data"):
-            key = keys.get(data.get("key"))
-            if key is None or data.text is None:
-                continue  # networkx names a key that is not declared, and skips what is empty
-            kind = key.get("attr.type", "string")
-            expected, convert = _TYPES.get(kind, (f"a type among {', '.join(_TYPES)}", None))
-            try:
-                convert(data.text)
-            except (KeyError, TypeError, ValueError):
-                arc = f"arc {owner.get('source')!r} -> {owner.get('target')!r}"
-                whose = arc if owner.get("source") else f"node {owner.get('id')!r}"
-                got = quoted(data.text if kind in _TYPES else kind)
-                yield f"{whose}: expected {expected} as {key.get('attr.name')}, got {got}"
+        named = "the graph" if owner.get("id") is None else f"node {owner.get('id')!r}"
+        if owner.get("source"):
+            named = f"arc {owner.get('source')!r} -> {owner.get('target')!r}"
+        found = [data for data in owner.findall("{*}data") if data.get("key") in keys]
+        values += [(named, keys[data.get("key")], data.text) for data in found]
+    for named, key, text in values:
+        kind = key.get("attr.type", "string")
+        expected, convert = _TYPES.get(kind, (f"a type among {', '.join(_TYPES)}", None))
+        try:
+            if text is not None:
+                convert(text)
+        except (KeyError, TypeError, ValueError):
+            got = quoted(text if kind in _TYPES else kind)
+            yield f"{named}: expected {expected} as {key.get('attr.name')}, got {got}"
 
 
 def _placed(attributes: dict[str, Any]) -> dict[str, Any]:

@@ -82,9 +82,9 @@ def make_mission(
     if not draft.directed and not both_ways:
         raise MissionError("expected directed arcs, found undirected edges: give both_ways")
     given = {"base": base, "kinds": kinds, "pays": pays, "geographic": geographic}
-    if kinds is not None:
-        given["robots"] = None
     site = _Site(draft, {key: value for key, value in given.items() if value is not None})
+    if kinds is not None:
+        site.graph.pop("robots", None)
     if both_ways:
         site.open_both_ways()
     site.add_lengths()
