@@ -61,7 +61,9 @@ def read_graphml(source: Source) -> Draft:
             kind, _, name = key.partition(":")
             if kind not in _TYPES:
                 known = ", ".join(_TYPES)
-                faults.append(f"{named}: expected {name} of a type among {known}, got {quoted(kind)}")
+                faults.append(
+                    f"{named}: expected {name} of a type among {known}, got {quoted(kind)}"
+                )
                 continue
             expected, convert = _TYPES[kind]
             try:
