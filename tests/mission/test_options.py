@@ -326,6 +326,6 @@ def test_a_node_that_its_map_does_not_see(site):
     (site / "site.json").write_text(json.dumps(content))
     survivals = load_mission("site.json", **DANGER).graph.edges
     assert survivals["a", "b"] == {"length": 10, "survival": math.exp(-1)}
-    expected = r"edges\[0\]: expected pos \[x, y\] of 'a', found none"
+    expected = r"edges\[0\]: arc 'a' -> 'b': expected pos \[x, y\] of 'a', found none"
     with pytest.raises(MissionError, match=expected):
         load_mission("site.json", hazard="map.yaml", **DANGER)

@@ -85,8 +85,8 @@ def test_what_tables_hold_is_what_the_mission_has(mission):
             [
                 "nodes, row 2: expected label, found nothing",
                 "arcs, row 1: expected head, found nothing",
-                "arcs, row 0: expected a survival, found none (2 without one): give danger, the "
-                "rate of loss for a unit of length",
+                "arcs, row 0: arc 'dock' -> 'reef': expected a survival, found none (2 without "
+                "one): give danger, the rate of loss for a unit of length",
                 "node 'reef': expected a finite reward >= 0, got -1",
                 "node 'reef': expected pos [x, y], two finite numbers, got [None, 1]",
                 "arc 'dock' -> 'reef': expected a finite length >= 0, got -1",

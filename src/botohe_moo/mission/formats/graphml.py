@@ -72,7 +72,7 @@ def read_graphml(source: Source) -> Draft:
                 faults.append(f"{named}: expected {expected} as {name}, got {quoted(text)}")
         if "x" in attributes and "y" in attributes and "pos" not in attributes:
             attributes["pos"] = [attributes.pop("x"), attributes.pop("y")]
-        return Row(named, labels, attributes)
+        return Row("the GraphML", labels, attributes)
 
     nodes = [
         row(f"node {quoted(node)}", (node,), of_nodes | drawn.get(node, {}) | texts)

@@ -217,9 +217,10 @@ class _Site:
         if lacking and danger is None and (hazard is not None or not zones):
             found = f"expected a survival, found none ({len(lacking)} without one)"
             remedy = "give danger, the rate of loss for a unit of length"
-            self.faults.append(f"{lacking[0].where}: {found}: {remedy}")
+            self.faults.append(f"{_named_arc(lacking[0])}: {found}: {remedy}")
         share = _share_of(hazard) if lacking and hazard is not None else None
-        for where, ends, attributes in lacking:
+        for arc in lacking:
+            _, ends, attributes = arc
             rate = danger or 0.0
             missing = [end for end in ends if end not in self.places]
             if not missing:
@@ -235,7 +236,7 @@ class _Site:
                 attributes["survival"] = survived(rate, length)
             except ValueError as error:
                 attributes["survival"] = 1.0  # so that the fault is listed once
-                self.faults.append(f"{where}: {error}")
+                self.faults.append(f"{_named_arc(arc)}: {error}")
 
     def as_graph(self) -> nx.DiGraph[Any]:
         """Return the graph; a MissionError lists all faults if there are any."""
@@ -250,7 +251,7 @@ class _Site:
         loops, parallel = [], []
         kept: dict[tuple[Any, ...], Row] = {}
         for arc in self.arcs:
-            named = f"{arc.where}: arc {quoted(arc.labels[0])} -> {quoted(arc.labels[1])}"
+            named = _named_arc(arc)
             unknown = [label for label in dict.fromkeys(arc.labels) if label not in graph]
             self.faults += [f"{named}: there is no node {quoted(label)}" for label in unknown]
             rival = kept.setdefault(arc.labels, arc)
@@ -382,6 +383,10 @@ def _join_columns(rows: Sequence[Row], kinds: Sequence[str]) -> list[str]:
             if numbers:
                 attributes[name] = {kind: numbers[kind] for kind in kinds if kind in numbers}
     return []
+
+
+def _named_arc(arc: Row) -> str:
+    return f"{arc.where}: arc {quoted(arc.labels[0])} -> {quoted(arc.labels[1])}"
 
 
 def _points(places: Mapping[Any, FloatArray]) -> nx.DiGraph[Any]:
