@@ -229,7 +229,7 @@ class _Site:
                 rate += sum(zone.rate * zone.share(start, end - start) for zone in zones)
             elif share is not None or zones:
                 self.faults.append(
-                    f"{where}: expected pos [x, y] of {quoted(missing[0])}, found none"
+                    f"{_named_arc(arc)}: expected pos [x, y] of {quoted(missing[0])}, found none"
                 )
             try:
                 length = max(0.0, as_float(attributes.get("length", 1.0)))
