@@ -232,11 +232,12 @@ class _Site:
                     f"{_named_arc(arc)}: expected pos [x, y] of {quoted(missing[0])}, found none"
                 )
             try:
-                length = max(0.0, as_float(attributes.get("length", 1.0)))
-                attributes["survival"] = survived(rate, length)
+                length = as_float(attributes.get("length", 1.0))
+                survival = survived(rate * length, _named_arc(arc), length=length)
+                attributes["survival"] = survival
             except ValueError as error:
                 attributes["survival"] = 1.0  # so that the fault is listed once
-                self.faults.append(f"{_named_arc(arc)}: {error}")
+                self.faults.append(str(error).rstrip("."))
 
     def as_graph(self) -> nx.DiGraph[Any]:
         """Return the graph; a MissionError lists all faults if there are any."""
