@@ -47,6 +47,18 @@ class Raster(NamedTuple):
     resolution: float  # width of a cell
     origin: tuple[float, float]  # the lower left corner
     cells: IntArray  # FREE, OCCUPIED or UNKNOWN; rows and columns as of ``values``
+    path: str
+
+    def shares(self, points: FloatArray) -> FloatArray:
+        """Return the mean shares along the straight pieces between points (n, 2): (n − 1,).
+
+        A MissionError names the first point that is not on the map.
+        """
+        at = in_cells(points, self.values[::-1], self.resolution, self.origin)
+        if off := points[np.isnan(at[:, 0])].round(6).tolist():
+            fault = f"expected a map that covers all ways, found none of it at {off[0]}"
+            raise MissionError(fault, self.path)
+        return np.array([mean_along(self.values[::-1], *ends) for ends in pairwise(at)])
 
 
 def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale",)) -> Raster:
@@ -100,7 +112,7 @@ def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale"
     cells = np.where(is_free, FREE, np.where(black > found.occupied_thresh, OCCUPIED, UNKNOWN))
     if mode == "scale":
         black = np.interp(black, [low, max(high, np.nextafter(low, 2.0))], [0.0, 1.0])
-    return Raster(np.nan_to_num(black), found.resolution, (x, y), cells)
+    return Raster(np.nan_to_num(black), found.resolution, (x, y), cells, str(path))
 
 
 def _read_image(folder: Path, name: str) -> FloatArray:
@@ -328,11 +340,7 @@ def _loss_along(danger: float, hazard: str | os.PathLike[str] | None) -> _Losses
     raster = read_raster(hazard)
 
     def losses(way: _Way) -> FloatArray:
-        at = in_cells(_xy(way), raster.values[::-1], raster.resolution, raster.origin)
-        if off := _xy(way[np.isnan(at[:, 0])]).round(6).tolist():
-            fault = f"expected a map that covers all ways, found none of it at {off[0]}"
-            raise MissionError(fault, os.fspath(hazard))
-        shares = [mean_along(raster.values[::-1], *ends) for ends in pairwise(at)]
+        shares = raster.shares(_xy(way))
         return danger * np.append(0.0, np.cumsum(shares * np.diff(_distances(way))))
 
     return losses
