@@ -1,38 +1,79 @@
 """YAML texts as plain values, with the line of each value."""
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.constructor import ConstructorError, DuplicateKeyError, SafeConstructor
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
-from ruamel.yaml.reader import ReaderError
+from yaml.composer import Composer
+from yaml.constructor import ConstructorError, SafeConstructor
+from yaml.cyaml import CParser
+from yaml.error import MarkedYAMLError
+from yaml.nodes import MappingNode, ScalarNode, SequenceNode
+from yaml.reader import ReaderError
+from yaml.resolver import BaseResolver
 
 _TAG = "tag:yaml.org,2002:"
-_PLAIN = ("null", "bool", "int", "float", "str", "seq", "map")
+# Plain scalars of the core schema of YAML 1.2; digits may have underscores between them.
+_CORE = {
+    "null": r"~|null|Null|NULL|",
+    "bool": r"true|True|TRUE|false|False|FALSE",
+    "int": r"[-+]?[0-9][0-9_]*|0o[0-7][0-7_]*|0x[0-9a-fA-F][0-9a-fA-F_]*",
+    "float": r"[-+]?([0-9][0-9_]*(\.[0-9_]*)?|\.[0-9][0-9_]*)([eE][-+]?[0-9]+)?"
+    r"|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+    "merge": r"<<",
+}
 
 
-class _Constructor(SafeConstructor):
-    """Constructs the types of JSON only; any other tag is an error, which knows its line."""
+class _Loader(Composer, SafeConstructor, BaseResolver, CParser):  # type: ignore[misc]
+    """Makes the types of JSON only, of events of the parser in C, which is fast.
+
+    They are composed in Python: in C, a text that is nested too deep would end the interpreter.
+    """
 
     yaml_constructors = {  # noqa: RUF012 (as the class that it replaces)
-        tag: SafeConstructor.yaml_constructors[tag]
-        for tag in (None, *(_TAG + kind for kind in _PLAIN))
+        None if tag is None else _TAG + tag: SafeConstructor.yaml_constructors[tag and _TAG + tag]
+        for tag in (None, "null", "bool", "float", "str", "seq", "map")
     }
+
+    def __init__(self, text: str) -> None:
+        CParser.__init__(self, text)
+        for base in (Composer, SafeConstructor, BaseResolver):
+            base.__init__(self)
+        self._flat: set[Any] = set()
 
     def flatten_mapping(self, node: Any) -> None:
         """Merge the mappings that ``<<`` names; make keys texts, as labels may be 2 or true."""
-        super().flatten_mapping(node)
+        if node in self._flat:  # as another one merges it, too
+            return
+        self._flat.add(node)
+        seen = set()
         for key, _ in node.value:
             if not isinstance(key, ScalarNode):
                 problem = "expected a text as a key of a mapping, found a list or a mapping"
-                raise ConstructorError(problem=problem, problem_mark=key.start_mark)
+                raise ConstructorError(None, None, problem, key.start_mark)
+            name = (key.value, key.tag == f"{_TAG}merge")
+            if name in seen:
+                problem = f'found duplicate key "{key.value}"'
+                context = "while constructing a mapping"
+                raise ConstructorError(context, node.start_mark, problem, key.start_mark)
+            seen.add(name)
+        super().flatten_mapping(node)
+        for key, _ in node.value:
             key.tag = f"{_TAG}str"
 
+    def _integer(self, node: Any) -> int:
+        text = self.construct_scalar(node).replace("_", "")
+        try:
+            return int(text, 0 if text[:2] in ("0o", "0x") else 10)
+        except ValueError as error:  # thousands of digits
+            raise ConstructorError(None, None, str(error), node.start_mark) from None
 
+
+_Loader.add_constructor(f"{_TAG}int", _Loader._integer)
 # YAML 1.2 has no dates: they are texts.
-_Constructor.add_constructor(f"{_TAG}timestamp", _Constructor.construct_yaml_str)
+_Loader.add_constructor(f"{_TAG}timestamp", SafeConstructor.construct_yaml_str)
+for _kind, _pattern in _CORE.items():
+    _Loader.add_implicit_resolver(f"{_TAG}{_kind}", re.compile(f"({_pattern})\\Z"), None)
 
 
 class DocumentError(ValueError):
@@ -45,6 +86,7 @@ class DocumentError(ValueError):
 class Document:
     """The content of a YAML text, and the line of every value.
 
+    Plain scalars are those of the core schema of YAML 1.2: ``yes``, dates and ``1:30`` are texts.
     Nothing in the text is executed.
 
     Raises
@@ -54,17 +96,16 @@ class Document:
     """
 
     def __init__(self, text: str) -> None:
-        loader = YAML(typ="safe", pure=True)
-        loader.Constructor = _Constructor
         try:
-            self._root = loader.compose(text)
-            self.content: Any = self._root and loader.constructor.construct_document(self._root)
+            loader = _Loader(text)
+            self._root = loader.get_single_node()
+            self.content: Any = self._root and loader.construct_document(self._root)
         except ReaderError as error:  # a character that YAML does not allow
             line = text.count("\n", 0, error.position) + 1
             raise DocumentError(line, f"{error.reason} (#x{error.character:04x})") from None
         except MarkedYAMLError as error:
             raise DocumentError(*_explained(error)) from None
-        except (YAMLError, ValueError, ArithmeticError, LookupError, RecursionError) as error:
+        except (ValueError, LookupError, RecursionError) as error:
             raise DocumentError(1, str(error)) from None
 
     def line(self, place: Sequence[int | str]) -> int:
@@ -86,10 +127,8 @@ class Document:
 
 
 def _explained(error: Any) -> tuple[int, str]:
-    """Return the line of an error of ruamel.yaml, and its words without excerpts of the text."""
+    """Return the line of an error, and its words without excerpts of the text."""
     problem = error.problem or ""
-    if isinstance(error, DuplicateKeyError):
-        problem = problem.partition(" with value ")[0]
     mark = error.problem_mark or error.context_mark
     if error.context and error.context_mark:
         problem = f"{error.context} (line {error.context_mark.line + 1}): {problem}"
