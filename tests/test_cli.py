@@ -194,7 +194,7 @@ class TestSolve:
 
     @pytest.mark.slow
     def test_a_travel_budget(self, botohe, refused, tmp_path):
-        (tmp_path / "sites.txt").write_text("n 3\nm 1\ntmax 4.5\n0 0 0\n2 0 5\n0 3 1\n")
+        (tmp_path / "sites.txt").write_text("n 4\nm 1\ntmax 4.5\n0 0 0\n2 0 5\n0 3 1\n0 0 0\n")
         found = {}
         for limit, said in ((None, ", travel budget 4.5"), (3, ", travel budget 3"), ("inf", "")):
             given = [] if limit is None else ["--max-length", limit]

@@ -1,4 +1,4 @@
-"""Mission files: reading and writing JSON, GraphML and the team-orienteering benchmark."""
+"""Mission files: reading and writing JSON and GraphML."""
 
 import json
 import math
@@ -14,7 +14,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo.mission import Mission, MissionError, read_mission, save_mission
-from botohe_moo.mission.formats.benchmark import near_pairs, spanning_pairs
 from tests.strategies import missions
 
 DATA = Path(__file__).parents[1] / "data"
@@ -63,11 +62,6 @@ def json_faults(tmp_path):
 @pytest.fixture
 def graphml_faults(tmp_path):
     return lambda data: faults_of(tmp_path / "bad.graphml", data)
-
-
-@pytest.fixture
-def benchmark_faults(tmp_path):
-    return lambda data, **options: faults_of(tmp_path / "bad.txt", data, **options)
 
 
 def attributes_of(mission):
@@ -344,103 +338,6 @@ class TestGraphML:
         with pytest.raises(ValueError, match=re.escape(message)):
             save_mission(Mission(graph, base=label, robots=1), tmp_path / "x.graphml")
         assert list(tmp_path.iterdir()) == []
-
-
-class TestBenchmark:
-    def test_by_hand(self):
-        mission = read_mission(DATA / "points.txt", neighbours=1)
-        assert mission.nodes == (0, 1, 2, 3, 4)
-        assert (mission.base, mission.robots, mission.name) == (0, 2, "points")
-        assert mission.arrays.reward.tolist() == [0, 7, 5, 24, 1.5]
-        assert mission.graph.nodes[4]["pos"] == [3, -4]
-        # The nearest: 0-1, 1-2 (at the same place), 2-1, 3-1, 4-0; they span already.
-        near, far = math.exp(-5 / 10), math.exp(-45 / 10)
-        survivals = {(0, 1): near, (1, 2): 1.0, (1, 3): far, (0, 4): near}
-        both = survivals | {(v, u): s for (u, v), s in survivals.items()}
-        assert {(u, v): s for u, v, s in mission.graph.edges(data="survival")} == both
-
-    def test_spaces_semicolons_tabs_blank_lines(self):
-        assert read_mission(DATA / "points_semicolons.TXT") == read_mission(DATA / "points.txt")
-
-    def test_more_neighbours_than_points(self):
-        assert read_mission(DATA / "points.txt").arrays.n_arcs == 5 * 4
-
-    def test_spanning_tree_joins_what_neighbours_leave_apart(self, tmp_path):
-        path = tmp_path / "clusters.txt"
-        path.write_text("n 4\nm 1\ntmax 9\n0 0 0\n1 0 1\n50 0 1\n51 0 1\n")
-        arcs = read_mission(path, neighbours=1).graph.edges
-        assert set(arcs) == {(0, 1), (1, 0), (1, 2), (2, 1), (2, 3), (3, 2)}
-
-    def test_scale(self, tmp_path):
-        mission = read_mission(DATA / "points.txt", scale=2.5)
-        assert mission.graph.edges[0, 1]["survival"] == math.exp(-5 / 2.5)
-        path = tmp_path / "zero.txt"
-        path.write_text("n 1\nm 1\ntmax 0\n0 0 4")
-        assert read_mission(path, scale=1).total_reward == 4
-        with pytest.raises(MissionError, match="expected tmax > 0 to be the scale, got 0; give a"):
-            read_mission(path)
-
-    @pytest.mark.parametrize(
-        ("text", "faults"),
-        [
-            (
-                "n five\n\nk 3\n",
-                [
-                    "line 1: expected 'n' and a number, got 'n five'",
-                    "line 3: expected 'm' and a number, got 'k 3'",
-                    "expected lines of n, m, tmax, got 2 lines",
-                ],
-            ),
-            (
-                "n 4\nm 3\ntmax 9\n\n0 0\n1 2 three\n1 2 3\n",
-                [
-                    "line 5: expected three numbers, x, y and a score, got '0 0'",
-                    "line 6: expected three numbers, x, y and a score, got '1 2 three'",
-                ],
-            ),
-            (
-                "n 2\nm 1\ntmax 9\n0 0 0",
-                ["line 1: expected n 1, the number of lines after tmax, got n 2"],
-            ),
-            (
-                "n 1\nm 0\ntmax 9\n0 0 -1",
-                [
-                    "expected robots to be an integer >= 1, got 0",
-                    "node 0: expected a finite reward >= 0, got -1.0",
-                ],
-            ),
-        ],
-    )
-    def test_bad_lines(self, benchmark_faults, text, faults):
-        assert benchmark_faults(text) == faults
-
-    def test_options_out_of_range(self):
-        with pytest.raises(ValueError, match=r"Expected neighbours >= 1 or 'all', got 0\."):
-            read_mission(DATA / "points.txt", neighbours=0)
-
-    @given(st.lists(st.tuples(*[st.integers(0, 5)] * 2), min_size=1, max_size=12))
-    def test_spanning_tree_is_as_short_as_networkx_finds(self, grid):
-        points = np.array(grid, float)
-        ours = spanning_pairs(points)
-        every = nx.Graph()
-        every.add_nodes_from(range(len(grid)))
-        for u, v in near_pairs(points, math.inf):
-            every.add_edge(u, v, weight=math.dist(grid[u], grid[v]))
-        theirs = nx.minimum_spanning_tree(every)
-        assert nx.number_connected_components(nx.Graph([*ours, *[(v, v) for v in every]])) == 1
-        assert len(ours) == len(grid) - 1
-        length = sum(math.dist(grid[u], grid[v]) for u, v in ours)
-        assert length == pytest.approx(theirs.size(weight="weight"))
-
-    @given(st.lists(st.tuples(*[st.integers(0, 5)] * 2), min_size=1), st.integers(0, 5))
-    def test_near_pairs_are_all_near_pairs(self, grid, radius):
-        expected = [
-            (u, v)
-            for u in range(len(grid))
-            for v in range(u + 1, len(grid))
-            if math.dist(grid[u], grid[v]) <= radius
-        ]
-        assert near_pairs(np.array(grid, float), radius) == expected
 
 
 numbers = st.integers() | st.floats(allow_nan=False, allow_infinity=False)

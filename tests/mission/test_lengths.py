@@ -193,28 +193,3 @@ class TestTables:
         mission = self.mission([None, 3])
         assert mission.arrays.length.tolist() == [1, 3]
         assert "length" not in mission.graph.edges["a", "b"]
-
-
-class TestBenchmark:
-    points = ROOT / "tests" / "data" / "points.txt"
-
-    def test_distances_and_tmax(self):
-        mission = read_mission(self.points, neighbours=1)
-        assert mission.max_length == 10
-        lengths = {(u, v): d for u, v, d in mission.graph.edges(data="length") if u < v}
-        assert lengths == {(0, 1): 5, (1, 2): 0, (1, 3): 45, (0, 4): 5}
-        assert mission.with_lengths_from_pos() == mission
-
-    def test_arcs_between_all_points(self, tmp_path):
-        path = tmp_path / "row.txt"
-        rows = "\n".join(f"{x} 0 1" for x in range(12))
-        path.write_text(f"n 12\nm 1\ntmax 9\n{rows}\n")
-        assert read_mission(path).arrays.n_arcs < 12 * 11
-        assert read_mission(path, neighbours="all").arrays.n_arcs == 12 * 11
-        assert read_mission(path, neighbours="all") == read_mission(path, neighbours=99)
-
-    def test_a_budget_below_0(self, tmp_path):
-        path = tmp_path / "back.txt"
-        path.write_text("n 1\nm 1\ntmax -3\n0 0 0\n")
-        with pytest.raises(MissionError, match="expected a finite max_length >= 0, got -3"):
-            read_mission(path, scale=1)

@@ -5,8 +5,11 @@ import math
 
 import networkx as nx
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from botohe_moo import Mission, MissionError, load_mission, save_mission
+from tests.strategies import missions
 
 POINTS = {3: (0, 0), 4: (3, 4), 7: (3, 0)}
 
@@ -16,8 +19,8 @@ def point(label, place, **properties):
     return {"type": "Feature", "properties": {"id": label, **properties}, "geometry": geometry}
 
 
-def line(tail, head, shape="MultiLineString", names=("startid", "endid"), **properties):
-    ends = dict(zip(names, (tail, head), strict=True))
+def line(tail, head, shape="MultiLineString", **properties):
+    ends = {"startid": tail, "endid": head}
     geometry = {"type": shape, "coordinates": []}
     return {"type": "Feature", "properties": {**ends, **properties}, "geometry": geometry}
 
@@ -54,11 +57,11 @@ def test_survival_by_length_and_a_reward_for_each_point(site):
 
 
 def test_what_the_file_says_counts(site):
-    """Also old names of ends, and attributes that are not ours."""
+    """Also attributes that are not ours."""
     mission = load_mission(
         site(
             line(3, 8, "LineString", metadata={"survival": 0.5, "length": 9}, cost=2.5, id=20),
-            line(8, 3, names=("start_node", "end_node"), metadata={"survival": 0.75}),
+            line(8, 3, metadata={"survival": 0.75}),
             point(8, (0, 2, 1), frame="map", metadata={"reward": 7, "class": "lab"}),
             points={3: (0, 0)},
             mission={"base": 3, "robots": 2, "name": "plant", "max_length": 30},
@@ -83,12 +86,15 @@ def test_what_is_left_out_is_said(site):
         point(2, (8, 8)),
         line(4, 2),
         {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": []}},
+        {"type": "Feature", "geometry": None, "properties": None},
+        {"type": "Feature", "geometry": {"type": "MultiPoint", "coordinates": [[1, 2]]}},
+        {"type": "FeatureCollection", "features": [point(9, (1, 1))]},
     )
     with pytest.warns(UserWarning, match="Left out") as said:
         mission = load_mission(path, danger=0.02, base=3, robots=1)
     assert [str(each.message) for each in said] == [
-        "Left out features that are neither points, lines nor polygons with a rate: features[13] "
-        "(1 in all); "
+        "Left out features that are neither points, lines nor polygons with a rate: features[13], "
+        "features[14], features[15], features[16] (4 in all); "
         "lines from a point to itself: features[7] (1 in all); "
         "lines parallel to one that is at least as safe: features[8], features[5] (2 in all); "
         "points that the base does not reach, or that have no way back: 1, 2 (2 in all)."
@@ -100,15 +106,37 @@ def test_what_is_left_out_is_said(site):
 @pytest.mark.parametrize(
     ("features", "given", "fault"),
     [
-        ([], {"robots": 1}, 'expected base, the "id" of a point, found none: give base'),
+        ([], {"robots": 1}, "expected the label of the base, found no graph attribute 'base'"),
         ([line(3, 4)], {"base": 3}, r"features\[3\]: expected a survival, .* give danger"),
         ([line(3, 5)], {"base": 3, "danger": 1}, r"features\[3\]: .* there is no node 5"),
-        ([line(3, 4)], {"base": 9, "danger": 1}, "base 9: there is no such node"),
-        ([point(4, (1, 1))], {"base": 3}, r"features\[3\]: node 4 is listed more than once"),
-        ([point(5, (1,))], {"base": 3}, r"features\[3\]: expected coordinates \[x, y\]"),
-        ([point(5, (1, math.nan))], {"base": 3}, r"features\[3\]: expected coordinates"),
-        ([point({}, (1, 1))], {"base": 3}, r"features\[3\]: expected a label"),
-        ([{**line(3, 4), "properties": {}}], {"base": 3}, r'\[3\]: found no property "startid"'),
+        (
+            [line(3, 4)],
+            {"base": 9, "danger": 1},
+            "base 9: there is no such node; most alike are 3, 4, 7",
+        ),
+        (
+            [*both_ways((3, 4), (4, 7)), point(4, (1, 1))],
+            {"base": 3, "danger": 1},
+            r"features\[7\]: node 4 is listed more than once",
+        ),
+        ([line(3, 4)], {"base": [3, {}], "danger": 1}, r"expected a label, .* got {}"),
+        ([point(5, (1,))], {"base": 3}, r"features\[3\]: expected finite coordinates \[x, y\]"),
+        ([point(5, (1, math.nan))], {"base": 3}, r"features\[3\]: expected finite coordinates"),
+        ([point({}, (1, 1))], {"base": 3}, r"features\[3\]: expected a label, .* got {}"),
+        ([point(None, (1, 1))], {"base": 3}, r"\[3\]: expected a property 'id', found none"),
+        ([{**line(3, 4), "properties": {}}], {"base": 3}, r"\[3\]: expected a property 'startid'"),
+        (
+            [{**line(3, 4), "properties": None}],
+            {"base": 3},
+            r"\[3\]: expected a property 'startid'",
+        ),
+        ([{**line(3, 4), "properties": [1]}], {"base": 3}, r"expected properties to be an object"),
+        (
+            [{**line(3, 4), "geometry": "x"}],
+            {"base": 3},
+            r"expected geometry to be an object, got 'x'",
+        ),
+        ([point(5, [[1, 2], [3, 4]])], {"base": 3}, r"features\[3\]: expected finite coordinates"),
         ([line(3, 4, metadata=[1])], {"base": 3}, r"\[3\]: expected metadata to be an object"),
         ([7], {"base": 3}, r"features\[3\]: expected a feature to be an object, got 7"),
         (
@@ -133,7 +161,10 @@ def test_what_is_not_a_route_graph(tmp_path, text):
 
 
 def loaded_by_nav2(content):
-    """What Nav2's loader makes of a file: points by id, and lines; it takes no other types."""
+    """What Nav2's loader makes of a file: points by id, and lines; it takes no other types.
+
+    Ids of points and lines are all different, as its documentation says.
+    """
 
     def check(value):
         if isinstance(value, dict):
@@ -143,18 +174,26 @@ def loaded_by_nav2(content):
             values = value if isinstance(value, list) else [value]
             assert all(isinstance(one, bool | int | float | str) for one in values)
 
-    points, lines = {}, []
+    points, lines, ids = {}, [], []
     for feature in content["features"]:
         own = feature["properties"]
         check(own.get("metadata", {}))
-        assert type(own["id"]) is int
-        assert 0 <= own["id"] < 2**32
+        ids.append(own["id"])
+        assert isinstance(own.get("frame", ""), str)
+        assert isinstance(own.get("cost", 0), int | float)
+        assert isinstance(own.get("overridable", True), bool)
+        operations = own.get("operations", [])
+        for operation in operations.values() if isinstance(operations, dict) else operations:
+            assert isinstance(operation["type"], str)
+            assert isinstance(operation["trigger"], str)
         if feature["geometry"]["type"] == "Point":
             points[own["id"]] = tuple(feature["geometry"]["coordinates"][:2])
         else:
             assert own["startid"] in points
             assert own["endid"] in points
             lines.append(own)
+    assert all(type(number) is int and 0 <= number < 2**32 for number in ids)
+    assert len(ids) == len(set(ids))
     return points, lines
 
 
@@ -164,7 +203,6 @@ def test_nav2_gets_penalties_as_decimals(tmp_path):
     points, lines = loaded_by_nav2(json.loads((tmp_path / "museum.geojson").read_text()))
     assert tuple(points) == mission.nodes
     assert points[1] == tuple(mission.graph.nodes[1]["pos"])
-    assert len({line["id"] for line in lines} | points.keys()) == len(points) + len(lines)
     for line in lines:
         survival = mission.graph.edges[line["startid"], line["endid"]]["survival"]
         assert type(line["metadata"]["penalty"]) is float
@@ -312,7 +350,9 @@ def test_longitudes_and_latitudes(site, tmp_path):
     crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
     path = site(*both_ways((3, 4), (3, 7)), points=points, crs=crs)
     given = {"danger": 1e-6, "base": 3, "robots": 1}
-    with pytest.warns(UserWarning, match="positions count as metres: give geographic=True"):
+    with pytest.warns(
+        UserWarning, match="Positions count as metres: give geographic=True if the crs is right"
+    ):
         assert load_mission(path, **given).graph.edges[3, 4]["length"] == 1
     mission = load_mission(path, geographic=True, **given)
     lengths = [mission.graph.edges[3, head]["length"] for head in (4, 7)]
@@ -325,9 +365,22 @@ def test_longitudes_and_latitudes(site, tmp_path):
     assert again.with_lengths_from_pos() == mission
 
 
-def test_a_base_whose_label_is_a_text_of_digits(site):
-    path = site(*both_ways(("0", "1")), points={"0": (0, 0), "1": (3, 4)})
-    assert load_mission(path, danger=1, base=0, robots=1).base == "0"
+@pytest.mark.parametrize(("ids", "base"), [(("3", "1"), 3), ((3, 1), "3"), ((3.0, 1.0), 3)])
+def test_a_base_that_is_written_as_a_number_or_a_text(site, ids, base):
+    path = site(*both_ways(ids), points=dict(zip(ids, [(0, 0), (3, 4)], strict=True)))
+    mission = load_mission(path, danger=1, base=base, robots=1)
+    assert mission.base == ids[0]
+    assert all(type(node) is (str if ids[0] == "3" else int) for node in mission.nodes)
+
+
+def test_lines_that_all_lead_away(site):
+    path = site(line(3, 4), line(4, 7))
+    expected = "expected a point that can be reached from base 3 and left again, found none; both_w"
+    with pytest.raises(MissionError, match=expected):
+        load_mission(path, danger=0.01, base=3, robots=1)
+    mission = load_mission(path, danger=0.01, base=3, robots=1, both_ways=True)
+    assert set(mission.graph.edges) == {(3, 4), (4, 3), (4, 7), (7, 4)}
+    assert mission.graph.edges[4, 3] == mission.graph.edges[3, 4]
 
 
 def test_attributes_that_mission_files_use_for_labels(site):
@@ -347,22 +400,94 @@ def test_attributes_that_mission_files_use_for_labels(site):
 
 def test_ids_and_penalties_of_lines(site, tmp_path):
     """What Nav2 can read stays; others get numbers above, and penalties are ours."""
-    names = ("startid", "endid")
     path = site(
-        line(3, 4, names=names, id=20, metadata={"survival": 0.5, "penalty": 50, "id": 8}),
-        line(4, 3, names=names, id=21.0, metadata={"survival": 0.5, "penalty": "high"}),
-        line(4, 7, names=names, id=22, metadata={"survival": 0.5}),
-        line(7, 4, names=names, id=22, metadata={"survival": 1}),
-        line(3, 7, names=names, id="south", metadata={"survival": 0.5}),
+        line(3, 4, id=20, metadata={"survival": 0.5, "penalty": 50, "id": 8}),
+        line(4, 3, id=21.0, metadata={"survival": 0.5, "penalty": "high"}),
+        line(4, 7, id=22, metadata={"survival": 0.5}),
+        line(7, 4, id=22, metadata={"survival": 1}),
+        line(3, 7, id="south", metadata={"survival": 0.5}),
+        line(7, 3, id=4, metadata={"survival": 0.5}),  # as a point has
     )
     mission = load_mission(path, base=3, robots=1)
     save_mission(mission, tmp_path / "again.geojson")
-    again = json.loads((tmp_path / "again.geojson").read_text())
-    lines = [each["properties"] for each in again["features"] if "startid" in each["properties"]]
+    _, lines = loaded_by_nav2(json.loads((tmp_path / "again.geojson").read_text()))
     of_ends = {(each["startid"], each["endid"]): each for each in lines}
     assert {ends: each["id"] for ends, each in of_ends.items()} == {
-        (3, 4): 20, (4, 3): 21, (3, 7): 23, (4, 7): 24, (7, 4): 25
+        (3, 4): 20, (4, 3): 21, (3, 7): 23, (4, 7): 24, (7, 4): 25, (7, 3): 26
     }  # fmt: skip
     penalties = {ends: each["metadata"]["penalty"] for ends, each in of_ends.items()}
     assert penalties == {ends: 0.0 if ends == (7, 4) else math.log(2) for ends in of_ends}
-    assert load_mission(tmp_path / "again.geojson") == mission
+    again = load_mission(tmp_path / "again.geojson")
+    assert again == mission
+    assert dict(again.graph.edges) == dict(mission.graph.edges)
+
+
+@pytest.mark.parametrize("label", [2**31 - 1, 2**32 - 1, -1, 1.5, False])
+def test_labels_that_nav2_cannot_read_are_numbered(tmp_path, label):
+    """2³¹ − 1 marks deleted nodes."""
+    mission = Mission(nx.relabel_nodes(load_mission("toy").graph, {4: label}))
+    save_mission(mission, tmp_path / "x.geojson")
+    points, _ = loaded_by_nav2(json.loads((tmp_path / "x.geojson").read_text()))
+    assert list(points) == [1, 2, 3, 4, 5]
+    assert load_mission(tmp_path / "x.geojson").nodes == mission.nodes
+
+
+def test_what_nav2_reads_beside_metadata(tmp_path):
+    """It refuses a whole file for a property of another type, and for null in metadata."""
+    graph = load_mission("toy").graph.copy()
+    door = {"type": "OpenDoor", "trigger": "ON_ENTER", "metadata": {"door_id": 54}}
+    graph.nodes[1].update(frame="odom", operations=[door], zones=[[1, 2], [3, 4]])
+    graph.nodes[2].update(frame=None, operations="none", note=None, region={"x": [0.5, True]})
+    graph.edges[1, 2].update(
+        cost=2.5, overridable=False, operations={"open": door}, region={"x": None}
+    )
+    graph.edges[2, 1].update(cost="low", overridable=1, penalty=50, speed_limit=80.0)
+    mission = Mission(graph)
+    save_mission(mission, tmp_path / "x.geojson")
+    content = json.loads((tmp_path / "x.geojson").read_text())
+    _, lines = loaded_by_nav2(content)
+    first, second = (feature["properties"] for feature in content["features"][:2])
+    assert (first["frame"], first["operations"]) == ("odom", [door])
+    assert "frame" not in second
+    assert second["metadata"]["region"] == {"x": [0.5, True]}
+    there, back = (
+        next(each for each in lines if (each["startid"], each["endid"]) == ends)
+        for ends in ((1, 2), (2, 1))
+    )
+    assert (there["cost"], there["overridable"], there["operations"]) == (
+        2.5,
+        False,
+        {"open": door},
+    )
+    assert back["metadata"]["speed_limit"] == 80.0
+    assert not {"cost", "overridable"} & back.keys()
+    again = load_mission(tmp_path / "x.geojson")
+    assert again == mission
+    assert dict(again.graph.nodes) == dict(mission.graph.nodes)
+    assert dict(again.graph.edges) == dict(mission.graph.edges)
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(-9, 9) | st.text(max_size=3),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=5,
+)
+
+
+@given(missions(max_nodes=5), st.data())
+def test_nav2_reads_whatever_is_saved(tmp_path_factory, mission, data):
+    path = tmp_path_factory.getbasetemp() / "any.geojson"
+    names = st.sampled_from(["id", "label", "metadata", "frame", "cost", "overridable", "penalty"])
+    graph = mission.graph.copy()
+    for attributes in [*graph.nodes.values(), *graph.edges.values()]:
+        attributes.update(data.draw(st.dictionaries(names, json_values, max_size=2)))
+    for node in graph:
+        graph.nodes[node].pop("id", None)  # the name of a label
+        graph.nodes[node]["pos"] = [0.5, float(node)]
+    mission = Mission(graph, base=mission.base, robots=mission.robots)
+    save_mission(mission, path)
+    loaded_by_nav2(json.loads(path.read_text()))
+    again = load_mission(path)
+    assert again == mission
+    assert dict(again.graph.nodes) == dict(mission.graph.nodes)
+    assert dict(again.graph.edges) == dict(mission.graph.edges)

@@ -142,7 +142,7 @@ class TestGrid:
         assert (mission.budget.evaluations, mission.budget.seconds) == (None, 2)
 
     def test_a_travel_budget(self, tmp_path):
-        (tmp_path / "site.txt").write_text("n 2\nm 1\ntmax 10\n0 0 0\n1 0 5\n")
+        (tmp_path / "site.txt").write_text("n 3\nm 1\ntmax 10\n0 0 0\n1 0 5\n0 0 0\n")
         entry = {"mission": str(tmp_path / "site.txt")}
         for keys, expected in (
             ({}, 10),

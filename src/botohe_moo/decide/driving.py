@@ -13,8 +13,8 @@ from typing import Any
 from botohe_moo._base.checks import check_choice, check_number, quoted
 from botohe_moo.decide.robots import robot_rows
 from botohe_moo.mission.arrays import given_places
-from botohe_moo.mission.formats.nodelink import mission_content, plain_label
-from botohe_moo.mission.formats.routes import encoded, route_graph
+from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.formats.routes import write_route_graph
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import TrailPlan
 
@@ -70,11 +70,10 @@ def nav2_files(mission: Mission, plan: TrailPlan) -> dict[str, str]:
     [2, 4, 2, 1]
     """
     rows = robot_rows(check_mission(mission), plan)
-    graph = route_graph(mission_content(mission))
-    features = [feature["properties"] for feature in graph["features"]]
+    files = {_GRAPH: write_route_graph(mission).decode()}
+    features = [feature["properties"] for feature in json.loads(files[_GRAPH])["features"]]
     id_of = {node: of["id"] for node, of in zip(mission.nodes, features, strict=False)}
     edges = {(of["startid"], of["endid"]): of["id"] for of in features if "startid" in of}
-    files = {_GRAPH: encoded(graph).decode()}
     for row, nodes, chances in zip(rows, mission.labels(plan), _alive(mission, plan), strict=True):
         start, *others = _stops(mission, nodes)
         ids = [id_of[node] for node in nodes]
