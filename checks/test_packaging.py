@@ -6,10 +6,10 @@ Nothing is installed or downloaded here: files are compared with the metadata of
 import configparser
 
 import pytest
+import yaml
 from packaging.metadata import Metadata
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
-from ruamel.yaml import YAML
 from trove_classifiers import classifiers as known_classifiers
 
 from checks.test_dist import PROJECT, PYPROJECT, ROOT, SDIST, STEM, WHEEL, asked, contents
@@ -18,7 +18,6 @@ from checks.test_dist import PROJECT, PYPROJECT, ROOT, SDIST, STEM, WHEEL, asked
 CONDA_NAMES = {
     "matplotlib": "matplotlib-base",
     "moocore": "python-moocore",
-    "ruamel-yaml": "ruamel.yaml",
     "seaborn": "seaborn-base",
 }
 
@@ -36,7 +35,7 @@ def parsed(line):
 
 
 def load_yaml(text):
-    return YAML(typ="safe").load(text)
+    return yaml.safe_load(text)
 
 
 @pytest.fixture(scope="module")

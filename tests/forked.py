@@ -132,7 +132,7 @@ def start_server():
 
 _LIBRARIES = (
     "alive_progress", "matplotlib.backends.backend_agg", "pandas", "psutil",
-    "pyarrow.csv", "pyarrow.parquet", "rich.progress", "ruamel.yaml", "scipy.stats", "typer",
+    "pyarrow.csv", "pyarrow.parquet", "rich.progress", "scipy.stats", "typer", "yaml",
 )  # fmt: skip
 _OURS = (
     "plots.front", "plots.mission", "solving", "study.file.loading", "study.file.schema",

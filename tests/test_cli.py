@@ -1346,7 +1346,7 @@ class TestHelp:
         assert done.returncode == 0
         loaded = set(done.stderr.split())
         assert {"typer", "botohe_moo"} <= loaded
-        slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "seaborn", "networkx", "ruamel"}
+        slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "seaborn", "networkx", "yaml"}
         assert not loaded & slow
 
 

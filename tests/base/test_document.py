@@ -5,9 +5,11 @@ import json
 import math
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from botohe_moo._base import document as module
 from botohe_moo._base.document import Document, DocumentError
 
 SCALARS = (
@@ -43,6 +45,39 @@ def test_values_are_those_of_yaml_1_2():
     ]
 
 
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        *(("0o17", 15), ("0x1f", 31), ("-7", -7), ("+1_0", 10), ("1e3", 1000.0), (".5e3", 500.0)),
+        *(("+.INF", math.inf), ("Null", None), ("TRUE", True), ("! 12", "12"), ("", None)),
+        *(
+            ("!!str 3", "3"),
+            ("!!int '3'", 3),
+            ("!!float 3", 3.0),
+            ("!!float -.inf", -math.inf),
+            ("!!bool True", True),
+        ),
+        *(("!!null x", None), ("!!timestamp 2001-01-01", "2001-01-01")),
+    ],
+)
+def test_scalars_of_yaml_1_2(text, value):
+    found = Document(text).content
+    assert (found, type(found)) == (value, type(value))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["yes", "no", "On", "off", "y", "tRUE", "nULL", "0b1", "-0x1F", "0o8", "1:30:45.5", "=", "._"],
+)
+def test_texts_that_other_versions_of_yaml_take_for_values(text):
+    assert Document(text).content == text
+    assert Document(f"{{{text}: 1}}").content == {text: 1}
+
+
+def test_not_a_number():
+    assert math.isnan(Document(".NaN").content)
+
+
 def test_keys_are_texts():
     content = Document("{1: a, true: b, null: c, 2.50: d}").content
     assert content == {"1": "a", "true": "b", "null": "c", "2.50": "d"}
@@ -64,6 +99,20 @@ merged:
 
 def test_merged_mappings_are_overridden():
     assert Document(TEXT).content["merged"] == {"p": 1, "q": 3}
+    assert list(Document("q: 3\n<<: {p: 1, q: 2}\n").content) == ["p", "q"]
+
+
+def test_of_several_mappings_that_are_merged_the_first_one_wins():
+    content = Document("<<: [{a: 1}, {a: 2, b: 3}]\nc: 4\n'<<': 5\n").content
+    assert content == {"a": 1, "b": 3, "c": 4, "<<": 5}
+    assert Document("'<<': 5\n<<: {a: 1}\n").content == {"a": 1, "<<": 5}
+
+
+def test_anchors():
+    """The last one of a name counts, also for what was a key."""
+    assert Document("[&x 1, *x, &x 2, *x]").content == [1, 1, 2, 2]
+    assert Document("&k a: 1\nb: *k\n").content == {"a": 1, "b": "a"}
+    assert Document("a: &k b\n*k : 2\n").content == {"a": "b", "b": 2}
 
 
 def test_lines_are_found():
@@ -92,11 +141,38 @@ def test_what_cannot_be_read():
         ("a: 1\nb: !!python/object/apply:os.system ['true']\n", 2, "os.system'"),
         ("- " * 2_000 + "a", 1, "maximum recursion depth"),
         ("a: !!int x", 1, "invalid literal"),
+        (f"a: 1\nb: {'9' * 5_000}", 2, "4300 digits"),
+        ("a:\n  !!bool yes", 2, "expected true or false, found 'yes'"),
+        ("a: 1\nb: !!seq {}", 2, "tag:yaml.org,2002:seq'"),
+        ("a: 1\nb: *c\n", 2, "expected an alias of a value before it, found *c"),
+        ("a:\n  &b [1, *b]", 2, "found *b"),
+        ("a: 1\n---\nb: 2\n", 2, "expected one document, found another"),
+        ("a:\n  <<: 3\n", 2, "mapping (line 2): expected a mapping or list of mappings to merge"),
+        ("<<: [{}, 3]\n", 1, "expected a mapping or list of mappings to merge"),
+        ("<<: {}\n<<: {}\n", 2, 'found duplicate key "<<"'),
+        ("a: b: c\n", 1, "mapping values are not allowed here"),
+        ("a:\n\t- 1\n", 2, "found character '\\t' that cannot start any token"),
+        ("a: '\ud800'\n", 1, "(#xd800)"),
     ):
         with pytest.raises(DocumentError) as caught:
             Document(text)
         assert str(caught.value).startswith(f"{line}: not valid YAML: ")
         assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("opened", ["[", "{a: ", "- ", "? "])
+def test_what_is_nested_a_hundred_thousand_times_is_refused(opened):
+    with pytest.raises(DocumentError, match="maximum recursion depth"):
+        Document(opened * 100_000)
+
+
+def test_without_the_parser_in_c(monkeypatch):
+    known = Document(TEXT)
+    assert module._PARSERS[0] is yaml.CSafeLoader
+    monkeypatch.setattr(module, "_PARSERS", (yaml.SafeLoader, yaml.SafeLoader))
+    other = Document(TEXT)
+    assert other.content == known.content
+    assert other.line(("list", 1, "deep", "two")) == 6
 
 
 @given(st.text(max_size=60))

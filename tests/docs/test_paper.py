@@ -4,7 +4,7 @@ import datetime as dt
 import re
 
 import pytest
-from ruamel.yaml import YAML
+import yaml
 
 from tests.docs.guides import ROOT
 
@@ -28,7 +28,7 @@ def paper():
     """The header, and the text below it."""
     empty, header, text = PAPER.read_text("utf-8").split("---\n", 2)
     assert empty == ""
-    return YAML(typ="safe").load(header), text
+    return yaml.safe_load(header), text
 
 
 def test_the_header_is_complete(paper):
