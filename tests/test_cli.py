@@ -19,7 +19,7 @@ import textwrap
 import threading
 import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import networkx as nx
 import numba
@@ -37,7 +37,9 @@ from botohe_moo import (
     save_mission,
     simulate_policy,
 )
+from botohe_moo.cli.choose import VehicleOption
 from botohe_moo.cli.progress import showing
+from botohe_moo.decide.driving import VEHICLES
 from botohe_moo.explorer import replay_page
 from botohe_moo.underway import play_mission
 from tests.forked import run_forked
@@ -753,10 +755,17 @@ class TestChoose:
         ended = botohe(*fly, "--altitude", 30)
         assert ended.out.splitlines()[-1] == "wrote site-1.plan"
         said = refused(*fly)
-        assert said == (
-            "botohe: site.plan: expected altitude, the height of waypoints, with a .plan, and only "
-            "with it.\n"
-        )
+        assert said == "botohe: Expected altitude (of a multicopter, in metres) > 0, got None.\n"
+        dive = ["choose", solved[1], "--plan", 2, "--out", "sea.plan", "--vehicle", "submarine"]
+        botohe(*dive, "--altitude", -4)
+        sea = json.loads((tmp_path / "sea-1.plan").read_text())["mission"]
+        assert (sea["vehicleType"], sea["items"][0]["Altitude"]) == (12, -4)
+        assert "got 4.0." in refused(*dive, "--altitude", 4)
+
+    def test_the_help_names_all_vehicles(self):
+        _, option = get_args(VehicleOption)
+        names = option.help.partition(": ")[2]
+        assert re.split(", | or ", names.rstrip(".")) == list(VEHICLES)
 
     def test_a_plan_is_drawn(self, botohe, solved, tmp_path):
         ended = botohe("choose", solved[1], "--plan", 2, "--out", "plan.pdf")

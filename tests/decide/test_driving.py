@@ -2,8 +2,10 @@
 
 import json
 import math
+import re
 
 import networkx as nx
+import numpy as np
 import pytest
 from hypothesis import given
 
@@ -118,6 +120,7 @@ def test_waypoints_by_hand():
     content = json.loads(plans[0])
     assert (content["fileType"], content["version"]) == ("Plan", 1)
     assert content["mission"]["plannedHomePosition"] == [47.25, 8.5, 0]
+    assert content["mission"]["vehicleType"] == 2
     items = content["mission"]["items"]
     assert [item["params"] for item in items] == [
         [0, 0, 0, None, 47.25, 8.75, 30],
@@ -170,17 +173,57 @@ def test_a_file_for_each_robot_that_leaves(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("altitude", "fault"),
+    ("vehicle", "mav_type", "altitude", "height"),
     [
-        (None, "expected altitude, the height of waypoints, with"),
-        (-3, "altitude"),
-        (math.nan, "altitude"),
+        ("multicopter", 2, 30, 30),
+        ("fixed-wing", 1, np.float32(30), 30),
+        ("vtol", 20, 30, 30),
+        ("rover", 10, None, 0),
+        ("rover", 10, 30, 30),
+        ("boat", 11, None, 0),
+        ("submarine", 12, -4.5, -4.5),
+        ("submarine", 12, 0, 0),
     ],
 )
-def test_altitude(tmp_path, altitude, fault):
+def test_vehicles(tmp_path, vehicle, mav_type, altitude, height):
+    mission = harbour(robots=1)
+    given = {"altitude": altitude, "vehicle": vehicle}
+    [path] = write_plan(mission, around(mission), tmp_path / "site.plan", **given)
+    assert path.read_text() == qgc_plans(mission, around(mission), **given)[0]
+    content = json.loads(path.read_text())["mission"]
+    assert content["vehicleType"] == mav_type
+    assert {(item["frame"], item["Altitude"]) for item in content["items"]} == {(3, height)}
+    assert {item["params"][6] for item in content["items"]} == {height}
+
+
+@pytest.mark.parametrize(
+    ("given", "fault"),
+    [
+        ({}, "altitude (of a multicopter, in metres) > 0, got None."),
+        ({"altitude": -3}, "altitude (of a multicopter, in metres) > 0, got -3."),
+        ({"altitude": 0, "vehicle": "vtol"}, "altitude (of a vtol, in metres) > 0, got 0."),
+        ({"altitude": math.nan}, "altitude (of a multicopter, in metres) > 0, got nan."),
+        (
+            {"altitude": math.inf, "vehicle": "boat"},
+            "altitude (of a boat, in metres) to be a finite number, got inf.",
+        ),
+        ({"vehicle": "submarine"}, "altitude (of a submarine, in metres) in (-inf, 0], got None."),
+        (
+            {"altitude": 3, "vehicle": "submarine"},
+            "altitude (of a submarine, in metres) in (-inf, 0], got 3.",
+        ),
+        (
+            {"altitude": 3, "vehicle": "rovr"},
+            "vehicle among rover, boat, vtol, submarine, multicopter, fixed-wing, got 'rovr'.",
+        ),
+    ],
+)
+def test_altitudes_and_vehicles_that_are_refused(tmp_path, given, fault):
     mission = harbour()
-    with pytest.raises(ValueError, match=fault):
-        write_plan(mission, around(mission), tmp_path / "site.plan", altitude=altitude)
+    with pytest.raises(ValueError, match=f"^Expected {re.escape(fault)}$"):
+        qgc_plans(mission, around(mission), **given)
+    with pytest.raises(ValueError, match=f"^Expected {re.escape(fault)}$"):
+        write_plan(mission, around(mission), tmp_path / "site.plan", **given)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -217,8 +260,9 @@ def test_waypoints_of_more_robots_are_not_left_beside(tmp_path):
     write_plan(mission, mission.plan([trail, trail]), tmp_path / "site.plan", altitude=30)
     with pytest.raises(FileExistsError, match=r"site-1\.plan: a file of another plan"):
         write_plan(mission, around(mission), tmp_path / "site.plan", altitude=30)
-    with pytest.raises(ValueError, match=r"with a \.plan, and only with it"):
-        write_plan(mission, around(mission), tmp_path / "site.csv", altitude=30)
+    for more in ({"altitude": 30}, {"vehicle": "rover"}):
+        with pytest.raises(ValueError, match=r"expected altitude and vehicle with a \.plan only"):
+            write_plan(mission, around(mission), tmp_path / "site.csv", **more)
 
 
 def test_a_file_in_the_place_of_a_folder(tmp_path):

@@ -18,7 +18,7 @@ from tests.plugins.test_installed import botohe, pip_install, search_path, write
 pytestmark = pytest.mark.slow
 EXAMPLES = DOCS / "examples"
 # Packages with entry points: these are installed by pip, and found by their names.
-PACKAGES = ("botohe-drift", "botohe-tower", "botohe-rich-visit")
+PACKAGES = ("botohe-drift", "botohe-edges", "botohe-tower", "botohe-rich-visit")
 
 
 def as_lines(groups):
@@ -102,6 +102,15 @@ def test_the_study_of_missions_is_one(site, tmp_path):
     (tmp_path / "towers.yaml").write_text(text)
     ended = botohe("study", "plan", "towers.yaml", site=site, cwd=tmp_path)
     assert (ended.status, "18 runs" in ended.out) == (0, True), ended
+
+
+def test_the_format_is_read_as_shown(site, tmp_path):
+    (text,) = (t for language, t in blocks(DOCS / "adding-a-format.md") if language == "text")
+    (tmp_path / "reefs.csv").write_text(text)
+    for command in commands("adding-a-format"):
+        ended = botohe(*command, site=site, cwd=tmp_path)
+        assert ended.status == 0, ended.err
+    assert (tmp_path / "results" / "reefs" / "front.csv").exists()
 
 
 def test_the_mutation_is_known_by_its_name(site, tmp_path):

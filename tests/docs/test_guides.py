@@ -22,6 +22,7 @@ SESSIONS = {"model", "studies", "tour", "under-way"}
 TABLES = {"label,": "nodes.csv", "tail,": "arcs.csv", "robot,": "events.csv"}
 # Their commands need the packages that these pages make: see test_examples.py.
 OF_PACKAGES = {
+    "adding-a-format",
     "adding-a-mission",
     "adding-an-algorithm",
     "adding-an-objective",

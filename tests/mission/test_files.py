@@ -81,9 +81,9 @@ def attributes_of(mission):
 class TestAnyFile:
     def test_unknown_suffix(self, tmp_path):
         name = "pier.xml"
-        with pytest.raises(MissionError, match=r"one of .*\.geojson, \.yaml, \.yml; f"):
+        with pytest.raises(MissionError, match=r"one of .*\.geojson.*; found the suffix"):
             read_mission(tmp_path / name)
-        with pytest.raises(ValueError, match=r"one of \.json, \.graphml, \.geojson; found"):
+        with pytest.raises(ValueError, match=r"one of \.graphml, \.json, \.geojson; found"):
             save_mission(mission_of(), tmp_path / name)
 
     def test_missing_file_and_directory(self, tmp_path):
@@ -154,17 +154,25 @@ class TestJSON:
             (b'{"a": "\xff"}', "can't decode byte 0xff in position 7"),
             ('{\n "directed": tru', "Expecting value: line 2 column 14"),
             ("[]", "expected node-link data, a JSON object, got []"),
-            (content(directed=False), "expected directed arcs"),
+            (
+                content(directed=False),
+                "expected directed arcs, found undirected edges: give both_ways",
+            ),
             (content(multigraph=True), "expected at most one arc from a node to another"),
             (content(nodes=[7]), "nodes[0]: expected an object, got 7"),
             (content(nodes=[{"reward": 1}]), "nodes[0]: found no key \"id\" in {'reward': 1}"),
             (content(nodes=[{"id": {}}]), "nodes[0]: expected a label, a string, a number, a bool"),
-            (content(edges=content()["edges"][:1]), "node 'b': has no way back to base 'a'"),
         ],
     )
     def test_what_is_not_a_mission(self, json_faults, text, fault):
         (found,) = json_faults(text)
         assert fault in found
+
+    def test_arcs_that_lead_one_way(self, json_faults):
+        assert json_faults(content(edges=content()["edges"][:1])) == [
+            "node 'b': has no way back to base 'a'",
+            "no arc leads back; both_ways makes every arc passable both ways",
+        ]
 
     def test_what_is_nested_too_deep(self, json_faults):
         assert "recursion" in json_faults("[" * 100_000)[0]
@@ -269,7 +277,10 @@ class TestGraphML:
         [
             ("", "no element found: line 1, column 0"),
             ("<svg/>", "expected GraphML with one directed graph, found NetworkXError"),
-            (graphml(TWO, edgedefault="undirected"), "expected directed arcs (nx.DiGraph), got a"),
+            (
+                graphml(TWO, edgedefault="undirected"),
+                "expected directed arcs, found undirected edges",
+            ),
             (graphml(TWO + "</graph><graph>"), "with one directed graph, found 2 graphs"),
             (
                 graphml(TWO.replace(">1<", ">five<")),
@@ -281,6 +292,44 @@ class TestGraphML:
     )
     def test_what_is_not_a_mission(self, graphml_faults, text, fault):
         assert any(fault in found for found in graphml_faults(text))
+
+    @pytest.mark.parametrize(
+        ("kind", "text", "fault"),
+        [
+            ("int", "5.0", "expected an integer as danger, got '5.0'"),
+            ("long", "1e3", "expected an integer as danger, got '1e3'"),
+            ("double", "five", "expected a number as danger, got 'five'"),
+            ("boolean", "yes", "expected true or false as danger, got 'yes'"),
+            (
+                "decimal",
+                "5",
+                "expected a type among string, boolean, int, .* as danger, got 'decim",
+            ),
+        ],
+    )
+    @pytest.mark.parametrize("owner", ["node", "edge", "graph"])
+    def test_values_that_are_not_of_their_type(self, graphml_faults, owner, kind, text, fault):
+        key = f'<key id="d" for="{owner}" attr.name="danger" attr.type="{kind}"/><graph '
+        value = f'<data key="d">{text}</data>'
+        begin, named = {
+            "node": ('<node id="a">', "node 'a'"),
+            "edge": ('<edge source="a" target="b">', "arc 'a' -> 'b'"),
+            "graph": ('<data key="b">', "the graph"),
+        }[owner]
+        changed = TWO.replace(begin, value + begin if owner == "graph" else begin + value)
+        (found,) = graphml_faults(graphml(changed).replace("<graph ", key))
+        assert re.match(f"{re.escape(named)}: {fault}", found)
+
+    def test_names_on_yeds_drawings(self, tmp_path):
+        drawing = "<y:ShapeNode><y:NodeLabel>Dock</y:NodeLabel></y:ShapeNode>"
+        drawn = TWO.replace('<node id="a">', f'<node id="a"><data key="g">{drawing}</data>')
+        key = '<key id="g" for="node" yfiles.type="nodegraphics"/><graph '
+        text = graphml(drawn).replace("<graph ", key)
+        path = tmp_path / "drawn.graphml"
+        yworks = 'xmlns:y="http://www.yworks.com/xml/graphml"'
+        path.write_text(text.replace("<graphml ", f"<graphml {yworks} "))
+        assert read_mission(path).graph.nodes["a"]["label"] == "Dock"
+        assert read_mission(path, base="Dock").base == "a"
 
     @pytest.mark.parametrize(
         ("label", "attributes", "message"),

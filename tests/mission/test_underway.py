@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import pairwise, product
 from math import prod
 
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 from botohe_moo import Event, Mission, MissionError, load_mission
 from botohe_moo.mission import PlanError
 from botohe_moo.mission.model import numbers_digest
+from botohe_moo.mission.underway import apply_events, robots_at_start, settle_rewards
 from botohe_moo.underway import EventError, under_way
 from tests import twins
 from tests.examples import examples
@@ -175,6 +177,39 @@ def test_played_to_its_end_nothing_is_left():
     assert left.mission.arrays.n_arcs == 0
     assert left.mission.labels(left.plan) == ((1,), (1,))
     assert left.mission.evaluate([left.plan]).tolist() == [[0, 2]]
+
+
+def test_rewards_by_hand():
+    """The lab pays on return; each robot collects the reef with probability 0.5."""
+    graph = nx.DiGraph(base="dock")
+    graph.add_nodes_from(["dock", "pier"], reward=0.0, depot=True)
+    graph.add_node("reef", reward=4.0, share=0.5)
+    graph.add_node("lab", reward=8.0, pays="return")
+    trail = ["dock", "reef", "lab", "pier", "dock"]
+    graph.add_edges_from(pairwise(trail), survival=0.5)
+    mission = Mission(graph, robots=2)
+    start = robots_at_start(mission, mission.plan([trail, trail]))
+    out = apply_events(start, [Event("reached", 0, "lab"), Event("lost", 1, "lab")])
+    settled = settle_rewards(mission, out)
+    assert (settled.left["reef"], settled.left["lab"], settled.banked) == (1.0, 8.0, 3.0)
+    assert settled.paid == (["dock", "reef"], ["dock", "reef"])
+    assert settled.aboard == ((), ())  # the lab is where robot 0 still is
+    at_pier = settle_rewards(mission, apply_events(out, [Event("reached", 0, "pier")]))
+    assert (at_pier.left["lab"], at_pier.banked) == (0.0, 11.0)
+    assert [robot.at for robot in start] == [0, 0]  # events give new states
+
+
+def test_limits_are_named():
+    toy = load_mission("toy")
+    plan = toy.plan([[1], [1, 2, 4, 2, 1]])
+    [[_, survival]] = toy.robot_survival([plan])
+    for limit, expected in (
+        ({"min_survival": 1.0}, f"with survival >= 1, got {survival:.4g}."),
+        ({"max_length": 3}, "of length <= 3, got 4."),
+    ):
+        with pytest.raises(PlanError) as caught:
+            toy.after(plan, [], **limit)
+        assert str(caught.value) == f"Robot 1: expected a trail {expected}"
 
 
 def test_bad_events():

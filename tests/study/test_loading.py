@@ -11,6 +11,7 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from PIL import Image
 
 from botohe_moo import Kind, Mission, load_mission, save_mission
 from botohe_moo._base.document import Document
@@ -47,6 +48,32 @@ def written(tmp_path, text):
     path = tmp_path / "study.yaml"
     path.write_text(text)
     return path
+
+
+def test_paths_are_relative_to_the_file_that_names_them(tmp_path, monkeypatch):
+    folder = tmp_path / "studies"
+    (folder / "maps").mkdir(parents=True)
+    Image.fromarray(np.zeros((4, 4), np.uint8)).save(folder / "maps" / "black.png")
+    (folder / "maps" / "black.yaml").write_text(
+        "{image: black.png, mode: scale, resolution: 1, origin: [0, 0]}"
+    )
+    points = [
+        {"properties": {"id": i}, "geometry": {"type": "Point", "coordinates": [1 + i, 1]}}
+        for i in range(2)
+    ]
+    line = {"type": "LineString", "coordinates": [[1, 1], [2, 1]]}
+    ends = {"startid": 0, "endid": 1}
+    features = [*points, {"properties": ends, "geometry": line}]
+    (folder / "site.geojson").write_text(json.dumps({"features": features}))
+    parameters = {"base": 0, "danger": 0.5, "hazard": "maps/black.yaml", "both_ways": True}
+    mission = {"mission": "site.geojson", "robots": 1, "parameters": parameters}
+    (folder / "study.yaml").write_text(json.dumps(changed(missions={"site": mission})))
+    monkeypatch.chdir(tmp_path)
+    study = load_study("studies/study.yaml")
+    survivals = study.missions[0].mission.graph.edges
+    assert survivals[0, 1]["survival"] == pytest.approx(math.exp(-0.5))
+    monkeypatch.chdir(folder)
+    assert load_study("study.yaml").missions[0].digest == study.missions[0].digest
 
 
 class TestGrid:

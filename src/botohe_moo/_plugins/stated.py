@@ -5,17 +5,18 @@ By its signature and docstring, or by a pydantic model: the attribute ``Paramete
 
 import functools
 import inspect
+import os
 import re
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, TypeAlias, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from botohe_moo._plugins.faults import fault_messages
-from botohe_moo._plugins.types import plain_number, range_text, resolved, type_text
+from botohe_moo._plugins.types import UNIONS, plain_number, range_text, resolved, type_text
 
 Factory: TypeAlias = Callable[..., Any]
 
@@ -64,6 +65,13 @@ class Parameter:
                 return self.adapter.json_schema().get("type") != "null"  # which is no value
         except PydanticUserError:  # a class that is only known by isinstance
             return False
+
+    @property
+    def is_path(self) -> bool:
+        """Whether its type is that of paths."""
+        members = get_args(self.hint) if get_origin(self.hint) in UNIONS else (self.hint,)
+        kinds = (get_origin(member) or member for member in members)
+        return any(isinstance(kind, type) and issubclass(kind, os.PathLike) for kind in kinds)
 
     def checked(self, value: Any) -> tuple[Any, list[str]]:
         """Return a value as its type has it, and what keeps it from being of that type.

@@ -246,10 +246,11 @@ def _search_and_write(
 ) -> tuple[Solution, Path]:
     from botohe_moo._base.files import check_folder, new_folder
     from botohe_moo.cli.progress import showing_search
+    from botohe_moo.mission.formats.reading import stem_of
     from botohe_moo.solution import PictureError
     from botohe_moo.solving import RefusalError, search
 
-    default = Path("results", "solve", Path(how["record"]["source"]["name_or_path"]).stem)
+    default = Path("results", "solve", stem_of(how["record"]["source"]["name_or_path"]))
     with stoppable(_STOPPING) as stop, ExitStack() as stack:
         with failing():
             check_folder(default.parent if out is None else out)

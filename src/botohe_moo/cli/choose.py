@@ -61,8 +61,8 @@ PlanFileOption = Annotated[
     out_option(
         "PATH",
         "Write the plan: .json, .csv (waypoints), .geojson, .plan (QGroundControl, with "
-        "--altitude), drawn on the map as .png, .svg or .pdf, or, without a suffix, a folder "
-        "with files for Nav2.",
+        "--altitude and --vehicle), drawn on the map as .png, .svg or .pdf, or, without a suffix, "
+        "a folder with files for Nav2.",
     ),
 ]
 AltitudeOption = Annotated[
@@ -70,7 +70,17 @@ AltitudeOption = Annotated[
     typer.Option(
         "--altitude",
         metavar="M",
-        help="Height of waypoints above the start, in metres: for --out FILE.plan.",
+        help="Height of waypoints above the start, in metres: for --out FILE.plan. Below 0 for a "
+        "submarine; a rover and a boat need none.",
+    ),
+]
+VehicleOption = Annotated[
+    str,
+    typer.Option(
+        "--vehicle",
+        metavar="VEHICLE",
+        help="Which vehicle --out FILE.plan is for: multicopter, fixed-wing, vtol, rover, boat or "
+        "submarine.",
     ),
 ]
 
@@ -83,6 +93,7 @@ def choose_plan(
     plan: PlanOption = None,
     out: PlanFileOption = None,
     altitude: AltitudeOption = None,
+    vehicle: VehicleOption = "multicopter",
 ) -> None:
     """Choose the best plan of a front that meets all wishes.
 
@@ -107,7 +118,7 @@ def choose_plan(
         asked = {"wishes": bool(wish), "--toward": toward is not None, "--plan": plan is not None}
         _check_options(asked, most, out)
         if out is not None:
-            check_plan_path(out, altitude, PICTURES)
+            check_plan_path(out, altitude, vehicle, PICTURES)
             _check_not_of_solution(folder, out)
         solution = read_solution(folder)
         if toward is not None:
@@ -128,7 +139,7 @@ def choose_plan(
     if wish and not choice.met:
         fail("no plan meets all wishes" + ("; nothing is written." if out else "."), FAILED)
     if out is not None:
-        _write(solution.mission, choice.plan, out, altitude)
+        _write(solution.mission, choice.plan, out, altitude, vehicle)
 
 
 def _check_not_of_solution(folder: Path, out: Path) -> None:
@@ -138,7 +149,9 @@ def _check_not_of_solution(folder: Path, out: Path) -> None:
         raise ValueError(f"{out}: a file of the solution itself; give another name.")
 
 
-def _write(mission: Mission, plan: TrailPlan, path: Path, altitude: float | None) -> None:
+def _write(
+    mission: Mission, plan: TrailPlan, path: Path, altitude: float | None, vehicle: str
+) -> None:
     from botohe_moo.decide import write_plan
     from botohe_moo.solution.model import draw_picture
 
@@ -149,7 +162,7 @@ def _write(mission: Mission, plan: TrailPlan, path: Path, altitude: float | None
             draw_picture(path, plot_plan, mission, plan)
             files: tuple[Path, ...] = (path,)
         else:
-            files = write_plan(mission, plan, path, altitude=altitude)
+            files = write_plan(mission, plan, path, altitude=altitude, vehicle=vehicle)
     for file in files:
         tell(f"wrote {file}")
 

@@ -83,7 +83,7 @@ def show_mission(
 
         loaded = load_mission(**source)
     tell(_describe(loaded))
-    for parameter in mission_parameters(mission):
+    for parameter in () if Path(mission).exists() else mission_parameters(mission):
         tell(f"\n{parameter_text(parameter)}")
     if picture is not None:
         from botohe_moo.plots import plot_mission, save_plot
@@ -197,7 +197,7 @@ def import_mission(
     base: Annotated[str, typer.Option("--base", metavar="LABEL", help="Label of the base.")],
     out: Annotated[
         Path,
-        out_option("FILE", "Mission file to write: .json, .graphml."),
+        out_option("FILE", "Mission file to write: .json, .graphml, .geojson."),
     ],
     robots: Annotated[
         int | None,
@@ -241,6 +241,9 @@ def import_mission(
     title: Annotated[
         str | None, typer.Option("--title", metavar="TEXT", help="Title, for pictures.")
     ] = None,
+    danger: DangerOption = None,
+    hazard: HazardOption = None,
+    mission_parameter: MissionParameterOption = None,
 ) -> None:
     """Make a mission file of two tables (CSV): nodes and arcs.
 
@@ -248,23 +251,25 @@ def import_mission(
     attributes. What is wrong is named by file and row.
     """
     from botohe_moo.mission import mission_from_tables, save_mission
+    from botohe_moo.mission.formats.reading import stem_of
     from botohe_moo.mission.formats.tables import read_table
 
     with failing():
-        if robots is None and not kind:
-            raise ValueError("Expected --robots K, or --kind NAME=K for each kind, found neither.")
-        loaded = mission_from_tables(
-            read_table(nodes),
-            read_table(arcs),
+        given = mission_options(
+            mission_parameter,
             base=base,
             robots=robots,
-            kinds=[read_kind(text) for text in kind] if kind else None,
             pays=pays,
-            both_ways=both_ways,
+            both_ways=both_ways or None,
             max_length=max_length,
-            name=out.stem,
             title=title,
+            danger=danger,
+            hazard=hazard,
         )
+        if kind:
+            given["kinds"] = [read_kind(text) for text in kind]
+        tables = read_table(nodes), read_table(arcs)
+        loaded = mission_from_tables(*tables, **{"name": stem_of(out), **given})
         if lengths_from_pos:
             loaded = loaded.with_lengths_from_pos()
         save_mission(loaded, out)

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 PICTURES = (".png", ".svg", ".pdf")
+_TEXTS = ("base",)
 
 
 def path_option(*names: str, metavar: str, help: str) -> Any:  # noqa: A002
@@ -47,8 +48,7 @@ BaseOption = Annotated[
     typer.Option(
         "--base",
         metavar="NODE",
-        help="The base, in a route graph (.geojson) or a building (.yaml), whose first charger is "
-        "the default.",
+        help="The base of a mission file; default: the file's own, or a building's first charger.",
     ),
 ]
 DangerOption = Annotated[
@@ -56,8 +56,8 @@ DangerOption = Annotated[
     typer.Option(
         "--danger",
         metavar="D",
-        help="Rate of loss for a unit of length, where lines of a route graph (.geojson) do not "
-        "say how likely robots survive, and for lanes of a building (.yaml): exp(−D · length).",
+        help="Rate of loss for a unit of length, in mission files whose arcs do not all have a "
+        "survival: exp(−D · length).",
     ),
 ]
 HazardOption = Annotated[
@@ -65,8 +65,8 @@ HazardOption = Annotated[
     path_option(
         "--hazard",
         metavar="FILE",
-        help="Map of where a route graph (.geojson) is dangerous: YAML as the map server of Nav2 "
-        "reads it, with mode: scale. --danger is the rate where it is black.",
+        help="Map of where a mission file is dangerous: YAML as the map server of Nav2 reads it, "
+        "with mode: scale. --danger is the rate where it is black.",
     ),
 ]
 MinSurvivalOption = Annotated[
@@ -89,7 +89,10 @@ MaxLengthOption = Annotated[
 MissionParameterOption = Annotated[
     list[str] | None,
     pairs_option(
-        "--mission-parameter", "-m", "A parameter of the mission, such as nodes=500 or seed=3."
+        "--mission-parameter",
+        "-m",
+        "A parameter of the mission, such as nodes=500, or of any mission file: reward=2, "
+        "both_ways=true.",
     ),
 ]
 ParameterOption = Annotated[
@@ -102,13 +105,16 @@ SeedOption = Annotated[
 
 
 def read_parameters(pairs: Iterable[str] | None) -> dict[str, Any]:
-    """Read NAME=VALUE pairs: numbers as in Python, everything else as in YAML."""
+    """Read NAME=VALUE pairs: numbers as in Python, everything else as in YAML.
+
+    A label stays the text that was typed, as the mission knows what its labels are.
+    """
     found: dict[str, Any] = {}
     for pair in pairs or ():
         name, equals, value = pair.partition("=")
         if not equals or not name.isidentifier():
             raise ValueError(f"Expected a parameter as NAME=VALUE, got {pair!r}.")
-        found[name] = _value(name, value)
+        found[name] = value if name in _TEXTS else _value(name, value)
     return found
 
 
@@ -150,9 +156,8 @@ def _value(name: str, text: str) -> Any:
 def mission_options(pairs: list[str] | None, **options: object) -> dict[str, Any]:
     """Collect parameters of a mission, some of which are options of their own."""
     own = {name: value for name, value in options.items() if value is not None}
-    typed = [f"{name}={value}" for name, value in own.items() if not isinstance(value, Path)]
-    paths = {name: str(value) for name, value in own.items() if isinstance(value, Path)}
-    return {**read_parameters([*(pairs or []), *typed]), **paths}
+    own = {name: str(of) if isinstance(of, Path) else of for name, of in own.items()}
+    return read_parameters(pairs) | own
 
 
 def mission_source(mission: str, pairs: list[str] | None, **options: object) -> dict[str, Any]:

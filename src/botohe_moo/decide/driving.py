@@ -10,9 +10,7 @@ from itertools import accumulate, pairwise
 from operator import mul
 from typing import Any
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Positive
+from botohe_moo._base.checks import check_choice, check_number, quoted
 from botohe_moo.decide.robots import robot_rows
 from botohe_moo.mission.arrays import given_places
 from botohe_moo.mission.formats.nodelink import mission_content, plain_label
@@ -24,7 +22,11 @@ _GRAPH = "graph.geojson"
 _FRAME = "map"  # of nodes that name no other
 # MAV_CMD_NAV_WAYPOINT, and heights above where the vehicle starts.
 _WAYPOINT, _RELATIVE_TO_HOME, _RELATIVE_MODE = 16, 3, 1
-_PX4, _MULTIROTOR = 12, 2  # as QGroundControl has them by default
+_PX4 = 12  # as QGroundControl has it by default
+# The MAV_TYPE that QGroundControl writes for each class; altitudes of those that do not fly.
+VEHICLES = {"multicopter": 2, "fixed-wing": 1, "vtol": 20, "rover": 10, "boat": 11, "submarine": 12}
+_ALTITUDES: dict[str, dict[str, float]] = {"rover": {}, "boat": {}, "submarine": {"at_most": 0.0}}
+MULTICOPTER = "multicopter"
 
 
 def nav2_files(mission: Mission, plan: TrailPlan) -> dict[str, str]:
@@ -108,19 +110,37 @@ def _stops(mission: Mission, nodes: Sequence[Any]) -> list[dict[str, Any]]:
     return stops
 
 
-@checked
-def qgc_plans(mission: Mission, plan: TrailPlan, *, altitude: Positive) -> dict[int, str]:
+def altitude_of(vehicle: str, altitude: float | None) -> float:
+    """Return a checked altitude of waypoints, by default 0 for vehicles that stay on a surface."""
+    check_choice("vehicle", vehicle, VEHICLES)
+    allowed = _ALTITUDES.get(vehicle, {"above": 0.0})
+    if altitude is None and not allowed:
+        return 0.0
+    return check_number(f"altitude (of a {vehicle}, in metres)", altitude, **allowed)
+
+
+def qgc_plans(
+    mission: Mission, plan: TrailPlan, *, altitude: float | None = None, vehicle: str = MULTICOPTER
+) -> dict[int, str]:
     """Write a plan for vehicles that QGroundControl plans for: a ``.plan`` each.
 
     It has a waypoint for each node of a trail but the first, which is the planned home position.
-    Take-off and landing, which depend on the vehicle, are added in QGroundControl.
+    Take-off and landing, which depend on the vehicle, are added in QGroundControl. Its developer
+    guide describes the `format
+    <https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html>`__:
+    ``vehicleType`` is a ``MAV_TYPE`` of MAVLink, and all plans have both ``hoverSpeed``, for
+    multicopters, and ``cruiseSpeed``. Both are QGroundControl's defaults here.
 
     Parameters
     ----------
     mission, plan
         A mission whose nodes have ``pos`` [longitude, latitude], in degrees, and a plan of it.
     altitude
-        Height of waypoints above the home position, above 0, in metres.
+        Height of waypoints above the home position, in metres: above 0 for vehicles that fly, and
+        at most 0 for a submarine, as ArduSub expects it. A rover and a boat need none; their
+        autopilots ignore it.
+    vehicle
+        ``"multicopter"``, ``"fixed-wing"``, ``"vtol"``, ``"rover"``, ``"boat"`` or ``"submarine"``.
 
     Returns
     -------
@@ -130,7 +150,8 @@ def qgc_plans(mission: Mission, plan: TrailPlan, *, altitude: Positive) -> dict[
     Raises
     ------
     ValueError
-        If a node on a trail has no longitude and latitude.
+        If a node on a trail has no longitude and latitude, the vehicle is unknown, or the altitude
+        is not one of that vehicle.
     PlanError
         If the plan is not valid for the mission.
 
@@ -151,6 +172,7 @@ def qgc_plans(mission: Mission, plan: TrailPlan, *, altitude: Positive) -> dict[
     >>> [item["params"][4:] for item in json.loads(files[0])["mission"]["items"]]
     [[1.0, 0.5, 30.0], [0.5, 1.0, 30.0], [1.0, 0.5, 30.0], [0.5, 0.0, 30.0]]
     """
+    height = altitude_of(vehicle, altitude)
     check_mission(mission).evaluate([plan])
     if not mission.graph.graph.get("geographic"):
         warnings.warn(
@@ -163,7 +185,7 @@ def qgc_plans(mission: Mission, plan: TrailPlan, *, altitude: Positive) -> dict[
     for robot, trail in enumerate(mission.labels(plan)):
         at = [_on_earth(node, places[node]) for node in trail]
         if len(at) > 1:
-            files[robot] = _qgc_plan(at, float(altitude))
+            files[robot] = _qgc_plan(at, height, VEHICLES[vehicle])
     return files
 
 
@@ -177,7 +199,7 @@ def _on_earth(node: Any, place: tuple[float, float] | None) -> list[float]:
     return [place[1], place[0]]
 
 
-def _qgc_plan(at: Sequence[list[float]], altitude: float) -> str:
+def _qgc_plan(at: Sequence[list[float]], altitude: float, vehicle_type: int) -> str:
     """Write a file in the format of QGroundControl, version 1, with a mission of version 2."""
     items = [
         {
@@ -203,7 +225,7 @@ def _qgc_plan(at: Sequence[list[float]], altitude: float) -> str:
             "mission": {
                 "version": 2,
                 "firmwareType": _PX4,
-                "vehicleType": _MULTIROTOR,
+                "vehicleType": vehicle_type,
                 "globalPlanAltitudeMode": _RELATIVE_MODE,
                 "cruiseSpeed": 15,
                 "hoverSpeed": 5,

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from botohe_moo._base.files import check_file, check_folder, check_suffix, replace_file
-from botohe_moo.decide.driving import json_text, nav2_files, qgc_plans
+from botohe_moo.decide.driving import MULTICOPTER, altitude_of, json_text, nav2_files, qgc_plans
 from botohe_moo.decide.robots import robot_rows
 from botohe_moo.mission.arrays import given_places
 from botohe_moo.mission.formats.nodelink import plain_label
@@ -179,6 +179,7 @@ def write_plan(
     path: str | os.PathLike[str],
     *,
     altitude: float | None = None,
+    vehicle: str = MULTICOPTER,
 ) -> tuple[Path, ...]:
     """Write a plan to files, in the format of the path; each appears complete, or not at all.
 
@@ -190,8 +191,9 @@ def write_plan(
         Ends in ``.json``, ``.csv``, ``.geojson`` or ``.plan``, or has no suffix: then it is a
         folder, which is made, for the files of :func:`nav2_files`. A ``.plan`` is for one robot: of
         a team, ``site-0.plan`` and so on are written for ``site.plan``, but for robots that stay.
-    altitude
-        Height of waypoints in a ``.plan``, as for :func:`qgc_plans`; needed for it alone.
+    altitude, vehicle
+        Height of waypoints in a ``.plan``, and for which vehicle it is, as for :func:`qgc_plans`;
+        for it alone.
 
     Returns
     -------
@@ -201,7 +203,8 @@ def write_plan(
     Raises
     ------
     ValueError
-        If the suffix is another, the format cannot hold the plan, or ``altitude`` is missing.
+        If the suffix is another, the format cannot hold the plan, ``altitude`` is missing or not
+        one of the vehicle, or the vehicle is unknown.
     PlanError
         If the plan is not valid for the mission.
     OSError
@@ -220,8 +223,8 @@ def write_plan(
     ['graph.geojson', 'robot_0.json', 'robot_1.json']
     """
     path = Path(path)
-    check_plan_path(path, altitude)
-    texts = _texts(mission, plan, path, altitude)
+    check_plan_path(path, altitude, vehicle)
+    texts = _texts(mission, plan, path, altitude, vehicle)
     if not path.suffix:
         path.mkdir(parents=True, exist_ok=True)
     for file in texts:  # all of them before any is written
@@ -231,8 +234,10 @@ def write_plan(
     return tuple(texts)
 
 
-def check_plan_path(path: Path, altitude: float | None, pictures: Sequence[str] = ()) -> None:
-    """Refuse a path that no plan can be written to, and a ``.plan`` without an altitude.
+def check_plan_path(
+    path: Path, altitude: float | None, vehicle: str, pictures: Sequence[str] = ()
+) -> None:
+    """Refuse a path that no plan can be written to, and an altitude that a ``.plan`` cannot have.
 
     ``pictures`` are suffixes that are right, too.
     """
@@ -241,21 +246,21 @@ def check_plan_path(path: Path, altitude: float | None, pictures: Sequence[str] 
         check_file(path)
     else:
         check_folder(path)
-    if (path.suffix.lower() == _QGC) != (altitude is not None):
-        raise ValueError(
-            f"{path}: expected altitude, the height of waypoints, with a .plan, and only with it."
-        )
+    if path.suffix.lower() == _QGC:
+        altitude_of(vehicle, altitude)
+    elif altitude is not None or vehicle != MULTICOPTER:
+        raise ValueError(f"{path}: expected altitude and vehicle with a .plan only.")
 
 
 def _texts(
-    mission: Mission, plan: TrailPlan, path: Path, altitude: float | None
+    mission: Mission, plan: TrailPlan, path: Path, altitude: float | None, vehicle: str
 ) -> dict[Path, str]:
     """Return what is to be written, by file."""
     suffix = path.suffix.lower()
     if suffix in _TEXTS:
         return {path: _TEXTS[suffix](mission, plan)}
     if suffix == _QGC:
-        plans = qgc_plans(mission, plan, altitude=altitude)  # type: ignore[arg-type]
+        plans = qgc_plans(mission, plan, altitude=altitude, vehicle=vehicle)
         if not plans:
             raise ValueError(f"{path}: expected a robot that leaves where it starts, found none.")
         numbered = {

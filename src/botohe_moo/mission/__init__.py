@@ -8,6 +8,12 @@ if TYPE_CHECKING:
     from botohe_moo.mission.formats.files import read_mission as read_mission
     from botohe_moo.mission.formats.files import save_mission as save_mission
     from botohe_moo.mission.formats.maps import roadmap_from_map as roadmap_from_map
+    from botohe_moo.mission.formats.reading import Draft as Draft
+    from botohe_moo.mission.formats.reading import Format as Format
+    from botohe_moo.mission.formats.reading import Row as Row
+    from botohe_moo.mission.formats.reading import Source as Source
+    from botohe_moo.mission.formats.reading import format_of as format_of
+    from botohe_moo.mission.formats.reading import stem_of as stem_of
     from botohe_moo.mission.formats.tables import mission_from_tables as mission_from_tables
     from botohe_moo.mission.hazards import rewards_from_raster as rewards_from_raster
     from botohe_moo.mission.hazards import survival_from_raster as survival_from_raster

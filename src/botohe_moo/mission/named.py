@@ -16,8 +16,10 @@ from botohe_moo._plugins.checks import Fault, call_factory, check_values, checke
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, package_of
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 from botohe_moo._plugins.types import Robots
-from botohe_moo.mission.formats.files import read_mission
-from botohe_moo.mission.formats.reading import is_file_name, suffixes
+from botohe_moo.mission.formats.files import file_parameters, read_mission
+from botohe_moo.mission.formats.nodelink import read_node_link
+from botohe_moo.mission.formats.reading import Source, format_of, is_file_name, suffixes
+from botohe_moo.mission.formats.tables import make_mission
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.mission.rules import MissionError
 
@@ -135,7 +137,7 @@ def toy(*, robots: Robots | None = None) -> Mission:
 
 def _packaged(name: str, robots: int | None) -> Mission:
     with as_file(files("botohe_moo.mission").joinpath("data", f"{name}.json")) as path:
-        return read_mission(path, robots=robots)
+        return make_mission(read_node_link(Source(path)), robots=robots)
 
 
 @checked
@@ -211,17 +213,35 @@ def mission_faults(
     """
     given = parameters or {}
     try:
-        function = find_factory(name_or_path)
-        if function is not None:
-            accepted = accepted_parameters(function)
-            if faults := check_values(accepted, given, plain=plain, also=COMMON):
-                return faults
+        accepted = _accepted(name_or_path)
+        if faults := check_values(accepted, given, plain=plain, also=COMMON):
+            return faults
         load_mission(name_or_path, **given)
     except MissionError as error:
         return [(None, fault) for fault in error.faults]
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         return [raised_fault(error, given, source=_PLUGINS.source(name_or_path))]
     return []
+
+
+def _accepted(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
+    """Return the parameters of a named mission, or the options of a file's format."""
+    function = find_factory(name_or_path)
+    return accepted_parameters(function) if function else file_parameters(format_of(name_or_path))
+
+
+def relative_to(
+    folder: Path, name_or_path: str | os.PathLike[str], parameters: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return parameters of a mission, with paths in a file relative to the file's folder."""
+    try:
+        paths = {parameter.name for parameter in _accepted(name_or_path) if parameter.is_path}
+    except ValueError:  # whoever loads the mission says why it cannot be found
+        paths = set()
+    return {
+        name: str(folder / value) if name in paths and isinstance(value, str) else value
+        for name, value in parameters.items()
+    }
 
 
 def mission_names() -> tuple[str, ...]:
@@ -254,10 +274,8 @@ def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None
 
 
 def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
-    """List the parameters that a named mission states besides ``robots``; a file has none."""
-    function = find_factory(name_or_path)
-    stated = () if function is None else accepted_parameters(function)
-    return tuple(parameter for parameter in stated if parameter.name != "robots")
+    """List the parameters of a named mission, or of files in a format, besides ``robots``."""
+    return tuple(one for one in _accepted(name_or_path) if one.name != "robots")
 
 
 def describe_mission(name: str) -> str:

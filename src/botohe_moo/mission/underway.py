@@ -1,12 +1,12 @@
-"""Missions under way: what has happened, and the mission that is left."""
+"""Missions under way: apply events to robots, settle the rewards, and return the mission left."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import networkx as nx
 import numpy as np
@@ -17,11 +17,11 @@ from botohe_moo.kernels.graph.graph import Limits, limit_at
 from botohe_moo.mission.rules import Kind, MissionError, PlanError, by_kind
 from botohe_moo.trails import TrailPlan
 
-HAPPENINGS = ("reached", "lost", "home")
+_ROUNDING = 1e-12  # relative, of survivals and lengths
 
 
 class EventError(ValueError):
-    """Something is wrong with the events of a mission; names each event and why.
+    """Something is wrong with the events of a mission; the message names each event and why.
 
     Examples
     --------
@@ -44,16 +44,17 @@ class Event:
     Parameters
     ----------
     what
-        ``"reached"`` a node of its trail, and all nodes of the trail before it; ``"lost"``;
-        ``"home"``, which has followed its trail to the end, and does not leave again.
+        ``"reached"``: the robot has reached a node of its trail, and all nodes before it.
+        ``"lost"``: it is lost. ``"home"``: it has followed its trail to the end, and does not leave
+        again.
     robot
-        Its row in the plan, from 0; or the name of its kind, if it is the only one of that.
+        Its row in the plan, from 0; or the name of its kind, if that kind has only one robot.
     node
-        The node that it has reached, where its trail visits it next. Of a lost robot, the node to
-        which it was on its way, so that it has reached all before; None if it is not known where it
-        was lost: then only what it had collected by its last event counts.
+        The node that it has reached, where its trail visits it next. For a lost robot, the node to
+        which it was on its way: it has reached all nodes before. None if nobody knows where it was
+        lost: then only what it had collected by its last event counts.
     where
-        What errors call the event, such as the row of a file; by default its number in the list.
+        How errors name the event, such as the row of a file. Default: its number in the list.
 
     Examples
     --------
@@ -68,35 +69,24 @@ class Event:
     where: str | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
-        if self.what == "reached":
-            return f"robot {self.robot} reached {quoted(self.node)}"
-        if self.what == "lost":
-            where = "" if self.node is None else f" on the way to {quoted(self.node)}"
-            return f"robot {self.robot} lost{where}"
-        return f"robot {self.robot} {self.what}"
+        if self.what == "lost" and self.node is not None:
+            return f"robot {self.robot} lost on the way to {quoted(self.node)}"
+        place = f" {quoted(self.node)}" if self.what == "reached" else ""
+        return f"robot {self.robot} {self.what}{place}"
 
 
-@dataclass
+@dataclass(frozen=True)
 class RobotState:
-    """A robot under way."""
+    """A robot under way: where it is on its trail, and whether it is out, lost or home.
+
+    A lost robot stays at the last node that it reached.
+    """
 
     number: int
     kind: Kind
     trail: tuple[Hashable, ...]
-    at: int = 0  # its position on the trail
+    at: int = 0
     state: str = "out"
-    aboard: list[Hashable] = field(default_factory=list)
-    paid: list[Hashable] = field(default_factory=list)  # where nothing is collected any more
-
-    @property
-    def place(self) -> Hashable:
-        """The node where it is, or was when it was lost."""
-        return self.trail[self.at]
-
-    @property
-    def has_left(self) -> bool:
-        """Whether it is not one of the robots of its kind that may still go anywhere."""
-        return self.at > 0 or self.state == "home"
 
 
 def robots_at_start(mission: Any, plan: TrailPlan) -> list[RobotState]:
@@ -105,47 +95,111 @@ def robots_at_start(mission: Any, plan: TrailPlan) -> list[RobotState]:
     return [RobotState(number, kind, trail) for number, (kind, trail) in enumerate(trails)]
 
 
-def happen(robots: Sequence[RobotState], event: Event, number: int) -> str | None:
-    """Let an event happen; return what is wrong with it, if anything is."""
-    named = event.where or f"Event {number}"
-    where = f"{named}: {event}"
-    if event.what not in HAPPENINGS:
-        return f"{named}: expected 'reached', 'lost' or 'home', got {quoted(event.what)}."
-    robot = _find(robots, event.robot)
-    if robot is None:
-        team = counted(len(robots), "robot")
-        return f"{where}: expected a row of the plan, which has {team}, from 0."
+def apply_events(robots: Sequence[RobotState], events: Iterable[Event]) -> list[RobotState]:
+    """Return the robots after some events, in the order of ``robots``.
+
+    Raises
+    ------
+    EventError
+        If events cannot happen; it names all of them. Later events are checked without these.
+    """
+    after, faults = list(robots), []
+    for number, event in enumerate(events):
+        try:
+            robot = apply_event(after, event)
+            after[robot.number] = robot
+        except EventError as error:
+            faults.append(f"{event.where or f'Event {number}'}: {error}")
+    if faults:
+        raise EventError("\n".join(faults))
+    return after
+
+
+def apply_event(robots: Sequence[RobotState], event: Event) -> RobotState:
+    """Return the robot of an event after it; the EventError says why it cannot happen."""
+    if not isinstance(event, Event):
+        raise TypeError(f"Expected events to be of type Event, got {quoted(event)}.")
+    if event.what not in ("reached", "lost", "home"):
+        raise EventError(f"expected 'reached', 'lost' or 'home', got {quoted(event.what)}.")
+    robot = _find(robots, event)
+    end, ahead = len(robot.trail) - 1, robot.trail[robot.at + 1 :]
     if robot.state != "out":
-        return f"{where}: it is {robot.state} already."
-    ahead = robot.trail[robot.at + 1 :]
+        raise EventError(f"{event}: it is {robot.state} already.")
     if event.what == "home":
-        if event.node not in (None, robot.trail[-1]):
-            end = quoted(robot.trail[-1])
-            return f"{where} at {quoted(event.node)}: expected the end of its trail, {end}."
-        robot.at, robot.state = len(robot.trail) - 1, "home"
-        return None
+        if event.node not in (None, robot.trail[end]):
+            found, expected = quoted(event.node), quoted(robot.trail[end])
+            raise EventError(f"{event} at {found}: expected the end of its trail, {expected}.")
+        return replace(robot, at=end, state="home")
     if event.what == "lost" and event.node is None:
-        robot.state = "lost"
-        return None
+        return replace(robot, state="lost")
     if event.node not in ahead:
         rest = ", ".join(map(quoted, ahead)) or "which has ended"
-        return f"{where}: expected a node of the rest of its trail, {rest}."
-    robot.at += 1 + ahead.index(event.node)
+        raise EventError(f"{event}: expected a node of the rest of its trail, {rest}.")
+    hops = ahead.index(event.node)
     if event.what == "lost":
-        robot.at, robot.state = robot.at - 1, "lost"
-    return None
+        return replace(robot, at=robot.at + hops, state="lost")
+    return replace(robot, at=robot.at + hops + 1)
 
 
-def _find(robots: Sequence[RobotState], given: object) -> RobotState | None:
-    """Find a robot by its row, or by the kind of which it is the only one."""
-    if isinstance(given, str):
-        found = [robot for robot in robots if robot.kind.name == given]
-        return found[0] if len(found) == 1 else None
-    is_row = isinstance(given, int | np.integer) and 0 <= given < len(robots)
-    return robots[int(given)] if is_row else None  # type: ignore[call-overload]
+def _find(robots: Sequence[RobotState], event: Event) -> RobotState:
+    """Return the robot of an event by its row, or by a kind that has no other robot."""
+    if isinstance(event.robot, int | np.integer) and 0 <= event.robot < len(robots):
+        return robots[event.robot]
+    if len(found := [robot for robot in robots if robot.kind.name == event.robot]) == 1:
+        return found[0]
+    team = counted(len(robots), "robot")
+    raise EventError(f"{event}: expected a row of the plan, which has {team}, from 0.")
 
 
-_ROUNDING = 1e-12  # relative, of lengths
+class Settled(NamedTuple):
+    """The rewards of a mission under way.
+
+    Attributes
+    ----------
+    left
+        What each node still pays.
+    banked
+        The expected reward that counts already.
+    paid
+        For each robot, the nodes where it collects nothing any more.
+    aboard
+        For each robot, the nodes whose rewards it carries.
+    """
+
+    left: dict[Hashable, float]
+    banked: float
+    paid: tuple[list[Hashable], ...]
+    aboard: tuple[tuple[Hashable, ...], ...]
+
+
+def settle_rewards(mission: Any, robots: Sequence[RobotState]) -> Settled:
+    """Return what robots have collected, and what nodes still pay.
+
+    Each robot that is paid for node v leaves r(v) · (1 − share) of its expected reward r(v).
+    """
+    nodes = mission.graph.nodes
+    left = {node: float(reward) for node, reward in nodes(data="reward")}
+    paid, aboard = zip(*(_collected(mission, robot) for robot in robots), strict=True)
+    for robot, collected in zip(robots, paid, strict=True):
+        for node in collected:
+            [share] = by_kind(nodes[node].get("share", 1.0), [robot.kind])
+            left[node] *= 1.0 - share
+    banked = math.fsum(float(nodes[node]["reward"]) - pays for node, pays in left.items())
+    return Settled(left, banked, paid, aboard)
+
+
+def _collected(mission: Any, robot: RobotState) -> tuple[list[Hashable], tuple[Hashable, ...]]:
+    """Return the nodes for which a robot is paid, and those whose rewards it carries."""
+    paid: list[Hashable] = []
+    carried = list(robot.kind.aboard)
+    for node in robot.trail[: robot.at + 1]:
+        attributes = mission.graph.nodes[node]
+        if node not in paid and node not in carried:
+            returns = attributes.get("pays", mission.pays) == "return"
+            (carried if returns else paid).append(node)
+        if node == mission.base or attributes.get("depot"):
+            paid, carried = paid + carried, []
+    return paid, tuple(node for node in carried if node != robot.trail[robot.at])
 
 
 @dataclass(frozen=True)
@@ -189,31 +243,31 @@ def under_way(
 ) -> UnderWay:
     """Return what is left of a mission, and of its plan, after some events.
 
-    Robots that are lost leave the team. Each robot that has left its start is a kind of its own,
-    named after its kind and its row, such as ``robot 2``, or as before if it was one already: it
-    starts where it is, cannot use the arcs again that it has used, has what is left of its travel
+    Lost robots leave the team. Each robot that has left its start becomes a kind. Its name is that
+    of its old kind with its row, such as ``robot 2``; a kind of one robot keeps its name. The robot
+    starts where it is, cannot use the arcs again that it has used, has the rest of its travel
     budget, and carries what it has collected since its last depot. The survival floor of a kind
-    holds for what is left of a trail. Nodes whose rewards count already pay nothing; where a robot
-    has been that fails to collect a reward, of which its ``share`` is not 1, what is to be expected
-    stays.
+    holds for the rest of a trail. Nodes whose rewards count already pay nothing. If ``share`` < 1,
+    a visited node keeps its expected remaining reward.
 
     Parameters
     ----------
     mission, plan
         A mission, and the plan that it follows.
     events
-        What has happened, in the order in which it did. Of two robots it may be in any order.
+        What has happened. The events of each robot are in the order in which they happened; those
+        of different robots may be in any order.
     min_survival, max_length
-        The limits that the plan was made for, as for :class:`BOTOHE`; it has to keep them.
+        The limits that the plan was made for, as for :class:`BOTOHE`; the plan has to keep them.
 
     Raises
     ------
     PlanError
         If the plan is not valid, or does not keep the limits.
     EventError
-        If events are not of the robots of the plan, or not in the order of their trails.
+        If events name no robot of the plan, or do not follow its trail.
     MissionError
-        If all robots are lost. The others have a way to their ends: what is left of their trails.
+        If all robots are lost. Any other robot can follow its trail to the end.
     TypeError
         If one of the events is not an Event.
 
@@ -229,162 +283,97 @@ def under_way(
     """
     limits = mission.limits(min_survival, max_length)
     check_limits(mission, plan, limits)
-    robots, events = robots_at_start(mission, plan), list(events)
-    for event in events:
-        if not isinstance(event, Event):
-            raise TypeError(f"Expected events to be of type Event, got {quoted(event)}.")
+    events = list(events)
     if not events and not min_survival and max_length is None:
         return UnderWay(mission, plan, tuple(range(mission.robots)), 0.0)
-    faults = [fault for i, event in enumerate(events) if (fault := happen(robots, event, i))]
-    if faults:
-        raise EventError("\n".join(faults))
-    return left_of(mission, robots, limits)
+    return remaining_mission(mission, apply_events(robots_at_start(mission, plan), events), limits)
 
 
 def check_limits(mission: Any, plan: TrailPlan, limits: Limits) -> None:
     """Refuse, by a PlanError, a plan that is not valid or does not keep limits."""
     [survivals], [lengths] = mission.robot_survival([plan]), mission.trail_lengths([plan])
-    kinds = [kind for kind, of in enumerate(mission.kinds) for _ in range(of.robots)]
-    for robot, kind in enumerate(kinds):
+    trails = zip(mission.kind_of, survivals, lengths, strict=True)
+    for robot, (kind, survival, length) in enumerate(trails):
         least, longest = _limits_of(mission, limits, kind)
-        survival, length = float(survivals[robot]), float(lengths[robot])
+        expected = f"Robot {robot}: expected a trail"
         if survival < least * (1.0 - _ROUNDING):
-            raise PlanError(
-                f"Robot {robot}: expected a trail that is survived with at least {least:g}, got "
-                f"{survival:.4g}."
-            )
+            raise PlanError(f"{expected} with survival >= {least:g}, got {survival:.4g}.")
         if length > longest * (1.0 + _ROUNDING):
-            raise PlanError(
-                f"Robot {robot}: expected a trail of length {longest:g} or less, got {length:g}."
-            )
+            raise PlanError(f"{expected} of length <= {longest:g}, got {length:g}.")
 
 
-def _limits_of(mission: Any, limits: Limits, kind: int) -> tuple[float, float]:
-    """Return the survival floor and the travel budget of a kind, by its number."""
-    first = kind * len(mission.nodes)
+def _limits_of(mission: Any, limits: Limits, kind: Kind) -> tuple[float, float]:
+    """Return the survival floor and the travel budget of a kind."""
+    first = mission.kinds.index(kind) * len(mission.nodes)
     least = limit_at(limits.min_survival, limits.floors, first)
-    return float(least), float(limit_at(limits.max_length, limits.budgets, first))
+    return least, limit_at(limits.max_length, limits.budgets, first)
 
 
-def left_of(mission: Any, robots: Sequence[RobotState], limits: Limits) -> UnderWay:
+def remaining_mission(mission: Any, robots: Sequence[RobotState], limits: Limits) -> UnderWay:
     """Return what is left of a mission whose robots are where they are; see `under_way`."""
-    left, banked = pay(mission, robots)
-    kept = [robot for robot in robots if robot.state != "lost"]
-    if not kept:
-        raise MissionError("all robots are lost", f"Mission {quoted(mission.name)}")
-    kinds, members = zip(*_kinds_left(mission, kept, limits), strict=True)
-    graph = _graph_left(mission, kinds, members, left)
-    rest = mission._derive(graph, kinds)
-    order = [robot for group in members for robot in group]
-    tails = [robot.trail[robot.at :] for robot in order]
-    return UnderWay(rest, rest.plan(tails), tuple(robot.number for robot in order), banked)
-
-
-def pay(mission: Any, robots: Sequence[RobotState]) -> tuple[dict[Hashable, float], float]:
-    """Credit what robots have collected, note what they carry, and return what nodes still pay."""
-    nodes = mission.graph.nodes
-    left = {node: float(attributes["reward"]) for node, attributes in nodes.items()}
-    shares = {
-        node: dict(zip((kind.name for kind in mission.kinds), numbers, strict=True))
-        for node, attributes in nodes.items()
-        if (numbers := by_kind(attributes.get("share", 1.0), mission.kinds))
-    }
+    settled = settle_rewards(mission, robots)
+    groups: dict[Kind, list[RobotState]] = {}  # in the order of their first rows
     for robot in robots:
-        carried = list(robot.kind.aboard)
-        paid: list[Hashable] = []
-        for node in robot.trail[: robot.at + 1]:
-            if node not in paid and node not in carried:
-                returns = nodes[node].get("pays", mission.pays) == "return"
-                (carried if returns else paid).append(node)
-            if node == mission.base or nodes[node].get("depot"):
-                paid, carried = paid + carried, []
-        for node in paid:
-            left[node] *= 1.0 - shares[node][robot.kind.name]
-        robot.paid, robot.aboard = paid, [node for node in carried if node != robot.place]
-    paid_by_node = (float(nodes[node]["reward"]) - pays for node, pays in left.items())
-    return left, math.fsum(paid_by_node)
+        if robot.state != "lost":
+            groups.setdefault(_kind_left(mission, robot, settled, limits), []).append(robot)
+    if not groups:
+        raise MissionError("all robots are lost", f"Mission {quoted(mission.name)}")
+    first = {kind.name: group[0] for kind, group in groups.items()}
+    kinds = [replace(kind, robots=len(group)) for kind, group in groups.items()]
+    rest = mission._derive(_graph_left(mission, first, settled), kinds)
+    left = [robot for group in groups.values() for robot in group]
+    plan = rest.plan([robot.trail[robot.at :] for robot in left])
+    return UnderWay(rest, plan, tuple(robot.number for robot in left), settled.banked)
 
 
-def _kinds_left(
-    mission: Any, robots: Sequence[RobotState], limits: Limits
-) -> list[tuple[Kind, list[RobotState]]]:
-    """Return the kinds of robots that are left with the robots of each, by their first rows."""
-    taken = {kind.name for kind in mission.kinds}
-    found = []
-    for number, kind in enumerate(mission.kinds):
-        least, longest = _limits_of(mission, limits, number)
-        own = [robot for robot in robots if robot.kind == kind]
-        if waiting := [robot for robot in own if not robot.has_left]:
-            kept = {
-                "robots": len(waiting),
-                "min_survival": least,
-                "max_length": None if longest == math.inf else longest,
-                "aboard": tuple(waiting[0].aboard),
-            }
-            found.append((replace(kind, **kept), waiting))
-        for robot in own:
-            if not robot.has_left:
-                continue
-            name = kind.name
-            if kind.robots > 1:
-                name = f"{kind.name} {robot.number}"
-                while name in taken:
-                    name += "'"
-                taken.add(name)
-            hops = list(pairwise(robot.trail))
-            lengths = [mission.graph.edges[hop].get("length", 1.0) for hop in hops]
-            walked, ahead = sum(lengths[: robot.at]), sum(lengths[robot.at :])
-            left = max(longest - walked, ahead)  # which may be less by rounding
-            alone = Kind(
-                name,
-                1,
-                start=robot.place,
-                end=kind.ends(mission.base)[1],
-                min_survival=least,
-                max_length=None if left == math.inf else left,
-                aboard=tuple(robot.aboard),
-            )
-            found.append((alone, [robot]))
-    return sorted(found, key=lambda pair: pair[1][0].number)
+def _kind_left(mission: Any, robot: RobotState, settled: Settled, limits: Limits) -> Kind:
+    """Return the kind that a robot is from now on, as if it had no other robots.
+
+    Robots of a kind that still wait at their start get equal kinds.
+    """
+    kind = robot.kind
+    least, longest = _limits_of(mission, limits, kind)
+    if robot.at > 0 or robot.state == "home":
+        name, names = kind.name, {other.name for other in mission.kinds}
+        if kind.robots > 1:
+            name = f"{kind.name} {robot.number}"
+            while name in names:
+                name += "'"
+        kind = replace(kind, name=name, start=robot.trail[robot.at], end=kind.ends(mission.base)[1])
+        lengths = [mission.graph.edges[arc].get("length", 1.0) for arc in pairwise(robot.trail)]
+        walked, ahead = sum(lengths[: robot.at]), sum(lengths[robot.at :])
+        longest = max(longest - walked, ahead)  # which may be less by rounding
+    budget = None if longest == math.inf else longest
+    aboard = settled.aboard[robot.number]
+    return replace(kind, robots=1, min_survival=least, max_length=budget, aboard=aboard)
 
 
-def _graph_left(
-    mission: Any,
-    kinds: Sequence[Kind],
-    members: Sequence[Sequence[RobotState]],
-    left: dict[Hashable, float],
-) -> nx.DiGraph[Any]:
-    """Return the graph with what each robot can still do and collect."""
+def _graph_left(mission: Any, first: dict[str, RobotState], settled: Settled) -> nx.DiGraph[Any]:
+    """Return the graph for the kinds that are left, given the first robot of each by its name.
+
+    A kind collects nothing where its robot is paid already, and survives no arc that it has used.
+    """
     graph: nx.DiGraph[Any] = mission.graph.copy()
-    for of_before in ("robots", "kinds", "max_length"):  # kinds have their own budgets
-        graph.graph.pop(of_before, None)
-    of = [group[0].kind.name for group in members]
+    for name in ("robots", "kinds", "max_length"):  # the new kinds have their own
+        graph.graph.pop(name, None)
+    paid: dict[Hashable, set[str]] = {}
+    used: dict[tuple[Hashable, Hashable], set[str]] = {}
+    for name, robot in first.items():
+        for node in settled.paid[robot.number]:
+            paid.setdefault(node, set()).add(name)
+        for arc in graph.edges if robot.state == "home" else pairwise(robot.trail[: robot.at + 1]):
+            used.setdefault(arc, set()).add(name)
+    old_kinds = [robot.kind for robot in first.values()]
+
+    def rewrite(attributes: dict[str, Any], key: str, ended: set[str]) -> None:
+        value = attributes.get(key, 1.0)
+        if ended or isinstance(value, Mapping):
+            numbers = zip(first, by_kind(value, old_kinds), strict=True)
+            attributes[key] = {name: 0.0 if name in ended else number for name, number in numbers}
+
     for node, attributes in graph.nodes(data=True):
-        attributes["reward"] = left[node]
-        share = attributes.get("share", 1.0)
-        shares = [share.get(name, 1.0) if isinstance(share, dict) else share for name in of]
-        shares = [
-            0.0 if node in group[0].paid else share
-            for share, group in zip(shares, members, strict=True)
-        ]
-        if len(set(shares)) > 1 or isinstance(share, dict):
-            names = (kind.name for kind in kinds)
-            attributes["share"] = dict(zip(names, shares, strict=True))
-        elif shares[0] != 1.0:
-            attributes["share"] = shares[0]
-    for *_, attributes in graph.edges(data=True):
-        survival = attributes["survival"]
-        if isinstance(survival, dict):
-            attributes["survival"] = {
-                kind.name: survival[name] for kind, name in zip(kinds, of, strict=True)
-            }
-    for kind, group in zip(kinds, members, strict=True):
-        robot = group[0]
-        is_home = robot.state == "home"
-        used = list(graph.edges) if is_home else list(pairwise(robot.trail[: robot.at + 1]))
-        for arc in used:
-            survival = graph.edges[arc]["survival"]
-            if not isinstance(survival, dict):
-                survival = {other.name: survival for other in kinds}
-            graph.edges[arc]["survival"] = survival | {kind.name: 0.0}
+        attributes["reward"] = settled.left[node]
+        rewrite(attributes, "share", paid.get(node, set()))
+    for tail, head, attributes in graph.edges(data=True):
+        rewrite(attributes, "survival", used.get((tail, head), set()))
     return graph

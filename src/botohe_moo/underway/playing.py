@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from botohe_moo._base.checks import check_choice, check_integer
+from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.rules import by_kind
 from botohe_moo.mission.underway import (
     Event,
     RobotState,
+    apply_events,
     check_limits,
-    left_of,
-    pay,
+    remaining_mission,
     robots_at_start,
+    settle_rewards,
 )
 from botohe_moo.trails import TrailPlan
 from botohe_moo.underway.played import PlayedMission, PlayedStep
@@ -137,60 +140,56 @@ def play(
     generator = np.random.default_rng([seed, number])
     dangers = generator.random((mission.robots, len(mission.graph.edges)))
     robots = robots_at_start(mission, plan)
-    index_of_kind = {kind.name: k for k, kind in enumerate(mission.kinds)}
     moving, replans, seconds = -1, 0, 0.0
     if steps is not None:
-        steps.append(_step(mission, robots, [], None))
+        steps.append(_step(mission, robots, (), None))
     while movers := [robot for robot in robots if _has_hops(robot)]:
         if order := _ORDERS.get(policy.name):
             if moving not in [robot.number for robot in movers]:
                 moving = order(movers, key=lambda robot: len(robot.trail) - robot.at).number
             movers = [robots[moving]]
-        has_lost, new = False, None
-        for robot in movers:
-            arc = mission.graph.edges[robot.trail[robot.at], robot.trail[robot.at + 1]]
-            kind = index_of_kind[robot.kind.name]
-            survival = by_kind(arc["survival"], mission.kinds)[kind]
-            if dangers[robot.number, robot.at] < survival:
-                robot.at += 1
-            else:
-                robot.state, has_lost = "lost", True
-        is_time = _is_time(policy.name, movers, has_lost)
+        events, new = tuple(_moved(mission, robot, dangers) for robot in movers), None
+        robots = apply_events(robots, events)
+        is_time = _is_time(policy.name, [robots[robot.number] for robot in movers])
         if is_time and any(robot.state != "lost" for robot in robots):
             began = time.perf_counter()
-            left = left_of(mission, robots, policy.limits)
+            left = remaining_mission(mission, robots, policy.limits)
             new = replan_left(left, policy.price, policy.evaluations, generator)
             for row, trail in zip(left.robots, left.mission.labels(new.plan), strict=True):
-                robots[row].trail = (*robots[row].trail[: robots[row].at], *trail)
+                gone = robots[row].trail[: robots[row].at]
+                robots[row] = replace(robots[row], trail=(*gone, *trail))
             replans, seconds = replans + 1, seconds + time.perf_counter() - began
         if steps is not None:
-            steps.append(_step(mission, robots, movers, new))
+            steps.append(_step(mission, robots, events, new))
     survivors = sum(robot.state != "lost" for robot in robots)
-    return Played(pay(mission, robots)[1], survivors, replans, seconds)
+    return Played(settle_rewards(mission, robots).banked, survivors, replans, seconds)
+
+
+def _moved(mission: Mission, robot: RobotState, dangers: FloatArray) -> Event:
+    """Return what happens to a robot on its next arc."""
+    tail, head = robot.trail[robot.at : robot.at + 2]
+    [survival] = by_kind(mission.graph.edges[tail, head]["survival"], [robot.kind])
+    survives = dangers[robot.number, robot.at] < survival
+    return Event("reached" if survives else "lost", robot.number, head)
 
 
 def _step(
     mission: Mission,
     robots: Sequence[RobotState],
-    moved: Sequence[RobotState],
+    events: tuple[Event, ...],
     replan: Replan | None,
 ) -> PlayedStep:
-    """Record where robots are after some have moved."""
-    left, _ = pay(mission, robots)
+    """Record what has happened, and where robots are now."""
+    left = settle_rewards(mission, robots).left
     rewards = {node: float(mission.graph.nodes[node]["reward"]) for node in left}
+    lost = tuple(robot.number for robot in robots if robot.state == "lost")
     return PlayedStep(
+        events,
         tuple(
-            Event("lost", robot.number, robot.trail[robot.at + 1])
-            if robot.state == "lost"
-            else Event("reached", robot.number, robot.place)
-            for robot in moved
-        ),
-        tuple(
-            robot.trail[: robot.at + 2] if robot.state == "lost" else robot.trail
-            for robot in robots
+            robot.trail[: robot.at + 2] if robot.number in lost else robot.trail for robot in robots
         ),
         tuple(robot.at for robot in robots),
-        tuple(robot.number for robot in robots if robot.state == "lost"),
+        lost,
         {node: rewards[node] - pays for node, pays in left.items() if pays < rewards[node]},
         replan,
     )
@@ -200,10 +199,9 @@ def _has_hops(robot: RobotState) -> bool:
     return robot.state == "out" and robot.at + 1 < len(robot.trail)
 
 
-def _is_time(policy: str, moved: Sequence[RobotState], has_lost: bool) -> bool:
+def _is_time(policy: str, moved: Sequence[RobotState]) -> bool:
     """Return whether it is time to make a plan anew."""
     if policy in ("static", "arrivals"):
         return policy == "arrivals"
-    if policy in _ORDERS:
-        return has_lost or not _has_hops(moved[0])
-    return has_lost
+    has_lost = any(robot.state == "lost" for robot in moved)
+    return has_lost or (policy in _ORDERS and not _has_hops(moved[0]))

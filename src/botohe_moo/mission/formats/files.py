@@ -1,5 +1,6 @@
 """Mission files: reading and writing them, whatever their format."""
 
+import inspect
 import os
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from botohe_moo.mission.formats.reading import Format, Source, format_of, format
 from botohe_moo.mission.formats.tables import make_mission
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.rules import MissionError
+
+_COMMON = {p.name: p for p in signature_parameters(make_mission) if p.name not in ("draft", "name")}
 
 
 def read_mission(path: str | os.PathLike[str], **options: Any) -> Mission:
@@ -85,14 +88,13 @@ def read_mission(path: str | os.PathLike[str], **options: Any) -> Mission:
     <Mission 'toy': 5 nodes, 12 arcs, 3 robots at base 1, total reward 10>
     """
     source = Source(path)
-    where = str(source.path)
-    known = format_of(source)
-    own = {parameter.name for parameter in signature_parameters(known.read)}
-    if unknown := [name for name in options if name not in (names := {*own, *_COMMON})]:
-        fault = unknown_parameter(unknown[0], names)
-        raise ParameterError(f"Mission file {where}: {fault}", unknown[0])
+    where, known = str(source.path), format_of(source)
+    own = _own_options(known)
+    for name in options:
+        if name not in (accepted := {*own, *_COMMON}):
+            raise ParameterError(f"Mission file {where}: {unknown_parameter(name, accepted)}", name)
     try:
-        draft = known.read(source, **{key: options.pop(key) for key in own & options.keys()})
+        draft = known.read(source, **{name: options.pop(name) for name in own if name in options})
         name = draft.graph.get("name") or stem_of(source.path)
         mission = make_mission(draft, name=name, **options)
         mission_content(mission)  # what cannot be saved is refused at once, not after a search
@@ -105,12 +107,15 @@ def read_mission(path: str | os.PathLike[str], **options: Any) -> Mission:
     return mission
 
 
-_COMMON = {p.name: p for p in signature_parameters(make_mission) if p.name not in ("draft", "name")}
-
-
 def file_parameters(known: Format) -> tuple[Parameter, ...]:
-    """List the options that files of a format take."""
-    return tuple({**_COMMON, **{p.name: p for p in signature_parameters(known.read)}}.values())
+    """List the options that files of a format take: those of all formats, and its own."""
+    return tuple((_COMMON | _own_options(known)).values())
+
+
+def _own_options(known: Format) -> dict[str, Parameter]:
+    kinds = inspect.signature(known.read).parameters
+    options = {parameter.name: parameter for parameter in signature_parameters(known.read)}
+    return {name: options[name] for name in options if kinds[name].kind is kinds[name].KEYWORD_ONLY}
 
 
 def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -21,13 +21,10 @@ _OF_NETWORKX = (nx.NetworkXError, ET.ParseError, LookupError, ValueError, TypeEr
 _LONGEST = 200  # letters of what networkx says
 _DEFAULTS = ("node_default", "edge_default")  # where networkx keeps them
 _FLAGS = {"true": True, "1": True, "false": False, "0": False}
-# What a value of a declared type is called, and how networkx reads it.
-_TYPES: dict[str, tuple[str, Any]] = {
+# What a value of a declared type is called, and how it is read.
+_TYPES: dict[str, tuple[str, Callable[[str], Any]]] = {
     "string": ("a text", str),
-    "boolean": (
-        "true or false",
-        lambda text: {"true": 1, "false": 0, "1": 1, "0": 0}[text.lower()],
-    ),
+    "boolean": ("true or false", lambda text: _FLAGS[text.lower()]),
     **dict.fromkeys(("int", "integer", "long"), ("an integer", int)),
     **dict.fromkeys(("float", "double"), ("a number", float)),
 }
@@ -44,9 +41,11 @@ def read_graphml(source: Source) -> Draft:
         root = ET.fromstring(source.data)
         if (n_graphs := len(root.findall("{*}graph"))) > 1:
             raise MissionError(f"expected GraphML with one directed graph, found {n_graphs} graphs")
-        names = _without_drawings(root)
-        if faults := list(_value_faults(root)):
-            raise MissionError(faults)
+        drawn = _without_drawings(root)
+        # networkx reads all values as texts, whose types stand before their names.
+        for key in root.findall("{*}key[@attr.name]"):
+            key.set("attr.name", f"{key.get('attr.type', 'string')}:{key.get('attr.name')}")
+            key.set("attr.type", "string")
         found = nx.parse_graphml(ET.tostring(root, "unicode"), force_multigraph=True)
     except MissionError:
         raise
@@ -54,20 +53,42 @@ def read_graphml(source: Source) -> Draft:
         said = f"{type(error).__name__}: {error}"[:_LONGEST]  # which may quote a whole file
         raise MissionError(f"expected GraphML with one directed graph, found {said}") from None
     of_nodes, of_arcs = (found.graph.pop(key, {}) for key in _DEFAULTS)
+    faults: list[str] = []
+
+    def row(named: str, labels: tuple[str, ...], texts: Mapping[str, str]) -> Row:
+        attributes: dict[str, Any] = {}
+        for key, text in texts.items():
+            kind, _, name = key.partition(":")
+            if kind not in _TYPES:
+                known = ", ".join(_TYPES)
+                faults.append(
+                    f"{named}: expected {name} of a type among {known}, got {quoted(kind)}"
+                )
+                continue
+            expected, convert = _TYPES[kind]
+            try:
+                attributes[name] = convert(text)
+            except (KeyError, ValueError):
+                faults.append(f"{named}: expected {expected} as {name}, got {quoted(text)}")
+        if "x" in attributes and "y" in attributes and "pos" not in attributes:
+            attributes["pos"] = [attributes.pop("x"), attributes.pop("y")]
+        return Row("the GraphML", labels, attributes)
+
     nodes = [
-        Row("the GraphML", (node,), _placed({**of_nodes, **names.get(node, {}), **attributes}))
-        for node, attributes in found.nodes(data=True)
+        row(f"node {quoted(node)}", (node,), of_nodes | drawn.get(node, {}) | texts)
+        for node, texts in found.nodes(data=True)
     ]
     arcs = [
-        Row("the GraphML", (tail, head), {**of_arcs, **attributes})
-        for tail, head, attributes in found.edges(data=True)
+        row(f"arc {quoted(tail)} -> {quoted(head)}", (tail, head), of_arcs | texts)
+        for tail, head, texts in found.edges(data=True)
     ]
-    if (text := found.graph.get("kinds")) is not None:
+    _, _, graph = row("the graph", (), found.graph)
+    if (text := graph.get("kinds")) is not None:
         try:
-            found.graph["kinds"] = json.loads(text)
+            graph["kinds"] = json.loads(text)
         except (TypeError, ValueError) as error:
             raise MissionError(f"expected kinds as JSON, got {quoted(text)}: {error}") from None
-    return Draft(nodes, arcs, found.graph, directed=found.is_directed())
+    return Draft(nodes, arcs, graph, faults, directed=found.is_directed())
 
 
 def _without_drawings(root: ET.Element) -> dict[str | None, dict[str, str]]:
@@ -80,33 +101,8 @@ def _without_drawings(root: ET.Element) -> dict[str | None, dict[str, str]]:
         for drawing in [data for data in owner.findall("{*}data") if len(data)]:
             owner.remove(drawing)
             if name := drawing.findtext(".//{*}NodeLabel", "").strip():
-                names[owner.get("id")] = {"label": name}
+                names[owner.get("id")] = {"string:label": name}
     return names
-
-
-def _value_faults(root: ET.Element) -> Iterator[str]:
-    """List the values that are not of their declared type; networkx does not say whose they are."""
-    keys = {key.get("id"): key for key in root.findall("{*}key")}
-    for owner in root.iter():
-        for data in owner.findall("{*}data"):
-            key = keys.get(data.get("key"))
-            if key is None or data.text is None:
-                continue  # networkx names a key that is not declared, and skips what is empty
-            kind = key.get("attr.type", "string")
-            expected, convert = _TYPES.get(kind, (f"a type among {', '.join(_TYPES)}", None))
-            try:
-                convert(data.text)
-            except (KeyError, TypeError, ValueError):
-                arc = f"arc {owner.get('source')!r} -> {owner.get('target')!r}"
-                whose = arc if owner.get("source") else f"node {owner.get('id')!r}"
-                got = quoted(data.text if kind in _TYPES else kind)
-                yield f"{whose}: expected {expected} as {key.get('attr.name')}, got {got}"
-
-
-def _placed(attributes: dict[str, Any]) -> dict[str, Any]:
-    if "x" in attributes and "y" in attributes and "pos" not in attributes:
-        attributes["pos"] = [attributes.pop("x"), attributes.pop("y")]
-    return attributes
 
 
 def write_graphml(mission: Mission) -> bytes:

@@ -74,51 +74,42 @@ def _row(where: str, entry: object, *keys: str) -> Row:
 def mission_content(mission: Mission) -> dict[str, Any]:
     """Convert a mission to node-link data; a ValueError names what JSON cannot hold."""
     graph = mission.graph
-    given = {"name": None, **graph.graph, "base": None, "robots": mission.robots}
-    given["name"] = mission.name  # the graph's attributes may differ
-    if _lists_kinds(mission):
-        given["kinds"] = [_kind_content(kind) for kind in mission.kinds]
-        del given["robots"]
-    else:
-        given.pop("kinds", None)
-    if "pays" in given or mission.pays != "arrival":
-        given["pays"] = mission.pays
-    of_mission = _attributes("the graph", (), given) | {"base": plain_label(mission.base)}
-    labels = {node: plain_label(node) for node in graph}
-    nodes, arcs = [], []
-    for node, attributes in graph.nodes(data=True):
-        label = {"id": labels[node]}
-        nodes.append(label | _attributes("node ", (node,), attributes, *label))
+    nodes = [
+        {"id": plain_label(node), **_plain_attributes(f"node {quoted(node)}", attributes, "id")}
+        for node, attributes in graph.nodes(data=True)
+    ]
+    label_of = {node: entry["id"] for node, entry in zip(graph, nodes, strict=True)}
+    arcs = []
     for tail, head, attributes in graph.edges(data=True):
-        ends = {"source": labels[tail], "target": labels[head]}
-        arcs.append(ends | _attributes("arc ", (tail, head), attributes, *ends))
+        ends = {"source": label_of[tail], "target": label_of[head]}
+        arc = f"arc {quoted(tail)} -> {quoted(head)}"
+        arcs.append(ends | _plain_attributes(arc, attributes, *ends))
+    own: dict[str, Any] = {"base": mission.base, "robots": mission.robots, "pays": mission.pays}
+    if _has_kinds(mission):
+        own["kinds"] = [
+            {f.name: v for f in fields(kind) if (v := getattr(kind, f.name)) != f.default}
+            for kind in mission.kinds
+        ]
+    # The mission's own values win over those of its graph, in whose places they stand.
+    given = {"name": None} | graph.graph | own | {"name": mission.name}
+    unused = {"robots" if "kinds" in own else "kinds"}
+    if mission.pays == "arrival" and "pays" not in graph.graph:
+        unused.add("pays")
+    kept = {key: value for key, value in given.items() if key not in unused}
     return {
         "directed": True,
         "multigraph": False,
-        "graph": of_mission,
+        "graph": _plain_attributes("the graph", kept),
         "nodes": nodes,
         "edges": arcs,
     }
 
 
-def _lists_kinds(mission: Mission) -> bool:
+def _has_kinds(mission: Mission) -> bool:
     """Return whether a mission has kinds, and not a number of robots only."""
-    if mission.kinds != (Kind(ONLY_KIND, mission.robots),):
-        return True
     values: Any = (*mission.graph.nodes(data="share"), *mission.graph.edges(data="survival"))
-    return any(isinstance(value, Mapping) for *_, value in values)
-
-
-def _kind_content(kind: Kind) -> dict[str, object]:
-    """Return what is not the default of a kind."""
-    content = {
-        field.name: value
-        for field in fields(kind)
-        if (value := getattr(kind, field.name)) != field.default
-    }
-    if kind.aboard:
-        content["aboard"] = list(map(plain_label, kind.aboard))
-    return content | {end: plain_label(content[end]) for end in ("start", "end") if end in content}
+    is_plain = mission.kinds == (Kind(ONLY_KIND, mission.robots),)
+    return not is_plain or any(isinstance(value, Mapping) for *_, value in values)
 
 
 def write_node_link(mission: Mission) -> bytes:
@@ -144,16 +135,13 @@ def plain_label(label: Hashable) -> object:
     raise ValueError(f"Node {quoted(label)} cannot be saved under its label: {reason}.")
 
 
-def _attributes(
-    kind: str, labels: tuple[Hashable, ...], attributes: dict[Any, Any], *reserved: str
-) -> dict[str, Any]:
-    """Return attributes as JSON holds them; a ValueError names their owner by kind and labels."""
+def _plain_attributes(owner: str, attributes: dict[str, Any], *reserved: str) -> dict[str, Any]:
+    """Return attributes as JSON holds them; a ValueError names their owner."""
     try:
         if names := [name for name in reserved if name in attributes]:
             raise ValueError(f"{names[0]!r} is the name of a label")
         plain: dict[str, Any] = _plain(attributes)
     except (TypeError, ValueError) as error:
-        owner = kind + " -> ".join(map(quoted, labels))
         raise ValueError(f"{owner}: {quoted(attributes)} cannot be saved: {error}.") from None
     return plain
 

@@ -39,6 +39,12 @@ class Row(NamedTuple):
     attributes
         Its attributes, such as ``reward`` or ``survival``. Numbers may be texts, and a number for
         one kind of robots may stand in a column of its own, such as ``survival:drone``.
+
+    Examples
+    --------
+    >>> from botohe_moo.mission import Row
+    >>> Row("line 7", ("dock", "reef"), {"survival": "0.9"}).labels
+    ('dock', 'reef')
     """
 
     where: str
@@ -75,6 +81,14 @@ class Draft:
     straight
         Whether an arc without a length is as long as its ends are apart. If not, only arcs are that
         get their survival by it.
+
+    Examples
+    --------
+    >>> from botohe_moo.mission import Draft, Row
+    >>> nodes = [Row("line 2", ("dock",), {}), Row("line 3", ("reef",), {"reward": 5})]
+    >>> arcs = [Row("line 5", ("dock", "reef"), {"survival": 0.9})]
+    >>> Draft(nodes, arcs, {"base": "dock"}, directed=False).words
+    ('node', 'arc')
     """
 
     nodes: list[Row]
@@ -91,7 +105,16 @@ class Draft:
 
 
 class Source:
-    """A file that is read: its path, its bytes, and what these say as a text, JSON or YAML."""
+    """A file that is read: its path, its bytes, and what these say as a text, JSON or YAML.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, save_mission
+    >>> from botohe_moo.mission import Source
+    >>> save_mission(load_mission("toy"), "site.json")
+    >>> Source("site.json").json["graph"]["name"]
+    'toy'
+    """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
@@ -140,6 +163,14 @@ class Format:
     write
         Returns the bytes of a file that holds a mission; a ValueError names what the format cannot
         hold. Default: the format is only read.
+
+    Examples
+    --------
+    >>> from botohe_moo.mission import Draft, Format, Row
+    >>> def read(source):
+    ...     return Draft([Row("line 1", (source.text.strip(),), {})], [])
+    >>> Format((".point",), lambda source: bool(source.text), read).suffixes
+    ('.point',)
     """
 
     suffixes: tuple[str, ...]
@@ -154,14 +185,14 @@ _FORMATS = PluginGroup("botohe_moo.formats", "format", Format)
 _FOREIGN: Sequence[tuple[str, set[str]]] = (
     ("a map, of which `botohe missions from-map` makes a mission", {"image", "resolution"}),
     ("a study, which `botohe study run` runs", {"missions", "algorithms"}),
-    ("a topological map of LCAS: docs/missions-robots.md has a recipe", {"nodes", "pointset"}),
+    ("a topological map of LCAS: docs/mission-robots.md has a recipe", {"nodes", "pointset"}),
     ("a fleet configuration of Open-RMF: read its navigation graph", {"rmf_fleet"}),
     ("a site of Open-RMF's site editor: export its navigation graphs", {"anchors", "levels"}),
     ("a layout of VDA 5050 (LIF)", {"layouts", "metaInformation"}),
     ("a plan of QGroundControl", {"fileType", "mission"}),
     ("a TopoJSON topology: convert it to GeoJSON", {"arcs", "objects"}),
     ("features of ArcGIS: convert them to GeoJSON", {"features", "geometryType"}),
-    ("OpenStreetMap data: docs/missions-maps.md has a recipe for streets", {"elements", "osm3s"}),
+    ("OpenStreetMap data: docs/mission-maps.md has a recipe for streets", {"elements", "osm3s"}),
     ("a graph of Cytoscape: export GraphML", {"elements"}),
 )
 
@@ -195,7 +226,14 @@ def is_file_name(name: str | os.PathLike[str]) -> bool:
 
 
 def stem_of(path: str | os.PathLike[str]) -> str:
-    """Return the name of a file without its suffix: ``hotel`` of ``hotel.building.yaml``."""
+    """Return the name of a file without its suffix.
+
+    Examples
+    --------
+    >>> from botohe_moo.mission import stem_of
+    >>> stem_of("sites/hotel.building.yaml")
+    'hotel'
+    """
     path = Path(path)
     ends = [s for known in formats().values() for s in known.suffixes]
     longest = max((len(s) for s in ends if path.name.lower().endswith(s)), default=0)
@@ -210,6 +248,14 @@ def format_of(file: str | os.PathLike[str] | Source) -> Format:
     MissionError
         If no format has the suffix, the file cannot be read, or it is of a known kind that is no
         mission: names that kind.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, save_mission
+    >>> from botohe_moo.mission import format_of
+    >>> save_mission(load_mission("toy"), "site.json")
+    >>> format_of("site.json").suffixes
+    ('.json',)
     """
     source = file if isinstance(file, Source) else Source(file)
     found = _candidates(source.path)

@@ -7,7 +7,7 @@ import io
 import json
 import os
 import warnings
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from operator import lt
@@ -24,7 +24,6 @@ from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.arrays import distance_of, plain_numbers
 from botohe_moo.mission.formats.reading import Draft, Row, file_content
 from botohe_moo.mission.hazards import (
-    Zone,
     in_cells,
     mean_along,
     read_zones,
@@ -49,11 +48,7 @@ if TYPE_CHECKING:
     from botohe_moo.mission.formats.maps import Raster
 
 _Path = str | os.PathLike[str]
-_Nodes = Mapping[Any, dict[str, Any]]  # attributes of nodes, by their labels
-_Places = Mapping[Any, tuple[float, float]]
 
-# Texts of these attributes are read as numbers, and texts that are read as true and false.
-_NUMBERS = {"reward", "share", "survival", "length", "max_length", "min_survival", "robots"}
 _FLAGS = dict.fromkeys(("true", "yes", "1", "1.0"), True)
 _FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
 _MOST_NAMED = 5
@@ -82,258 +77,322 @@ def make_mission(
     """Make a mission of what a reader has found; :func:`read_mission` describes the options.
 
     A MissionError lists what breaks a rule, in the rows and in the options. A warning names what is
-    left out.
+    left out, and what is taken for granted.
     """
     if not draft.directed and not both_ways:
         raise MissionError("expected directed arcs, found undirected edges: give both_ways")
-    nodes, arcs = ([_plain(row) for row in rows] for rows in (draft.nodes, draft.arcs))
-    labels = {label: attributes for _, (label,), attributes in nodes}
     given = {"base": base, "kinds": kinds, "pays": pays, "geographic": geographic}
-    graph = _numbers(draft.graph) | {
-        key: value for key, value in given.items() if value is not None
-    }
-    listed = _read_team(graph, labels, replaces=kinds is not None)
-    faults = [*draft.faults, *_join_columns(nodes, listed), *_join_columns(arcs, listed)]
+    site = _Site(draft, {key: value for key, value in given.items() if value is not None})
+    if kinds is not None:
+        site.graph.pop("robots", None)
     if both_ways:
-        one_way = {ends for _, ends, _ in arcs}
-        back = [Row(where, ends[::-1], {**attributes}) for where, ends, attributes in arcs]
-        arcs += [arc for arc in back if arc.labels not in one_way]
-    places = _add_lengths(draft, labels, arcs, graph)
-    notes = [*draft.notes]
-    notes += _add_rewards(labels, places, graph.get("base"), reward, interest, sight)
-    zones = [*draft.zones, *_listed_zones(danger_zones)]
-    notes += _add_survivals(arcs, places, faults, danger=danger, hazard=hazard, zones=zones)
-    if draft.trim:
-        nodes, arcs, left_out = _trimmed(draft, graph.get("base"), nodes, arcs)
-        notes = [*left_out, *notes]
-    made = _graph(graph, nodes, arcs, listed, faults)
-    if len(made) == 1 < len(labels):
+        site.open_both_ways()
+    site.add_lengths()
+    site.add_rewards(reward, interest, sight)
+    site.add_survivals(danger, hazard, danger_zones)
+    graph = site.as_graph()
+    if len(graph) == 1 < len(draft.nodes):
         node, arc = draft.words
         hint = "" if both_ways else f"; both_ways makes every {arc} passable both ways"
-        base = quoted(made.graph["base"])
-        expected = f"a {node} that can be reached from base {base} and left again"
+        at = quoted(graph.graph["base"])
+        expected = f"a {node} that can be reached from base {at} and left again"
         raise MissionError(f"expected {expected}, found none{hint}")
-    if notes:
-        warnings.warn(" ".join(notes), stacklevel=2)
+    if site.notes:
+        warnings.warn(" ".join(site.notes), stacklevel=2)
     try:
-        return Mission(made, robots=robots, name=name)
+        return Mission(graph, robots=robots, name=name)
     except MissionError as error:
         faults = list(error.faults)
-        is_one_way = not any(made.has_edge(head, tail) for tail, head in made.edges)
-        if made.edges and is_one_way and not nx.is_strongly_connected(made):
+        is_one_way = not any(graph.has_edge(head, tail) for tail, head in graph.edges)
+        if graph.edges and is_one_way and not nx.is_strongly_connected(graph):
             faults.append("no arc leads back; both_ways makes every arc passable both ways")
         raise MissionError(faults) from None
 
 
-def _plain(row: Row) -> Row:
-    return Row(row.where, row.labels, _numbers(row.attributes))
+class _Site:
+    """The two tables of a file, while a mission is made of them."""
 
+    def __init__(self, draft: Draft, given: Mapping[str, Any]) -> None:
+        self.draft = draft
+        self.faults, self.notes, self.left_out = [*draft.faults], [*draft.notes], {**draft.left_out}
+        self.nodes, self.arcs = (
+            [Row(where, labels, _plain(attributes)) for where, labels, attributes in rows]
+            for rows in (draft.nodes, draft.arcs)
+        )
+        self.at = {label: attributes for _, (label,), attributes in self.nodes}
+        self.graph = _plain({**draft.graph, **given})
+        self.base = self.graph.get("base")
+        if self.base is not None:
+            self.base = self.graph["base"] = find_label(self.base, self.at)
+        self.kinds = self._read_kinds()
+        for rows in (self.nodes, self.arcs):
+            if faults := _join_columns(rows, [kind.name for kind in self.kinds]):
+                raise MissionError(faults)
+        self.places = {
+            label: place
+            for label, attributes in self.at.items()
+            if (place := plain_numbers(attributes.get("pos"))).shape == (2,)
+        }
 
-def _numbers(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return attributes with numbers, flags and names that are written as texts."""
-    plain: dict[str, Any] = {}
-    for name, value in attributes.items():
-        if name in _NUMBERS or attribute_of(name):
-            plain[name] = _number(value)
-        elif name == "pos" and isinstance(value, list | tuple):
-            plain[name] = [_number(part) for part in value]
-        elif name == "depot":
-            plain[name] = _FLAGS.get(str(value).lower(), value)
-        elif name == "pays" and isinstance(value, str):
-            plain[name] = value.lower()
-        else:
-            plain[name] = value
-    return plain
+    def _read_kinds(self) -> list[Kind]:
+        kinds = self.graph.get("kinds")
+        if isinstance(kinds, list | tuple):
+            kinds = [_plain(kind) if isinstance(kind, Mapping) else kind for kind in kinds]
+        listed, wrong = read_kinds(kinds)
+        if faults := [*wrong, *kind_name_faults(listed)]:
+            raise MissionError(faults)
+        found = []
+        for kind in listed:
+            ends: dict[str, Any] = {
+                end: find_label(label, self.at)
+                for end in ("start", "end")
+                if (label := getattr(kind, end)) is not None
+            }
+            if isinstance(kind.aboard, list | tuple):
+                ends["aboard"] = tuple(find_label(label, self.at) for label in kind.aboard)
+            found.append(replace(kind, **ends))
+        if found:
+            self.graph["kinds"] = found
+        return found
+
+    def open_both_ways(self) -> None:
+        """Add an arc back for each arc that has none, with the same attributes."""
+        known = {ends for _, ends, _ in self.arcs}
+        back = [Row(where, ends[::-1], {**attributes}) for where, ends, attributes in self.arcs]
+        self.arcs += [arc for arc in back if arc.labels not in known]
+
+    def add_lengths(self) -> None:
+        """Give arcs a length that are straight, or that will get a survival by it."""
+        distance = distance_of(self.graph)
+        for _, (tail, head), attributes in self.arcs:
+            is_placed = tail in self.places and head in self.places
+            if is_placed and (self.draft.straight or "survival" not in attributes):
+                length = distance(self.places[tail], self.places[head])
+                attributes.setdefault("length", length)
+
+    def add_rewards(
+        self, reward: float | None, interest: _Path | None, sight: float | None
+    ) -> None:
+        """Give nodes without one a reward; cells that are nearest to the base count for none."""
+        default, seen = 1.0 if reward is None else reward, {}
+        if (interest is None) != (sight is None):
+            expected = "interest, a map, and sight, how far robots see on it, or none"
+            raise MissionError(f"expected {expected}")
+        if interest is not None and sight is not None:
+            values, resolution, origin, *_ = _raster(interest)
+            seen = rewards_from_raster(
+                _points(self.places),
+                values,
+                resolution=resolution,
+                origin=origin,
+                radius=sight,
+                scale=default,
+            )
+        if self.base in self.at:
+            self.at[self.base].setdefault("reward", 0.0)
+        lacking = [label for label, attributes in self.at.items() if "reward" not in attributes]
+        for label in lacking:
+            self.at[label]["reward"] = seen.get(label, default)
+        if reward is None and interest is None and len(lacking) < len(self.at) - 1:
+            self.notes += [
+                f"{named}; reward gives them another."
+                for named in _named("Nodes without a reward have 1", map(quoted, lacking))
+            ]
+
+    def add_survivals(
+        self, danger: float | None, hazard: _Path | None, danger_zones: object
+    ) -> None:
+        """Give arcs without one the survival exp(−length · mean rate between their ends)."""
+        if not isinstance(danger_zones, list | tuple):
+            raise MissionError(f"expected danger_zones to be a list, got {quoted(danger_zones)}")
+        zones = [*self.draft.zones, *read_zones(danger_zones, "danger_zones")]
+        for _, (tail, head), attributes in self.arcs:
+            if tail == head:
+                attributes.setdefault("survival", 1.0)  # the loop is the fault, or is left out
+        lacking = [arc for arc in self.arcs if "survival" not in arc.attributes]
+        if not lacking and (danger is not None or hazard is not None or zones):
+            self.notes.append(
+                "All survivals are given: danger, hazard and danger zones change none."
+            )
+        if lacking and danger is None and (hazard is not None or not zones):
+            found = f"expected a survival, found none ({len(lacking)} without one)"
+            remedy = "give danger, the rate of loss for a unit of length"
+            self.faults.append(f"{_named_arc(lacking[0])}: {found}: {remedy}")
+        share = _share_of(hazard) if lacking and hazard is not None else None
+        for arc in lacking:
+            _, ends, attributes = arc
+            rate = danger or 0.0
+            missing = [end for end in ends if end not in self.places]
+            if not missing:
+                start, end = (self.places[end] for end in ends)
+                rate *= 1.0 if share is None else share(start, end)
+                rate += sum(zone.rate * zone.share(start, end - start) for zone in zones)
+            elif share is not None or zones:
+                self.faults.append(
+                    f"{where}: expected pos [x, y] of {quoted(missing[0])}, found none"
+                )
+            try:
+                length = max(0.0, as_float(attributes.get("length", 1.0)))
+                attributes["survival"] = survived(rate, length)
+            except ValueError as error:
+                attributes["survival"] = 1.0  # so that the fault is listed once
+                self.faults.append(f"{_named_arc(arc)}: {error}")
+
+    def as_graph(self) -> nx.DiGraph[Any]:
+        """Return the graph; a MissionError lists all faults if there are any."""
+        if self.draft.trim:
+            self._drop_reserved()
+        graph: nx.DiGraph[Any] = nx.DiGraph()
+        graph.graph.update(self.graph)
+        for where, (label,), attributes in self.nodes:
+            if label in graph:
+                self.faults.append(f"{where}: node {quoted(label)} is listed more than once")
+            graph.add_nodes_from([(label, attributes)])
+        loops, parallel = [], []
+        kept: dict[tuple[Any, ...], Row] = {}
+        for arc in self.arcs:
+            named = _named_arc(arc)
+            unknown = [label for label in dict.fromkeys(arc.labels) if label not in graph]
+            self.faults += [f"{named}: there is no node {quoted(label)}" for label in unknown]
+            rival = kept.setdefault(arc.labels, arc)
+            if self.draft.trim and arc.labels[0] == arc.labels[1]:
+                loops.append(arc.where)
+            elif self.draft.trim and rival is not arc:
+                survivals = (as_float(one.attributes["survival"]) for one in (rival, arc))
+                kept[arc.labels], worse = (arc, rival) if lt(*survivals) else (rival, arc)
+                parallel.append(worse.where)
+            elif rival is not arc:
+                self.faults.append(f"{named}: is listed more than once")
+        arcs = [arc for arc in kept.values() if all(label in graph for label in arc.labels)]
+        graph.add_edges_from((*arc.labels, arc.attributes) for arc in arcs)
+        if self.faults:
+            raise MissionError([*self.faults, *attribute_faults(graph, self.kinds)])
+        if self.draft.trim:
+            self._trim(graph, loops, parallel)
+        return graph
+
+    def _drop_reserved(self) -> None:
+        """Leave out attributes with the names that labels have in mission files."""
+        self.left_out["attributes id, source and target, which are labels in mission files"] = [
+            row.where
+            for rows, names in ((self.nodes, ("id",)), (self.arcs, ("source", "target")))
+            for row in rows
+            if [row.attributes.pop(name) for name in names if name in row.attributes]
+        ]
+
+    def _trim(self, graph: nx.DiGraph[Any], loops: list[str], parallel: list[str]) -> None:
+        """Leave out what cannot be part of a mission, and note it."""
+        node, arc = self.draft.words
+        graph.remove_edges_from(list(nx.selfloop_edges(graph)))
+        lost = []
+        if self.base in graph:  # if not, that is the fault
+            joined = nx.descendants(graph, self.base) & nx.ancestors(graph, self.base)
+            lost = [label for label in graph if label not in {*joined, self.base}]
+        graph.remove_nodes_from(lost)
+        left_out = {
+            **self.left_out,
+            f"{arc}s from a {node} to itself": loops,
+            f"{arc}s parallel to one that is at least as safe": parallel,
+            f"{node}s that the base does not reach, or that have no way back": map(quoted, lost),
+        }
+        if said := [text for what, names in left_out.items() for text in _named(what, names)]:
+            self.notes.insert(0, f"Left out {'; '.join(said)}.")
 
 
 def _number(value: Any) -> Any:
     """Return the number that a text is, alone or for each kind; anything else as it is."""
     if isinstance(value, Mapping):
         return {kind: _number(number) for kind, number in value.items()}
+    if isinstance(value, list | tuple):
+        return [_number(number) for number in value]
     for number in (int, float) if isinstance(value, str) else ():
         with suppress(ValueError):  # text that stays text breaks a rule
             return number(value)
     return value
 
 
-def find_label(given: Any, labels: _Nodes) -> Hashable:
+# How attributes are read that are written as texts.
+_READ: dict[str, Callable[[Any], Any]] = {
+    **dict.fromkeys(("reward", "share", "survival", "length", "pos"), _number),
+    **dict.fromkeys(("robots", "min_survival", "max_length"), _number),
+    "depot": lambda value: _FLAGS.get(str(value).lower(), value),
+    "pays": lambda value: value.lower() if isinstance(value, str) else value,
+}
+
+
+def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return attributes with numbers and flags for texts."""
+    read = {name: _READ.get(attribute_of(str(name)) or name) for name in attributes}
+    return {name: of(value) if (of := read[name]) else value for name, value in attributes.items()}
+
+
+def find_label(given: Any, labels: Mapping[Any, Mapping[str, Any]]) -> Hashable:
     """Return the node that is meant: a label, a text that is written like one, or a node's name.
 
-    ``labels`` has the attributes of each node. What names no node is returned as a label, or a
+    ``labels`` has the attributes of each node. What names no node is returned as a label; a
     ValueError says why it cannot be one.
     """
     label = read_label(given)
     if label in labels:
         return label
     text = _text(label)
-    values: list[Any] = []
+    numbers: list[Any] = []
     with suppress(ValueError):
-        values.append(float(text))
-    with suppress(ValueError):  # a list as JSON, as it stands in a file
-        values.append(read_label(json.loads(text)) if text.startswith("[") else text)
-    for known in labels:
-        if _text(known) == text or (not isinstance(known, bool) and known in values):
+        numbers.append(float(text))
+    with suppress(ValueError):
+        numbers += [read_label(json.loads(text))] if text.startswith("[") else []
+    named: dict[Any, Hashable] = {}
+    for known, attributes in labels.items():
+        if _text(known) == text or (known in numbers and not isinstance(known, bool)):
             return known  # type: ignore[no-any-return]
-    named = [k for k, of in labels.items() if text in (of.get("name"), of.get("label"))]
-    return named[0] if len(named) == 1 else label
+        if text in (attributes.get("name"), attributes.get("label")):
+            named[known] = known
+    return next(iter(named)) if len(named) == 1 else label
 
 
 def _text(label: Hashable) -> str:
     return json.dumps(label) if isinstance(label, bool) else str(label)
 
 
-def _read_team(graph: dict[str, Any], labels: _Nodes, *, replaces: bool) -> tuple[Kind, ...]:
-    """Read the base and the kinds of robots among the attributes of a graph."""
-    if replaces:
-        graph.pop("robots", None)
-    if graph.get("base") is not None:
-        graph["base"] = find_label(graph["base"], labels)
-    kinds = graph.get("kinds")
-    if isinstance(kinds, list | tuple):
-        kinds = [_numbers(kind) if isinstance(kind, Mapping) else kind for kind in kinds]
-    listed, wrong = read_kinds(kinds)
-    if faults := [*wrong, *kind_name_faults(listed)]:
-        raise MissionError(faults)
-    found = []
-    for kind in listed:
-        ends = {end: getattr(kind, end) for end in ("start", "end")}
-        ends = {end: find_label(at, labels) for end, at in ends.items() if at is not None}
-        aboard = kind.aboard
-        if isinstance(aboard, list | tuple):
-            aboard = tuple(find_label(label, labels) for label in aboard)
-        found.append(replace(kind, aboard=aboard, **ends))
-    if found:
-        graph["kinds"] = found
-    return tuple(found)
-
-
-def _join_columns(rows: Sequence[Row], kinds: Sequence[Kind]) -> Iterator[str]:
-    """Replace columns for one kind by mappings from kinds to numbers; list what is wrong.
+def _join_columns(rows: Sequence[Row], kinds: Sequence[str]) -> list[str]:
+    """Replace columns for one kind by mappings from kinds to numbers; return what is wrong.
 
     Where another kind's cell is filled, an empty cell has the number in the column for all kinds.
     If that is empty, too, a kind cannot take the arc.
     """
-    names = [kind.name for kind in kinds]
     columns = {
         key: row.where for row in reversed(rows) for key in row.attributes if attribute_of(key)
     }
-    for column, where in columns.items():
-        if (kind := column.partition(":")[2]) not in names:
-            near = most_alike(kind, names) or "; the mission lists no kinds"
-            yield f"{where}: column {quoted(column)}: there is no kind {quoted(kind)}{near}"
-    of_survival = [column for column in columns if attribute_of(column) == "survival"]
-    if of_survival and not any("survival" in row.attributes for row in rows):
-        for kind in names:
-            if (column := f"survival:{kind}") not in columns:
-                yield f"{columns[of_survival[0]]}: expected a column {quoted(column)}, found none"
-    for _, _, attributes in rows if columns else ():
-        for name in BY_KIND:
-            own = [column for column in columns if attribute_of(column) == name]
-            numbers = {c.partition(":")[2]: attributes.pop(c) for c in own if c in attributes}
+    for name in BY_KIND:
+        of_kind = {c: c.partition(":")[2] for c in columns if attribute_of(c) == name}
+        faults = [
+            f"{columns[column]}: column {quoted(column)}: there is no kind {quoted(kind)}"
+            f"{most_alike(kind, kinds) or '; the mission lists no kinds'}"
+            for column, kind in of_kind.items()
+            if kind not in kinds
+        ]
+        if of_kind and name == "survival" and not any(name in row.attributes for row in rows):
+            missing = [f"{name}:{kind}" for kind in kinds if f"{name}:{kind}" not in columns]
+            faults = faults or [f"expected a column {quoted(one)}, found none" for one in missing]
+        if faults:
+            return faults
+        for _, _, attributes in rows:
+            numbers = {of_kind[c]: attributes.pop(c) for c in of_kind if c in attributes}
+            if numbers and (name in attributes or name == "survival"):
+                numbers = dict.fromkeys(kinds, attributes.get(name, 0.0)) | numbers
             if numbers:
-                default = {"survival": 0.0} | attributes
-                numbers = dict.fromkeys(names, default.get(name)) | numbers
-                attributes[name] = {k: numbers[k] for k in names if numbers[k] is not None}
+                attributes[name] = {kind: numbers[kind] for kind in kinds if kind in numbers}
+    return []
 
 
-def _add_lengths(
-    draft: Draft,
-    labels: _Nodes,
-    arcs: Iterable[Row],
-    graph: Mapping[str, Any],
-) -> _Places:
-    """Give arcs a length that are straight or get a survival by it; return where nodes are."""
-    places = {
-        label: (float(place[0]), float(place[1]))
-        for label, attributes in labels.items()
-        if (place := plain_numbers(attributes.get("pos"))).shape == (2,)
-    }
-    distance = distance_of(graph)
-    for _, (tail, head), attributes in arcs:
-        is_placed = tail in places and head in places
-        if is_placed and (draft.straight or "survival" not in attributes):
-            attributes.setdefault("length", distance(places[tail], places[head]))
-    return places
+def _named_arc(arc: Row) -> str:
+    return f"{arc.where}: arc {quoted(arc.labels[0])} -> {quoted(arc.labels[1])}"
 
 
-def _add_rewards(
-    labels: _Nodes,
-    places: _Places,
-    base: Any,
-    reward: float | None,
-    interest: _Path | None,
-    sight: float | None,
-) -> Iterator[str]:
-    """Give nodes without one a reward, 0 to the base; yield what there is to say about it.
-
-    Cells of a map that are nearest to the base count for no node.
-    """
-    default, seen = 1.0 if reward is None else reward, {}
-    if (interest is None) != (sight is None):
-        raise MissionError("expected interest, a map, and sight, how far robots see on it, or none")
-    if interest is not None and sight is not None:
-        values, resolution, origin, *_ = _raster(interest)
-        site: nx.DiGraph[Any] = nx.DiGraph()
-        site.add_nodes_from((label, {"pos": place}) for label, place in places.items())
-        seen = rewards_from_raster(
-            site, values, resolution=resolution, origin=origin, radius=sight, scale=default
-        )
-    lacking = [at for at, row in labels.items() if "reward" not in row and at != base]
-    for label in lacking:
-        labels[label]["reward"] = seen.get(label, default)
-    if base in labels:
-        labels[base].setdefault("reward", 0.0)
-    if reward is None and not seen and 0 < len(lacking) < len(labels) - 1:
-        yield f"{_named('Nodes without a reward, which count as 1', map(quoted, lacking))}."
-
-
-def _add_survivals(
-    arcs: Sequence[Row],
-    places: _Places,
-    faults: list[str],
-    *,
-    danger: float | None,
-    hazard: _Path | None,
-    zones: Sequence[Zone],
-) -> Iterator[str]:
-    """Give arcs without one a survival; yield what there is to say about it.
-
-    It is exp(−length · rate). The rate is the mean along the straight line between the ends:
-    ``danger``, times the share of the map ``hazard`` if there is one, and the rates of ``zones``.
-    """
-    for _, (tail, head), attributes in arcs:
-        if tail == head:
-            attributes.setdefault("survival", 1.0)  # the loop is the fault, or is left out
-    lacking = [arc for arc in arcs if "survival" not in arc.attributes]
-    if not lacking and (danger is not None or hazard is not None or zones):
-        yield "All survivals are given: danger, hazard and danger zones change none."
-    if lacking and danger is None and (hazard is not None or not zones):
-        faults.append(
-            f"{lacking[0].where}: expected a survival, found none ({len(lacking)} without one): "
-            "give danger, the rate of loss for a unit of length"
-        )
-    share = None if hazard is None or not lacking else _share_of(hazard)
-    for where, ends, attributes in lacking:
-        rate = danger or 0.0
-        if all(end in places for end in ends):
-            start, end = (np.array(places[end]) for end in ends)
-            rate *= 1.0 if share is None else share(start, end)
-            rate += sum(zone.rate * zone.share(start, end - start) for zone in zones)
-        elif share is not None or zones:
-            missing = [end for end in ends if end not in places]
-            faults.append(f"{where}: expected pos [x, y] of {quoted(missing[0])}, found none")
-        length = max(0.0, as_float(attributes.get("length", 1.0)))
-        try:
-            attributes["survival"] = survived(rate, length)
-        except ValueError as error:
-            attributes["survival"] = 1.0  # so that the fault is listed once
-            faults.append(f"{where}: {error}")
-
-
-def _listed_zones(zones: Any) -> list[Zone]:
-    if not isinstance(zones, list | tuple):
-        raise MissionError(f"expected danger_zones to be a list, got {quoted(zones)}")
-    return read_zones(zones, "danger_zones")
+def _points(places: Mapping[Any, FloatArray]) -> nx.DiGraph[Any]:
+    graph: nx.DiGraph[Any] = nx.DiGraph()
+    graph.add_nodes_from((label, {"pos": place}) for label, place in places.items())
+    return graph
 
 
 def _share_of(hazard: _Path) -> Callable[[FloatArray, FloatArray], float]:
@@ -365,82 +424,11 @@ def _raster(path: _Path) -> Raster:
         raise MissionError([f"{error.source}: {fault}" for fault in error.faults]) from None
 
 
-def _trimmed(
-    draft: Draft, base: Any, nodes: list[Row], arcs: list[Row]
-) -> tuple[list[Row], list[Row], list[str]]:
-    """Leave out what cannot be part of a mission; return what stays, and a sentence on the rest."""
-    node, arc = draft.words
-    of_labels = [
-        row.where
-        for rows, names in ((nodes, ("id",)), (arcs, ("source", "target")))
-        for row in rows
-        if [row.attributes.pop(name) for name in names if name in row.attributes]
-    ]
-    loops = [where for where, (tail, head), _ in arcs if tail == head]
-    safest: dict[tuple[Any, ...], Row] = {}
-    parallel = []
-    for row in arcs:
-        rival = safest.setdefault(row.labels, row)
-        if rival is not row:
-            survivals = (as_float(one.attributes["survival"]) for one in (rival, row))
-            safest[row.labels], worse = (row, rival) if lt(*survivals) else (rival, row)
-            parallel.append(worse.where)
-    kept = [row for row in arcs if safest[row.labels] is row and row.where not in loops]
-    known = {label for _, (label,), _ in nodes}
-    ways: nx.DiGraph[Any] = nx.DiGraph(row.labels for row in kept)
-    joined = {base}
-    if base not in known:  # which breaks a rule
-        joined = known
-    elif base in ways:
-        joined |= nx.descendants(ways, base) & nx.ancestors(ways, base)
-    lost = known - joined
-    left_out = {
-        **draft.left_out,
-        "attributes id, source and target, which are labels in mission files": of_labels,
-        f"{arc}s from a {node} to itself": loops,
-        f"{arc}s parallel to one that is at least as safe": parallel,
-        f"{node}s that the base does not reach, or that have no way back": [
-            quoted(label) for _, (label,), _ in nodes if label in lost
-        ],
-    }
-    said = [text for what, names in left_out.items() if (text := _named(what, names))]
-    nodes = [row for row in nodes if row.labels[0] in joined]
-    kept = [row for row in kept if not lost.intersection(row.labels)]
-    return nodes, kept, [f"Left out {'; '.join(said)}."] if said else []
-
-
-def _named(what: str, names: Iterable[str]) -> str:
-    """Return the text that names some things once each; empty if there are none."""
+def _named(what: str, names: Iterable[str]) -> list[str]:
+    """Return a text that names some things once each, if there are any."""
     listed = list(dict.fromkeys(names))
     shown = ", ".join(listed[:_MOST_NAMED]) + ", …" * (len(listed) > _MOST_NAMED)
-    return f"{what}: {shown} ({len(listed)} in all)" if listed else ""
-
-
-def _graph(
-    attributes: Mapping[str, Any],
-    nodes: Iterable[Row],
-    arcs: Iterable[Row],
-    kinds: Sequence[Kind],
-    faults: list[str],
-) -> nx.DiGraph[Any]:
-    """Make a graph of rows; a MissionError lists all faults if there are any."""
-    graph: nx.DiGraph[Any] = nx.DiGraph()
-    graph.graph.update(attributes)
-    for where, (label,), of_node in nodes:
-        if label in graph:
-            faults.append(f"{where}: node {quoted(label)} is listed more than once")
-        graph.add_nodes_from([(label, of_node)])
-    for where, (tail, head), of_arc in arcs:
-        unknown = [label for label in dict.fromkeys((tail, head)) if label not in graph]
-        wrong = [f"there is no node {quoted(label)}" for label in unknown]
-        if graph.has_edge(tail, head):
-            wrong.append("is listed more than once")
-        faults += [f"{where}: arc {quoted(tail)} -> {quoted(head)}: {fault}" for fault in wrong]
-        if not unknown:
-            graph.add_edges_from([(tail, head, of_arc)])
-    if faults:
-        raise MissionError([*faults, *attribute_faults(graph, kinds)])
-    return graph
+    return [f"{what}: {shown} ({len(listed)} in all)"] if listed else []
 
 
 def mission_from_tables(
@@ -450,10 +438,7 @@ def mission_from_tables(
     base: Hashable,
     robots: int | None = None,
     kinds: Iterable[Kind] | None = None,
-    pays: str | None = None,
-    both_ways: bool = False,
     max_length: float | None = None,
-    name: str | None = None,
     title: str | None = None,
     **options: Any,
 ) -> Mission:
@@ -478,17 +463,13 @@ def mission_from_tables(
         ``share:drone`` is for the kind of this name only. In a row in which one of these columns of
         survivals is filled, a kind whose cell is empty has the survival in the column ``survival``;
         if that is empty, too, it cannot take the arc. Likewise for shares, which are 1 then.
-    pays
-        When nodes pay whose cell in the column ``pays`` is empty: on ``"arrival"`` (the default) or
-        on ``"return"``.
-    both_ways
-        Whether every arc can be passed in both directions.
     max_length
         Travel budget of every robot, at least 0, in the unit of ``length``; default: none.
-    name, title
-        Of the mission.
+    title
+        Title of the mission, for pictures.
     options
-        ``danger``, ``reward`` and the others that files of all formats take: `read_mission`.
+        ``name``, and what files of all formats take, such as ``both_ways``, ``pays``, ``danger``
+        and ``reward``: :func:`botohe_moo.mission.read_mission`.
 
     Returns
     -------
@@ -518,12 +499,12 @@ def mission_from_tables(
     arc_rows, others = _rows("arcs", arcs, ("tail", "head"))
     if (faults := faults + others) and not (node_rows and arc_rows):
         raise MissionError(faults)
-    graph = {"title": title or None, "max_length": max_length}
-    given = {key: value for key, value in graph.items() if value is not None}
-    draft = Draft(node_rows, arc_rows, given, faults)
+    graph: dict[str, Any] = {"title": title} if title else {}
+    if max_length is not None:
+        graph["max_length"] = max_length
+    draft = Draft(node_rows, arc_rows, graph, faults)
     base = base.strip() if isinstance(base, str) else base
-    options |= {"base": base, "robots": robots, "kinds": kinds, "pays": pays}
-    return make_mission(draft, name=name, both_ways=both_ways, **options)
+    return make_mission(draft, base=base, robots=robots, kinds=kinds, **options)
 
 
 def read_table(path: _Path) -> pd.DataFrame:

@@ -16,7 +16,7 @@ from botohe_moo.algorithms.registry import algorithm_faults
 from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.formats.reading import is_file_name
 from botohe_moo.mission.model import Mission, mission_digest
-from botohe_moo.mission.named import load_mission, mission_faults, mission_origin
+from botohe_moo.mission.named import load_mission, mission_faults, mission_origin, relative_to
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.bounds.plain import check_boundable
 from botohe_moo.study.file.code import find_problem, problem_on, refusal, stated_bounds
@@ -103,7 +103,8 @@ class CheckedContent:
             name = entry.mission
             if is_file_name(name) or "/" in name or os.sep in name:
                 name = str(self._folder / name)
-            source = {"name_or_path": name, **entry.own_parameters, **member.parameters}
+            parameters = relative_to(self._folder, name, member.parameters)
+            source = {"name_or_path": name, **entry.own_parameters, **parameters}
             if mission := self._load(source, member):
                 limit = math.inf if entry.max_length == "unlimited" else entry.max_length
                 try:
