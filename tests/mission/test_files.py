@@ -303,7 +303,7 @@ class TestGraphML:
             (
                 "decimal",
                 "5",
-                "expected a type among string, boolean, int, .* as danger, got 'decim",
+                "expected danger of a type among string, boolean, .*, got 'decimal'",
             ),
         ],
     )

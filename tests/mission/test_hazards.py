@@ -1,4 +1,4 @@
-"""Dangers on a map, what arcs cross of them, and what there is to see from nodes."""
+"""Hazards on maps and in zones: what arcs cross of them, and what there is to see from nodes."""
 
 import math
 from itertools import pairwise
@@ -6,12 +6,22 @@ from itertools import pairwise
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import quad
+from scipy.spatial import ConvexHull
 
-from botohe_moo import rewards_from_raster, survival_from_raster
+from botohe_moo import rewards_from_raster, survival_from_raster, survival_from_zones
+from botohe_moo.mission.hazards import read_zone, survived
+from tests.examples import examples
+
+SQUARE = [[1, 1], [3, 1], [3, 3], [1, 3]]
+HOLE = [[1.5, 1.5], [2.5, 1.5], [2.5, 2.5], [1.5, 2.5]]
+HOOK = [[0, 0], [3, 0], [3, 3], [2, 3], [2, 1], [1, 1], [1, 3], [0, 3]]  # open at the top
+coordinates = st.floats(-4, 4)
+lines = st.tuples(coordinates, coordinates, coordinates, coordinates)
+tables = arrays(float, st.tuples(st.integers(1, 5), st.integers(1, 5)), elements=st.floats(0, 1))
 
 
 def one_arc(start, end):
@@ -33,18 +43,14 @@ def rate_at(values, resolution, origin, x, y):
     return upper * (1 - down) + lower * down
 
 
-shares = st.floats(0, 1)
-
-
 @given(
-    arrays(float, st.tuples(st.integers(1, 4), st.integers(1, 4)), elements=st.floats(0, 1)),
+    tables,
     st.sampled_from([0.05, 1.0, 2.5]),
     st.tuples(st.floats(-9, 9), st.floats(-9, 9)),
-    st.tuples(shares, shares, shares, shares),
+    arrays(float, (2, 2), elements=st.floats(0, 1)),
 )
 def test_the_integral_is_exact(values, resolution, origin, ends):
-    size = np.array(values.shape[::-1]) * resolution
-    start, end = np.array(origin) + np.array(ends).reshape(2, 2) * size
+    start, end = np.array(origin) + ends * values.shape[::-1] * resolution
     found = survival_from_raster(
         one_arc(start, end), values, resolution=resolution, origin=origin, scale=0.3
     )
@@ -89,15 +95,20 @@ def test_a_constant_map_is_a_danger_everywhere():
         ((1, "x"), {}, "Node 'b': expected pos"),
         ((1, math.nan), {}, "Node 'b': expected pos"),
         ((1, 1, 1), {}, "Node 'b': expected pos"),
-        ((1, 1), {"values": [1, 2]}, r"Expected values \(n_rows, n_columns\), got an array \(2,\)"),
-        ((1, 1), {"values": [[1], [2, 3]]}, "Expected values to be a table of numbers, got"),
-        ((1, 1), {"values": [[1, -2]]}, "Expected finite values >= 0, got -2.0"),
-        ((1, 1), {"values": [[math.inf]]}, "Expected finite values >= 0, got inf"),
+        ((1, 1), {"values": [1, 2]}, r"a table \(n_rows, n_columns\) of .*, got \[1, 2\]"),
+        ((1, 1), {"values": []}, r"a table \(n_rows, n_columns\) of .*, got \[\]"),
+        (
+            (1, 1),
+            {"values": [[1], [2, 3]]},
+            r"Expected values to be a table .*, got \[\[1\], \[2, 3",
+        ),
+        ((1, 1), {"values": [[1, -2]]}, "table .* of finite numbers >= 0, got -2.0"),
+        ((1, 1), {"values": [[math.inf]]}, "table .* of finite numbers >= 0, got inf"),
         ((1, 1), {"resolution": 0}, "Expected resolution > 0, got 0"),
         ((1, 1), {"scale": -1}, "Expected scale >= 0, got -1"),
     ],
 )
-def test_what_is_wrong_is_named(place, given, fault):
+def test_wrong_rasters_are_named(place, given, fault):
     usual = {"values": np.ones((2, 2)), "resolution": 1}
     with pytest.raises(ValueError, match=fault):
         survival_from_raster(one_arc((1, 1), place), **{**usual, **given})
@@ -128,7 +139,7 @@ def test_what_there_is_to_see_by_hand():
 
 
 @given(
-    arrays(float, st.tuples(st.integers(1, 5), st.integers(1, 5)), elements=st.floats(0, 1)),
+    tables,
     st.lists(st.tuples(st.floats(-1, 6), st.floats(-1, 6)), max_size=6),
     st.floats(0.3, 9),
 )
@@ -141,3 +152,161 @@ def test_each_cell_is_seen_once(values, places, radius):
             expected += value
     assert sum(found.values()) == pytest.approx(expected)
     assert list(found) == list(range(len(places)))
+
+
+def within(start, end, **zone):
+    """How long a line is within a zone."""
+    found = survival_from_zones(one_arc(start, end), [{"rate": 0.1, **zone}])
+    return -math.log(found["a", "b"]) / 0.1
+
+
+@pytest.mark.parametrize(
+    ("zone", "start", "end", "length"),
+    [
+        ({"polygon": SQUARE}, (0, 2), (4, 2), 2),
+        ({"polygon": SQUARE}, (0, 2), (2, 2), 1),
+        ({"polygon": SQUARE}, (0, 0), (4, 4), math.sqrt(8)),  # through two corners
+        ({"polygon": SQUARE}, (1.5, 2), (2, 2), 0.5),
+        ({"polygon": SQUARE}, (0, 0), (4, 0), 0),
+        ({"polygon": [*SQUARE, SQUARE[0]]}, (0, 2), (4, 2), 2),
+        ({"polygon": [SQUARE, HOLE]}, (0, 2), (4, 2), 1),
+        ({"polygon": [SQUARE[::-1], HOLE]}, (2, 0), (2, 9), 1),
+        ({"polygon": HOOK}, (-1, 2), (9, 2), 2),
+        ({"polygon": HOOK}, (-1, 0.5), (9, 0.5), 3),
+        ({"polygon": [[*corner, 7.5] for corner in SQUARE]}, (0, 2), (4, 2), 2),
+        ({"circle": [2, 2, 1]}, (0, 2), (4, 2), 2),
+        ({"circle": [2, 2, 1]}, (2, 2), (4, 2), 1),
+        ({"circle": [2, 2, 1]}, (2.1, 2), (2.6, 2), 0.5),
+        ({"circle": [2, 2, 1]}, (0, 2.6), (4, 2.6), 1.6),
+        ({"circle": [2, 2, 1]}, (0, 0), (4, 0), 0),
+        ({"circle": [2, 2, 1]}, (2, 2), (2, 2), 0),
+    ],
+)
+def test_zones_by_hand(zone, start, end, length):
+    assert within(start, end, **zone) == pytest.approx(length, abs=1e-12)
+    assert within(end, start, **zone) == pytest.approx(length, abs=1e-12)
+
+
+def in_convex(corners, start, end):
+    """A line cut by the half-plane on the left of each side, one after another."""
+    way, low, high = end - start, 0.0, 1.0
+    for corner, other in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        normal = np.array([corner[1] - other[1], other[0] - corner[0]])
+        from_start, along = normal @ (start - corner), normal @ way
+        if along > 0:
+            low = max(low, -from_start / along)
+        elif along < 0:
+            high = min(high, -from_start / along)
+        elif from_start < 0:
+            return 0.0
+    return max(0.0, high - low) * math.hypot(*way)
+
+
+@given(st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=8), lines)
+def test_convex_polygons(corners, ends):
+    points = np.array(corners)
+    assume(np.linalg.matrix_rank(points - points[0], tol=1e-3) == 2)
+    hull = points[ConvexHull(points).vertices]
+    start, end = np.reshape(ends, (2, 2))
+    assert within(start, end, polygon=hull.tolist()) == pytest.approx(
+        in_convex(hull, start, end), abs=1e-9
+    )
+
+
+@given(st.tuples(coordinates, coordinates, st.floats(0.1, 3)), lines)
+def test_circles_against_distances(circle, ends):
+    start, end = np.reshape(ends, (2, 2))
+    way = end - start
+    shares = (np.arange(20_000) + 0.5) / 20_000
+    away = np.hypot(*(start + np.outer(shares, way) - circle[:2]).T)
+    length = math.hypot(*way)
+    expected = (away < circle[2]).mean() * length
+    assert within(start, end, circle=list(circle)) == pytest.approx(
+        expected, abs=2e-4 * length + 1e-12
+    )
+
+
+@examples(50)
+@given(lines)
+def test_a_polygon_is_its_raster_in_the_limit(ends):
+    """Within half a cell of an edge the raster is in between: apart by half that much in all.
+
+    A line crosses at most eight edges; one that runs along an edge is left out.
+    """
+    start, end = np.reshape(ends, (2, 2))
+    assume(min(abs(end - start)) > 0.1 * max(abs(end - start)) > 0)
+    exactly = within(start, end, polygon=HOOK)
+    for n in (8, 64):
+        centres = (np.arange(10 * n) + 0.5) / n - 5
+        x, y = np.meshgrid(centres, centres[::-1])
+        values = ((x > 0) & (x < 3) & (y > 0) & (y < 3) & ((x < 1) | (x > 2) | (y < 1))) * 1.0
+        found = survival_from_raster(
+            one_arc(start, end), values, resolution=1 / n, origin=(-5, -5), scale=0.1
+        )
+        assert -math.log(found["a", "b"]) / 0.1 == pytest.approx(exactly, abs=8 * 10 / n / 2)
+
+
+@pytest.mark.parametrize("zone", [{"circle": [2, 2, 1]}, {"polygon": SQUARE}])
+def test_a_lift_is_in_a_zone_or_not(zone):
+    """Its line is a point on the map; what it is long is an attribute."""
+    share = read_zone({"rate": 1, **zone}).share
+    assert [share(np.array(place), np.zeros(2)) for place in ([2.5, 2.5], [3.5, 2.5])] == [1, 0]
+
+
+def test_rates_add_up():
+    zones = [{"polygon": SQUARE, "rate": 0.1}, {"circle": [2, 2, 1], "rate": 0.3}]
+    found = survival_from_zones(one_arc((0, 2), (4, 2)), zones, danger=0.01)
+    assert found["a", "b"] == pytest.approx(math.exp(-0.01 * 4 - 0.1 * 2 - 0.3 * 2))
+
+
+@pytest.mark.parametrize(
+    ("zone", "fault"),
+    [
+        (7, r"zones\[0\]: expected an object with rate, and circle or polygon, got 7"),
+        ({"rate": 1}, "expected an object with rate, and circle or polygon"),
+        ({"rate": 1, "circle": [0, 0, 1], "polygon": SQUARE}, "circle or polygon"),
+        ({"circle": [0, 0, 1]}, "expected a rate >= 0, got None"),
+        ({"circle": [0, 0, 1], "rate": -1}, "expected a rate >= 0, got -1"),
+        ({"circle": [0, 0, 1], "rate": math.inf}, "expected a rate >= 0, got inf"),
+        ({"circle": [0, 0], "rate": 1}, r"expected a circle \[x, y, radius\], radius > 0, got"),
+        ({"circle": [0, 0, math.nan], "rate": 1}, "expected a circle"),
+        ({"circle": "wide", "rate": 1}, "expected a circle"),
+        ({"polygon": SQUARE[:2], "rate": 1}, "expected a polygon of at least three corners"),
+        ({"polygon": 7, "rate": 1}, "expected a polygon of at least three corners"),
+        ({"polygon": [], "rate": 1}, "expected a polygon of at least three corners"),
+        ({"polygon": [SQUARE, [[0, 0]]], "rate": 1}, "expected a polygon of at least three"),
+        ({"polygon": [[1], [2], [3]], "rate": 1}, "expected a polygon of at least three"),
+        ({"polygon": [[0, 0], [1, "x"], [1, 1]], "rate": 1}, "expected a polygon"),
+    ],
+)
+def test_wrong_zones_are_named(zone, fault):
+    with pytest.raises(ValueError, match=fault):
+        survival_from_zones(one_arc((0, 0), (1, 1)), [zone])
+
+
+def test_zones_need_places():
+    graph = nx.DiGraph([("a", "b")])
+    with pytest.raises(ValueError, match=r"Node 'a': expected pos \(x, y\), got None"):
+        survival_from_zones(graph, [])
+    with pytest.raises(ValueError, match="Expected danger >= 0, got -1"):
+        survival_from_zones(one_arc((0, 0), (1, 1)), [], danger=-1)
+
+
+SMALL = r"expected survival >= 5e-324, so danger \* length <= 744, got 5 \* 200 = 1000\."
+
+
+def test_survivals_are_above_0():
+    """By math.exp, a loss of 745 leaves the least positive float, and one of 746 leaves 0."""
+    assert [survived(loss, "", length=1) for loss in (0, 2.5, 745)] == [1, math.exp(-2.5), 5e-324]
+    # A length that is wrong is reported as such.
+    assert [survived(loss, "", length=loss) for loss in (-1000, math.nan)] == [1, 1]
+    with pytest.raises(ValueError, match=f"^line 7: {SMALL}$"):
+        survived(1000, "line 7", length=200)
+    arc = one_arc((0, 1), (200, 1))
+    for compute in (
+        lambda: survival_from_raster(arc, np.ones((1, 100)), resolution=2, scale=5),
+        lambda: survival_from_zones(arc, [], danger=5),
+        lambda: survival_from_zones(arc, [{"circle": [100, 0, 999], "rate": 4}], danger=1),
+    ):
+        with pytest.raises(ValueError, match=f"^Arc 'a' -> 'b': {SMALL}$"):
+            compute()

@@ -21,13 +21,11 @@ def _close_figures():
     plt.close("all")
 
 
-def write_map(folder, pixels, *, resolution=0.5, origin=(-1, -2)):
+def write_map(folder, pixels, more=""):
     """Write a map as ROS's map server has it; pixels are from 0, black, to 255."""
-    Image.fromarray(np.asarray(pixels, np.uint8)).save(folder / "map.pgm")
+    Image.fromarray(np.asarray(pixels, np.uint8)).save(folder / "map.png")
     path = folder / "map.yaml"
-    path.write_text(
-        f"image: map.pgm\nresolution: {resolution}\norigin: [{origin[0]}, {origin[1]}, 0]"
-    )
+    path.write_text(f"image: map.png\nresolution: 0.5\norigin: [-1, -2, 0]\n{more}")
     return path
 
 
@@ -35,6 +33,14 @@ def test_it_lies_at_its_origin_and_black_is_1(tmp_path):
     found = read_background(write_map(tmp_path, [[0, 255, 255], [255, 255, 0]]), TOY)
     assert found.shares.tolist() == [[1, 0, 0], [0, 0, 1]]
     assert found.extent == (-1, 0.5, -2, -1)
+
+
+@pytest.mark.parametrize("more", ["", "mode: Scale\nfree_thresh: 0.0\noccupied_thresh: 1.0\n"])
+def test_nothing_is_drawn_where_the_map_is_transparent(tmp_path, recwarn, more):
+    white, black, clear, half = [255] * 4, [0, 0, 0, 255], [0, 0, 0, 0], [0, 0, 0, 128]
+    found = read_background(write_map(tmp_path, [[white, black, clear, half]], more), TOY)
+    assert found.shares.tolist() == [[0, 1, 0, 0]]
+    assert not recwarn.list
 
 
 def test_walls_stay_where_cells_are_joined(tmp_path):

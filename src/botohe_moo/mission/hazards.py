@@ -10,12 +10,36 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from botohe_moo._base.checks import as_float, quoted
-from botohe_moo._base.types import BoolArray, FloatArray
+from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.arrays import plain_numbers, positions
 
-_EDGE = 1e-9  # of a cell: points so far outside count as on the edge
+_NEAR = 1e-9  # places that are nearer to each other are one; in cells, or in the unit of ``pos``
+
+
+def survived(loss: float, where: str, *, length: float) -> float:
+    """Return exp(−loss), the survival of an arc.
+
+    Parameters
+    ----------
+    loss
+        Integral of the rate of loss along the arc. Below 0 and NaN count as 0: they come from a
+        length that is wrong, which the rules of missions report.
+    where
+        The arc, with which the message begins, such as ``Arc 'dock' -> 'reef'``.
+    length
+        Length of the arc. The message names it, and ``loss / length``, the mean danger.
+
+    Raises
+    ------
+    ValueError
+        If the survival is below the least positive float, 5e-324: above a loss of some 744.
+    """
+    if (survival := math.exp(-max(0.0, loss))) == 0.0:
+        fault = f"danger * length <= 744, got {loss / length:g} * {length:g} = {loss:g}"
+        raise ValueError(f"{where}: expected survival >= 5e-324, so {fault}.")
+    return survival
 
 
 @checked
@@ -56,7 +80,8 @@ def survival_from_raster(
     TypeError
         If ``graph`` is not a graph.
     ValueError
-        If a parameter is out of its range, or if a node has no position or lies outside of the map.
+        If a parameter is out of its range, a node has no position or lies outside of the map, or
+        the survival of an arc would be 0 as a float.
 
     Examples
     --------
@@ -69,20 +94,18 @@ def survival_from_raster(
     >>> survival_from_raster(graph, dangers, resolution=1, scale=0.1)
     {('dock', 'reef'): 0.818730...}
     """
-    cells, places = table(values), positions(graph)
+    cells, places = _table(values), positions(graph)
     at = {node: in_cells(place, cells, resolution, origin) for node, place in places.items()}
-    if lost := [node for node in at if np.isnan(at[node]).any()]:
+    if off := [node for node in at if np.isnan(at[node]).any()]:
         ends = np.add(origin, np.multiply(cells.shape[::-1], resolution)).tolist()
-        raise ValueError(
-            f"Node {quoted(lost[0])}: expected pos (x, y) on the map, from {list(origin)} to "
-            f"{ends}, got {places[lost[0]].tolist()}."
-        )
-    return {
-        (tail, head): math.exp(
-            -scale * math.dist(places[tail], places[head]) * mean_along(cells, at[tail], at[head])
-        )
-        for tail, head in graph.edges
-    }
+        fault = f"pos (x, y) on the map, from {[*origin]} to {ends}, got {places[off[0]].tolist()}"
+        raise ValueError(f"Node {quoted(off[0])}: expected {fault}.")
+    survivals = {}
+    for u, v in graph.edges:
+        length = math.dist(places[u], places[v])
+        loss = scale * length * mean_along(cells, at[u], at[v])
+        survivals[u, v] = survived(loss, f"Arc {quoted(u)} -> {quoted(v)}", length=length)
+    return survivals
 
 
 @checked
@@ -141,28 +164,25 @@ def rewards_from_raster(
     """
     from scipy.spatial import KDTree
 
-    cells, places = table(values), positions(graph)
+    cells, places = _table(values) * (scale * resolution**2), positions(graph)
     seen = np.argwhere(cells)
     centres = (seen[:, ::-1] + 0.5) * resolution + origin
     tree = KDTree(np.reshape([*places.values()], (-1, 2)))
     _, nearest = tree.query(centres, distance_upper_bound=np.nextafter(radius, np.inf))
-    worth = cells[tuple(seen.T)] * (scale * resolution**2)
-    sums = np.bincount(nearest, worth, minlength=len(places) + 1)  # the last one: of none
-    return dict(zip(places, sums.tolist()[: len(places)], strict=True))
+    seen_from = np.bincount(nearest, cells[tuple(seen.T)], minlength=len(places))
+    return dict(zip(places, seen_from.tolist(), strict=False))  # after these: seen from nowhere
 
 
-def table(values: ArrayLike) -> FloatArray:
+def _table(values: ArrayLike) -> FloatArray:
     """Return the values of a map, the lowest row first."""
     try:
         cells = np.array(values, float)
     except (TypeError, ValueError):
-        raise ValueError(
-            f"Expected values to be a table of numbers, got {quoted(values)}."
-        ) from None
-    if cells.ndim != 2 or cells.size == 0:
-        raise ValueError(f"Expected values (n_rows, n_columns), got an array {cells.shape}.")
-    if not (is_valid := np.isfinite(cells) & (cells >= 0.0)).all():
-        raise ValueError(f"Expected finite values >= 0, got {float(cells[~is_valid][0])}.")
+        cells = np.empty(0)
+    wrong = cells[~(np.isfinite(cells) & (cells >= 0.0))]
+    if cells.ndim != 2 or cells.size == 0 or wrong.size:
+        expected = "values to be a table (n_rows, n_columns) of finite numbers >= 0"
+        raise ValueError(f"Expected {expected}, got {quoted([*wrong.tolist(), values][0])}.")
     return cells[::-1]
 
 
@@ -174,7 +194,7 @@ def in_cells(
     ``cells`` have the lowest row first.
     """
     at = (places - origin) / resolution
-    is_on = (at >= -_EDGE) & (at <= np.add(cells.shape[::-1], _EDGE))
+    is_on = (at >= -_NEAR) & (at <= np.add(cells.shape[::-1], _NEAR))
     return np.where(is_on.all(axis=-1, keepdims=True), at - 0.5, np.nan)
 
 
@@ -186,21 +206,14 @@ def mean_along(cells: FloatArray, start: FloatArray, end: FloatArray) -> float:
     """
     from scipy.ndimage import map_coordinates
 
-    way, cuts = end - start, [np.array([0.0, 1.0])]
-    for origin, step in zip(start, way, strict=True):
-        if step != 0.0:
-            low, high = sorted((origin, origin + step))
-            cuts.append((np.arange(np.ceil(low), np.floor(high) + 1) - origin) / step)
-    at = np.unique(np.clip(np.concatenate(cuts), 0.0, 1.0))
-    middle = (at[1:] + at[:-1]) / 2
-
-    def value(shares: FloatArray) -> Any:
-        x, y = start[:, None] + way[:, None] * shares
-        return map_coordinates(cells, [y, x], order=1, mode="nearest")
-
-    ends = value(at)
-    pieces = (ends[1:] + ends[:-1] + 4.0 * value(middle)) / 6.0
-    return float(pieces @ np.diff(at))
+    way, cuts = end - start, [0.0, 1.0]
+    for axis in np.flatnonzero(way):
+        low, high = sorted((start[axis], start[axis] + way[axis]))
+        cuts += ((np.arange(np.ceil(low), np.floor(high) + 1) - start[axis]) / way[axis]).tolist()
+    at = np.unique(np.clip(cuts, 0.0, 1.0))
+    at = np.sort(np.append(at, (at[1:] + at[:-1]) / 2))
+    values = map_coordinates(cells, (start + np.outer(at, way)).T[::-1], order=1, mode="nearest")
+    return float((values[2::2] + values[:-2:2] + 4.0 * values[1::2]) / 6.0 @ np.diff(at[::2]))
 
 
 @checked
@@ -234,7 +247,8 @@ def survival_from_zones(
     TypeError
         If ``graph`` is not a graph.
     ValueError
-        If a parameter is out of its range, a zone cannot be read, or a node has no position.
+        If a parameter is out of its range, a zone cannot be read, a node has no position, or the
+        survival of an arc would be 0 as a float.
 
     Examples
     --------
@@ -248,10 +262,11 @@ def survival_from_zones(
     """
     places, read = positions(graph), read_zones(zones, "zones")
     survivals = {}
-    for tail, head in graph.edges:
-        start, way = places[tail], places[head] - places[tail]
-        rate = danger + sum(zone.rate * zone.share(start, way) for zone in read)
-        survivals[tail, head] = math.exp(-rate * float(np.hypot(*way)))
+    for u, v in graph.edges:
+        start, way = places[u], places[v] - places[u]
+        length = math.dist(places[u], places[v])
+        loss = length * (danger + sum(zone.rate * zone.share(start, way) for zone in read))
+        survivals[u, v] = survived(loss, f"Arc {quoted(u)} -> {quoted(v)}", length=length)
     return survivals
 
 
@@ -259,93 +274,55 @@ class Zone(NamedTuple):
     """A circle or a polygon within which it is more dangerous."""
 
     rate: float
-    circle: FloatArray | None  # x, y, radius
-    sides: FloatArray  # of the polygon's rings, from one corner to the next (n_sides, 2, 2)
+    shape: FloatArray  # a circle [x, y, radius], or the sides of a polygon's rings (n_sides, 2, 2)
 
     def share(self, start: FloatArray, way: FloatArray) -> float:
-        """Return how much of the line from ``start`` along ``way`` is in the zone."""
-        cuts = self._cuts(start, way)
-        at = np.unique(np.clip(np.concatenate([[0.0, 1.0], cuts]), 0.0, 1.0))
-        middles = start + np.outer((at[1:] + at[:-1]) / 2, way)
-        return float(np.diff(at) @ self._has(middles))
+        """Return how much of the line from ``start`` along ``way`` is in the zone.
 
-    def _cuts(self, start: FloatArray, way: FloatArray) -> FloatArray:
-        """Return the shares of the line after which it crosses the edge of the zone."""
-        with np.errstate(all="ignore"):  # of lines that never cross the edge
-            if self.circle is not None:
-                away, square = start - self.circle[:2], way @ way
-                nearest = -(away @ way) / square
-                apart = np.hypot(*(away + nearest * way))
-                half = np.sqrt((self.circle[2] ** 2 - apart**2) / square)
-                cuts = np.array([nearest - half, nearest + half])
-            else:
-                first, side = self.sides[:, 0], self.sides[:, 1] - self.sides[:, 0]
-                cuts = _cross(first - start, side) / _cross(way, side)
-        crossed: FloatArray = cuts[np.isfinite(cuts)]
-        return crossed
-
-    def _has(self, points: FloatArray) -> BoolArray:
-        """Return which points are in the zone; on its edge either may be."""
-        if self.circle is not None:
-            within: BoolArray = np.hypot(*(points - self.circle[:2]).T) < self.circle[2]
-            return within
-        (x1, y1), (x2, y2) = self.sides[:, 0].T, self.sides[:, 1].T
-        x, y = points[:, :1], points[:, 1:]
-        is_beside = (y1 > y) != (y2 > y)
-        with np.errstate(all="ignore"):  # of sides that are not beside
-            is_right = x < x1 + (x2 - x1) * (y - y1) / (y2 - y1)
-        is_odd: BoolArray = (is_beside & is_right).sum(axis=1) % 2 == 1
-        return is_odd
-
-
-def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
+        A line without ends enters the zone where it first crosses the edge, leaves it where it
+        crosses the edge again, and so on.
+        """
+        if math.hypot(*way) < _NEAR:  # a lift, where any direction will do
+            way = np.array([_NEAR, 0.0])
+        if self.shape.ndim == 1:
+            away, radius = start - self.shape[:2], self.shape[2]
+            # Where the distance from the centre is the radius. A line that misses the circle has
+            # complex roots, whose real parts are equal.
+            cuts = np.roots([way @ way, 2.0 * (way @ away), away @ away - radius**2]).real
+        else:
+            x, y = (self.shape - start).T  # of both ends of each side (2, n_sides)
+            left = way[0] * y - way[1] * x  # below 0: on the right of the line
+            is_cut = (left[0] < 0.0) != (left[1] < 0.0)
+            cuts = (x[0] * y[1] - y[0] * x[1])[is_cut] / (left[1] - left[0])[is_cut]
+        at = np.sort(np.clip(cuts, 0.0, 1.0))
+        return float((at[1::2] - at[::2]).sum())
 
 
 def read_zones(zones: Iterable[Any], name: str) -> list[Zone]:
     """Read zones; a ValueError names what is wrong, such as ``zones[0]``."""
-    read = []
-    for i, zone in enumerate(zones):
-        try:
-            read.append(read_zone(zone))
-        except ValueError as error:
-            raise ValueError(f"{name}[{i}]: {error}") from None
-    return read
+    return [read_zone(zone, f"{name}[{i}]: ") for i, zone in enumerate(zones)]
 
 
-def read_zone(zone: Any) -> Zone:
-    """Read a zone; a ValueError says what is wrong."""
-    given = {"circle", "polygon"} & {*zone} if isinstance(zone, Mapping) else set()
+def read_zone(zone: Any, where: str = "") -> Zone:
+    """Read a zone; a ValueError, which begins with ``where``, says what is wrong."""
+
+    def fault(expected: str, got: object) -> ValueError:
+        return ValueError(f"{where}expected {expected}, got {quoted(got)}.")
+
+    given = {"circle", "polygon"} & zone.keys() if isinstance(zone, Mapping) else ()
     if len(given) != 1:
-        raise ValueError(
-            f"expected an object with rate, and circle or polygon, got {quoted(zone)}."
-        )
-    rate, [shape] = as_float(zone.get("rate")), given
+        raise fault("an object with rate, and circle or polygon", zone)
+    rate, [shape] = as_float(zone.get("rate")), map(zone.get, given)
     if not 0.0 <= rate < math.inf:
-        raise ValueError(f"expected a rate >= 0, got {quoted(zone.get('rate'))}.")
-    if shape == "circle":
-        circle = plain_numbers(zone["circle"])
-        if circle.shape != (3,) or circle[2] <= 0.0:
-            raise ValueError(
-                f"expected a circle [x, y, radius], radius > 0, got {quoted(zone['circle'])}."
-            )
-        return Zone(rate, circle, np.empty((0, 2, 2)))
-    single = plain_numbers(zone["polygon"])
-    listed = zone["polygon"] if isinstance(zone["polygon"], list | tuple) else []
-    rings = [single] if single.ndim == 2 else [plain_numbers(ring) for ring in listed]
+        raise fault("a rate >= 0", zone.get("rate"))
+    numbers = plain_numbers(shape)
+    if "circle" in given:
+        if numbers.shape != (3,) or numbers[2] <= 0.0:
+            raise fault("a circle [x, y, radius], radius > 0", shape)
+        return Zone(rate, numbers)
+    listed = shape if isinstance(shape, list | tuple) else []
+    rings = [numbers] if numbers.ndim == 2 else [plain_numbers(ring) for ring in listed]
     if not rings or any(ring.shape[1:] not in ((2,), (3,)) or len(ring) < 3 for ring in rings):
-        raise ValueError(
-            f"expected a polygon of at least three corners [[x, y], ...], got "
-            f"{quoted(zone['polygon'])}."
-        )
-    flat = [ring[:, :2] for ring in rings]  # without heights
-    sides = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in flat]
-    return Zone(rate, None, np.concatenate(sides))
-
-
-def survived(rate: float, length: float) -> float:
-    """Return exp(-rate * length)."""
-    survival = math.exp(-rate * length)
-    if survival == 0.0:
-        raise ValueError(f"rate {rate:g} length {length:g}")
-    return survival
+        raise fault("a polygon of at least three corners [[x, y], ...]", shape)
+    sides = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)[..., :2] for ring in rings]
+    return Zone(rate, np.concatenate(sides))

@@ -5,113 +5,133 @@ from __future__ import annotations
 import math
 import os
 import warnings
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import networkx as nx
 import numpy as np
 from PIL import Image, UnidentifiedImageError
-from pydantic import AfterValidator, BaseModel, Field
+from pydantic import BaseModel, Field
 
-from botohe_moo._base.checks import ParameterError, as_float, quoted
-from botohe_moo._base.document import Document
-from botohe_moo._base.files import read_bytes
-from botohe_moo._base.types import BoolArray, FloatArray
+from botohe_moo._base.checks import ParameterError, quoted
+from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import NotNegative, Positive
-from botohe_moo.mission.formats.reading import file_content, validated
-from botohe_moo.mission.hazards import in_cells, mean_along
+from botohe_moo._plugins.types import NotNegative, Positive, Probability
+from botohe_moo.mission.arrays import plain_numbers
+from botohe_moo.mission.formats.reading import Source, file_content, validated
+from botohe_moo.mission.hazards import in_cells, mean_along, survived
 from botohe_moo.mission.rules import MissionError
 
 MODES = ("trinary", "scale")
-
-_Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-
-
-def _without_rotation(origin: list[float]) -> list[float]:
-    if any(origin[2:]):
-        raise ValueError("expected [x, y, 0], without rotation")
-    return origin
+FREE, OCCUPIED, UNKNOWN = np.array([0, 100, -1], np.int8)  # as in ROS's OccupancyGrid
 
 
-class _MapFile(BaseModel):
+class _MapFile(BaseModel, strict=True, allow_inf_nan=False):
     image: Annotated[str, Field(min_length=1)]
-    resolution: Annotated[_Finite, Field(gt=0)]
-    origin: Annotated[
-        list[_Finite], Field(min_length=2, max_length=3), AfterValidator(_without_rotation)
-    ]
-    negate: Literal[0, 1] = 0
-    mode: Literal["trinary", "scale"] = "trinary"
-    free_thresh: Annotated[float, Field(strict=True, gt=0, lt=1)] = 0.25  # as Nav2 saves maps
+    resolution: Positive
+    origin: Annotated[list[float], Field(min_length=2, max_length=3)]
+    negate: Annotated[bool, Field(strict=False)] = False
+    mode: str = "trinary"
+    free_thresh: Probability = 0.25  # both as the map saver of Nav2 writes them
+    occupied_thresh: Probability = 0.65
 
 
 class Raster(NamedTuple):
-    """A map of shares, as `survival_from_raster` takes it."""
+    """A map of shares, as `survival_from_raster` takes it, and what its cells are by thresholds."""
 
     values: FloatArray  # in [0, 1], the first row at the top (n_rows, n_columns)
     resolution: float  # width of a cell
     origin: tuple[float, float]  # the lower left corner
-    free_thresh: float  # in a map of obstacles, cells with less are free
+    cells: IntArray  # FREE, OCCUPIED or UNKNOWN; rows and columns as of ``values``
+    path: str
+
+    def shares(self, points: FloatArray) -> FloatArray:
+        """Return the mean shares along the straight pieces between points (n, 2): (n − 1,).
+
+        A MissionError names the first point that is not on the map.
+        """
+        at = in_cells(points, self.values[::-1], self.resolution, self.origin)
+        if off := points[np.isnan(at[:, 0])].round(6).tolist():
+            fault = f"expected a map that covers all ways, found none of it at {off[0]}"
+            raise MissionError(fault, self.path)
+        return np.array([mean_along(self.values[::-1], *ends) for ends in pairwise(at)])
 
 
 def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale",)) -> Raster:
     """Read a map as shares of full scale, which is black, or with ``negate`` white.
 
-    Its ``mode`` has to be one of ``modes``; without one it is ``trinary``, as for the map server. A
-    MissionError names the file, and the line of what is wrong. In mode ``raw``, which is never one
-    of them, pixels are not shares.
+    The file is read as the map server of Nav2 reads it. In mode ``scale`` shares up to
+    ``free_thresh`` become 0, those from ``occupied_thresh`` on become 1, and the scale between
+    them is linear. Without thresholds it goes from 0 to 1, so that shares stay. They also stay in
+    mode ``trinary``. Cells are free below ``free_thresh``, by default 0.25, and occupied above
+    ``occupied_thresh``, by default 0.65. Others are unknown, and so is the grey 205 of map savers.
+    A pixel that is transparent, if only partly, is an unknown cell of share 0. The map server
+    requires thresholds, ``negate`` and an angle in ``origin``: here they may be left out. A ``~``
+    with which ``image`` begins is the home folder.
+
+    Parameters
+    ----------
+    path
+        YAML that names an image. Keys that are not known are ignored.
+    modes
+        The ``mode`` of the file has to be one of these, in any case; without one it is
+        ``trinary``. In mode ``raw``, which is never one of these, pixels are not shares. If
+        ``trinary`` is not one of these either, a warning counts the transparent pixels.
+
+    Raises
+    ------
+    MissionError
+        If the map cannot be read: names the file, and the line of what is wrong.
     """
-    path = Path(path)
+    source = Source(path)
     try:
-        document = Document(file_content(path).decode("utf-8-sig"))
-        if not isinstance(document.content, dict):
-            raise MissionError(f"expected a map, with an image, got {quoted(document.content)}")
-        found = validated(document, _MapFile)
-        if found.mode not in modes:
-            got = quoted(document.content["mode"]) if "mode" in document.content else "none"
-            expected = f"expected mode to be {' or '.join(modes)}, found {got}"
-            raise MissionError(f"line {document.line(['mode'])}: {expected}")
-        try:
-            shares = _read_image(path.parent / found.image)
-        except ValueError as error:
-            raise MissionError(f"image {quoted(found.image)}: {error}") from None
-    except MissionError as error:
-        raise MissionError(list(error.faults), str(path)) from None
-    except ValueError as error:  # DocumentError, and text that is not UTF-8
-        raise MissionError(str(error).rstrip("."), str(path)) from None
-    x, y, *_ = found.origin
-    values = shares if found.negate else 1.0 - shares
-    return Raster(values, found.resolution, (x, y), found.free_thresh)
+        found, given = validated(source.yaml, _MapFile), source.yaml.content
+        low, high = given.get("free_thresh", 0.0), given.get("occupied_thresh", 1.0)
+        mode, (x, y, *angle) = found.mode.lower(), found.origin
+        for key, is_wrong, expected in (
+            ("mode", mode not in modes, f"mode to be {' or '.join(modes)}"),
+            ("origin", any(angle), "origin [x, y, 0], without rotation"),
+            ("free_thresh", low > high, f"free_thresh <= occupied_thresh, {high:g}"),
+        ):
+            if is_wrong:
+                fault = f"expected {expected}, got {quoted(given.get(key))}"
+                raise MissionError(f"line {source.yaml.line([key])}: {fault}")
+        white = _read_image(source.path.parent, found.image)
+    except ValueError as error:  # not valid YAML, not UTF-8, or a MissionError
+        raise MissionError(getattr(error, "faults", str(error).rstrip(".")), str(path)) from None
+    if (n_clear := np.isnan(white).sum()) and "trinary" not in modes:
+        said = f"{n_clear} of {white.size} pixels are transparent: unknown, which counts as 0."
+        warnings.warn(f"{path}: {said}", stacklevel=2)
+    black = white if found.negate else 1.0 - white
+    # Map savers write the grey 205 for unknown cells; by their own free_thresh, 0.25, it is free.
+    is_free = (black < found.free_thresh) & ~np.isclose(black, 1.0 - 205.0 / 255.0)
+    cells = np.where(is_free, FREE, np.where(black > found.occupied_thresh, OCCUPIED, UNKNOWN))
+    if mode == "scale":
+        black = np.interp(black, [low, max(high, np.nextafter(low, 2.0))], [0.0, 1.0])
+    return Raster(np.nan_to_num(black), found.resolution, (x, y), cells, str(path))
 
 
-def _read_image(path: Path) -> FloatArray:
-    """Read an image as shares of white (n_rows, n_columns); a ValueError says why it cannot be."""
+def _read_image(folder: Path, name: str) -> FloatArray:
+    """Read an image as shares of white (n_rows, n_columns); NaN where it is transparent."""
     try:
-        with Image.open(BytesIO(read_bytes(path))) as image:
+        with Image.open(BytesIO(file_content(folder / Path(name).expanduser()))) as image:
             if image.mode == "F":
-                raise ValueError("expected integers as pixels, found floats")
-            # Of 16 bits or more; others have at most 8 for each colour, of which the mean counts.
-            most = 65_535.0 if image.mode.startswith("I") else 255.0
-            pixels = np.asarray(image if most > 255.0 else image.convert("RGB"), float)
-    except FileNotFoundError:
-        raise ValueError("there is no such file") from None
-    except UnidentifiedImageError:
-        raise ValueError("expected an image, such as PNG or PGM") from None
-    except OSError as error:
-        raise ValueError(f"cannot be read: {error.strerror or error}") from None
-    except (SyntaxError, Image.DecompressionBombError) as error:
-        raise ValueError(f"cannot be read: {error}") from None
-    grey = pixels if pixels.ndim == 2 else pixels.mean(axis=2)
-    shares: FloatArray = np.clip(grey / most, 0.0, 1.0)
-    return shares
-
-
-# The grey that map savers write for unknown cells, which is free by their own free_thresh of 0.25.
-_UNKNOWN = 1.0 - 205.0 / 255.0
+                raise MissionError("expected integers as pixels, found floats")
+            if image.mode.startswith("I"):  # of 16 bits or more
+                grey = np.asarray(image, float)
+                grey[grey == image.info.get("transparency")] = np.nan
+                return np.clip(grey / 65_535.0, 0.0, 1.0)
+            pixels = np.asarray(image.convert("RGBA"))
+            return np.where(pixels[..., 3] < 255, np.nan, pixels[..., :3].mean(axis=2) / 255.0)
+    except (OSError, RuntimeError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        fault = getattr(error, "faults", [f"cannot be read: {error}"])[0]
+        if isinstance(error, UnidentifiedImageError):
+            fault = "expected an image, such as PNG or PGM"
+    raise MissionError(f"image {quoted(name)}: {fault}")
 
 
 @checked
@@ -136,7 +156,8 @@ def roadmap_from_map(
     ----------
     path
         YAML that names an image, as the map server of Nav2 reads it. Cells below its
-        ``free_thresh`` are free. Unknown cells are not, nor is what lies outside.
+        ``free_thresh``, by default 0.25, are free. Unknown cells are not, nor is what lies outside.
+        Pixels that are transparent, if only partly, are unknown cells.
     radius
         Of a robot, above 0, in metres, as are all lengths. With half a cell or less, ways pass
         between obstacles that touch at a corner.
@@ -150,7 +171,9 @@ def roadmap_from_map(
     hazard
         Map of where it is dangerous, in the same frame, YAML with ``mode: scale``: where it is
         black the rate of loss is ``danger``, where it is white 0, as for
-        :func:`survival_from_raster` along the points of a way.
+        :func:`survival_from_raster` along the points of a way. With ``free_thresh`` and
+        ``occupied_thresh`` the scale goes from one to the other, as for the map server. Pixels that
+        are transparent, if only partly, are unknown: they count as 0, with a warning.
 
     Returns
     -------
@@ -162,10 +185,11 @@ def roadmap_from_map(
     Raises
     ------
     MissionError
-        If a map cannot be read, no way is left on it, packages are missing, or the map of dangers
-        does not cover all ways.
+        If a map cannot be read, has no free cells, or no ways for such a robot, if packages are
+        missing, or the map of dangers does not cover all ways.
     ValueError
-        If a parameter is out of its range, or the base is not a node.
+        If a parameter is out of its range, the base is not a node, or ``danger`` is so large that
+        the survival of an arc would be 0 as a float.
 
     References
     ----------
@@ -193,22 +217,17 @@ def roadmap_from_map(
         fault = "Expected danger, the rate of loss where the map is black, found none."
         raise ParameterError(fault, "danger")
     loss_along = None if danger is None else _loss_along(danger, hazard)
-    raster = read_raster(path, modes=MODES)
+    raster, source = read_raster(path, modes=MODES), os.fspath(path)
     if spacing is not None and spacing < raster.resolution:
         fault = f"Expected spacing >= {raster.resolution:g}, the width of a cell, got {spacing:g}."
         raise ParameterError(fault, "spacing")
-    ways = _skeleton(raster, radius, os.fspath(path))
-    ways = _joined(_merged(ways, max(radius, 2.0 * raster.resolution)))
+    ways = _joined(_merged(_skeleton(raster, radius, source), max(radius, 2.0 * raster.resolution)))
     if not ways:
-        fault = (
-            f"expected ways through free space for a robot of radius {radius:g}, found none: it "
-            "does not fit, or all is one round or square hall, which has a middle, but no ways"
-        )
-        raise MissionError(fault, os.fspath(path))
-    graph = _roadmap(ways, spacing, loss_along)
-    if isinstance(base, tuple) and len(base) == 2 and np.isfinite([*map(as_float, base)]).all():
-        away = np.array([place for _, place in graph.nodes(data="pos")]) - base
-        base = int(np.hypot(*away.T).argmin())
+        why = "where it fits is a round or square hall, which has a middle, but no ways"
+        raise MissionError(f"{_NO_WAY.format(radius)}: the largest part {why}", source)
+    graph = _roadmap(ways, spacing or math.inf, loss_along)
+    if (place := plain_numbers(base)).shape == (2,):
+        base = min(graph, key=lambda node: math.dist(place, graph.nodes[node]["pos"]))
     if base not in graph:
         expected = f"a node, 0 to {len(graph) - 1}, or a place (x, y)"
         raise ParameterError(f"Expected base to be {expected}, got {quoted(base)}.", "base")
@@ -217,57 +236,44 @@ def roadmap_from_map(
     return graph
 
 
-# From a node to a node, and the points (n, 2) in between, with those of both.
-_Way = tuple[int, int, FloatArray]
+_NO_WAY = "expected ways through free space for a robot of radius {:g}, found none"
+_Way: TypeAlias = np.ndarray[Any, np.dtype[np.complex128]]  # points x + iy; nodes at both ends
+_Losses: TypeAlias = Callable[[_Way], FloatArray]  # from the first point of a way to each of them
 
 
 def _skeleton(raster: Raster, radius: float, source: str) -> list[_Way]:
-    """Return the ways of the skeleton of where a robot is clear of obstacles."""
+    """Return the ways of the skeleton of the largest part where a robot is clear of obstacles."""
+    from scipy.ndimage import distance_transform_edt, label
+
     try:
         from skan import Skeleton
         from skimage.morphology import skeletonize
     except ImportError:
         needed = "the packages scikit-image and skan: pip install 'botohe-moo[maps]'"
         raise MissionError(f"a roadmap needs {needed}", source) from None
-    thin: Any = skeletonize  # untyped
-    clear = _clear(raster, radius)
-    skeleton = thin(clear)
+    is_free = np.pad(raster.cells == FREE, 1)  # with a margin that is not
+    # From the centre of a cell to the edge of the nearest one that is not free.
+    clearance = (distance_transform_edt(is_free) - 0.5) * raster.resolution
+    parts, n_parts = label(clearance >= radius * (1.0 - 1e-9), np.ones((3, 3)))
+    if n_parts == 0:
+        fault = f"{_NO_WAY.format(radius)}: the largest clearance is {clearance.max():g}"
+        if not is_free.any():
+            unknown = (raster.cells == UNKNOWN).mean()
+            fault = f"no cell is free; {unknown:.0%} are unknown, {1.0 - unknown:.0%} are occupied"
+        raise MissionError(fault, source)
+    sizes = np.bincount(parts.ravel())[1:]
+    if n_parts > 1:
+        share = f"{1.0 - sizes.max() / sizes.sum():.1%} of where a robot of radius {radius:g} fits"
+        said = f"Left out parts of the map that do not join the largest one: {n_parts - 1}, with"
+        warnings.warn(f"{said} {share}.", stacklevel=4)
+    skeleton = skeletonize(parts == sizes.argmax() + 1)  # type: ignore[no-untyped-call]
     if skeleton.sum() < 2:
         return []
     branches = Skeleton(skeleton, keep_images=False)
-    # Where the cell in the corner is: the first row is at the top, and there is a margin of a cell.
-    corner = np.array([-0.5, len(clear) - 1.5]) * raster.resolution + raster.origin
-    ways: list[_Way] = []
-    for i in range(branches.n_paths):
-        rows, columns = branches.path_coordinates(i).T
-        tail, *_, head = branches.path(i).tolist()
-        points = corner + np.column_stack([columns, -rows]) * raster.resolution
-        ways.append((tail, head, points))
-    return ways
-
-
-def _clear(raster: Raster, radius: float) -> BoolArray:
-    """Return the largest part where a robot is clear of obstacles, with a margin of one cell."""
-    from scipy.ndimage import distance_transform_edt, label
-
-    is_free = (raster.values < raster.free_thresh) & ~np.isclose(raster.values, _UNKNOWN)
-    # From the centre of a cell to the edge of the nearest one that is not free.
-    clearance = (distance_transform_edt(np.pad(is_free, 1)) - 0.5) * raster.resolution
-    parts, n_parts = label(clearance >= radius * (1.0 - 1e-9), np.ones((3, 3)))
-    sizes = np.bincount(parts.ravel())[1:]
-    if n_parts > 1:
-        share = 1.0 - sizes.max() / sizes.sum()
-        warnings.warn(
-            f"Left out parts of the map that do not join the largest one: {n_parts - 1}, with "
-            f"{share:.1%} of where a robot of radius {radius:g} fits.",
-            stacklevel=5,
-        )
-    largest: BoolArray = parts == (sizes.argmax() + 1 if n_parts else -1)
-    return largest
-
-
-def _length(points: FloatArray) -> float:
-    return float(_distances(points)[-1])
+    # Where the cell in the corner is: the first row is at the top, and there is the margin.
+    corner = complex(*(raster.origin + np.array([-0.5, len(parts) - 1.5]) * raster.resolution))
+    cells = [branches.path_coordinates(i) @ [-1j, 1] for i in range(branches.n_paths)]
+    return [corner + way * raster.resolution for way in cells]
 
 
 def _merged(ways: list[_Way], near: float) -> list[_Way]:
@@ -277,118 +283,87 @@ def _merged(ways: list[_Way], near: float) -> list[_Way]:
     """
     from scipy.spatial import KDTree
 
-    if not ways:
-        return []
-    degree = Counter(end for way in ways for end in way[:2])
-    places = {end: way[2][i] for way in ways for end, i in zip(way[:2], (0, -1), strict=True)}
-    nodes = sorted(degree, key=lambda node: (-degree[node], node))
-    at = np.array([places[node] for node in nodes])
-    stays: dict[int, int] = {}
+    degree = Counter(end for way in ways for end in way[[0, -1]].tolist())
+    nodes = sorted(degree, key=lambda node: (-degree[node], *_from_top(node)))
+    at = _xy(nodes)
+    stays: dict[complex, complex] = {}
     for node, around in zip(nodes, KDTree(at).query_ball_point(at, near * (1 - 1e-9)), strict=True):
         if node not in stays:
             stays |= {nodes[i]: stays.get(nodes[i], node) for i in around}
-    drawn = [
-        (stays[tail], stays[head], np.vstack([places[stays[tail]], points, places[stays[head]]]))
-        for tail, head, points in ways
-    ]
-    shortest: dict[frozenset[int], float] = {}
+    drawn = [np.array([stays[way[0]], *way, stays[way[-1]]]) for way in ways]
+    shortest: dict[frozenset[complex], float] = {}
     merged = []
-    for way in sorted(drawn, key=lambda way: _length(way[2])):
-        ends, length = frozenset(way[:2]), _length(way[2])
-        other = 0.0 if len(ends) == 1 else shortest.setdefault(ends, math.inf)
+    for way in sorted(drawn, key=lambda way: _distances(way)[-1]):
+        ends, length = frozenset(way[[0, -1]].tolist()), _distances(way)[-1]
+        other = 0.0 if len(ends) == 1 else shortest.get(ends, math.inf)
         if length + other >= 4.0 * near:
             merged.append(way)
-            shortest[ends] = min(length, other)
+            shortest.setdefault(ends, length)
     return merged
 
 
 def _joined(ways: list[_Way]) -> list[_Way]:
     """Make one way of any two that meet where no other does."""
     kept = dict(enumerate(ways))
-    at: dict[int, list[int]] = {}
-    for i, (tail, head, _) in kept.items():
-        at.setdefault(tail, []).append(i)
-        at.setdefault(head, []).append(i)
-    for node in sorted(at):
-        if len(at[node]) == 2 and at[node][0] != at[node][1]:
-            first, second = at.pop(node)
-            start, to = _from(node, kept.pop(first))
-            end, on = _from(node, kept.pop(second))
-            kept[first] = start, end, np.vstack([to[::-1], on[1:]])
-            at[end][at[end].index(second)] = first
+    at = defaultdict(list)
+    for i, way in kept.items():
+        at[way[0]].append(i)
+        at[way[-1]].append(i)
+    for node in sorted(at, key=_from_top):
+        if len({*at[node]}) == len(at[node]) == 2:
+            first, second = pair = at.pop(node)
+            to, on = (way if way[0] == node else way[::-1] for way in map(kept.pop, pair))
+            kept[first] = np.append(to[::-1], on[1:])
+            at[on[-1]][at[on[-1]].index(second)] = first
     return list(kept.values())
 
 
-def _from(node: int, way: _Way) -> tuple[int, FloatArray]:
-    """Return the other end of a way, and its points from a node on."""
-    tail, head, points = way
-    return (head, points) if tail == node else (tail, points[::-1])
+def _xy(places: Any) -> FloatArray:
+    """Return points x + iy as pairs (..., 2)."""
+    return np.stack([np.real(places), np.imag(places)], axis=-1)
 
 
-def _loss_along(
-    danger: float, hazard: str | os.PathLike[str] | None
-) -> Callable[[FloatArray], FloatArray]:
+def _from_top(place: complex) -> tuple[float, float]:
+    """Return the key by which places are sorted from the top of the map to the bottom."""
+    return -place.imag, place.real
+
+
+def _distances(way: _Way) -> FloatArray:
+    """Return how far each point of a way is from the first one along it."""
+    return np.append(0.0, np.cumsum(np.hypot(*_xy(np.diff(way)).T)))
+
+
+def _loss_along(danger: float, hazard: str | os.PathLike[str] | None) -> _Losses:
     """Return what integrates the rate of loss along a way, up to each of its points."""
     if hazard is None:
-        return lambda points: danger * _distances(points)
-    values, resolution, origin, _ = read_raster(hazard)
-    cells = values[::-1]
+        return lambda way: danger * _distances(way)
+    raster = read_raster(hazard)
 
-    def losses(points: FloatArray) -> FloatArray:
-        at = in_cells(points, cells, resolution, origin)
-        if (is_off := np.isnan(at).any(axis=1)).any():
-            x, y = points[is_off][0].tolist()
-            fault = f"expected a map that covers all ways, found none of it at [{x:g}, {y:g}]"
-            raise MissionError(fault, os.fspath(hazard))
-        shares = [mean_along(cells, *ends) for ends in pairwise(at)]
-        return danger * np.append(0.0, np.cumsum(shares * np.diff(_distances(points))))
+    def losses(way: _Way) -> FloatArray:
+        shares = raster.shares(_xy(way))
+        return danger * np.append(0.0, np.cumsum(shares * np.diff(_distances(way))))
 
     return losses
 
 
-def _distances(points: FloatArray) -> FloatArray:
-    """Return how far each point of a way is from the first one along it."""
-    return np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-
-
-def _roadmap(
-    ways: list[_Way], spacing: float | None, loss_along: Callable[[FloatArray], FloatArray] | None
-) -> nx.DiGraph[Any]:
+def _roadmap(ways: list[_Way], spacing: float, losses: _Losses | None) -> nx.DiGraph[Any]:
     """Cut ways into arcs, at most as long as ``spacing``, of which no two have the same ends."""
-    places: list[tuple[float, float]] = []
-    numbers: dict[int, int] = {}
-    arcs: dict[tuple[int, int], dict[str, float]] = {}
-
-    def placed(place: FloatArray) -> int:
-        places.append((round(float(place[0]), 6), round(float(place[1]), 6)))
-        return len(places) - 1
-
-    for tail, head, points in ways:
-        for end, place in ((tail, points[0]), (head, points[-1])):
-            if end not in numbers:
-                numbers[end] = placed(place)
-        first, last = numbers[tail], numbers[head]
-        along = _distances(points)
-        length = float(along[-1])
-        n_arcs = 3 if first == last else 2 if (first, last) in arcs else 1
-        if spacing is not None:
-            n_arcs = max(n_arcs, math.ceil(length / spacing - 1e-9))
-        cuts = np.linspace(0.0, length, n_arcs + 1)
-        between = np.column_stack([np.interp(cuts[1:-1], along, axis) for axis in points.T])
-        parts = [{"length": round(length / n_arcs, 6)} for _ in range(n_arcs)]
-        if loss_along is not None:
-            lost = np.diff(np.interp(cuts, along, loss_along(points)))
-            parts = [
-                part | {"survival": math.exp(-one)} for part, one in zip(parts, lost, strict=True)
-            ]
-        stops = pairwise([first, *map(placed, between), last])
-        for (one, other), part in zip(stops, parts, strict=True):
-            arcs[one, other] = arcs[other, one] = part
-    order = sorted(range(len(places)), key=lambda i: (-places[i][1], places[i][0]))
-    label = {i: number for number, i in enumerate(order)}
+    cut: nx.Graph[Any] = nx.Graph()
+    for way in ways:
+        along = _distances(way)
+        first, last = np.round(way[[0, -1]], 6).tolist()
+        least = 3 if first == last else 1 + cut.has_edge(first, last)
+        n_arcs = max(least, math.ceil(along[-1] / spacing - 1e-9))
+        cuts, length = np.linspace(0.0, along[-1], n_arcs + 1, retstep=True)
+        stops: Any = np.round(np.interp(cuts, along, way), 6).tolist()
+        lost = None if losses is None else np.diff(np.interp(cuts, along, losses(way)))
+        for i, ends in enumerate(pairwise(stops)):
+            cut.add_edge(*ends, length=round(float(length), 6))
+            if lost is not None:
+                where = "Arc from {} to {}".format(*_xy(ends).tolist())
+                cut.edges[ends]["survival"] = survived(lost[i], where, length=length)
+    order = {place: i for i, place in enumerate(sorted(cut, key=_from_top))}
     graph: nx.DiGraph[Any] = nx.DiGraph()
-    for i in order:
-        graph.add_node(label[i], pos=list(places[i]), reward=1.0)
-    for one, other in sorted(arcs, key=lambda ends: (label[ends[0]], label[ends[1]])):
-        graph.add_edge(label[one], label[other], **arcs[one, other])
+    graph.add_nodes_from((order[at], {"pos": _xy(at).tolist(), "reward": 1.0}) for at in order)
+    graph.add_edges_from(sorted(nx.relabel_nodes(cut, order).to_directed().edges(data=True)))
     return graph

@@ -24,8 +24,6 @@ from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.arrays import distance_of, plain_numbers
 from botohe_moo.mission.formats.reading import Draft, Row, file_content
 from botohe_moo.mission.hazards import (
-    in_cells,
-    mean_along,
     read_zones,
     rewards_from_raster,
     survived,
@@ -218,25 +216,26 @@ class _Site:
             found = f"expected a survival, found none ({len(lacking)} without one)"
             remedy = "give danger, the rate of loss for a unit of length"
             self.faults.append(f"{_named_arc(lacking[0])}: {found}: {remedy}")
-        share = _share_of(hazard) if lacking and hazard is not None else None
+        raster = _raster(hazard) if lacking and hazard is not None else None
         for arc in lacking:
             _, ends, attributes = arc
             rate = danger or 0.0
             missing = [end for end in ends if end not in self.places]
             if not missing:
                 start, end = (self.places[end] for end in ends)
-                rate *= 1.0 if share is None else share(start, end)
+                rate *= 1.0 if raster is None else raster.shares(np.array([start, end]))[0]
                 rate += sum(zone.rate * zone.share(start, end - start) for zone in zones)
-            elif share is not None or zones:
+            elif raster is not None or zones:
                 self.faults.append(
-                    f"{where}: expected pos [x, y] of {quoted(missing[0])}, found none"
+                    f"{_named_arc(arc)}: expected pos [x, y] of {quoted(missing[0])}, found none"
                 )
             try:
-                length = max(0.0, as_float(attributes.get("length", 1.0)))
-                attributes["survival"] = survived(rate, length)
+                length = as_float(attributes.get("length", 1.0))
+                survival = survived(rate * length, _named_arc(arc), length=length)
+                attributes["survival"] = survival
             except ValueError as error:
                 attributes["survival"] = 1.0  # so that the fault is listed once
-                self.faults.append(f"{_named_arc(arc)}: {error}")
+                self.faults.append(str(error).rstrip("."))
 
     def as_graph(self) -> nx.DiGraph[Any]:
         """Return the graph; a MissionError lists all faults if there are any."""
@@ -393,24 +392,6 @@ def _points(places: Mapping[Any, FloatArray]) -> nx.DiGraph[Any]:
     graph: nx.DiGraph[Any] = nx.DiGraph()
     graph.add_nodes_from((label, {"pos": place}) for label, place in places.items())
     return graph
-
-
-def _share_of(hazard: _Path) -> Callable[[FloatArray, FloatArray], float]:
-    """Return what gives the mean share of a map along a straight line."""
-    raster = _raster(hazard)
-    cells = raster.values[::-1]
-
-    def share(*ends: FloatArray) -> float:
-        at = [in_cells(place, cells, raster.resolution, raster.origin) for place in ends]
-        for place, where in zip(ends, at, strict=True):
-            if np.isnan(where).any():
-                x, y = place.tolist()
-                raise MissionError(
-                    f"{hazard}: expected a map of all arcs, found none of it at [{x:g}, {y:g}]"
-                )
-        return mean_along(cells, *at)
-
-    return share
 
 
 def _raster(path: _Path) -> Raster:

@@ -1,0 +1,564 @@
+"""Maps as files: YAML that names an image, what route graphs take from them, and roadmaps."""
+
+import json
+import math
+import os
+import sys
+import warnings
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from PIL import Image
+from scipy.ndimage import distance_transform_edt
+
+from botohe_moo import Mission, MissionError, load_mission, roadmap_from_map, save_mission
+from botohe_moo.mission.formats.maps import FREE, MODES, OCCUPIED, UNKNOWN, read_raster
+from tests.examples import examples
+from tests.mission.test_routes import both_ways, line, site  # noqa: F401 - a fixture
+from tests.test_damaged_files import changed, check_message
+
+HAZARD = {"image": "map.png", "mode": "scale", "resolution": 0.5, "origin": [-1, 2, 0], "negate": 0}
+AT_THE_SITE = {"origin": [-1, -1]}  # of which the points of the route graph lie in the middle
+WHITE, GREY, CLEAR = 254, 205, [0, 0, 0, 0]  # grey 205: unknown, by those who save maps
+
+
+@pytest.fixture
+def drawn(tmp_path):
+    """Writes a map of pixels, the first row at the top, or of an image; returns its path."""
+
+    def write(pixels, *, kind=np.uint8, save=(), usual=HAZARD, **keys):
+        content = {**usual, **keys}
+        image = (
+            pixels if isinstance(pixels, Image.Image) else Image.fromarray(np.array(pixels, kind))
+        )
+        image.save(tmp_path / content["image"], **dict(save))
+        path = tmp_path / "map.yaml"
+        # A key a line, so that faults are named by their lines.
+        path.write_text("".join(f"{key}: {json.dumps(value)}\n" for key, value in content.items()))
+        return path
+
+    return write
+
+
+def values(path, **options):
+    return read_raster(path, **options).values.tolist()
+
+
+@pytest.mark.parametrize("image", ["map.png", "map.pgm"])
+def test_black_is_full_scale_and_the_first_row_is_at_the_top(drawn, image):
+    raster = read_raster(drawn([[0, 255, 51], [0, 0, 255]], image=image))
+    assert raster.values.tolist() == [pytest.approx([1.0, 0.0, 0.8]), [1.0, 1.0, 0.0]]
+    assert (raster.resolution, raster.origin) == (0.5, (-1.0, 2.0))
+
+
+def palette(*greys):
+    image = Image.new("P", (len(greys), 1))
+    image.putpalette([grey for grey in greys for _ in range(3)])
+    image.putdata(range(len(greys)))
+    return image
+
+
+@pytest.mark.parametrize(
+    ("pixels", "given", "expected"),
+    [
+        ([[0, 65_535]], {"kind": np.uint16}, [1, 0]),
+        ([[[255, 255, 255], [0, 0, 0], [255, 0, 0]]], {}, [0, 1, pytest.approx(2 / 3)]),
+        (palette(255, 0), {}, [0, 1]),
+        ([[0, 255]], {"mode": "Scale"}, [1, 0]),
+        ([[0, 255]], {"mode": "SCALE"}, [1, 0]),
+        *(([[0, 255, 51]], {"negate": yes}, [0, 1, 0.2]) for yes in (1, True, "yes", "On", "true")),
+        *(([[0, 255]], {"negate": no}, [1, 0]) for no in (False, "no", "FALSE")),
+        ([[0, 255]], {"origin": [-1, 2, 0.0], "frame_id": "map", "voxels": {"a": 1}}, [1, 0]),
+        # The plain scale, as in the tutorial of Nav2's speed filter.
+        ([[0, 255, 51]], {"free_thresh": 0.0, "occupied_thresh": 1.0}, [1, 0, 0.8]),
+        ([[0, 255, 51]], {"free_thresh": 0, "occupied_thresh": 1}, [1, 0, 0.8]),
+        # Shares 1, 0.8, 0.6, 0.4, 0.2 and 0, on a scale from 0.2 to 0.6.
+        (
+            [[0, 51, 102, 153, 204, 255]],
+            {"free_thresh": 0.2, "occupied_thresh": 0.6},
+            pytest.approx([1, 1, 1, 0.5, 0, 0]),
+        ),
+        ([[51, 204]], {"free_thresh": 0.2}, pytest.approx([0.75, 0])),
+        ([[51, 204]], {"occupied_thresh": 0.4}, pytest.approx([1, 0.5])),
+        ([[0, 127, 128, 255]], {"free_thresh": 0.5, "occupied_thresh": 0.5}, [1, 1, 0, 0]),
+        ([[0, 255]], {"free_thresh": 0, "occupied_thresh": 0}, [1, 0]),
+    ],
+)
+def test_shares_are_those_of_the_map_server(drawn, pixels, given, expected):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert values(drawn(pixels, **given)) == [expected]
+
+
+@pytest.mark.parametrize("mode", ["trinary", "Trinary", "scale", "SCALE"])
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ({}, "XX??..?"),
+        ({"occupied_thresh": 0.9}, "X???..?"),
+        ({"free_thresh": 0.5}, "XX?...?"),
+        ({"free_thresh": 0}, "XX?????"),
+        ({"negate": 1}, "..??XXX"),
+    ],
+)
+def test_cells_are_those_of_the_map_server(drawn, mode, keys, expected):
+    """Shares 1, 0.8, 0.6, 0.4, 0.2 and 0, and the grey of map savers."""
+    pixels = [[0, 51, 102, 153, 204, 255, GREY]]
+    [cells] = read_raster(drawn(pixels, mode=mode, **keys), modes=MODES).cells
+    assert "".join({FREE: ".", OCCUPIED: "X", UNKNOWN: "?"}[cell] for cell in cells) == expected
+
+
+@pytest.mark.parametrize(
+    ("pixels", "save", "n_clear"),
+    [
+        ([[CLEAR, [255, 255, 255, 0], [0, 0, 0, 254], [0, 0, 0, 255]]], {}, 3),  # RGBA
+        (
+            Image.fromarray(np.array([[[0, 0], [255, 0], [0, 128], [0, 255]]], np.uint8)),
+            {},
+            3,
+        ),  # LA
+        (palette(0, 255, 0, 0), {"transparency": bytes([0, 0, 99, 255])}, 3),
+        (palette(51, 51, 51, 0), {"transparency": 1}, 1),
+        (Image.fromarray(np.array([[51, 51, 51, 0]], np.uint8)), {"transparency": 51}, 3),
+        (Image.fromarray(np.array([[7, 7, 7, 0]], np.uint16)), {"transparency": 7}, 3),
+    ],
+)
+def test_what_is_transparent_is_unknown(drawn, pixels, save, n_clear):
+    """The last pixel is black; those before it are clear, or partly so, in any colour."""
+    with pytest.warns(UserWarning, match=rf"map\.yaml: {n_clear} of 4 pixels are transparent: unk"):
+        raster = read_raster(drawn(pixels, save=save))
+    is_clear = raster.values[0] == 0
+    assert is_clear.sum() == n_clear
+    assert raster.values[0, 3] == 1
+    assert (raster.cells[0][is_clear] == UNKNOWN).all()
+    with warnings.catch_warnings():  # a map of obstacles has unknown cells
+        warnings.simplefilter("error")
+        for mode in MODES:
+            found = read_raster(drawn(pixels, save=save, mode=mode, negate=1), modes=MODES)
+            assert (found.cells[0] == UNKNOWN).sum() == n_clear
+            assert (found.values[0][is_clear] == 0).all()
+
+
+def test_the_image_lies_beside_the_file_or_at_home(drawn, tmp_path, monkeypatch):
+    home = tmp_path / "home"
+    home.mkdir()
+    for folder in ("HOME", "USERPROFILE"):
+        monkeypatch.setenv(folder, str(home))
+    path = drawn([[0]])
+    (tmp_path / "map.png").rename(home / "map.png")
+    text = path.read_text()
+    for image in ("~/map.png", "home/map.png", "./home/../home/map.png", str(home / "map.png")):
+        path.write_text(text.replace("map.png", image))
+        assert values(path) == [[1]]
+
+
+@pytest.mark.parametrize(
+    ("keys", "fault"),
+    [
+        ({"mode": "trinary"}, "line 2: expected mode to be scale, got 'trinary'"),
+        ({"mode": "Raw"}, "line 2: expected mode to be scale, got 'Raw'"),
+        ({"mode": 7}, "line 2: expected mode to be a text, got 7"),
+        ({"free_thresh": 2}, r"line 6: expected free_thresh <= 1, got 2"),
+        ({"free_thresh": -0.1}, r"line 6: expected free_thresh >= 0, got -0\.1"),
+        ({"occupied_thresh": 1.5}, r"line 6: expected occupied_thresh <= 1, got 1\.5"),
+        (
+            {"occupied_thresh": 0.3, "free_thresh": 0.4},
+            r"line 7: expected free_thresh <= occupied_thresh, 0\.3, got 0\.4",
+        ),
+        ({"resolution": -1}, "line 3: expected resolution > 0, got -1"),
+        ({"resolution": True}, "line 3: expected resolution to be a number, got True"),
+        (
+            {"origin": [-1, 2, 0.5]},
+            r"line 4: expected origin \[x, y, 0\], without rotation, got \[",
+        ),
+        ({"origin": 7}, "line 4: expected origin to be a list, got 7"),
+        ({"origin": [0]}, "line 4: expected origin to have 2 or more entries"),
+        ({"negate": 2}, "line 5: expected negate to be true or false, got 2"),
+        ({"image": [1]}, "line 1: expected image to be a text, got"),
+    ],
+)
+def test_wrong_values_are_named_by_their_lines(drawn, keys, fault):
+    path = drawn([[0]])
+    path.write_text("".join(f"{key}: {value}\n" for key, value in {**HAZARD, **keys}.items()))
+    with pytest.raises(MissionError, match=rf"map\.yaml: {fault}"):
+        read_raster(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (
+            "image: map.png\nresolution: 1\norigin: [0, 0]\n",
+            "line 1: expected mode to be scale, got",
+        ),
+        (
+            "image: map.png\nmode: raw\nresolution: 1\norigin: [0, 0]",
+            "to be trinary or scale, got 'r",
+        ),
+        ("resolution: 1\norigin: [0, 0, 0]\n", "expected the file to have 'image'"),
+        ("[1, 2]", r"expected the file to be a mapping, got \[1, 2\]"),
+        ("", "expected the file to be a mapping, got None"),
+        ("a: [", "not valid YAML"),
+        ("\x00", "not valid YAML"),
+    ],
+)
+def test_files_that_are_no_maps(drawn, text, fault):
+    path = drawn([[0]])
+    path.write_text(text)
+    with pytest.raises(MissionError, match=rf"map\.yaml: .*{fault}"):
+        read_raster(path, modes=MODES if "raw" in text else ("scale",))
+
+
+@pytest.mark.parametrize(
+    ("image", "fault"),
+    [
+        ("no.png", r"map\.yaml: image 'no\.png': there is no such file"),
+        ("~nobody-here/no.png", "image '~nobody-here/no.png': "),
+        ("map.yaml", r"image 'map\.yaml': expected an image, such as PNG or PGM"),
+        ("pipe.png", r"'pipe\.png': .*cannot be read: expected a file, found a device or a pipe"),
+        ("map.tif", r"image 'map\.tif': expected integers as pixels, found floats"),
+        ("cut.png", r"image 'cut\.png': cannot be read: "),
+    ],
+)
+def test_images_that_cannot_be_shares(drawn, tmp_path, image, fault):
+    drawn([[0.5]], kind=np.float32, image="map.tif")
+    path = drawn(np.zeros((99, 99)))
+    (tmp_path / "cut.png").write_bytes((tmp_path / "map.png").read_bytes()[:60])
+    os.mkfifo(tmp_path / "pipe.png")
+    path.write_text(path.read_text().replace("map.png", image))
+    with pytest.raises(MissionError, match=fault):
+        read_raster(path)
+
+
+@pytest.mark.fuzz
+@pytest.mark.filterwarnings("ignore:.* pixels are transparent")
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        (
+            "map.yaml",
+            b"image: map.pgm\nmode: scale\nresolution: 0.5\norigin: [-1, 2, 0]\nnegate: 0\n",
+        ),
+        ("map.pgm", b"P2\n3 2\n255\n0 10 255\n9 8 7\n"),
+    ],
+    ids=["map", "image"],
+)
+@examples(200)
+@given(data=st.data())
+def test_changed_files(tmp_path_factory, name, content, data):
+    folder = tmp_path_factory.getbasetemp() / "maps"
+    folder.mkdir(exist_ok=True)
+    Image.fromarray(np.array([[7]], np.uint8)).save(folder / "map.pgm")
+    (folder / "map.yaml").write_text(json.dumps({**HAZARD, "image": "map.pgm"}))
+    (folder / name).write_bytes(data.draw(changed(content)))
+    try:
+        raster = read_raster(folder / "map.yaml")
+    except MissionError as error:
+        check_message(error, folder)
+    else:
+        assert 0 < raster.resolution < math.inf
+        assert ((raster.values >= 0) & (raster.values <= 1)).all()
+
+
+class TestRouteGraphs:
+    GIVEN = {"base": 3, "robots": 1, "danger": 0.03}  # noqa: RUF012
+
+    def test_a_black_map_is_the_danger_alone(self, drawn, site):  # noqa: F811
+        path = site(*both_ways((3, 4), (4, 7)))
+        alone = load_mission(path, **self.GIVEN)
+        black = load_mission(path, hazard=drawn(np.zeros((20, 20)), **AT_THE_SITE), **self.GIVEN)
+        for tail, head, arc in black.graph.edges(data=True):
+            assert arc["survival"] == pytest.approx(alone.graph.edges[tail, head]["survival"])
+        white = drawn(np.full((20, 20), 255), **AT_THE_SITE)
+        assert (load_mission(path, hazard=white, **self.GIVEN).arrays.survival == 1).all()
+        clear = drawn(np.full((20, 20, 4), CLEAR), **AT_THE_SITE)
+        with pytest.warns(UserWarning, match="400 of 400 pixels are transparent"):
+            mission = load_mission(path, hazard=clear, **self.GIVEN)
+        assert (mission.arrays.survival == 1).all()
+
+    def test_a_black_map_is_the_danger_along_lines_that_are_longer(self, drawn, site):  # noqa: F811
+        path = site(*both_ways((3, 4)), line(4, 7, metadata={"length": 9}), line(7, 3))
+        black = drawn(np.zeros((20, 20)), **AT_THE_SITE)
+        zones = [{"circle": [0, 0, 99], "rate": 0.03}]
+        for more in ({"hazard": black}, {"danger_zones": zones, "danger": 0}):
+            mission = load_mission(path, **{**self.GIVEN, **more})
+            assert mission.graph.edges[4, 7]["survival"] == pytest.approx(math.exp(-0.03 * 9))
+
+    @pytest.mark.filterwarnings("ignore:All survivals are given")
+    def test_survivals_in_the_file_stay(self, drawn, tmp_path):
+        save_mission(load_mission("toy"), tmp_path / "toy.geojson")
+        path = drawn(np.zeros((20, 20)))
+        assert load_mission(tmp_path / "toy.geojson", danger=9, hazard=path) == load_mission("toy")
+
+    def test_a_map_that_is_too_small(self, drawn, site):  # noqa: F811
+        path = site(*both_ways((3, 4), (4, 7)))
+        for hazard, fault in (
+            (drawn([[0]]), r"site\.geojson: .*map\.yaml: expected a map of all arcs"),
+            ("lost.yaml", r"lost\.yaml: there is no such file"),
+        ):
+            with pytest.raises(MissionError, match=fault):
+                load_mission(path, hazard=hazard, **self.GIVEN)
+
+    def test_rewards_by_what_is_of_interest(self, drawn, site):  # noqa: F811
+        """Full scale is worth the reward for a unit of area; the base is worth nothing."""
+        path = site(*both_ways((3, 4), (4, 7)))
+        given = {"interest": drawn(np.zeros((20, 20)), **AT_THE_SITE), "reward": 2, **self.GIVEN}
+        mission = load_mission(path, sight=0.5, **given)
+        # Within half a unit of a corner of cells of half a unit lie the centres of four.
+        assert mission.rewards.tolist() == [0, 2 * 4 * 0.25, 2 * 4 * 0.25]
+        with pytest.raises(MissionError, match="expected interest, a map, and sight"):
+            load_mission(path, **given)
+
+
+ORIGIN = (-2.0, 3.0)
+SITE = {"image": "map.png", "resolution": 0.1, "origin": [*ORIGIN, 0]}
+
+
+def hall(height, width, *rooms):
+    """Free rectangles (first row, last row, first column, last column) among obstacles."""
+    cells = np.zeros((height, width), np.uint8)
+    for top, bottom, left, right in rooms:
+        cells[top : bottom + 1, left : right + 1] = WHITE
+    return cells
+
+
+CORRIDOR = hall(9, 60, (2, 6, 2, 57))
+
+
+def lengths(graph):
+    """Each way once."""
+    return sorted(length for one, other, length in graph.edges(data="length") if one < other)
+
+
+# Skeletons are compiled at their first use; in `make test` the guide makes a roadmap.
+@pytest.mark.slow
+class TestRoadmaps:
+    """Of small maps that are drawn here: how many nodes, and how long the ways are."""
+
+    @pytest.fixture
+    def drawn(self, drawn):
+        return lambda cells, **keys: drawn(cells, usual=SITE, **keys)
+
+    def test_a_corridor(self, drawn):
+        """Five cells wide: those in the middle, from column 4 to 55, are 0.25 m from obstacles."""
+        graph = roadmap_from_map(drawn(CORRIDOR), radius=0.25)
+        ends = [[pytest.approx(-2 + x * 0.1), pytest.approx(3 + 4.5 * 0.1)] for x in (4.5, 55.5)]
+        assert list(graph.nodes(data=True)) == [
+            (0, {"pos": ends[0], "reward": 0.0}),
+            (1, {"pos": ends[1], "reward": 1.0}),
+        ]
+        way = {"length": pytest.approx(5.1)}
+        assert list(graph.edges(data=True)) == [(0, 1, way), (1, 0, way)]
+        assert graph.graph == {"base": 0}
+
+    def test_dangers_on_a_map(self, drawn, tmp_path):
+        """Black from column 30 on: half the rate at its left edge, all of it half a cell on."""
+        path = drawn(CORRIDOR)
+        even = roadmap_from_map(path, radius=0.25, danger=0.2)
+        assert even.edges[0, 1]["survival"] == pytest.approx(math.exp(-0.2 * 5.1))
+        hazard = tmp_path / "hazard.yaml"
+        text = path.read_text().replace("map.png", "hazard.png") + "mode: scale\n"
+        hazard.write_text(text)
+        cells = np.full((9, 60), 255, np.uint8)
+        for black, length in ((cells * 0, 5.1), (cells * (np.arange(60) < 30), 2.5 + 0.05)):
+            Image.fromarray(black.astype(np.uint8)).save(tmp_path / "hazard.png")
+            graph = roadmap_from_map(path, radius=0.25, danger=0.2, hazard=hazard)
+            for arc in ((0, 1), (1, 0)):
+                assert graph.edges[arc]["survival"] == pytest.approx(math.exp(-0.2 * length))
+        hazard.write_text(text.replace("[-2.0", "[-1.0"))
+        said = (
+            r"hazard\.yaml: expected a map that covers all ways, found none of it at \[-1\.\d\d?, 3"
+        )
+        with pytest.raises(MissionError, match=said):
+            roadmap_from_map(path, radius=0.25, danger=0.2, hazard=hazard)
+
+    def test_crossings_and_ends(self, drawn):
+        """A corridor on row 30 from column 4 to 105, others up at column 22 and down at 72."""
+        cells = hall(60, 110, (28, 32, 2, 107), (2, 32, 20, 24), (28, 57, 70, 74))
+        graph = roadmap_from_map(drawn(cells), radius=0.25)
+        assert sorted(degree for _, degree in graph.out_degree()) == [1, 1, 1, 1, 3, 3]
+        # But for a cell at each crossing.
+        assert lengths(graph) == pytest.approx([1.8, 2.5, 2.6, 3.3, 5.0], abs=0.15)
+
+    def test_rooms_with_doors(self, drawn):
+        """Two rooms above a corridor, and one below."""
+        rooms = [(2, 17, 10, 40), (2, 17, 60, 90), (31, 45, 60, 90)]
+        doors = [(18, 19, 20, 30), (18, 19, 70, 80), (29, 30, 70, 80)]
+        cells = hall(48, 110, (20, 28, 2, 107), *rooms, *doors)
+        graph = roadmap_from_map(drawn(cells), radius=0.3)
+        assert nx.is_strongly_connected(graph)
+        places = [(round(x), round(y)) for _, (x, y) in graph.nodes(data="pos") if not 5 < y < 5.8]
+        assert {(0, 7), (5, 7), (5, 4)} <= {*places}
+
+    def test_a_loop(self, drawn):
+        """A way that has neither ends nor crossings gets three nodes, equally far apart."""
+        cells = hall(60, 80, (5, 54, 5, 74))
+        cells[15:45, 15:65] = 0
+        graph = roadmap_from_map(drawn(cells), radius=0.3)
+        assert len(graph) == 3
+        assert len(set(lengths(graph))) == 1
+        # Between the middles of its sides, 6 and 4 metres apart, but for the corners.
+        assert sum(lengths(graph)) == pytest.approx(2 * (6 + 4), rel=0.04)
+
+    def test_two_ways_around(self, drawn):
+        """Ways beside another one get a node in between."""
+        cells = hall(60, 100, (5, 54, 5, 74), (27, 33, 75, 97))
+        cells[15:45, 15:65] = 0
+        graph = roadmap_from_map(drawn(cells), radius=0.3)
+        # The end, the crossing, and two nodes on the loop.
+        assert sorted(degree for _, degree in graph.out_degree()) == [1, 2, 2, 3]
+        cells[15:45, 35:45] = WHITE  # a way across: two crossings, of which the loop has three ways
+        graph = roadmap_from_map(drawn(cells), radius=0.3)
+        assert sorted(degree for _, degree in graph.out_degree()) == [1, 2, 3, 3, 3]
+
+    @pytest.mark.parametrize(("depth", "n_nodes"), [(2, 2), (20, 4)])
+    def test_dead_ends(self, drawn, depth, n_nodes):
+        """One that is shorter than a robot's radius disappears; a longer one is a node."""
+        cells = hall(50, 120, (30, 38, 2, 117), (30 - depth, 30, 55, 63))
+        assert len(roadmap_from_map(drawn(cells), radius=0.3)) == n_nodes
+
+    def test_spacing(self, drawn):
+        graph = roadmap_from_map(drawn(CORRIDOR), radius=0.25, spacing=1.0, danger=0.02)
+        assert lengths(graph) == [pytest.approx(0.85)] * 6
+        for _, _, survival in graph.edges(data="survival"):
+            assert survival == pytest.approx(math.exp(-0.02 * 0.85))
+
+    def test_the_base(self, drawn):
+        given = {"path": drawn(CORRIDOR), "radius": 0.25, "spacing": 1.0}
+        assert roadmap_from_map(base=4, **given).graph["base"] == 4
+        at = roadmap_from_map(base=(0.4, 9), **given)
+        assert at.graph["base"] == 2
+        assert at.nodes(data="reward")[2] == 0
+        for wrong in (7, -1, "a", (1,), (math.nan, 0), None):
+            with pytest.raises(ValueError, match="Expected base to be a node, 0 to 6, or a place"):
+                roadmap_from_map(base=wrong, **given)
+
+    @pytest.mark.parametrize("threshold", [0.25, 0.196])
+    def test_unknown_cells_are_not_free(self, drawn, threshold):
+        """Also with the threshold that map savers write, by which their grey would be free."""
+        expected = roadmap_from_map(drawn(CORRIDOR), radius=0.25)
+        grey = np.where(CORRIDOR == 0, GREY, WHITE)
+        # Under a clear pixel, white is not free either.
+        clear = np.stack([np.full((9, 60), 255)] * 3 + [np.where(CORRIDOR == 0, 0, 255)], axis=2)
+        half = np.where(clear == 0, 254, clear)
+        for cells in (grey, clear, half):
+            for mode in ("trinary", "Scale"):
+                path = drawn(cells, free_thresh=threshold, mode=mode)
+                assert nx.utils.graphs_equal(roadmap_from_map(path, radius=0.25), expected)
+
+    def test_what_does_not_join_the_largest_part_is_left_out(self, drawn):
+        cells = hall(30, 60, (2, 6, 2, 57), (15, 19, 2, 30))
+        said = "Left out parts of the map that do not join the largest one: 1, with 3"
+        with pytest.warns(UserWarning, match=rf"{said}\d\.\d% of where a robot") as warned:
+            graph = roadmap_from_map(drawn(cells), radius=0.25)
+        assert warned[0].filename == __file__
+        y = pytest.approx(3 + 25.5 * 0.1)
+        assert [place[1] for _, place in graph.nodes(data="pos")] == [y, y]
+
+    def test_narrow_doors_are_for_small_robots(self, drawn):
+        """Half a metre wide."""
+        path = drawn(hall(30, 60, (5, 24, 5, 25), (5, 24, 28, 55), (12, 16, 26, 27)))
+        small = roadmap_from_map(path, radius=0.25)
+        with pytest.warns(UserWarning, match="Left out parts"):
+            large = roadmap_from_map(path, radius=0.3)
+        assert min(x for _, (x, _) in small.nodes(data="pos")) < 0.5
+        assert min(x for _, (x, _) in large.nodes(data="pos")) > 0.5
+
+    NO_WAY = r"expected ways through free space for a robot of radius 0\.3, found none: "
+    CLOSE, HALL = NO_WAY + r"the largest clearance is 0\.05$", NO_WAY + ".* a round or square hall"
+
+    @pytest.mark.parametrize(
+        ("cells", "keys", "fault"),
+        [
+            (np.full((50, 50), 0), {}, "no cell is free; 0% are unknown, 100% are occupied"),
+            (np.full((50, 50), GREY), {}, "no cell is free; 100% are unknown, 0% are occupied"),
+            ([[0] + [GREY] * 98 + [128]], {}, "no cell is free; 99% are unknown, 1% are occupied"),
+            (np.full((50, 50, 4), CLEAR), {}, "no cell is free; 100% are unknown"),
+            (CORRIDOR, {"free_thresh": 0}, "no cell is free; 52% are unknown, 48% are occupied"),
+            (hall(9, 9, (4, 4, 4, 4)), {}, CLOSE),
+            ([[WHITE]], {}, CLOSE),
+            (np.full((1, 5000), WHITE), {}, CLOSE),
+            (CORRIDOR, {}, NO_WAY + r"the largest clearance is 0\.25$"),
+            (np.full((50, 50), WHITE), {}, HALL),
+            (hall(9, 9, (1, 7, 1, 7)), {}, HALL),
+        ],
+    )
+    def test_why_there_is_no_way(self, drawn, cells, keys, fault):
+        with pytest.raises(MissionError, match=rf"map\.yaml: {fault}"):
+            roadmap_from_map(drawn(cells, **keys))
+
+    def test_a_long_line(self, drawn):
+        graph = roadmap_from_map(drawn(np.full((1, 5000), WHITE)), radius=0.05)
+        assert lengths(graph) == [pytest.approx(499.9)]
+
+    @pytest.mark.parametrize(
+        ("given", "fault"),
+        [
+            ({"radius": 0}, "Expected radius > 0, got 0"),
+            ({"spacing": -1}, "Expected spacing > 0, got -1"),
+            ({"spacing": 1e-9}, r"Expected spacing >= 0\.1, the width of a cell, got 1e"),
+            ({"danger": -1}, "Expected danger >= 0, got -1"),
+            ({"hazard": "none.yaml"}, "Expected danger, the rate of loss where the map is black"),
+            # Of 51 cells in a row.
+            (
+                {"radius": 0.25, "danger": 200},
+                r"Arc from \[-1.55, 3.45\] to \[3.55, 3.45\]: expected survival >= 5e-324, so "
+                r"danger \* length <= 744, got 200 \* 5\.1 = 1020\.",
+            ),
+        ],
+    )
+    def test_options_are_checked(self, drawn, given, fault):
+        with pytest.raises(ValueError, match=fault):
+            roadmap_from_map(drawn(CORRIDOR), **given)
+
+    @pytest.mark.parametrize("package", ["skan", "skimage.morphology"])
+    def test_what_to_install_is_said(self, drawn, monkeypatch, package):
+        monkeypatch.setitem(sys.modules, package, None)
+        said = r"scikit-image and skan: pip install 'botohe-moo\[maps"
+        with pytest.raises(MissionError, match=said):
+            roadmap_from_map(drawn(CORRIDOR))
+
+    @examples(200)
+    @given(
+        coarse=arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9))),
+        size=st.integers(1, 9),
+        radius=st.sampled_from([0.01, 0.1, 0.25, 0.5]),
+        spacing=st.sampled_from([None, 0.7]),
+    )
+    @pytest.mark.filterwarnings("ignore:Left out parts")
+    def test_any_map_is_a_mission_or_refused(self, tmp_path_factory, coarse, size, radius, spacing):
+        folder = tmp_path_factory.getbasetemp() / "roadmaps"
+        folder.mkdir(exist_ok=True)
+        cells = np.kron(coarse, np.ones((size, size), int)) * WHITE
+        Image.fromarray(cells.astype(np.uint8)).save(folder / "map.png")
+        (folder / "map.yaml").write_text(json.dumps(SITE))
+        given = {"path": folder / "map.yaml", "radius": radius, "spacing": spacing, "danger": 0.1}
+        room = distance_transform_edt(np.pad(cells > 0, 1))[1:-1, 1:-1]
+        fits = (room.max() - 0.5) * 0.1 >= radius * (1 - 1e-9)
+        try:
+            graph = roadmap_from_map(**given)
+        except MissionError as error:
+            why = "a round or square hall" if fits else "the largest clearance is"
+            assert (why if coarse.any() else "no cell is free") in str(error)  # noqa: PT017
+            return
+        assert fits
+        mission = Mission(graph, robots=2)  # all of whose nodes the base reaches
+        save_mission(mission, folder / "site.json")
+        assert load_mission(folder / "site.json") == mission
+        for _, (x, y) in graph.nodes(data="pos"):
+            row = len(cells) - 1 - math.floor((y - ORIGIN[1]) / 0.1 + 1e-6)
+            column = math.floor((x - ORIGIN[0]) / 0.1 + 1e-6)
+            if radius > 0.05:  # with less, ways pass between corners
+                # Nodes between others lie on a line through cells, which may cut a corner.
+                least = radius if spacing is None else radius - 0.15
+                assert (room[row, column] - 0.5) * 0.1 >= least * (1 - 1e-6)
+        for one, other, length in graph.edges(data="length"):
+            apart = math.dist(graph.nodes[one]["pos"], graph.nodes[other]["pos"])
+            assert length >= apart - 1e-5
+            assert graph.edges[other, one]["length"] == length
+            assert spacing is None or length <= spacing + 1e-5
+        assert nx.utils.graphs_equal(graph, roadmap_from_map(**given))
