@@ -67,9 +67,9 @@ def read_mission(path: str | os.PathLike[str], **options: Any) -> Mission:
 
         Some formats have options of their own. ``.txt``: ``neighbours`` (at least 1, default 8),
         the number of nearest points that each point has arcs to, or ``"all"``; ``scale`` (above 0,
-        default: the file's tmax) in the survival exp(−distance / scale). ``.building.yaml`` and
-        ``.yaml``: ``graph``, the index of the graph whose lanes are read (default: the first that
-        has the base), or ``"all"``.
+        default: the file's tmax) in the survival exp(−distance / scale). Buildings: ``graph``, the
+        index of the graph whose lanes are read (default: the first that has the base), or
+        ``"all"``.
 
     Raises
     ------

@@ -1,107 +1,96 @@
-"""Buildings of Open-RMF: the ``building.yaml`` files of its traffic editor."""
+"""Both formats of Open-RMF: buildings of its traffic editor, and navigation graphs made of them."""
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator
-from itertools import combinations
-from statistics import fmean
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Annotated, Any, Literal, TypeAlias
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from botohe_moo._base.checks import quoted
+from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source, validated
 from botohe_moo.mission.rules import MissionError
 
-if TYPE_CHECKING:
-    from botohe_moo._base.document import Document
-
 _GAP = 0.05  # metres from the cabin of a lift to its shaft
+_STOREY = 4.0  # metres from a level to the next one where elevations are not known
 _CLOSE = 1e-6  # places nearer to each other are the same
-_EQUATOR, _FLATTENING = 6_378_137.0, 1 / 298.257223563  # of WGS 84, in metres
+# Of the ellipsoid of WGS 84: its radius at the equator in metres, and its squared eccentricity.
+_EQUATOR, _ECCENTRICITY = 6_378_137.0, (2.0 - 1 / 298.257223563) / 298.257223563
+_UP = np.diag([1.0, -1.0])  # y points down on drawings
+_EMPTY: tuple[Any, ...] = (None, [])  # how no parameters, no lanes and the like may be written
 
-_Spot = tuple[str, int]  # a vertex: its level, and its index there
-_Frame = Callable[[complex], complex]  # makes metres of a place on a drawing
+_Spot: TypeAlias = tuple[str, int]  # a vertex: its level, and its index there
+_Vertices: TypeAlias = dict[_Spot, tuple[list[float], str, dict[str, Any]]]  # place, name, traits
+_Frame: TypeAlias = Callable[[Any], FloatArray]  # makes metres of a place on a level
 
 
-def _value(pair: Any) -> Any:
-    """Return the value of a parameter, which is a pair of its type and its value."""
-    return pair[1] if isinstance(pair, list) and len(pair) == 2 else pair
+# Building is deferred until a file is read: all formats are imported to know their suffixes.
+class _Part(BaseModel, defer_build=True, extra="allow"):
+    """A mapping. What is empty counts as missing; ``model_extra`` has what is not declared."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain(cls, content: Any) -> Any:
+        """Take the values of parameters, which in buildings are pairs of a type and a value."""
+        if not isinstance(content, dict):
+            return {} if content in _EMPTY else content
+        pairs = {k: v for k, v in content.items() if isinstance(v, list) and len(v) == 2}
+        values = {key: value for key, (kind, value) in pairs.items() if isinstance(kind, int)}
+        return {key: value for key, value in {**content, **values}.items() if value not in _EMPTY}
 
 
+def _is_waypoint(v: Any) -> bool:
+    """Return whether a vertex is [x, y, {…}], as in navigation graphs; in buildings it has a z."""
+    return isinstance(v, list) and len(v) == 3 and (v[2] in _EMPTY or isinstance(v[2], dict))
+
+
+def _as_vertex(row: Any) -> Any:
+    """Return a vertex as [x, y, z, name, {…}]; a waypoint has its name among its parameters."""
+    if not _is_waypoint(row):
+        return row + [None] * (5 - len(row)) if isinstance(row, list) else row
+    traits = {**(row[2] or {})}
+    return [*row[:2], None, traits.pop("name", None), traits]
+
+
+def _as_lane(row: Any) -> Any:
+    return row + [None] * (3 - len(row)) if isinstance(row, list) else row
+
+
+_Wanted: TypeAlias = Annotated[int, Field(ge=0)] | Literal["all"] | None
 _Number = Annotated[float, Field(strict=True, gt=-1e9, lt=1e9)]
 _Index = Annotated[int, Field(strict=True, ge=0)]
 _Text = Annotated[str, BeforeValidator(lambda text: "" if text is None else str(text).strip())]
-_Value = BeforeValidator(_value)
-
-
-class _Part(BaseModel):
-    @model_validator(mode="before")
-    @classmethod
-    def _without_null(cls, content: Any) -> Any:
-        """Leave out what the editor writes as nothing, such as a level without lanes."""
-        if not isinstance(content, dict):
-            return content
-        return {key: value for key, value in content.items() if value is not None}
-
-
-class _Vertex(NamedTuple):
-    x: _Number
-    y: _Number
-    z: Any = 0.0
-    name: _Text = ""
-    traits: dict[str, Annotated[Any, _Value]] = {}  # noqa: RUF012
-
-    @property
-    def place(self) -> complex:
-        return complex(self.x, self.y)
+_Vertex = Annotated[tuple[_Number, _Number, Any, _Text, _Part], BeforeValidator(_as_vertex)]
 
 
 class _LaneTraits(_Part):
-    graph_idx: Annotated[_Index, _Value] = 0
-    bidirectional: Annotated[Any, _Value] = False
-
-
-class _Lane(NamedTuple):
-    tail: _Index
-    head: _Index
-    traits: _LaneTraits = _LaneTraits()
+    graph_idx: _Index = 0
+    bidirectional: Any = False
 
 
 class _MeasurementTraits(_Part):
-    distance: Annotated[float, _Value, Field(strict=True, gt=0, lt=1e9)]
-
-
-class _Measurement(NamedTuple):
-    tail: _Index
-    head: _Index
-    traits: _MeasurementTraits
-
-
-class _Fiducial(NamedTuple):
-    x: _Number
-    y: _Number
-    name: _Text = ""
+    distance: Annotated[float, Field(strict=True, gt=0, lt=1e9)]
 
 
 class _Level(_Part):
-    elevation: _Number = 0.0
+    elevation: _Number | None = None
     vertices: list[_Vertex] = []
-    lanes: list[_Lane] = []
-    measurements: list[_Measurement] = []
-    fiducials: list[_Fiducial] = []
+    lanes: list[Annotated[tuple[_Index, _Index, _LaneTraits], BeforeValidator(_as_lane)]] = []
+    measurements: list[tuple[_Index, _Index, _MeasurementTraits]] = []
+    fiducials: list[tuple[_Number, _Number, _Text]] = []
 
     def length(self, tail: int, head: int) -> float:
-        return abs(self.vertices[tail].place - self.vertices[head].place)
+        return math.dist(self.vertices[tail][:2], self.vertices[head][:2])
 
     def scale(self) -> float | None:
         """Return how many metres a pixel is by measurements, None if there are none."""
         scales = [traits.distance / self.length(*ends) for *ends, traits in self.measurements]
-        return fmean(scales) if scales else None
+        return math.fsum(scales) / len(scales) if scales else None
 
 
 class _Lift(_Part):
@@ -113,275 +102,273 @@ class _Lift(_Part):
     reference_floor_name: _Text = ""
     level_doors: dict[str, Any] = {}
 
-    def stops_at(self, level: str) -> bool:
-        """Return whether it has doors on a level, or nowhere."""
-        return not any(self.level_doors.values()) or bool(self.level_doors.get(level))
-
-    def has(self, place: complex, centre: complex) -> bool:
-        """Return whether a place is within the cabin."""
-        away = (place - centre) * cmath.rect(1.0, -self.yaw)
-        return abs(away.real) <= self.width / 2 + _GAP and abs(away.imag) <= self.depth / 2 + _GAP
+    def has(self, place: FloatArray, frames: Mapping[str, _Frame]) -> bool:
+        """Return whether a place, in metres, is within the cabin."""
+        x, y = place - frames[self.reference_floor_name]([self.x, self.y])
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        across, along = abs(x * cos + y * sin), abs(y * cos - x * sin)
+        return bool(across <= self.width / 2 + _GAP and along <= self.depth / 2 + _GAP)
 
 
 class _Site(_Part):
-    """What a file says, in the units of its drawings."""
+    """What a building is, in the units of its drawings."""
 
     coordinate_system: Literal["reference_image", "cartesian_meters", "wgs84"] = "reference_image"
     reference_level_name: _Text = ""  # whose frame counts; by default the first one
     levels: Annotated[dict[str, _Level], Field(min_length=1)]
     lifts: dict[str, _Lift] = {}
 
-    @property
-    def reference(self) -> str:
-        return self.reference_level_name or next(iter(self.levels))
+
+class _Graph(_Site):
+    """What a navigation graph is, in metres; its waypoints name the lifts that they are in."""
+
+    coordinate_system: Literal["cartesian_meters"] = "cartesian_meters"
+    lifts: Annotated[dict[str, _Lift], BeforeValidator(lambda _: {})] = {}
+    building_name: _Text = ""
 
 
 @checked
-def read_building(
-    source: Source,
-    *,
-    base: Any = None,
-    graph: Annotated[int, Field(ge=0)] | Literal["all"] | None = None,
-) -> Draft:
+def read_building(source: Source, *, base: Any = None, graph: _Wanted = None) -> Draft:
     """Read the lanes of a building as arcs, and the vertices at their ends as nodes.
 
     A label is the name of the vertex where no other has it, else its level and index: ``L1/7``.
-    Nodes have ``pos`` in metres, the level as ``zone``, and the parameters of the vertex. Arcs have
-    a ``length`` in metres and survive with exp(−``danger`` × length); a node without a ``reward``
-    has ``reward``, but the base 0. Without ``base`` it is the first charger. A lift is an arc
-    between each two of its levels, as long as one is above the other.
+    Nodes have ``pos`` in metres, the level as ``zone``, and the parameters of the vertex. Without
+    ``base`` it is the first charger. A lift is an arc between each two of its levels, as long as
+    one is above the other.
 
     The lanes of one graph are for the same robots: those of ``graph`` are read, by default of the
-    first that has the base. Scales and frames of levels are as ``rmf_building_map_tools`` computes
-    them. A warning names what is left out. A MissionError names the lines of what is wrong.
+    first that has the base. A MissionError names the lines of what is wrong.
+    """
+    return _draft(source, validated(source.yaml, _Site), base, graph)
+
+
+@checked
+def read_navigation_graph(source: Source, *, base: Any = None) -> Draft:
+    """Read the lanes of a navigation graph as arcs, one way, and its vertices as nodes.
+
+    Labels, attributes and the base are as for `read_building`, and parameters of lanes become
+    attributes of arcs. Unless all levels have an ``elevation``, each is 4 m above the one before.
 
     References
     ----------
-    ``rmf_building_map_tools`` of open-rmf/rmf_traffic_editor.
+    ``generate_nav_graph`` in ``rmf_building_map_tools`` of open-rmf/rmf_traffic_editor, and
+    ``parse_graph`` in ``rmf_fleet_adapter`` of open-rmf/rmf_ros2, which joins levels by lifts.
     """
-    document = source.yaml
-    site = _read_site(document)
-    vertices = {
-        (name, i): vertex
-        for name, level in site.levels.items()
-        for i, vertex in enumerate(level.vertices)
+    site = validated(source.yaml, _Graph)
+    is_stacked = any(level.elevation is None for level in site.levels.values())
+    for i, level in enumerate(site.levels.values() if is_stacked else ()):
+        level.elevation = _STOREY * i
+    draft = _draft(source, site, base, "all")
+    if is_stacked and any(row.where.startswith("lift ") for row in draft.arcs):
+        order = ", ".join(site.levels)
+        draft.notes.append(f"Without elevations, levels count as {_STOREY:g} m apart: {order}.")
+    draft.graph |= {"title": site.building_name} if site.building_name else {}
+    return draft
+
+
+def _draft(source: Source, site: _Site, base: Any, graph: int | str | None) -> Draft:
+    """Return the nodes and arcs of a site: those of one of its graphs, or of all of them."""
+    if faults := [f"line {source.yaml.line(way)}: {fault}" for way, fault in _lost(site)]:
+        raise MissionError(faults)
+    vertices: _Vertices = {
+        (level, i): ([x, y], name, traits.model_extra or {})
+        for level, of_level in site.levels.items()
+        for i, (x, y, _, name, traits) in enumerate(of_level.vertices)
     }
-
-    def is_base(spot: _Spot) -> bool:
-        if base is None:
-            return bool(vertices[spot].traits.get("is_charger"))
-        return str(base) in (vertices[spot].name or None, _label(spot))
-
-    lanes, others = _lanes(site, document, graph, is_base)
-    touched = {spot for _, ends, _ in lanes for spot in ends}
-    spots = [spot for spot in vertices if spot in touched]
-    names = Counter(vertices[spot].name or None for spot in spots)
+    numbers = {f"{level}/{i}": (level, i) for level, i in vertices}
+    meant = {spot for spot, (*_, traits) in vertices.items() if traits.get("is_charger")}
+    if base is not None:
+        meant = {spot for spot, (_, name, _) in vertices.items() if name == str(base)}
+    if str(base) in numbers:
+        meant = {numbers[str(base)]}
+    lanes, left_out = _lanes(source, site, graph, meant)
+    touched = {spot for row in lanes for spot in row.labels}
+    left_out["named waypoints that none of the lanes touches"] = [
+        quoted(name) for spot, (_, name, _) in vertices.items() if name and spot not in touched
+    ]
+    vertices = {spot: vertex for spot, vertex in vertices.items() if spot in touched}
+    counts = Counter([name for _, name, _ in vertices.values()] + 2 * ["", *numbers])
     labels = {
-        spot: name if names[name := vertices[spot].name] == 1 else _label(spot) for spot in spots
+        spot: name if counts[name] == 1 else f"{spot[0]}/{spot[1]}"
+        for spot, (_, name, _) in vertices.items()
     }
-    bases = [labels[spot] for spot in spots if is_base(spot)]
-    if base is not None and len(bases) > 1:
-        found = ", ".join(bases)
-        raise MissionError(f"expected the label of one waypoint as base, found {found}")
+    bases = [label for spot, label in labels.items() if spot in meant]
     if base is None and not bases:
         raise MissionError("expected base, found no vertex with is_charger on a lane: give base")
-    start = bases[0] if bases else str(base)
-    frames, notes = _frames(site, {level for level, _ in spots})
-    if base is None and len(bases) > 1:
-        notes.append(f"The base is {quoted(start)}, the first of {len(bases)} chargers.")
-    at = {spot: frames[spot[0]](vertices[spot].place) for spot in spots}
-    nodes: list[Row] = []
-    for spot, label in labels.items():
-        *_, name, traits = vertices[spot]
-        attributes = {**traits}
-        if name not in ("", label):
-            attributes["name"] = name
-        attributes |= {"zone": spot[0], "pos": [at[spot].real, at[spot].imag]}
-        nodes.append(Row(_label(spot), (label,), attributes))
-    ways = [
-        (where, ends, abs(at[ends[0]] - at[ends[1]]))
-        for where, (tail, head), is_both in lanes
-        for ends in [(tail, head), (head, tail)][: 1 + is_both]
-    ]
-    rides = list(_rides(site, frames, at, vertices))
-    arcs: list[Row] = [
-        Row(where, (labels[tail], labels[head]), {"length": length})
-        for where, (tail, head), length in [*ways, *rides]
-    ]
-    joining = {where for where, _, _ in rides}
-    left_out = {
-        **others,
-        "named waypoints that none of the lanes touches": [
-            quoted(vertex.name)
-            for spot, vertex in vertices.items()
-            if vertex.name and spot not in at
-        ],
-        "lifts that join no levels": [n for n in site.lifts if f"lift {n}" not in joining],
-    }
-    return Draft(
-        nodes,
-        arcs,
-        {"base": start},
-        trim=True,
-        words=("waypoint", "lane"),
-        left_out=left_out,
-        notes=notes,
-    )
-
-
-def _label(spot: _Spot) -> str:
-    return f"{spot[0]}/{spot[1]}"
-
-
-_Way = tuple[str, tuple[_Spot, _Spot], bool]
+    if base is not None and len(bases) > 1:
+        raise MissionError(f"expected the label of one waypoint as base, found {', '.join(bases)}")
+    frames, notes = _frames(site, {level for level, _ in vertices})
+    if len(bases) > 1:
+        notes.append(f"The base is {quoted(bases[0])}, the first of {len(bases)} chargers.")
+    rides = list(_rides(site, frames, vertices))
+    joining = {row.where for row in rides}
+    left_out["lifts that join no levels"] = [n for n in site.lifts if f"lift {n}" not in joining]
+    nodes = []
+    for spot, (place, name, traits) in vertices.items():
+        where = f"line {source.yaml.line(['levels', spot[0], 'vertices', spot[1]])}"
+        named = {"name": name} if name not in ("", labels[spot]) else {}
+        own = {"zone": spot[0], "pos": frames[spot[0]](place).tolist()}
+        nodes.append(Row(where, (labels[spot],), {**traits, **named, **own}))
+    arcs = [Row(at, (labels[tail], labels[head]), more) for at, (tail, head), more in lanes + rides]
+    draft = Draft(nodes, arcs, {"base": bases[0] if bases else base}, trim=True, straight=True)
+    draft.words, draft.left_out, draft.notes = ("waypoint", "lane"), left_out, notes
+    return draft
 
 
 def _lanes(
-    site: _Site,
-    document: Document,
-    graph: int | str | None,
-    is_base: Callable[[_Spot], bool],
-) -> tuple[list[_Way], dict[str, list[str]]]:
+    source: Source, site: _Site, graph: int | str | None, meant: set[_Spot]
+) -> tuple[list[Row], dict[str, list[str]]]:
     """Return the lanes of a graph, by default the first one at a base, and where others are."""
-    by_graph: dict[int, list[_Way]] = {}
+    by_graph: dict[int, list[Row]] = {}
     for name, level in site.levels.items():
         for i, (tail, head, traits) in enumerate(level.lanes):
-            where = f"line {document.line(['levels', name, 'lanes', i])}"
-            lane = where, ((name, tail), (name, head)), bool(traits.bidirectional)
-            by_graph.setdefault(traits.graph_idx, []).append(lane)
+            where = f"line {source.yaml.line(['levels', name, 'lanes', i])}"
+            attributes = (traits.model_extra or {}) if isinstance(site, _Graph) else {}
+            ends = (name, tail), (name, head)
+            for way in [ends, ends[::-1]][: 1 + bool(traits.bidirectional)]:
+                by_graph.setdefault(traits.graph_idx, []).append(Row(where, way, {**attributes}))
     if graph is None:
-        with_base = (
-            n for n, lanes in by_graph.items() for _, ends, _ in lanes if any(map(is_base, ends))
-        )
-        graph = min(with_base, default=min(by_graph, default=0))
-    if graph == "all":
-        return [lane for lanes in by_graph.values() for lane in lanes], {}
-    if graph not in by_graph:
+        at_base = (n for n, rows in by_graph.items() if any(meant & {*r.labels} for r in rows))
+        graph = min(at_base, default=min(by_graph, default=0))
+    if graph not in ("all", *by_graph):
         found = ", ".join(map(str, sorted(by_graph))) or "no lanes at all"
         raise MissionError(f"expected lanes of graph {graph}, found {found}")
-    lanes = by_graph.pop(graph)
-    return lanes, {
-        f"lanes of graph {n}": [where for where, _, _ in others] for n, others in by_graph.items()
-    }
+    others = {n: by_graph.pop(n) for n in [*by_graph] if graph not in ("all", n)}
+    left_out = {f"lanes of graph {n}": [row.where for row in rows] for n, rows in others.items()}
+    return [row for rows in by_graph.values() for row in rows], left_out
 
 
-def _rides(
-    site: _Site,
-    frames: dict[str, _Frame],
-    at: dict[_Spot, complex],
-    vertices: dict[_Spot, _Vertex],
-) -> Iterator[tuple[str, tuple[_Spot, _Spot], float]]:
-    """Return an arc between each two levels of a lift, as long as one is above the other.
+def _rides(site: _Site, frames: Mapping[str, _Frame], vertices: _Vertices) -> Iterator[Row]:
+    """Yield an arc between each two levels of a lift, as long as one is above the other.
 
-    It stops at vertices that name it, and at those within its cabin.
+    It stops where it has doors, or everywhere if it has none: at vertices that name it, and at
+    those within its cabin.
     """
     stops: dict[str, list[_Spot]] = {}
-    centres = {
-        name: frames[lift.reference_floor_name or site.reference](complex(lift.x, lift.y))
-        for name, lift in site.lifts.items()
-    }
-    for spot, place in at.items():
-        within = (n for n, lift in site.lifts.items() if lift.has(place, centres[n]))
-        cabin = str(vertices[spot].traits.get("lift_cabin") or next(within, ""))
-        if cabin and (cabin not in site.lifts or site.lifts[cabin].stops_at(spot[0])):
+    for spot, (place, _, traits) in vertices.items():
+        at = frames[spot[0]](place)
+        within = (name for name, lift in site.lifts.items() if lift.has(at, frames))
+        cabin = str(traits.get("lift_cabin") or traits.get("lift") or next(within, ""))
+        doors = site.lifts[cabin].level_doors if cabin in site.lifts else {}
+        if cabin and (doors.get(spot[0]) or not any(doors.values())):
             stops.setdefault(cabin, []).append(spot)
     for name, spots in stops.items():
-        for one, other in combinations(spots, 2):
-            if one[0] != other[0]:
-                height = abs(site.levels[one[0]].elevation - site.levels[other[0]].elevation)
-                yield f"lift {name}", (one, other), height
-                yield f"lift {name}", (other, one), height
+        for ends in [(one, other) for one in spots for other in spots if one[0] != other[0]]:
+            low, high = sorted(site.levels[level].elevation or 0.0 for level, _ in ends)
+            yield Row(f"lift {name}", ends, {"length": high - low})
 
 
-def _frames(site: _Site, used: set[str]) -> tuple[dict[str, _Frame], list[str]]:
-    """Return what makes metres of places on the drawing of each level, and notes on those used."""
-    if site.coordinate_system == "wgs84":
-        vertices = (vertex for level in site.levels.values() for vertex in level.vertices)
-        return dict.fromkeys(site.levels, _local(next(vertices).place)), []
+def _frames(site: _Site, used: Collection[str]) -> tuple[dict[str, _Frame], list[str]]:
+    """Return what makes metres of places on each level, and notes on the levels that are used.
+
+    ``""`` stands for the reference level. On a drawing y points down, so p = (x, −y) is a place
+    there, in pixels. In metres, it is scaled by s and turned counterclockwise by R(θ)::
+
+        drawing of a level, in pixels                 all levels, in metres
+
+          +-------> x                                   y
+          |   A                                         ^      B
+          |      .          s R(θ) (p − c) + s₀ c₀       |    .
+          |         B       --------------------->      |  A
+          v y                                           +----------> x
+
+    The reference level has θ = 0, c = c₀ = 0, and the scale s = s₀ of its measurements. Another
+    level has fiducials, such as A and B, at pᵢ that the reference level has at rᵢ. Then
+
+        c = mean(pᵢ), c₀ = mean(rᵢ)
+        s = s₀ / mean(|pᵢ − pⱼ| / |rᵢ − rⱼ|)
+        θ = −arg Σ exp(√−1 (arg(pᵢ − pⱼ) − arg(rᵢ − rⱼ)))
+
+    over all fiducials, and over all pairs of them.
+
+    References
+    ----------
+    ``Transform.set_from_fiducials`` in ``rmf_building_map_tools`` of open-rmf/rmf_traffic_editor.
+    """
     if site.coordinate_system == "cartesian_meters":
-        return dict.fromkeys(site.levels, complex), []
-    reference, notes, unaligned = site.levels[site.reference], [], []
-    scale = reference.scale()
-    if scale is None:
-        notes.append(f"Level {site.reference} has no measurements: its pixels count as metres.")
-        scale = 1.0
-    frames: dict[str, _Frame] = {}
-    there = {name: complex(x, -y) for x, y, name in reference.fiducials}
-    for name, level in site.levels.items():
-        here = {name: complex(x, -y) for x, y, name in level.fiducials if name in there}
-        turns = [
-            (here[one] - here[other]) / (there[one] - there[other])
-            for one, other in combinations(here, 2)
-            if min(abs(here[one] - here[other]), abs(there[one] - there[other])) > _CLOSE
-        ]
-        factor, shift = complex(level.scale() or scale), 0j
-        if name != site.reference and turns:
-            turned = cmath.phase(sum(turn / abs(turn) for turn in turns))
-            factor = cmath.rect(scale / fmean(map(abs, turns)), -turned)
-            shift = sum(scale * there[one] - factor * here[one] for one in here) / len(here)
-        elif name != site.reference and name in used:
+        return dict.fromkeys(("", *site.levels), np.asarray), []
+    if site.coordinate_system == "wgs84":
+        first = next(vertex for level in site.levels.values() for vertex in level.vertices)
+        return dict.fromkeys(("", *site.levels), _around(*first[:2])), []
+    reference = site.reference_level_name or next(iter(site.levels))
+    scale, unaligned = site.levels[reference].scale(), []
+    notes = [] if scale else [f"Level {reference} has no measurements: its pixels count as metres."]
+    scale = scale or 1.0
+    there = {name: place for *place, name in site.levels[reference].fiducials}
+    frames = {n: _drawn((level.scale() or scale) * _UP) for n, level in site.levels.items()}
+    for name in [name for name in site.levels if name != reference]:
+        shared = [(place, there[of]) for *place, of in site.levels[name].fiducials if of in there]
+        if aligned := _aligned(np.array(shared).reshape(-1, 2, 2) @ _UP, scale):
+            frames[name] = aligned
+        elif name in used:
             unaligned.append(name)
-        frames[name] = _flipped(factor, shift)
     if unaligned:
-        levels = f"{', '.join(unaligned)} without two fiducials of {site.reference}"
+        levels = f"{', '.join(unaligned)} without two fiducials of {reference}"
         notes.append(f"These levels keep the frame of their drawing: {levels}.")
-    return frames, notes
+    return {"": frames[reference], **frames}, notes
 
 
-def _flipped(factor: complex, shift: complex) -> _Frame:
-    """Return the conversion to metres of pixels, whose y points down."""
-    return lambda place: factor * place.conjugate() + shift
+def _drawn(turn: FloatArray, origin: Any = 0.0, shift: Any = 0.0) -> _Frame:
+    return lambda place: turn @ np.subtract(place, origin) + shift
 
 
-def _local(origin: complex) -> _Frame:
-    """Return the conversion of longitude and latitude to metres east and north of an origin."""
-    eccentricity = _FLATTENING * (2.0 - _FLATTENING)
-    latitude = math.radians(origin.imag)
-    root = math.sqrt(1.0 - eccentricity * math.sin(latitude) ** 2)
-    east = math.radians(1.0) * _EQUATOR / root * math.cos(latitude)
-    north = math.radians(1.0) * _EQUATOR * (1.0 - eccentricity) / root**3
-    return lambda at: complex(east * (at - origin).real, north * (at - origin).imag)
+def _aligned(shared: FloatArray, scale: float) -> _Frame | None:
+    """Return the frame in which fiducials at shared[:, 0] lie on those at shared[:, 1]."""
+    one, other = np.triu_indices(len(shared), 1)
+    x, y = np.moveaxis(shared[one] - shared[other], -1, 0)
+    lengths, angles = np.hypot(x, y), np.arctan2(y, x)
+    is_apart = lengths.min(axis=1) > _CLOSE
+    if not is_apart.any():
+        return None
+    ratio = np.divide(*lengths[is_apart].T).mean()
+    turns = np.subtract(*angles[is_apart].T)
+    angle = -math.atan2(np.sin(turns).sum(), np.cos(turns).sum())
+    cos, sin = math.cos(angle), math.sin(angle)
+    here, there = shared.mean(axis=0)
+    turn = scale / ratio * np.array([[cos, -sin], [sin, cos]])
+    return _drawn(turn @ _UP, _UP @ here, scale * there)
 
 
-def _read_site(document: Document) -> _Site:
-    content = document.content
-    if not isinstance(content, dict) or not content.get("levels"):
-        is_map = isinstance(content, dict) and "image" in content
-        hint = "; botohe missions from-map makes a mission of a map" if is_map else ""
-        expected = 'a building of Open-RMF, with "levels"'
-        raise MissionError(f"expected {expected}, got {quoted(content)}{hint}")
-    site = validated(document, _Site)
-    if faults := [f"line {document.line(way)}: {fault}" for way, fault in _lost(site)]:
-        raise MissionError(faults)
-    return site
+def _around(longitude: float, latitude: float) -> _Frame:
+    """Return what makes metres east and north of a place of longitudes and latitudes."""
+    root = math.sqrt(1.0 - _ECCENTRICITY * math.sin(math.radians(latitude)) ** 2)
+    east = math.radians(1.0) * _EQUATOR / root * math.cos(math.radians(latitude))
+    north = math.radians(1.0) * _EQUATOR * (1.0 - _ECCENTRICITY) / root**3
+    return _drawn(np.diag([east, north]), (longitude, latitude))
 
 
-def _lost(site: _Site) -> Iterator[tuple[list[int | str], str]]:
-    """Return where there are vertices and levels that do not exist, and what is wrong."""
+def _lost(site: _Site) -> Iterator[tuple[tuple[int | str, ...], str]]:
+    """Yield where there are vertices and levels that do not exist, and what is wrong."""
     for name, level in site.levels.items():
-        for kind, edges in (("lanes", level.lanes), ("measurements", level.measurements)):
-            for i, (tail, head, _) in enumerate(edges):
+        for kind in ("lanes", "measurements"):
+            for i, (tail, head, _) in enumerate(getattr(level, kind)):
+                way: tuple[int | str, ...] = ("levels", name, kind, i)
                 if max(tail, head) >= len(level.vertices):
-                    fault = f"there is no vertex {max(tail, head)} on level {name}"
-                    yield ["levels", name, kind, i], fault
+                    yield way, f"there is no vertex {max(tail, head)} on level {name}"
                 elif kind == "measurements" and level.length(tail, head) < _CLOSE:
-                    fault = f"expected a measurement between two places, got {tail} and {head}"
-                    yield ["levels", name, kind, i], fault
-    named: list[tuple[list[int | str], str]] = [
-        (["lifts", name, "reference_floor_name"], lift.reference_floor_name)
-        for name, lift in site.lifts.items()
-    ]
-    named.append((["reference_level_name"], site.reference_level_name))
-    for way, level_name in named:
-        if level_name and level_name not in site.levels:
+                    yield way, f"expected a measurement between two places, got {tail} and {head}"
+    floors = {
+        ("lifts", n, "reference_floor_name"): lift.reference_floor_name
+        for n, lift in site.lifts.items()
+    }
+    for way, floor in [*floors.items(), (("reference_level_name",), site.reference_level_name)]:
+        if floor not in ("", *site.levels):
             expected = f"one of {', '.join(site.levels)}"
-            yield way, f"expected {way[-1]} to be {expected}, got {quoted(level_name)}"
+            yield way, f"expected {way[-1]} to be {expected}, got {quoted(floor)}"
+
+
+def is_navigation_graph(source: Source) -> bool:
+    """Return whether most vertices of a file are waypoints."""
+    levels = source.yaml.content["levels"].values()
+    rows = [row for level in levels if level for row in level.get("vertices") or ()]
+    return sum(map(_is_waypoint, rows)) > len(rows) / 2
 
 
 def is_building(source: Source) -> bool:
-    """Return whether a file has levels."""
-    content = source.yaml.content
-    return isinstance(content, dict) and "levels" in content
+    """Return whether a file has levels, and is no site of Open-RMF's newer editor."""
+    is_known = {"levels", "anchors"}.intersection(source.yaml.content) == {"levels"}
+    return is_known and not is_navigation_graph(source)
 
 
 BUILDING = Format((".building.yaml", ".yaml", ".yml"), is_building, read_building)
+NAVIGATION_GRAPH = Format((".yaml", ".yml"), is_navigation_graph, read_navigation_graph)

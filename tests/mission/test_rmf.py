@@ -1,0 +1,683 @@
+"""Buildings as the traffic editor of Open-RMF writes them, and navigation graphs made of them."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from PIL import Image
+
+from botohe_moo import MissionError, load_mission, save_mission
+from botohe_moo._base.document import Document
+from botohe_moo.mission import format_of
+from botohe_moo.mission.formats.rmf import BUILDING, NAVIGATION_GRAPH
+from tests.examples import examples
+from tests.test_damaged_files import changed, read_and_saved
+
+# Ten pixels are a metre. On level L2 they are 20, and the drawing is turned: right is up.
+TEXT = """\
+coordinate_system: reference_image
+graphs: {}
+levels:
+  L1:
+    drawing: {filename: site.png}
+    elevation: 0
+    fiducials:
+      - [0, 0, west]
+      - [100, 0, east]
+    lanes:
+      - [2, 3, {bidirectional: [4, true], graph_idx: [2, 0], orientation: [1, ""]}]
+      - [3, 4, {bidirectional: [4, true], graph_idx: [2, 0], speed_limit: [3, 0]}]
+      - [4, 5, {bidirectional: [4, false], graph_idx: [2, 0]}]
+      - [5, 2, {bidirectional: [4, false], graph_idx: [2, 0]}]
+      - [2, 6, {bidirectional: [4, true], graph_idx: [2, 1]}]
+    measurements:
+      - [0, 1, {distance: [3, 10]}]
+    vertices:
+      - [0, 0, 0, ""]
+      - [100, 0, 0, ""]
+      - [0, 100, 0, dock, {is_charger: [4, true], spawn_robot_name: [1, tiny]}]
+      - [30, 60, 0, hall]
+      - [70, 60, 0, "", {lift_cabin: [1, Lift]}]
+      - [70, 100, 0, hall]
+      - [0, 140, 0, charger, {is_charger: [4, true]}]
+      - [5, 5, 0, closet]
+    walls:
+      - [0, 1, {alpha: [3, 1]}]
+  L2:
+    elevation: 4.5
+    fiducials:
+      - [200, 200, east]
+      - [200, 0, west]
+    lanes:
+      - [0, 1, {bidirectional: [4, true], graph_idx: [2, 0]}]
+    vertices:
+      - [80, 140, 0, ""]
+      - [80, 180, 0, ward]
+lifts:
+  Lift:
+    depth: 2
+    level_doors:
+      L1: [door]
+      L2: [door]
+    reference_floor_name: L1
+    width: 2
+    x: 70
+    y: 60
+    yaw: 0.5
+  Hoist: {depth: 2, level_doors: {}, width: 2, x: 0, y: 0, yaw: 0}
+name: depot
+"""
+GIVEN = {"danger": 0.01, "robots": 2}
+
+
+# What `building_map_generator nav` makes of lanes of graph 0; lanes have more parameters.
+NAV = """\
+building_name: depot
+doors: {}
+levels:
+  L1:
+    lanes:
+    - - 0
+      - 1
+      - {}
+    - [1, 0, {}]
+    - - 1
+      - 2
+      - {door_name: gate, orientation_constraint: forward, speed_limit: 0.5}
+    - [2, 1, {mutex: corridor}]
+    - [2, 3, {is_bidirectional: false}]
+    - [3, 0, {is_bidirectional: false}]
+    vertices:
+    - - 0.0
+      - -10.0
+      - {is_charger: true, name: dock, spawn_robot_name: tiny}
+    - [3.0, -6.0, {name: hall, is_holding_point: true}]
+    - [7.0, -6.0, {lift: Lift, lift_cabin: Lift, name: ''}]
+    - [7.0, -10.0, {name: hall}]
+  L2:
+    lanes:
+    - [0, 1, {}]
+    - [1, 0, {}]
+    vertices:
+    - [7.0, -6.0, {lift: Lift, name: ''}]
+    - [9.0, -6.0, {name: ward}]
+  L3: {lanes: [], vertices: []}
+lifts:
+  Lift:
+    dims: [2.0, 2.0]
+    position: [7.0, -6.0, 0.5]
+  Hoist:
+    dims: [2.0, 2.0]
+    position: [0.0, 0.0, 0.0]
+"""
+
+
+def written(path, text, *changes):
+    """Write a text with some changes; return the path of the file."""
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture
+def building(tmp_path):
+    """Writes a building; returns its path."""
+
+    def write(*changes, text=TEXT):
+        return written(tmp_path / "depot.building.yaml", text, *changes)
+
+    return write
+
+
+@pytest.fixture
+def graph(tmp_path):
+    """Writes a navigation graph; returns its path."""
+
+    def write(*changes, text=NAV):
+        return written(tmp_path / "0.yaml", text, *changes)
+
+    return write
+
+
+def place(mission, label):
+    return pytest.approx(mission.graph.nodes[label]["pos"], abs=1e-9)
+
+
+def test_by_hand(building):
+    with pytest.warns(UserWarning, match="^Left out") as said:
+        mission = load_mission(building(), reward=3, **GIVEN)
+    assert mission.name == "depot"
+    assert mission.nodes == ("dock", "L1/3", "L1/4", "L1/5", "L2/0", "ward")
+    assert (mission.base, mission.robots) == ("dock", 2)
+    assert mission.rewards.tolist() == [0, 3, 3, 3, 3, 3]
+    assert mission.graph.nodes["dock"] == {
+        "reward": 0.0, "is_charger": True, "spawn_robot_name": "tiny", "zone": "L1", "pos": [0, -10]
+    }  # fmt: skip
+    assert mission.graph.nodes["L1/3"]["name"] == "hall"
+    assert place(mission, "L1/3") == [3, -6]
+    # From west, the origin, one goes 10 pixels down and 60 to the left for 7 and 6 metres.
+    assert mission.graph.nodes["L2/0"]["zone"] == "L2"
+    assert place(mission, "L2/0") == [7, -6]
+    assert place(mission, "ward") == [9, -6]
+    lengths = {(tail, head): arc["length"] for tail, head, arc in mission.graph.edges(data=True)}
+    expected = {
+        ("dock", "L1/3"): 5,
+        ("L1/3", "dock"): 5,
+        ("L1/3", "L1/4"): 4,
+        ("L1/4", "L1/3"): 4,
+        ("L1/4", "L1/5"): 4,
+        ("L1/5", "dock"): 7,
+        ("L2/0", "ward"): 2,
+        ("ward", "L2/0"): 2,
+        ("L1/4", "L2/0"): 4.5,
+        ("L2/0", "L1/4"): 4.5,
+    }
+    assert lengths == pytest.approx(expected)
+    survival = mission.graph.edges["L1/4", "L2/0"]["survival"]
+    assert survival == pytest.approx(math.exp(-0.045))
+    assert [str(each.message) for each in said] == [
+        "Left out lanes of graph 1: line 15 (1 in all); named waypoints that none of the lanes "
+        "touches: 'charger', 'closet' (2 in all); lifts that join no levels: Hoist (1 in all)."
+    ]
+
+
+def test_a_navigation_graph_by_hand(graph):
+    with pytest.warns(UserWarning, match="^Without elevations") as said:
+        mission = load_mission(graph(), reward=3, **GIVEN)
+    assert (mission.name, mission.title) == ("0", "depot")
+    assert mission.nodes == ("dock", "L1/1", "L1/2", "L1/3", "L2/0", "ward")
+    assert (mission.base, mission.robots) == ("dock", 2)
+    assert mission.rewards.tolist() == [0, 3, 3, 3, 3, 3]
+    assert mission.graph.nodes["dock"] == {
+        "reward": 0.0, "is_charger": True, "spawn_robot_name": "tiny", "zone": "L1", "pos": [0, -10]
+    }  # fmt: skip
+    assert mission.graph.nodes["L1/1"] == {
+        "reward": 3.0, "is_holding_point": True, "name": "hall", "zone": "L1", "pos": [3, -6]
+    }  # fmt: skip
+    assert mission.graph.nodes["L2/0"]["lift"] == "Lift"
+    lengths = {(tail, head): arc["length"] for tail, head, arc in mission.graph.edges(data=True)}
+    assert lengths == {
+        ("dock", "L1/1"): 5,
+        ("L1/1", "dock"): 5,
+        ("L1/1", "L1/2"): 4,
+        ("L1/2", "L1/1"): 4,
+        ("L1/2", "L1/3"): 4,
+        ("L1/3", "dock"): 7,
+        ("L2/0", "ward"): 2,
+        ("ward", "L2/0"): 2,
+        ("L1/2", "L2/0"): 4,
+        ("L2/0", "L1/2"): 4,
+    }
+    assert mission.graph.edges["L1/1", "L1/2"] == {
+        "door_name": "gate",
+        "orientation_constraint": "forward",
+        "speed_limit": 0.5,
+        "length": 4,
+        "survival": pytest.approx(math.exp(-0.04)),
+    }
+    assert mission.graph.edges["L1/2", "L1/1"]["mutex"] == "corridor"
+    assert [str(each.message) for each in said] == [
+        "Without elevations, levels count as 4 m apart: L1, L2, L3."
+    ]
+
+
+@pytest.mark.filterwarnings("ignore:Left out", "ignore:Without")
+def test_a_building_and_its_navigation_graph_are_the_same_site(building, graph):
+    """But for the lift, whose height only the building has."""
+    whole, made = load_mission(building(), **GIVEN), load_mission(graph(), **GIVEN)
+    names = {"L1/3": "L1/1", "L1/4": "L1/2", "L1/5": "L1/3"}
+    assert tuple(names.get(label, label) for label in whole.nodes) == made.nodes
+    for label in whole.nodes:
+        assert place(made, names.get(label, label)) == whole.graph.nodes[label]["pos"]
+    for tail, head, arc in whole.graph.edges(data=True):
+        ends = names.get(tail, tail), names.get(head, head)
+        expected = 4.0 if {tail, head} == {"L1/4", "L2/0"} else pytest.approx(arc["length"])
+        assert made.graph.edges[ends]["length"] == expected
+
+
+def test_rides_between_levels_whose_elevations_are_known(graph, recwarn):
+    heights = [(f"  L{i}:", f"  L{i}:\n    elevation: {4.5 * i}") for i in (1, 2)]
+    path = graph(*heights, ("  L3: {", "  L3: {elevation: 20, "))
+    mission = load_mission(path, **GIVEN)
+    assert not recwarn
+    assert mission.graph.edges["L1/2", "L2/0"]["length"] == 4.5
+
+
+def test_levels_are_as_many_storeys_apart_as_they_are_in_the_file(graph):
+    path = graph(("  L2:", "  L15: {lanes: null}\n  L2:"))
+    with pytest.warns(UserWarning, match=r"levels count as 4 m apart: L1, L15, L2, L3\.$"):
+        assert load_mission(path, **GIVEN).graph.edges["L1/2", "L2/0"]["length"] == 8
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{levels: {L1: {lanes: [[0, 1, {}], [1, 0, {}]], vertices: "
+        "[[1.0, -2.0, {is_charger: true, name: dock}], [4.0, -6.0, {name: lab}]]}}}",
+        "{building_name: null, lifts: [], doors: null, levels: {L0: null, L1: {lanes: "
+        "[[0, 1, null], [1, 0, []], [1, 2], [2, 1]], vertices: "
+        "[[1, -2, {is_charger: true, name: dock}], [4, -6, {name: lab}], [0, 0, null]]}}}",
+    ],
+)
+def test_the_smallest_navigation_graphs(graph, text, recwarn):
+    mission = load_mission(graph(text=text), **GIVEN)
+    assert not recwarn
+    assert (mission.base, mission.nodes[:2], mission.title) == ("dock", ("dock", "lab"), "0")
+    assert mission.graph.nodes["dock"]["pos"] == [1.0, -2.0]
+    assert mission.graph.nodes["lab"] == {"reward": 1.0, "zone": "L1", "pos": [4.0, -6.0]}
+    assert mission.graph.edges["dock", "lab"]["length"] == 5
+    if len(mission.nodes) > 2:
+        assert mission.nodes[2] == "L1/2"
+        assert mission.graph.edges["lab", "L1/2"]["length"] == math.hypot(4, 6)
+
+
+@pytest.mark.parametrize("name", ["site.yaml", "0.YML", "site.building.yaml"])
+@pytest.mark.parametrize(
+    ("text", "known"),
+    [
+        (TEXT, BUILDING),
+        (NAV, NAVIGATION_GRAPH),
+        ("levels: {L1: {vertices: [[0, 0], [1, 1]], lanes: [[0, 1]]}}", BUILDING),
+        ("levels: {L1: {vertices: [[0, 0, 0, '']]}, L2: }", BUILDING),
+        ("levels: {L1: }", BUILDING),
+        ("levels: {L1: {vertices: [[0, 0, null]]}}", NAVIGATION_GRAPH),
+        ("levels: {L1: {vertices: [7, [0, 0, {}], [1, 1, {}]]}}", NAVIGATION_GRAPH),
+        ("levels: {L1: {vertices: [[0, 0, {}], [1, 1, 0, a], [2, 2, 0, b]]}}", BUILDING),
+    ],
+)
+def test_the_content_tells_which_format_it_is(tmp_path, name, text, known):
+    assert format_of(written(tmp_path / name, text)) == known
+
+
+@pytest.mark.parametrize("name", ["site.yaml", "site.building.yaml"])
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("{anchors: {}, levels: {1: {anchors: {}}}}", "a site of Open-RMF's site editor"),
+        ("{image: map.pgm, resolution: 0.05}", "`botohe missions from-map` makes a mission"),
+    ],
+)
+def test_what_is_neither_is_named(tmp_path, name, text, kind):
+    with pytest.raises(MissionError, match=f"{name}: expected a mission, found .*{kind}"):
+        load_mission(written(tmp_path / name, text), **GIVEN)
+
+
+@pytest.mark.filterwarnings("ignore:Left out", "ignore:Without")
+@pytest.mark.parametrize("suffix", [".json", ".geojson", ".graphml"])
+@pytest.mark.parametrize("kind", ["building", "graph"])
+def test_comes_back_as_it_was(request, tmp_path, suffix, kind):
+    mission = load_mission(request.getfixturevalue(kind)(), **GIVEN)
+    save_mission(mission, tmp_path / f"again{suffix}")
+    assert load_mission(tmp_path / f"again{suffix}") == mission
+
+
+@pytest.mark.filterwarnings("ignore:Left out")
+def test_another_base_and_other_graphs(building):
+    path = building()
+    other = load_mission(path, base="charger", **GIVEN)
+    assert (other.nodes, other.base) == (("dock", "charger"), "charger")
+    assert load_mission(path, base="L1/6", **GIVEN) == other
+    assert load_mission(path, base="charger", graph=1, **GIVEN) == other
+    every = load_mission(path, base="ward", graph="all", **GIVEN)
+    assert len(every.nodes) == 7
+    # The name of a vertex that is not the only one of this name.
+    assert load_mission(path, base="L1/5", **GIVEN).base == "L1/5"
+    with pytest.raises(
+        MissionError, match="expected the label of one waypoint as base, found L1/3, L1/5"
+    ):
+        load_mission(path, base="hall", **GIVEN)
+
+
+def test_which_of_several_chargers_is_the_base(building):
+    path = building(("hall]", "hall, {is_charger: [4, true]}]"))
+    with pytest.warns(UserWarning, match=r"The base is 'dock', the first of 3 chargers\.$"):
+        assert load_mission(path, **GIVEN).base == "dock"
+
+
+def test_what_lanes_there_are(building):
+    """Also ways that lead nowhere."""
+    path = building(
+        ("      - [5, 2,", "      - [5, 5, {}]\n      - [2, 3, {}]\n      - [5, 7]\n      - [5, 2,")
+    )
+    with pytest.warns(UserWarning, match="Left out") as said:
+        mission = load_mission(path, **GIVEN)
+    assert "closet" not in mission.nodes
+    message = str(said[0].message)
+    assert "lanes from a waypoint to itself: line 14 (1 in all)" in message
+    assert "lanes parallel to one that is at least as safe: line 15 (1 in all)" in message
+    assert message.endswith("no way back: 'closet' (1 in all).")
+
+
+@pytest.mark.filterwarnings("ignore:Left out")
+def test_a_lift_holds_what_is_within_its_cabin(building):
+    """Turned by 0.5, it reaches 1.05 m along its width: to (70 + 9.2, 60 - 5)."""
+    unmarked = (", {lift_cabin: [1, Lift]}", "")
+    joined = load_mission(building(unmarked), **GIVEN)
+    assert joined.graph.has_edge("L1/4", "L2/0")
+    assert load_mission(building(unmarked, ("x: 70", "x: 60.9")), **GIVEN).nodes == joined.nodes
+    # Half of the width, and half of the diagonal: outside of the one, within the other.
+    moved = (("x: 70", "x: 59"), ("y: 60", "y: 66"))
+    assert len(load_mission(building(unmarked, ("x: 70", "x: 58")), **GIVEN).nodes) == 4
+    assert len(load_mission(building(unmarked, *moved), **GIVEN).nodes) == 4
+    closed = load_mission(building(("      L2: [door]\n", "")), **GIVEN)
+    assert closed.nodes == ("dock", "L1/3", "L1/4", "L1/5")
+
+
+def test_levels_without_fiducials_lie_as_drawn(building):
+    marked = '[80, 140, 0, "", {lift_cabin: [1, Lift]}]'
+    path = building(("[200, 0, west]", "[200, 0, north]"), ('[80, 140, 0, ""]', marked))
+    said = r"keep the frame of their drawing: L2 without two fiducials of L1\.$"
+    with pytest.warns(UserWarning, match=said):
+        mission = load_mission(path, **GIVEN)
+    assert place(mission, "L2/0") == [8, -14]
+
+
+def test_a_drawing_without_measurements(building):
+    path = building(("      - [0, 1, {distance: [3, 10]}]\n", ""))
+    with pytest.warns(UserWarning, match="Level L1 has no measurements: its pixels count as met"):
+        mission = load_mission(path, **GIVEN)
+    assert place(mission, "L1/3") == [30, -60]
+    assert mission.graph.edges["dock", "L1/3"]["length"] == pytest.approx(50)
+
+
+def test_the_scale_is_the_mean_of_measurements(building):
+    path = building(
+        (
+            "    measurements:\n",
+            "    measurements:\n      - [0, 7, {distance: [3, 2.1213203435596424]}]\n",
+        )
+    )
+    with pytest.warns(UserWarning, match="Left out"):
+        mission = load_mission(path, **GIVEN)
+    assert mission.graph.edges["dock", "L1/3"]["length"] == pytest.approx(50 * (0.1 + 0.3) / 2)
+
+
+SMALL = """\
+coordinate_system: {system}
+levels:
+  ground:
+    lanes: [[0, 1, {{bidirectional: [4, true]}}]]
+    vertices:
+      - [{first}, 0, gate, {{is_charger: [4, true]}}]
+      - [{second}, 0, ""]
+lifts: {{}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("system", "first", "second", "place", "length"),
+    [
+        ("cartesian_meters", "1, 2", "4, 6", [4, 6], 5),
+        # A minute of latitude is 1852 m, but on the ellipsoid 1842.9 m at the equator; the degree
+        # of longitude is 111319.5 m there.
+        ("wgs84", "10, 0", "10, 0.016666666667", [0, 1842.9], 1842.9),
+        ("wgs84", "10, 0", "10.001, 0", [111.3195, 0], 111.3195),
+        ("wgs84", "10, 60", "10.001, 60", [55.8, 0], 55.8),
+    ],
+)
+def test_other_coordinates(building, system, first, second, place, length):
+    path = building(text=SMALL.format(system=system, first=first, second=second))
+    mission = load_mission(path, **GIVEN)
+    assert mission.nodes == ("gate", "ground/1")
+    assert mission.graph.nodes["ground/1"]["pos"] == pytest.approx(place, rel=1e-4)
+    assert mission.graph.edges["gate", "ground/1"]["length"] == pytest.approx(length, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ("[2, 3, {", "[2, 30, {", "line 11: there is no vertex 30 on level L1"),
+        ("[2, 3, {", "[2, x, {", r"line 11: expected lanes\[0\]\[1\] to be an integer, got 'x'"),
+        ("[30, 60, 0, hall]", "[30, x]", r"line 22: expected vertices\[3\]\[1\] to be a number"),
+        ("[30, 60, 0, hall]", "7", r"line 22: expected vertices\[3\] to be a list, got 7"),
+        (
+            "60, 0, hall]",
+            "60, 0, hall, 7]",
+            r"line 22: expected vertices\[3\]\[4\] to be",
+        ),
+        ("graph_idx: [2, 1]", "graph_idx: [1, a]", "line 15: expected graph_idx to be an integer"),
+        ("distance: [3, 10]", "distance: [3, -1]", "line 17: expected distance > 0, got "),
+        ("[0, 1, {distance", "[0, 0, {distance", "line 17: expected a measurement between two"),
+        ("elevation: 4.5", "elevation: up", "line 30: expected elevation to be a number, got 'up'"),
+        ("reference_floor_name: L1", "reference_floor_name: L9", "line 45: expected reference_fl"),
+        ("graphs: {}", "reference_level_name: L9", "line 2: expected reference_level_name to be "),
+        ("reference_image", "web_mercator", "line 1: expected coordinate_system to be 'ref"),
+        (
+            "    lanes:\n      - [0, 1",
+            "    lanes: 3\n    doors:\n      - [0, 1",
+            "line 34: expected",
+        ),
+        ("name: depot", "name: [", "52: not valid YAML"),
+    ],
+)
+def test_what_is_wrong_is_named_by_its_line(building, old, new, fault):
+    with pytest.raises(MissionError, match=rf"depot\.building\.yaml.*{fault}"):
+        load_mission(building((old, new)), **GIVEN)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        (
+            "[1, 0, {}]\n    - - 1",
+            "[1, 40, {}]\n    - - 1",
+            "line 9: there is no vertex 40 on level",
+        ),
+        ("[2, 1, {mutex", "[2, -1, {mutex", r"line 13: expected lanes\[3\]\[1\] >= 0, got -1"),
+        ("[2, 1, {mutex: corridor}]", "[2]", r"line 13: expected lanes\[3\] to be an integer"),
+        ("[3.0, -6.0, {", "[3.0, north, {", r"line 20: expected vertices\[1\]\[1\] to be a number"),
+        ("[9.0, -6.0, {name: ward}]", "[9.0]", r"line 29: expected vertices\[1\] to be a number"),
+        (
+            "  L3: {",
+            "  L3: {elevation: up, ",
+            "line 30: expected elevation to be a number, got 'up'",
+        ),
+        ("lanes: [], ", "lanes: 3, ", "line 30: expected lanes to be a list, got 3"),
+        (
+            "name: hall, is_holding",
+            "name: hall, reward: much, is_holding",
+            "node 'L1/1': expected a finite reward >= 0, got 'much'",
+        ),
+        ("{mutex: corridor}", "{survival: 2}", "arc .*: expected survival in .*, got 2"),
+        ("building_name: depot", "building_name: [", "3: not valid YAML"),
+    ],
+)
+def test_what_is_wrong_with_a_navigation_graph_is_named_by_its_line(graph, old, new, fault):
+    with pytest.raises(MissionError, match=rf"0\.yaml.*{fault}"):
+        load_mission(graph((old, new)), **GIVEN)
+
+
+@pytest.mark.parametrize("kind", ["building", "graph"])
+@pytest.mark.parametrize(
+    ("given", "fault"),
+    [
+        (
+            {"robots": 2},
+            r"line \d+: .*expected a survival, found none \(10 without one\): give danger",
+        ),
+        ({"base": "lab", **GIVEN}, "base 'lab': there is no such node"),
+        ({"danger": 0.1}, "expected robots to be an integer"),
+        ({"hazard": "map.yaml", **GIVEN}, r"map\.yaml: there is no such file"),
+        (
+            {"base": "hall", **GIVEN},
+            "expected the label of one waypoint as base, found L1/[13], L1/",
+        ),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:Left out", "ignore:Without")
+def test_options(request, kind, given, fault):
+    with pytest.raises(ValueError, match=fault):
+        load_mission(request.getfixturevalue(kind)(), **given)
+
+
+@pytest.mark.filterwarnings("ignore:Left out")
+def test_which_graph_is_an_option_of_buildings(building, graph):
+    with pytest.raises(MissionError, match=r"expected lanes of graph 7, found 0, 1$"):
+        load_mission(building(), graph=7, **GIVEN)
+    with pytest.raises(ValueError, match="Expected graph "):
+        load_mission(building(), graph="any", **GIVEN)
+    with pytest.raises(ValueError, match="no parameter 'graph'"):
+        load_mission(graph(), graph=0, **GIVEN)
+
+
+@pytest.mark.filterwarnings("ignore:Left out", "ignore:Without")
+@pytest.mark.parametrize("kind", ["building", "graph"])
+def test_dangers_of_a_place_are_those_of_all_levels(request, tmp_path, kind):
+    """Levels lie above each other, and a ride is at the place of its lift."""
+    path = request.getfixturevalue(kind)()
+    zones = [{"circle": [8, -6, 1.5], "rate": 0.5}]
+    arcs = load_mission(path, robots=2, danger_zones=zones).graph.edges
+    ends = "L1/4" if kind == "building" else "L1/2"
+    ride = arcs[ends, "L2/0"]
+    assert ride["survival"] == pytest.approx(math.exp(-0.5 * ride["length"]))
+    assert arcs["L2/0", "ward"]["survival"] == pytest.approx(math.exp(-0.5 * 2))
+    hall = "L1/3" if kind == "building" else "L1/1"
+    assert arcs[hall, ends]["survival"] == pytest.approx(math.exp(-0.5 * 0.5))
+    # The east, where x >= 5, is black.
+    values = np.full((20, 20), 255, np.uint8)
+    values[:, 10:] = 0
+    Image.fromarray(values).save(tmp_path / "map.png")
+    place = "image: map.png\nresolution: 1\norigin: [-5, -15, 0]\nmode: scale\nnegate: 0\n"
+    (tmp_path / "map.yaml").write_text(place + "occupied_thresh: 0.9\nfree_thresh: 0.1\n")
+    arcs = load_mission(path, hazard=tmp_path / "map.yaml", **GIVEN).graph.edges
+    assert arcs[ends, "L2/0"]["survival"] == pytest.approx(math.exp(-0.01 * ride["length"]))
+    assert arcs["dock", hall]["survival"] == 1
+
+
+ONE_WAY = """\
+levels:
+  L1:
+    lanes: [[0, 1, {}], [1, 2, {}], [0, 2, {}]]
+    vertices: %s
+"""
+VERTICES = "[[0, 0, 0, dock, {is_charger: [4, true]}], [3, 4, 0, lab], [3, 0, 0, '']]"
+WAYPOINTS = "[[0, 0, {is_charger: true, name: dock}], [3, 4, {name: lab}], [3, 0, {}]]"
+
+
+@pytest.mark.filterwarnings("ignore:Left out", "ignore:Level L1 has no")
+@pytest.mark.parametrize("vertices", [VERTICES, WAYPOINTS])
+def test_lanes_that_all_lead_away(building, vertices):
+    path = building(text=ONE_WAY % vertices)
+    with pytest.raises(
+        MissionError, match="reached from base 'dock' and left again, found none; both"
+    ):
+        load_mission(path, **GIVEN)
+    mission = load_mission(path, both_ways=True, **GIVEN)
+    assert mission.nodes == ("dock", "lab", "L1/2")
+    assert mission.graph.edges["lab", "dock"]["length"] == 5
+
+
+NAMED = """\
+levels:
+  L1:
+    lanes: &both [[0, 1], [1, 0], [1, 2], [2, 1]]
+    vertices: [[0, 0, %(dock)s], [1, 0, %(own)s], [2, 0, %(lift)s]]
+  L2:
+    lanes: *both
+    vertices: [[2, 0, %(lift)s], [3, 0, %(none)s], [4, 0, %(alike)s]]
+"""
+KINDS = {
+    "building": {
+        "dock": "0, dock, {is_charger: [4, true]}",
+        "own": "0, L1/1",
+        "lift": "0, '', {lift_cabin: [1, Lift]}",
+        "none": "0, ''",
+        "alike": "0, L2/1",
+    },
+    "graph": {
+        "dock": "{name: dock, is_charger: true}",
+        "own": "{name: L1/1}",
+        "lift": "{lift: Lift}",
+        "none": "{name: ''}",
+        "alike": "{name: L2/1}",
+    },
+}
+
+
+@pytest.mark.filterwarnings("ignore:Level", "ignore:These levels", "ignore:Without")
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_a_name_that_is_the_label_of_another_vertex(request, kind):
+    """It is no label then, and as a base it means the other vertex."""
+    path = request.getfixturevalue(kind)(text=NAMED % KINDS[kind])
+    mission = load_mission(path, **GIVEN)
+    assert mission.nodes == ("dock", "L1/1", "L1/2", "L2/0", "L2/1", "L2/2")
+    names = {label: node.get("name") for label, node in mission.graph.nodes(data=True)}
+    assert names == dict.fromkeys(mission.nodes) | {"L2/2": "L2/1"}
+    by_label = load_mission(path, base="L2/1", **GIVEN)
+    assert by_label.base == "L2/1"
+    assert by_label.graph.nodes["L2/1"]["pos"][0] == 3
+    assert load_mission(path, base="L2/2", **GIVEN).base == "L2/2"
+
+
+@pytest.mark.filterwarnings("ignore:Level", "ignore:These levels")
+def test_a_name_that_would_be_the_label_of_a_vertex_without_a_lane(building):
+    text = NAMED % (KINDS["building"] | {"alike": "0, L3/0"}) + "  L3: {vertices: [[0, 0]]}"
+    mission = load_mission(building(text=text), **GIVEN)
+    assert mission.nodes[-1] == "L2/2"
+    assert mission.graph.nodes["L2/2"]["name"] == "L3/0"
+
+
+def test_without_a_charger(building, graph):
+    for path in (
+        building(("is_charger: [4, true]", "is_charger: [4, false]")),
+        graph(("is_charger: true", "is_charger: false")),
+    ):
+        with pytest.raises(MissionError, match="expected base, found no vertex with is_charger"):
+            load_mission(path, **GIVEN)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *(
+            "[]",
+            "levels: {}",
+            "levels: [1]",
+            "levels: {L1: }",
+            "",
+            "image: map.pgm\n",
+            "7",
+            "levels:",
+        ),
+        *(
+            "levels: {L1: 7}",
+            "levels: {L1: {vertices: [[0, 0, {}]]}}",
+            "levels: {L1: {lanes: [[]]}}",
+        ),
+    ],
+)
+@pytest.mark.parametrize("given", [{}, {"base": "dock"}, {"base": "L1/0"}])
+def test_what_is_not_a_building(building, text, given):
+    with pytest.raises(MissionError, match=r"depot\.building\.yaml(: | has )"):
+        load_mission(building(text=text), **GIVEN, **given)
+
+
+# Numbers and names, and parameters.
+VALUE = re.compile(rb"(?<=[ \[])[\w.-]+|\{[^}]*\}")
+
+
+@pytest.mark.fuzz
+@examples(200)
+@given(data=changed(TEXT.encode(), value=VALUE))
+@pytest.mark.filterwarnings("ignore")
+def test_changed_buildings(tmp_path_factory, data):
+    path = tmp_path_factory.getbasetemp() / "changed.building.yaml"
+    read_and_saved(path, data, **GIVEN)
+
+
+# As JSON, which is YAML, so that its parts can be changed, too.
+CONTENT = json.dumps(Document(NAV).content).encode()
+
+
+@pytest.mark.fuzz
+@examples(200)
+@given(data=changed(NAV.encode(), value=VALUE) | changed(CONTENT, is_json=True, value=VALUE))
+@pytest.mark.filterwarnings("ignore")
+def test_changed_navigation_graphs(tmp_path_factory, data):
+    path = tmp_path_factory.getbasetemp() / "changed.yaml"
+    read_and_saved(path, data, **GIVEN)
