@@ -118,12 +118,12 @@ PLAN_MISSION = {"items": [], "plannedHomePosition": [47.25, 8.5, 0], "version": 
         (
             "streets.json",
             {"version": 0.6, "generator": "Overpass API", "osm3s": {}, "elements": []},
-            "OpenStreetMap data: docs/missions-maps.md has a recipe for streets",
+            "OpenStreetMap data: docs/mission-maps.md has a recipe for streets",
         ),
         (
             "floor.yaml",
             {"image": "floor.pgm", "resolution": 0.05, "origin": [0, 0, 0]},
-            "a map, of which `botohe missions from-map` makes a mission",
+            "a map: `botohe missions from-map` makes a mission from it",
         ),
         (
             "runs.yml",
@@ -138,12 +138,12 @@ PLAN_MISSION = {"items": [], "plannedHomePosition": [47.25, 8.5, 0], "version": 
         (
             "topological.yaml",
             {"name": "orchard", "pointset": "orchard", "nodes": [{"node": {}, "meta": {}}]},
-            "a topological map of LCAS: docs/missions-robots.md has a recipe",
+            "a topological map of LCAS: docs/mission-robots.md has a recipe",
         ),
         (
             "topological.yaml",
             [{"node": {"name": "a"}, "meta": {"pointset": "orchard"}}],
-            "a topological map of LCAS: docs/missions-robots.md has a recipe",
+            "a topological map of LCAS: docs/mission-robots.md has a recipe",
         ),
     ],
 )

@@ -36,8 +36,8 @@ def read_mission(path: str | os.PathLike[str], **options: Any) -> Mission:
           graph. A line without ``length`` is as long as its ends are apart.
         - ``.building.yaml``: a building of Open-RMF's traffic editor; ``.yaml``: a navigation graph
           that its tools make of one. Lanes are arcs, and the vertices at their ends nodes.
-        - ``.txt``: a team-orienteering instance of Chao, Golden and Wasil. Its tmax becomes
-          ``max_length``.
+        - ``.txt``: a team-orienteering instance of Chao, Golden and Wasil. Trails lead from the
+          first point to the last, and its tmax becomes ``max_length``.
 
         Packages add formats: ``docs/adding-a-format.md``. Of route graphs and buildings, what
         cannot be part of a mission is left out, and a warning names it: parallel arcs except the
@@ -133,7 +133,7 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
         writes. In GraphML labels are strings, attributes are numbers, booleans and strings, and
         ``pos`` becomes ``x`` and ``y``. GeoJSON is a route graph that Nav2 loads: nodes need
         ``pos``, and lines get the ``penalty`` −ln survival. If some labels are not integers from 0
-        to 2³² − 1, ids are numbered from 1, and each point has its ``label``.
+        to 2³¹ − 2, ids are numbered from 1, and each point has its ``label``.
 
     Raises
     ------

@@ -183,16 +183,22 @@ _FORMATS = PluginGroup("botohe_moo.formats", "format", Format)
 
 # Other kinds of files with the same suffixes, by their keys, and what can be done about them.
 _FOREIGN: Sequence[tuple[str, set[str]]] = (
-    ("a map, of which `botohe missions from-map` makes a mission", {"image", "resolution"}),
+    ("a map: `botohe missions from-map` makes a mission from it", {"image", "resolution"}),
     ("a study, which `botohe study run` runs", {"missions", "algorithms"}),
     ("a topological map of LCAS: docs/mission-robots.md has a recipe", {"nodes", "pointset"}),
     ("a fleet configuration of Open-RMF: read its navigation graph", {"rmf_fleet"}),
-    ("a site of Open-RMF's site editor: export its navigation graphs", {"anchors", "levels"}),
+    (
+        "a site of Open-RMF's site editor: export its navigation graphs",
+        {"format_version", "properties"},
+    ),
     ("a layout of VDA 5050 (LIF)", {"layouts", "metaInformation"}),
     ("a plan of QGroundControl", {"fileType", "mission"}),
     ("a TopoJSON topology: convert it to GeoJSON", {"arcs", "objects"}),
     ("features of ArcGIS: convert them to GeoJSON", {"features", "geometryType"}),
-    ("OpenStreetMap data: docs/mission-maps.md has a recipe for streets", {"elements", "osm3s"}),
+    (
+        "OpenStreetMap data: docs/mission-maps.md has a recipe for streets",
+        {"elements", "generator"},
+    ),
     ("a graph of Cytoscape: export GraphML", {"elements"}),
 )
 

@@ -480,12 +480,11 @@ def mission_from_tables(
     arc_rows, others = _rows("arcs", arcs, ("tail", "head"))
     if (faults := faults + others) and not (node_rows and arc_rows):
         raise MissionError(faults)
-    graph: dict[str, Any] = {"title": title} if title else {}
-    if max_length is not None:
-        graph["max_length"] = max_length
-    draft = Draft(node_rows, arc_rows, graph, faults)
+    given = {"title": title or None, "max_length": max_length, "robots": robots}
+    graph = {key: value for key, value in given.items() if value is not None}
     base = base.strip() if isinstance(base, str) else base
-    return make_mission(draft, base=base, robots=robots, kinds=kinds, **options)
+    draft = Draft(node_rows, arc_rows, graph, faults)
+    return make_mission(draft, base=base, kinds=kinds, **options)
 
 
 def read_table(path: _Path) -> pd.DataFrame:
