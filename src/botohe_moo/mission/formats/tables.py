@@ -244,6 +244,8 @@ class _Site:
         arcs = [arc for arc in kept.values() if all(label in graph for label in arc.labels)]
         graph.add_edges_from((*arc.labels, arc.attributes) for arc in arcs)
         if self.faults:
+            if self.base is None:
+                self.faults.append("expected base, the label of a node, found none: give base")
             raise MissionError([*self.faults, *attribute_faults(graph, self.kinds)])
         if self.draft.trim:
             self._trim(graph, loops, parallel)
