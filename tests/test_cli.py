@@ -1190,7 +1190,7 @@ class TestImport:
             "missions", "import", *self.KINDS, "--kind", "drone=1", "--out", "site.json"
         )
         expected = (
-            "arcs.csv, row 2: arc 'dock' -> 'lab': expected a survival, found none (2 without"
+            "arcs.csv, row 2: arc 'dock' -> 'lab': expected a survival, found none"
         )
         assert expected in message
 
