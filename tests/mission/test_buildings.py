@@ -282,7 +282,7 @@ def test_what_is_wrong_is_named_by_its_line(building, old, new, fault):
         ({"robots": 2}, "expected danger, the rate of loss for a metre, found none: give danger"),
         ({"graph": 7, **GIVEN}, "expected lanes of graph 7, found 0, 1$"),
         ({"base": "lab", **GIVEN}, "base 'lab': there is no such node"),
-        ({"danger": 0.1}, "expected robots to be an integer"),
+        ({"danger": 0.1}, "expected robots, an integer >= 1, found none: give robots"),
         ({"graph": "any", **GIVEN}, "Expected graph "),
         ({"hazard": "map.yaml", **GIVEN}, "no parameter 'hazard'"),
     ],
