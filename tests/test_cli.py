@@ -1163,7 +1163,7 @@ class TestImport:
                 ["--kind", "drone=x,max_length=2,5", "--kind", "rover=1,end=la", "--pays", "home"],
                 [
                     "has 4 faults",
-                    "kind 'drone': expected robots to be an integer >= 1, got 'x'",
+                    "kind 'drone': expected robots to be an integer in [1, 1000000], got 'x'",
                     "kind 'drone': expected a finite max_length >= 0, got '2,5'",
                     "kind 'rover': end 'la': there is no such node; most alike are lab, ",
                     "expected pays to be 'arrival' or 'return', got 'home'",
