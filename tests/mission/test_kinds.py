@@ -158,7 +158,7 @@ class TestTables:
         [
             (
                 {"survival:drone": 0.9, "survival:rovr": 0.9},
-                ["arcs: column 'survival:rovr': there is no kind 'rovr'; most alike are rover, dr"],
+                ["arcs, row 0: column 'survival:rovr': there is no kind 'rovr'; most alike are"],
             ),
             (
                 {"survival:drone": ["0,5", 0.9, 0.9], "survival:rover": [0.9, 2, 0.9]},
@@ -171,7 +171,7 @@ class TestTables:
             ),
             (
                 {"survival:drone": 0.9},
-                ["arcs: expected a column 'survival:rover', found none"],
+                ["arcs, row 0: expected a column 'survival:rover', found none"],
             ),
         ],
     )

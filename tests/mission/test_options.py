@@ -165,7 +165,10 @@ def test_what_the_options_mean(site):
         ),
         ({"danger": 200, "base": "dock", "robots": 1}, "200.* 4"),
         ({"danger": -1, "base": "dock", "robots": 1}, "Expected danger >= 0, got -1"),
-        ({**DANGER, "base": "dock", "kinds": [{"name": "drone"}]}, r"kinds\[0\]: expected robots"),
+        (
+            {**DANGER, "base": "dock", "kinds": [{"name": "drone"}]},
+            "kind 'drone': expected robots to be an integer",
+        ),
         (
             {**DANGER, "base": "dock", "kinds": [Kind("drone", 1, start="labb")]},
             "start 'labb': there is no such node; most alike are lab",

@@ -298,7 +298,10 @@ def test_the_content_tells_which_format_it_is(tmp_path, name, text, known):
 @pytest.mark.parametrize(
     ("text", "kind"),
     [
-        ("{anchors: {}, levels: {1: {anchors: {}}}}", "a site of Open-RMF's site editor"),
+        (
+            "{format_version: 0.1.3, properties: {}, levels: {1: {anchors: {}}}}",
+            "a site of Open-RMF's site editor",
+        ),
         ("{image: map.pgm, resolution: 0.05}", "`botohe missions from-map` makes a mission"),
     ],
 )

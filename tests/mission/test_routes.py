@@ -106,7 +106,7 @@ def test_what_is_left_out_is_said(site):
 @pytest.mark.parametrize(
     ("features", "given", "fault"),
     [
-        ([], {"robots": 1}, "expected the label of the base, found no graph attribute 'base'"),
+        ([], {"robots": 1}, "expected base, the label of a node, found none: give base"),
         ([line(3, 4)], {"base": 3}, r"features\[3\]: expected a survival, .* give danger"),
         ([line(3, 5)], {"base": 3, "danger": 1}, r"features\[3\]: .* there is no node 5"),
         (

@@ -353,7 +353,10 @@ def _join_columns(rows: Sequence[Row], kinds: Sequence[str]) -> list[str]:
         ]
         if of_kind and name == "survival" and not any(name in row.attributes for row in rows):
             missing = [f"{name}:{kind}" for kind in kinds if f"{name}:{kind}" not in columns]
-            faults = faults or [f"expected a column {quoted(one)}, found none" for one in missing]
+            where = next(iter(columns.values()))
+            faults = faults or [
+                f"{where}: expected a column {quoted(one)}, found none" for one in missing
+            ]
         if faults:
             return faults
         for _, _, attributes in rows:
