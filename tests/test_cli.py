@@ -1155,7 +1155,7 @@ class TestImport:
     @pytest.mark.parametrize(
         ("given", "words"),
         [
-            ([], ["Expected --robots K, or --kind NAME=K for each kind, found neither."]),
+            ([], ["there is no kind 'drone'; the mission lists no kinds"]),
             (["--kind", "drone"], ["Expected a kind as NAME=ROBOTS or", "got 'drone'."]),
             (["--kind", "drone=1,stat=lab"], ["kinds[0]: there is no 'stat' of a kind"]),
             (["--kind", "drone=1,robots=2"], ["Expected 'robots' of a kind once, got 'drone=1"]),
@@ -1163,7 +1163,7 @@ class TestImport:
                 ["--kind", "drone=x,max_length=2,5", "--kind", "rover=1,end=la", "--pays", "home"],
                 [
                     "has 4 faults",
-                    "kind 'drone': expected robots to be an integer >= 1, got 'x'",
+                    "kind 'drone': expected robots to be an integer in [1, 1000000], got 'x'",
                     "kind 'drone': expected a finite max_length >= 0, got '2,5'",
                     "kind 'rover': end 'la': there is no such node; most alike are lab, ",
                     "expected pays to be 'arrival' or 'return', got 'home'",
@@ -1172,8 +1172,8 @@ class TestImport:
             (
                 ["--robots", 2],
                 [
-                    "nodes.csv: column 'share:drone': there is no kind 'drone'; the mission lists",
-                    "arcs.csv: column 'survival:rover': there is no kind 'rover'; the mission li",
+                    "nodes.csv, row 4: column 'share:drone': there is no kind 'drone'; the mission "
+                    "lists no kinds",
                 ],
             ),
         ],
@@ -1189,7 +1189,10 @@ class TestImport:
         message = refused(
             "missions", "import", *self.KINDS, "--kind", "drone=1", "--out", "site.json"
         )
-        assert "column 'survival', or columns such as 'survival:drone', found 'tail" in message
+        expected = (
+            "arcs.csv, row 2: arc 'dock' -> 'lab': expected a survival, found none"
+        )
+        assert expected in message
 
     def test_bounds_of_robots_that_carry_something_are_refused_before_the_search(
         self, refused, tmp_path
@@ -1210,7 +1213,7 @@ class TestImport:
         args = ["missions", "import", *self.ARGS]
         message = refused(*args, "--out", "site.json")
         assert message.startswith("botohe: The mission has 60 faults:")
-        assert "--both-ways" in message
+        assert "both_ways makes every arc passable both ways" in message
         message = refused(*args, "--both-ways", "--out", "site.txt")
         assert "site.txt: expected a file name that ends in one of .json, .graphml" in message
         assert "no: there is no such folder" in refused(

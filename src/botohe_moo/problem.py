@@ -40,7 +40,7 @@ class BOTOHE(Problem):
     max_length
         Travel budget: the lengths of the arcs of every robot's trail sum to at most this, at least
         0; an arc without ``length`` counts 1. It becomes an inequality constraint, too. Default:
-        the mission's own (:attr:`Mission.max_length`), if it has one; ``math.inf`` sets none.
+        the mission's own (``mission.max_length``), if it has one; ``math.inf`` sets none.
     allow_invalid
         Evaluate invalid plans, too, and count their faults as constraint violation, as operators
         without a repair need (:class:`~botohe_moo.operators.PenaltyOnly`).

@@ -82,7 +82,7 @@ def solve(
         Survival floor: every robot survives with at least this probability, in [0, 1].
     max_length
         Travel budget: how long every robot's trail may be, at least 0. Default: the mission's own
-        (:attr:`Mission.max_length`), if it has one; ``math.inf`` for none.
+        (``mission.max_length``), if it has one; ``math.inf`` for none.
     n_lanes
         Searches that go on side by side once that pays. Default: 8, for algorithms that have lanes.
         The result depends on it.

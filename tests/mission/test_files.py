@@ -210,8 +210,8 @@ class TestJSON:
 
     def test_no_base_and_no_robots(self, json_faults):
         assert json_faults(content(graph={})) == [
-            "expected robots to be an integer >= 1, found no graph attribute 'robots'",
-            "expected the label of the base, found no graph attribute 'base'",
+            "expected robots, an integer >= 1, found none: give robots",
+            "expected base, the label of a node, found none: give base",
         ]
 
 

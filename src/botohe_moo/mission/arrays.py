@@ -1,9 +1,9 @@
-"""What a mission takes from its graph: a frozen copy, arrays for kernels, and positions."""
+"""What a mission makes of its graph: a frozen copy, the arrays of kernels, and positions."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn
 
 import networkx as nx
@@ -11,41 +11,31 @@ import numpy as np
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.graph.graph import (
-    Graph,
-    Limits,
-    join_layers,
-    new_graph,
-    with_costs,
-)
+from botohe_moo.kernels.graph import graph as graphs
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
 from botohe_moo.mission.rules import Kind, by_kind
 
+_EARTH = 6_371_008.8  # mean radius in metres
+
+Way = tuple[list[int], float, float]  # its nodes, its survival and its length
+
 
 class _Attributes(dict[str, Any]):
-    """Attributes, and mappings among them, that stay what they are."""
+    """Attributes that cannot be changed, and neither can mappings among their values."""
 
     __slots__ = ()
 
     @classmethod
     def of(cls, attributes: Mapping[str, Any]) -> _Attributes:
-        return cls(
-            (name, cls(value) if isinstance(value, Mapping) else value)
-            for name, value in attributes.items()
-        )
+        return cls((k, cls(v) if isinstance(v, Mapping) else v) for k, v in attributes.items())
 
     def copy(self) -> dict[str, Any]:
-        """Return a plain dictionary, also of mappings, as ``graph.copy()`` needs it."""
-        return {
-            name: value.copy() if isinstance(value, _Attributes) else value
-            for name, value in self.items()
-        }
+        """Return plain dictionaries, as ``graph.copy()`` needs them."""
+        return {name: dict(v) if isinstance(v, _Attributes) else v for name, v in self.items()}
 
     def _refuse(self, *_: object, **__: object) -> NoReturn:
-        raise TypeError(
-            "The graph of a mission cannot be changed: change mission.graph.copy(), and make a "
-            "Mission of that."
-        )
+        remedy = "change mission.graph.copy(), and make a Mission of that"
+        raise TypeError(f"The graph of a mission cannot be changed: {remedy}.")
 
     __setitem__ = __delitem__ = __ior__ = _refuse
     clear = pop = popitem = setdefault = update = _refuse
@@ -55,10 +45,7 @@ class _Attributes(dict[str, Any]):
 
 
 def freeze(graph: nx.DiGraph[Any]) -> nx.DiGraph[Any]:
-    """Let neither nodes and arcs nor their attributes be changed any more.
-
-    :func:`networkx.freeze` leaves the attributes as they are.
-    """
+    """Make a graph immutable, also its attributes, which :func:`networkx.freeze` leaves open."""
     graph.graph = _Attributes.of(graph.graph)
     inside: Any = graph  # networkx has no public way to replace its dictionaries
     for node, attributes in inside._node.items():
@@ -66,33 +53,27 @@ def freeze(graph: nx.DiGraph[Any]) -> nx.DiGraph[Any]:
     for tail, heads in inside._succ.items():
         for head, attributes in heads.items():
             heads[head] = inside._pred[head][tail] = _Attributes.of(attributes)
-    frozen: nx.DiGraph[Any] = nx.freeze(graph)
-    return frozen
+    return nx.freeze(graph)  # type: ignore[no-any-return]
 
 
 def given_places(graph: nx.DiGraph[Any]) -> dict[Hashable, tuple[float, float] | None]:
     """Return the attribute ``pos`` of each node of a mission, or None."""
-    places: dict[Hashable, tuple[float, float] | None] = {}
-    place: Any
-    for node, place in graph.nodes(data="pos"):
-        places[node] = None if place is None else (float(place[0]), float(place[1]))
-    return places
+    places: Any = graph.nodes(data="pos")
+    return {node: None if pos is None else (float(pos[0]), float(pos[1])) for node, pos in places}
 
 
 def positions(graph: Any) -> dict[Hashable, FloatArray]:
-    """Return where nodes are; a ValueError names one without a position."""
+    """Return the position of each node of any graph; a ValueError names a node without one."""
     if not isinstance(graph, nx.Graph):
         raise TypeError(f"Expected graph to be an nx.DiGraph, got {quoted(graph)}.")
-    places = {node: plain_numbers(place) for node, place in graph.nodes(data="pos")}
-    for node, place in places.items():
-        if place.shape != (2,):
-            found = quoted(graph.nodes[node].get("pos"))
-            raise ValueError(f"Node {quoted(node)}: expected pos (x, y), got {found}.")
-    return places
+    for node, pos in graph.nodes(data="pos"):
+        if plain_numbers(pos).shape != (2,):
+            raise ValueError(f"Node {quoted(node)}: expected pos (x, y), got {quoted(pos)}.")
+    return {node: plain_numbers(pos) for node, pos in graph.nodes(data="pos")}
 
 
 def plain_numbers(value: Any) -> FloatArray:
-    """Return an array of finite numbers, an empty one if there are others."""
+    """Return an array of finite numbers; it is empty if ``value`` holds anything else."""
     try:
         numbers = np.array(value, float)
     except (TypeError, ValueError):
@@ -101,136 +82,133 @@ def plain_numbers(value: Any) -> FloatArray:
 
 
 def distance_of(graph_attributes: Mapping[str, Any]) -> Callable[[Any, Any], float]:
-    """Return what measures how far two positions are apart.
+    """Return the function that measures the distance between two positions.
 
-    Where the graph is ``geographic``, these are longitudes and latitudes in degrees, and the
-    distance is that on a sphere, in metres.
+    If the graph is ``geographic``, positions are longitudes and latitudes in degrees, and distances
+    are metres on a sphere.
     """
     return _on_earth if graph_attributes.get("geographic") else math.dist
 
 
-_EARTH = 6_371_008.8  # mean radius in metres
-
-
 def _on_earth(one: Sequence[float], other: Sequence[float]) -> float:
-    """Return the distance on a sphere by the haversine formula, which is exact for short ways."""
+    """Compute a distance by the haversine formula, which is accurate for short ways, too."""
     (east, north), (east_2, north_2) = np.radians(one), np.radians(other)
     half = math.sin((north_2 - north) / 2) ** 2
     half += math.cos(north) * math.cos(north_2) * math.sin((east_2 - east) / 2) ** 2
     return 2.0 * _EARTH * math.asin(math.sqrt(min(half, 1.0)))
 
 
-def graph_of_kinds(
-    graph: nx.DiGraph[Any],
-    base: Hashable,
-    kinds: Sequence[Kind],
-    pays: str,
-    index_of: Mapping[Any, int],
-) -> Graph:
-    """Return a valid mission's graph as kernels take it; ``index_of`` numbers its nodes."""
-    arcs = sorted(
-        (index_of[u], index_of[v], by_kind(arc["survival"], kinds), float(arc.get("length", 1.0)))
-        for u, v, arc in graph.edges(data=True)
-    )
-    tail, head = (np.array([arc[i] for arc in arcs], np.int64) for i in (0, 1))
-    survival = np.array([s for _, _, s, _ in arcs], np.float64).reshape(-1, len(kinds))
-    length = np.array([d for *_, d in arcs], np.float64)
-    nodes = dict(graph.nodes(data=True))
-    reward = np.array([node["reward"] for node in nodes.values()], np.float64)
-    share = np.array([by_kind(node.get("share", 1.0), kinds) for node in nodes.values()])
-    ends = [tuple(index_of[label] for label in kind.ends(base)) for kind in kinds]
-    credit = np.array([_credit(node, pays) for node in nodes.values()])
-    credit[index_of[base]] = AT_THIS_DEPOT
-    is_plain = len(kinds) == 1 and ends[0] == (index_of[base],) * 2 and bool((share == 1.0).all())
-    is_plain &= bool((survival > 0.0).all()) and not (reward[credit == AT_NEXT_DEPOT] > 0.0).any()
-    aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
-    if is_plain:
-        return new_graph(tail, head, survival[:, 0], length, reward, index_of[base])
-    layers, shares = [], []
-    for k, (start, end) in enumerate(ends):
-        stays, is_open = _passable(tail, head, survival[:, k] > 0.0, start, end, len(reward))
-        shares.append(np.where(is_open, share[:, k], 0.0))
-        shares[-1][aboard[k]] = share[aboard[k], k]  # also of nodes that are closed now
-        aboard[k] = [node for node in aboard[k] if node != start]  # which the trail visits
-        arrays = tail[stays], head[stays], survival[stays, k], length[stays]
-        layers.append(new_graph(*arrays, reward * shares[-1], end))
-    n, counts = len(reward), [kind.robots for kind in kinds]
-    first = np.cumsum([0, *counts])
-    kind_of = np.repeat(np.arange(len(kinds)), counts)
-    n_aboard = np.cumsum([0, *map(len, aboard)])
-    described = Kinds(
-        origin=np.tile(np.arange(n), len(kinds)),
-        share=np.concatenate(shares),
-        credit=np.tile(credit, len(kinds)),
-        end=np.repeat([end + k * n for k, (_, end) in enumerate(ends)], n),
-        reward=reward,
-        start=np.array([ends[k][0] + k * n for k in kind_of.tolist()]),
-        first=first[kind_of],
-        stop=first[kind_of + 1],
-        aboard=np.array([node for nodes in aboard for node in nodes], np.int64),
-        aboard_first=n_aboard[kind_of],
-        aboard_stop=n_aboard[kind_of + 1],
-        has_returns=bool(((credit == AT_NEXT_DEPOT) & (reward > 0.0)).any()),
-    )
-    return join_layers(layers, described)
+def graph_of_kinds(graph: Any, base: Hashable, kinds: Sequence[Kind], pays: str) -> graphs.Graph:
+    """Return the graph of a valid mission for kernels: with a layer for each kind, or a plain one.
 
-
-def uncollected(graph: Graph) -> OffsetArray:
-    """Return the nodes of a mission that pay, though no kind can collect their reward.
-
-    A reward on return needs a way on to a depot.
+    A mission is plain if its robots are alike and start and end at the base, nodes pay on arrival,
+    and there are neither shares nor closed arcs.
     """
-    kinds = graph.kinds
-    if kinds is None:
+    index_of = {node: i for i, node in enumerate(graph)}
+    arcs = sorted((index_of[u], index_of[v], arc) for u, v, arc in graph.edges(data=True))
+    tail, head = (np.array([arc[i] for arc in arcs], np.int64) for i in (0, 1))
+    survival = np.array([by_kind(a["survival"], kinds) for *_, a in arcs]).reshape(-1, len(kinds))
+    length = np.array([a.get("length", 1.0) for *_, a in arcs], np.float64)
+    nodes, n = [node for _, node in graph.nodes(data=True)], len(graph)
+    reward = np.array([node["reward"] for node in nodes], np.float64)
+    share = np.array([by_kind(node.get("share", 1.0), kinds) for node in nodes])
+    on_return = [node.get("pays", pays) == "return" for node in nodes]
+    is_depot = [bool(node.get("depot")) for node in nodes]
+    credit = np.where(is_depot, AT_THIS_DEPOT, np.where(on_return, AT_NEXT_DEPOT, ON_ARRIVAL))
+    credit[index_of[base]] = AT_THIS_DEPOT
+    has_returns = bool((reward[credit == AT_NEXT_DEPOT] > 0.0).any())
+    ends = np.array([[index_of[label] for label in kind.ends(base)] for kind in kinds])
+    is_plain = len(kinds) == 1 and (ends == index_of[base]).all() and not has_returns
+    if is_plain and (share == 1.0).all() and (survival > 0.0).all():
+        return graphs.new_graph(tail, head, survival[:, 0], length, reward, index_of[base])
+
+    aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
+    layers = []
+    for k, (start, end) in enumerate(ends.tolist()):
+        taken = survival[:, k] > 0.0
+        ways = tail[taken], head[taken]
+        is_open = _leading(*ways, [end], n) & _leading(*ways[::-1], [start], n)
+        taken &= is_open[tail] & is_open[head]
+        is_open[aboard[k]] = True  # what robots carry may come from nodes that are closed now
+        share[~is_open, k] = 0.0
+        aboard[k] = [node for node in aboard[k] if node != start]  # which the trail visits
+        values = survival[taken, k], length[taken], reward * share[:, k]
+        layers.append(graphs.new_graph(tail[taken], head[taken], *values, end))
+
+    ends += n * np.arange(len(kinds))[:, None]  # in the layer of each kind
+    origin, end = np.tile(np.arange(n), len(kinds)), np.repeat(ends[:, 1], n)
+    of_nodes = origin, share.T.ravel(), np.tile(credit, len(kinds)), end
+    counts = [kind.robots for kind in kinds]
+    kind_of, first = np.repeat(np.arange(len(kinds)), counts), np.cumsum([0, *counts])
+    of_robots = ends[kind_of, 0], first[kind_of], first[kind_of + 1]
+    carried = np.array([node for nodes in aboard for node in nodes], np.int64)
+    first = np.cumsum([0, *map(len, aboard)])
+    of_aboard = carried, first[kind_of], first[kind_of + 1]
+    described = Kinds(*of_nodes, reward, *of_robots, *of_aboard, has_returns)
+    return graphs.join_layers(layers, described)
+
+
+def _leading(tail: OffsetArray, head: OffsetArray, goals: Sequence[int], n_nodes: int) -> Any:
+    """Return which nodes are a goal or have a way to one, along arcs from tail to head."""
+    leads = np.isin(np.arange(n_nodes), goals)
+    while (new := leads[head] & ~leads[tail]).any():  # once for each arc of the longest way
+        leads[tail[new]] = True
+    return leads
+
+
+def uncollected(graph: graphs.Graph) -> OffsetArray:
+    """Return the nodes of a mission whose reward no kind can collect.
+
+    A reward on return needs a way on to a depot. The base is one.
+    """
+    if (kinds := graph.kinds) is None:
         return np.empty(0, np.int64)
-    ways = nx.DiGraph(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
     depots = np.flatnonzero(kinds.credit == AT_THIS_DEPOT).tolist()
-    ways.add_edges_from((depot, -1) for depot in depots)  # to one node behind all depots
-    is_credited = kinds.credit != AT_NEXT_DEPOT
-    is_credited[list(nx.ancestors(ways, -1))] = True
-    collects = (is_credited & (graph.reward > 0.0)).reshape(-1, len(kinds.reward))
-    return np.flatnonzero((kinds.reward > 0.0) & ~collects.any(axis=0))
+    pays = (kinds.credit != AT_NEXT_DEPOT) | _leading(graph.tail, graph.head, depots, graph.n_nodes)
+    collects = (pays & (graph.reward > 0.0)).reshape(-1, len(kinds.reward)).any(axis=0)
+    return np.flatnonzero((kinds.reward > 0.0) & ~collects)
 
 
-def ways_to_ends(graph: Graph, limits: Limits) -> list[list[int]]:
+def ways_to_ends(graph: graphs.Graph, limits: graphs.Limits) -> list[Way]:
     """Return each robot's safest way from its start to its end, or the shortest if it is too long.
 
     ``graph`` has kinds.
     """
-    if graph.kinds is None:
-        raise TypeError("Expected a graph with kinds.")
-    ways = []
-    for start in graph.kinds.start.tolist():
-        way, length = _way_home(graph, start)
-        if limits.budgets is not None and length > limits.budgets[start]:
-            way, _ = _way_home(with_costs(graph, graph.length), start)
-        ways.append(way)
-    return ways
+    ways: dict[int, Way] = {}
+    starts: list[int] = [] if graph.kinds is None else graph.kinds.start.tolist()
+    for start in dict.fromkeys(starts):
+        ways[start] = _way_home(graph, start)
+        if limits.budgets is not None and ways[start][2] > limits.budgets[start]:
+            ways[start] = _way_home(graphs.with_costs(graph, graph.length), start)
+    return [ways[start] for start in starts]
 
 
-def _way_home(graph: Graph, node: int) -> tuple[list[int], float]:
-    """Return the nodes of the cheapest way home from a node, and its length."""
-    way, length = [node], 0.0
+def _way_home(graph: graphs.Graph, node: int) -> Way:
+    """Return the cheapest way home from a node."""
+    way, survival, length = [node], 1.0, 0.0
     while (arc := int(graph.homeward[way[-1]])) >= 0:
         way.append(int(graph.head[arc]))
+        survival *= float(graph.survival[arc])
         length += float(graph.length[arc])
-    return way, length
+    return way, survival, length
 
 
-def _credit(node: Mapping[str, Any], pays: str) -> int:
-    if node.get("depot", False):
-        return AT_THIS_DEPOT
-    return AT_NEXT_DEPOT if node.get("pays", pays) == "return" else ON_ARRIVAL
-
-
-def _passable(
-    tail: OffsetArray, head: OffsetArray, stays: Any, start: int, end: int, n_nodes: int
-) -> tuple[Any, Any]:
-    """Return which arcs and which nodes a kind can use on a way from its start to its end."""
-    ways: nx.DiGraph[Any] = nx.DiGraph()
-    ways.add_nodes_from(range(n_nodes))
-    ways.add_edges_from(zip(tail[stays].tolist(), head[stays].tolist(), strict=True))
-    used = (nx.descendants(ways, start) | {start}) & (nx.ancestors(ways, end) | {end})
-    is_open = np.zeros(n_nodes, bool)
-    is_open[list(used)] = True
-    return stays & is_open[tail] & is_open[head], is_open
+def way_faults(mission: Any, limits: graphs.Limits) -> Iterator[str]:
+    """List the kinds of a `Mission` whose robots cannot keep limits on their way to their end."""
+    if (kinds := mission.arrays.kinds) is None:  # trails end where they start
+        return
+    ways = ways_to_ends(mission.arrays, limits)
+    for kind, robot in zip(mission.kinds, np.unique(kinds.first).tolist(), strict=True):
+        (nodes, survival, length), start = ways[robot], kinds.start[robot]
+        least = graphs.limit_at(limits.min_survival, limits.floors, start)
+        longest = graphs.limit_at(limits.max_length, limits.budgets, start)
+        who, ends = f"robots of kind {quoted(kind.name)}", map(quoted, kind.ends(mission.base))
+        way = f"way from {' to '.join(ends)}"
+        if nodes[-1] != kinds.end[start]:
+            yield f"{who} have no {way}"
+        elif survival < least or length > longest:
+            given = [f"min_survival {least:g}"] if least > 0 else []
+            given += [f"max_length {longest:g}"] if longest < math.inf else []
+            tried = f"The safest {way}, or the shortest one if that is too long,"
+            found = f"is survived with {survival:.4g} and is {length:g} long; no others are tried"
+            yield f"{who} cannot keep {' and '.join(given)}. {tried} {found}"

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from botohe_moo._base.checks import as_float, quoted
-from botohe_moo._base.types import FloatArray
+from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.arrays import plain_numbers, positions
@@ -94,18 +95,8 @@ def survival_from_raster(
     >>> survival_from_raster(graph, dangers, resolution=1, scale=0.1)
     {('dock', 'reef'): 0.818730...}
     """
-    cells, places = _table(values), positions(graph)
-    at = {node: in_cells(place, cells, resolution, origin) for node, place in places.items()}
-    if off := [node for node in at if np.isnan(at[node]).any()]:
-        ends = np.add(origin, np.multiply(cells.shape[::-1], resolution)).tolist()
-        fault = f"pos (x, y) on the map, from {[*origin]} to {ends}, got {places[off[0]].tolist()}"
-        raise ValueError(f"Node {quoted(off[0])}: expected {fault}.")
-    survivals = {}
-    for u, v in graph.edges:
-        length = math.dist(places[u], places[v])
-        loss = scale * length * mean_along(cells, at[u], at[v])
-        survivals[u, v] = survived(loss, f"Arc {quoted(u)} -> {quoted(v)}", length=length)
-    return survivals
+    raster = Raster(_table(values), resolution, origin)
+    return _survivals(graph, mean_rate(scale, raster))
 
 
 @checked
@@ -162,15 +153,23 @@ def rewards_from_raster(
     >>> rewards_from_raster(graph, [[0, 1, 1, 1]], resolution=1, radius=1.5)
     {'dock': 1.0, 'reef': 2.0}
     """
+    raster = Raster(_table(values), resolution, origin)
+    return seen_from(positions(graph), raster, radius, scale)
+
+
+def seen_from(
+    places: Mapping[Hashable, FloatArray], raster: Raster, radius: float, scale: float
+) -> dict[Hashable, float]:
+    """Return the rewards of places (x, y) by a map; see :func:`rewards_from_raster`."""
     from scipy.spatial import KDTree
 
-    cells, places = _table(values) * (scale * resolution**2), positions(graph)
+    cells = raster.values[::-1] * (scale * raster.resolution**2)
     seen = np.argwhere(cells)
-    centres = (seen[:, ::-1] + 0.5) * resolution + origin
+    centres = (seen[:, ::-1] + 0.5) * raster.resolution + raster.origin
     tree = KDTree(np.reshape([*places.values()], (-1, 2)))
     _, nearest = tree.query(centres, distance_upper_bound=np.nextafter(radius, np.inf))
-    seen_from = np.bincount(nearest, cells[tuple(seen.T)], minlength=len(places))
-    return dict(zip(places, seen_from.tolist(), strict=False))  # after these: seen from nowhere
+    rewards = np.bincount(nearest, cells[tuple(seen.T)], minlength=len(places))
+    return dict(zip(places, rewards.tolist(), strict=False))  # after these: seen from nowhere
 
 
 def _table(values: ArrayLike) -> FloatArray:
@@ -183,19 +182,31 @@ def _table(values: ArrayLike) -> FloatArray:
     if cells.ndim != 2 or cells.size == 0 or wrong.size:
         expected = "values to be a table (n_rows, n_columns) of finite numbers >= 0"
         raise ValueError(f"Expected {expected}, got {quoted([*wrong.tolist(), values][0])}.")
-    return cells[::-1]
+    return cells
 
 
-def in_cells(
-    places: FloatArray, cells: FloatArray, resolution: float, origin: tuple[float, float]
-) -> FloatArray:
-    """Return places (..., 2) in cells from the centre of the first one, NaN for those off the map.
+class Raster(NamedTuple):
+    """A map of rates, or of shares of a rate."""
 
-    ``cells`` have the lowest row first.
-    """
-    at = (places - origin) / resolution
-    is_on = (at >= -_NEAR) & (at <= np.add(cells.shape[::-1], _NEAR))
-    return np.where(is_on.all(axis=-1, keepdims=True), at - 0.5, np.nan)
+    values: FloatArray  # at least 0, the first row at the top (n_rows, n_columns)
+    resolution: float  # width of a cell
+    origin: tuple[float, float]  # the lower left corner
+    cells: IntArray | None = None  # what cells are, if it is a map of obstacles
+    path: str = "values"
+
+    def means(self, points: FloatArray) -> FloatArray:
+        """Return the means along the straight pieces between points (n, 2): (n − 1,).
+
+        A ValueError names the first point that is not on the map.
+        """
+        at = (points - self.origin) / self.resolution
+        is_off = ((at < -_NEAR) | (at > np.add(self.values.shape[::-1], _NEAR))).any(axis=1)
+        if off := points[is_off].round(6).tolist():
+            ends = np.add(self.origin, np.multiply(self.values.shape[::-1], self.resolution))
+            found = f"it goes from {[*self.origin]} to {ends.tolist()}"
+            raise ValueError(f"{self.path}: expected a map that covers {off[0]}, but {found}.")
+        cells = self.values[::-1]
+        return np.array([mean_along(cells, *ends) for ends in pairwise(at - 0.5)])
 
 
 def mean_along(cells: FloatArray, start: FloatArray, end: FloatArray) -> float:
@@ -260,12 +271,31 @@ def survival_from_zones(
     >>> survival_from_zones(graph, [{"circle": [2, 0, 1], "rate": 0.1}])
     {('dock', 'reef'): 0.818730...}
     """
-    places, read = positions(graph), read_zones(zones, "zones")
+    return _survivals(graph, mean_rate(danger, None, read_zones(zones, "zones")))
+
+
+_Rate = Callable[[FloatArray, FloatArray], float]
+
+
+def mean_rate(danger: float, raster: Raster | None, zones: Sequence[Zone] = ()) -> _Rate:
+    """Return what gives the mean rate of loss along a straight line between two places.
+
+    It is ``danger``, times the mean of the map if there is one, and the rates of zones.
+    """
+
+    def rate(start: FloatArray, end: FloatArray) -> float:
+        mean = 1.0 if raster is None else float(raster.means(np.array([start, end]))[0])
+        return danger * mean + sum(zone.rate * zone.share(start, end - start) for zone in zones)
+
+    return rate
+
+
+def _survivals(graph: Any, rate: _Rate) -> dict[tuple[Hashable, Hashable], float]:
+    places = positions(graph)
     survivals = {}
     for u, v in graph.edges:
-        start, way = places[u], places[v] - places[u]
         length = math.dist(places[u], places[v])
-        loss = length * (danger + sum(zone.rate * zone.share(start, way) for zone in read))
+        loss = rate(places[u], places[v]) * length
         survivals[u, v] = survived(loss, f"Arc {quoted(u)} -> {quoted(v)}", length=length)
     return survivals
 

@@ -6,9 +6,9 @@ import hashlib
 import json
 import math
 import warnings
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from operator import index
+from itertools import chain
 from typing import Any, Self
 
 import networkx as nx
@@ -19,68 +19,86 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
 from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.plans import evaluate as kernels
-from botohe_moo.mission.arrays import (
-    distance_of,
-    freeze,
-    given_places,
-    graph_of_kinds,
-    uncollected,
-    ways_to_ends,
-)
-from botohe_moo.mission.rules import (
-    ONLY_KIND,
-    Kind,
-    MissionError,
-    PlanError,
-    fault_text,
-    graph_faults,
-    read_kinds,
-    team_size_fault,
-    trail_indices,
-)
+from botohe_moo.mission import arrays, rules
+from botohe_moo.mission.rules import Kind, MissionError, PlanError
 from botohe_moo.mission.underway import Event, under_way
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
 _MOST_NAMED = 20  # nodes in a warning
+_ROUNDING = 1e-12  # relative: what rounding may change along a way
 
 
 class Mission:
-    """Robots that leave a base on a directed graph of dangerous arcs and rewarding nodes.
+    """A team of robots, the base that they leave, and the graph of nodes that they visit.
+
+    Arcs are dangerous and nodes pay rewards. Robots leave the base and come back. A node pays the
+    team once, when the first robot reaches it. A mission is immutable.
 
     Parameters
     ----------
     graph
-        Directed graph with the node attribute ``reward`` (finite, at least 0) and the arc attribute
-        ``survival`` (probability in (0, 1]). Nodes may have a position ``pos`` [x, y], arcs a
-        ``length`` (finite, at least 0; default 1), and the graph a ``max_length``, the travel
-        budget. Node labels are anything hashable. The mission keeps a frozen copy. Nodes may also
-        have a ``share`` (in [0, 1]; default 1), the probability that a robot that gets there
-        collects the reward; ``pays``, as below; and ``depot=True``.
+        A directed graph; the mission keeps a frozen copy. Node labels are anything hashable.
+
+        - Nodes need a ``reward`` (at least 0). They may have a position ``pos`` [x, y], a
+          ``share``, the probability that a robot at the node collects its reward (in [0, 1];
+          default 1), their own ``pays`` (as below), and ``depot=True``.
+        - Arcs need a ``survival``, a probability in (0, 1]. They may have a ``length`` (at least 0;
+          default 1).
+        - The graph may have a ``max_length``, the travel budget of robots whose kind has none, and
+          a ``title``. It may also have ``base``, ``robots``, ``kinds``, ``pays`` and ``name``: the
+          parameters below default to these.
     base
-        Label of the node that robots leave from and return to; it is a depot.
+        Label of the node that robots leave from and return to. The base is a depot.
     robots
-        Team size, at least 1, if all robots are alike.
+        Number of robots, at least 1, if all are alike.
     kinds
-        Kinds of robots, instead of ``robots``. The ``survival`` of an arc and the ``share`` of a
-        node are one number then, or a mapping from the names of kinds to numbers; a survival of 0
-        forbids the arc, and kinds without a share have 1.
+        Kinds of robots, instead of ``robots``. Then ``survival`` and ``share`` are either one
+        number for all kinds or a mapping from names of kinds to numbers. A survival of 0 closes an
+        arc for a kind; a share that a mapping leaves out is 1.
     pays
-        When nodes pay that have no attribute ``pays``: on ``"arrival"`` (the default), or on
-        ``"return"``, when a robot that has been there gets to a depot.
+        When nodes without the attribute ``pays`` pay their reward: on ``"arrival"`` (the default),
+        or on ``"return"``. A node that pays on return pays when a robot that has visited it reaches
+        a depot.
     name
-        Short name. All these are by default attributes of the graph; the name may be its ``title``.
+        Short name; default: the title.
+
+    Attributes
+    ----------
+    nodes
+        The labels of all nodes. Arrays list nodes in this order.
+    kinds
+        The kinds of robots; a mission that lists none has one, named ``robot``.
+    title
+        The title of the graph; default: the name.
+    max_length
+        The travel budget of the graph, which :class:`~botohe_moo.BOTOHE` takes by default; None for
+        no limit.
+    rewards
+        The reward of each node (n_nodes,).
+    total_reward
+        The sum of all rewards, an upper bound of E[R].
+    balanced
+        Whether as many arcs enter every node as leave it. Then no trail meets a dead end.
+    has_returns
+        Whether nodes with a reward pay on return.
+    is_plain
+        Whether robots are alike and start and end at the base, nodes pay on arrival, and there are
+        neither shares nor closed arcs. Some searches can plan for such missions only.
+    arrays
+        The graph as arrays, for kernels.
 
     Raises
     ------
     MissionError
-        If something is out of its range, a node has an arc to itself, or no way from or to the
-        base; with kinds, if a kind has no way from its start to its end, or none that is safe or
-        short enough. Every fault is listed.
+        If an attribute is missing or out of its range, a node has an arc to itself, or a node has
+        no way from the base or back to it. With several kinds, if a kind has no way from its start
+        to its end, none that is safe enough, or none that is short enough. The error lists every
+        fault.
 
     Warns
     -----
     UserWarning
-        If there are nodes with a reward that no kind can collect.
+        If no kind can collect the reward of some node.
 
     Examples
     --------
@@ -107,147 +125,104 @@ class Mission:
         pays: str | None = None,
         name: str | None = None,
     ) -> None:
-        attributes = graph.graph if isinstance(graph, nx.Graph) else {}
-        base = attributes.get("base") if base is None else base
-        listed, faults = read_kinds(attributes.get("kinds") if kinds is None else kinds)
-        if robots is not None and kinds is None and len(listed) == 1:  # of a file
-            listed, robots = (replace(listed[0], robots=robots),), None
-        elif robots is None and kinds is None:
-            robots = attributes.get("robots")
-        pays = attributes.get("pays", "arrival") if pays is None else pays
-        name = attributes.get("name") or attributes.get("title") if name is None else name
+        own = {"pays": "arrival"} | (dict(graph.graph) if isinstance(graph, nx.Graph) else {})
+        given = {"base": base, "kinds": kinds, "pays": pays, "name": name}
+        own |= {key: value for key, value in given.items() if value is not None}
+        listed, faults = rules.read_kinds(own.get("kinds"))
+        if kinds is not None or robots is not None:
+            own["robots"] = robots
+        if kinds is None and robots is not None and len(listed) == 1:  # the graph's own kind
+            listed, own["robots"] = (replace(listed[0], robots=robots),), None
+        name = own.get("name") or own.get("title")
         source = f"Mission {quoted(name)}" if name else "The mission"
-        if faults := faults or graph_faults(graph, base, robots, listed, pays):
+        if not (faults := faults or rules.graph_faults(graph, listed, own)):
+            listed = listed or (Kind(rules.ONLY_KIND, own["robots"]),)
+            self._set_up(graph.copy(), listed, own | {"name": str(name or "mission")})
+            faults = [] if self.is_plain else self._way_faults()
+        if faults:
             raise MissionError(faults, source)
-
-        of_one = (Kind(ONLY_KIND, robots),)  # type: ignore[arg-type]
-        self._set_up(graph.copy(), base, listed or of_one, pays, str(name) if name else "mission")
-        if lost := [self.nodes[v] for v in uncollected(self.arrays)]:
-            named = ", ".join(map(quoted, lost[:_MOST_NAMED])) + ", …" * (len(lost) > _MOST_NAMED)
+        if lost := [quoted(self.nodes[v]) for v in arrays.uncollected(self.arrays)]:
+            named = ", ".join(lost[:_MOST_NAMED]) + ", …" * (len(lost) > _MOST_NAMED)
             text = f"{source}: no kind of robots can collect the reward of {named}."
             warnings.warn(text, stacklevel=2)
 
-    def _set_up(
-        self, graph: nx.DiGraph[Any], base: Hashable, kinds: Iterable[Kind], pays: str, name: str
-    ) -> None:
-        self.graph: nx.DiGraph[Any] = freeze(graph)
-        self.base = base
+    def _set_up(self, graph: Any, kinds: Iterable[Kind], given: Mapping[str, Any]) -> None:
+        self.graph: nx.DiGraph[Any] = arrays.freeze(graph)
+        self.base, self.pays, self.name = given["base"], given["pays"], given["name"]
+        self.title = str(graph.graph.get("title") or self.name)
+        budget = graph.graph.get("max_length")
+        self.max_length = None if budget is None else float(budget)
         self.kinds = tuple(kind.normalized() for kind in kinds)
         self.robots = sum(kind.robots for kind in self.kinds)
-        self.pays = pays
-        self.name = name
         self.nodes: tuple[Any, ...] = tuple(self.graph)
         self._index = {node: i for i, node in enumerate(self.nodes)}
-        self.arrays = graph_of_kinds(self.graph, base, self.kinds, pays, self._index)
+        self.arrays = arrays.graph_of_kinds(self.graph, self.base, self.kinds, self.pays)
+        self.balanced, of_kinds = self.arrays.balanced, self.arrays.kinds
+        self.rewards = self.arrays.reward if of_kinds is None else of_kinds.reward
+        self.total_reward = float(self.rewards.sum())
+        self.has_returns = of_kinds is not None and of_kinds.has_returns
+        self.is_plain = of_kinds is None
 
     def _derive(self, graph: nx.DiGraph[Any], kinds: Iterable[Kind]) -> Mission:
-        """Return the mission on another graph with other kinds, which are known to be valid.
+        """Return the mission on another graph with other kinds, without checking them.
 
-        Checks would take most of the time of a replan.
+        Checks would take most of the time of replanning.
         """
         derived = Mission.__new__(Mission)
-        derived._set_up(graph, self.base, kinds, self.pays, self.name)
+        derived._set_up(graph, kinds, {"base": self.base, "pays": self.pays, "name": self.name})
         return derived
 
-    @property
-    def title(self) -> str:
-        """The graph's attribute ``title``; default: the name."""
-        return str(self.graph.graph.get("title") or self.name)
-
-    @property
-    def rewards(self) -> FloatArray:
-        """The reward of each node, in the order of ``nodes`` (n_nodes,)."""
-        return self.arrays.reward if self.arrays.kinds is None else self.arrays.kinds.reward
-
-    @property
-    def total_reward(self) -> float:
-        """Sum of the rewards of all nodes, the upper bound of the team reward."""
-        return float(self.rewards.sum())
-
-    @property
-    def max_length(self) -> float | None:
-        """The default travel budget of :class:`~botohe_moo.BOTOHE`; None for no limit."""
-        budget = self.graph.graph.get("max_length")
-        return None if budget is None else float(budget)
-
-    @property
-    def is_plain(self) -> bool:
-        """Whether robots are alike, stay at the base or return there, and nodes pay on arrival.
-
-        Some searches can plan for such missions only.
-        """
-        return self.arrays.kinds is None
-
-    @property
-    def specialities(self) -> str:
-        """What a mission has that a plain one has not, in words."""
-        several = ["kinds of robots"] if len(self.kinds) > 1 else []
-        if self.has_returns:
-            return " and ".join([*several, "rewards that count on return"])
-        return several[0] if several else "starts, ends, shares or forbidden arcs"
-
-    @property
-    def has_returns(self) -> bool:
-        """Whether rewards of some nodes count on return."""
-        kinds = self.arrays.kinds
-        return kinds is not None and kinds.has_returns
-
-    @property
-    def balanced(self) -> bool:
-        """Whether as many arcs enter every node as leave it, so that no trail meets a dead end."""
-        return self.arrays.balanced
-
     def with_robots(self, robots: int) -> Mission:
-        """Return the same mission for a team of another size, at least 1, of the same kind.
+        """Return the same mission for another number of robots, at least 1, of the same kind.
 
-        A MissionError is raised for a mission of several kinds: :class:`Mission` takes these.
+        A MissionError is raised for a mission of several kinds: make a new :class:`Mission`.
         """
-        fault = team_size_fault(robots)
-        if len(self.kinds) > 1:
-            fault = f"it has {self.team}: expected no number of robots, got {quoted(robots)}"
-        if fault:
+        several = f"it has {self.team}: expected no number of robots, got {quoted(robots)}"
+        if fault := several if len(self.kinds) > 1 else rules.team_size_fault(robots):
             raise MissionError(fault, f"Mission {quoted(self.name)}")
-        kinds = (replace(self.kinds[0], robots=index(robots)),)
-        if self.arrays.kinds is not None:  # which have the robots
+        kinds = (replace(self.kinds[0], robots=int(robots)),)
+        if not self.is_plain:  # its arrays depend on the robots
             return Mission(self.graph, base=self.base, kinds=kinds, pays=self.pays, name=self.name)
-        other = object.__new__(Mission)
-        other.__dict__.update(self.__dict__, robots=index(robots), kinds=kinds)
+        other = Mission.__new__(Mission)
+        other.__dict__.update(self.__dict__, robots=kinds[0].robots, kinds=kinds)
         return other
 
     def with_lengths_from_pos(self) -> Mission:
-        """Return the same mission with Euclidean distances between positions as lengths of arcs.
+        """Return the same mission with the distances between positions as lengths of arcs.
 
-        Where the graph has the attribute ``geographic``, they are metres between longitudes and
-        latitudes.
-
-        Replaces the lengths that arcs have; ``max_length``, in the same unit, stays. A MissionError
-        names the nodes without ``pos``.
+        Distances are Euclidean. If the graph has the attribute ``geographic``, positions are
+        longitudes and latitudes, and distances are metres. They replace all lengths; ``max_length``
+        stays. A MissionError names the nodes without ``pos``.
         """
-        places = given_places(self.graph)
+        places = arrays.given_places(self.graph)
         if missing := [node for node, place in places.items() if place is None]:
             faults = [f"node {quoted(node)}: expected pos [x, y], found none" for node in missing]
             raise MissionError(faults, f"Mission {quoted(self.name)}")
-        graph, distance = self.graph.copy(), distance_of(self.graph.graph)
+        graph, distance = self.graph.copy(), arrays.distance_of(self.graph.graph)
         for tail, head, attributes in graph.edges(data=True):
             attributes["length"] = distance(places[tail], places[head])
         return Mission(graph, base=self.base, kinds=self.kinds, pays=self.pays, name=self.name)
 
     @property
     def team(self) -> str:
-        """How many robots there are, and of which kinds: "3 robots (2 drone, 1 rover)"."""
-        number = counted(self.robots, "robot")
-        if len(self.kinds) == 1:
-            return number
+        """The number of robots, and of each kind: "3 robots (2 drone, 1 rover)"."""
         listed = ", ".join(f"{kind.robots} {kind.name}" for kind in self.kinds)
-        return f"{number} ({listed})"
+        return counted(self.robots, "robot") + (f" ({listed})" if len(self.kinds) > 1 else "")
 
     @property
     def kind_of(self) -> tuple[Kind, ...]:
         """The kind of each robot; robots of a kind are side by side, in the order of ``kinds``."""
         return tuple(kind for kind in self.kinds for _ in range(kind.robots))
 
+    @property
+    def specialities(self) -> str:
+        """What keeps a mission from being plain, in words."""
+        several = ["kinds of robots"] if len(self.kinds) > 1 else []
+        returns = ["rewards that count on return"] if self.has_returns else []
+        return " and ".join(several + returns) or "starts, ends, shares or forbidden arcs"
+
     def limits(self, min_survival: float = 0.0, max_length: float | None = None) -> Limits:
-        """Return what every robot has to keep, as kernels take it.
+        """Return the limits of all robots, for kernels.
 
         Parameters
         ----------
@@ -257,12 +232,11 @@ class Mission:
             Travel budget of every robot; a kind may have a lower one. Default: that of the kind,
             or of the mission.
         """
-        longest = math.inf if self.max_length is None else self.max_length
+        default = self.max_length if max_length is None else max_length
+        most = math.inf if max_length is None else max_length
+        own = [default if kind.max_length is None else kind.max_length for kind in self.kinds]
+        budgets = [most if budget is None else min(most, budget) for budget in own]
         floors = [max(min_survival, kind.min_survival) for kind in self.kinds]
-        budgets = [longest if kind.max_length is None else kind.max_length for kind in self.kinds]
-        if max_length is not None:
-            own = (math.inf if k.max_length is None else k.max_length for k in self.kinds)
-            budgets = [min(max_length, longest) for longest in own]
         if self.is_plain:
             return Limits(floors[0], budgets[0])
         by_node = (np.repeat(np.array(of, np.float64), len(self.nodes)) for of in (floors, budgets))
@@ -278,16 +252,17 @@ class Mission:
         Parameters
         ----------
         trails
-            The nodes that each robot visits, from the base to the base, or from the start to the
-            end of its kind; ``[base]`` if it stays there. With kinds, in the order of ``kinds``:
-            all robots of the first one, then those of the next. Lists as labels become tuples, as
-            in mission files. A PlanError names a label that is unknown, and what is not valid.
+            The labels of the nodes that each robot visits, from the base to the base, or from the
+            start to the end of its kind. The trail of a robot that stays at the base is ``[base]``.
+            Robots are in the order of ``kinds``: first all of the first kind, then all of the next.
+            A label that is a tuple may be given as a list, as in mission files. A PlanError names
+            what is not valid.
         """
-        listed = [trail_indices(self.name, self._index, *trail) for trail in enumerate(trails)]
+        listed = [rules.trail_indices(self, *trail) for trail in enumerate(trails)]
         if len(listed) == self.robots:
-            kind_of = np.repeat(np.arange(len(self.kinds)), [kind.robots for kind in self.kinds])
-            first = (kind_of * len(self.nodes)).tolist()
-            listed = [[node + n for node in trail] for n, trail in zip(first, listed, strict=True)]
+            n = len(self.nodes)
+            first = [n * k for k, kind in enumerate(self.kinds) for _ in range(kind.robots)]
+            listed = [[node + i for node in trail] for i, trail in zip(first, listed, strict=True)]
         plan = TrailPlan(listed)
         self.evaluate([plan])
         return plan
@@ -301,8 +276,8 @@ class Mission:
         Parameters
         ----------
         limits
-            What decides which ways are too long; by default the travel budgets of the mission and
-            its kinds.
+            The travel budgets that decide which ways are too long; default: those of the mission
+            and its kinds.
 
         Examples
         --------
@@ -313,7 +288,8 @@ class Mission:
         """
         if self.is_plain:
             return TrailPlan([[self.arrays.base]] * self.robots)
-        return TrailPlan(ways_to_ends(self.arrays, self.limits() if limits is None else limits))
+        limits = self.limits() if limits is None else limits
+        return TrailPlan([nodes for nodes, *_ in arrays.ways_to_ends(self.arrays, limits)])
 
     def after(
         self,
@@ -344,27 +320,19 @@ class Mission:
     def check_ways(self, limits: Limits) -> None:
         """Refuse, by a ValueError, limits that neither the safest nor the shortest way keeps.
 
-        Ways that compromise between the two are not looked for. The error names the first kind for
-        which this is so.
+        Ways that compromise between the two are not tried. The error names the first kind of robots
+        that cannot keep the limits.
         """
-        if self.is_plain:
-            return
-        home = self.stay_home(limits)
-        survival, length = self.robot_survival([home])[0], self.trail_lengths([home])[0]
-        for robot, trail in enumerate(home.trails):
-            least = 0.0 if limits.floors is None else limits.floors[trail[0]]
-            longest = math.inf if limits.budgets is None else limits.budgets[trail[0]]
-            if survival[robot] < least or length[robot] > longest:
-                kind = self.kind_of[robot]
-                ends = " to ".join(map(quoted, kind.ends(self.base)))
-                given = [f"min_survival {least:g}"] if least > 0 else []
-                given += [f"max_length {longest:g}"] if longest < math.inf else []
-                raise ValueError(
-                    f"Mission {quoted(self.name)}: robots of kind {quoted(kind.name)} cannot keep "
-                    f"{' and '.join(given)}. The safest way from {ends}, or the shortest one if "
-                    f"that is too long, is survived with {survival[robot]:.4g} and is "
-                    f"{length[robot]:g} long; no others are tried."
-                )
+        for fault in arrays.way_faults(self, limits):
+            raise ValueError(f"Mission {quoted(self.name)}: {fault}.")
+
+    def _way_faults(self) -> list[str]:
+        """List the kinds that have no way to their end, none safe enough, or none short enough."""
+        limits = self.limits().loosened(_ROUNDING)
+        floors = limits._replace(max_length=math.inf, budgets=None)
+        budgets = limits._replace(min_survival=0.0, floors=None)
+        faults = (arrays.way_faults(self, only) for only in (floors, budgets))
+        return list(dict.fromkeys(chain(*faults)))
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
         """Return the trails of a plan of this mission as node labels, robot by robot."""
@@ -378,8 +346,7 @@ class Mission:
         """
         if not isinstance(plan, TrailPlan):
             raise TypeError(f"Expected a TrailPlan, got {quoted(plan)}.")
-        n = len(self.nodes)
-        return tuple(tuple(i % n for i in trail) for trail in plan.trails)
+        return tuple(tuple(i % len(self.nodes) for i in trail) for trail in plan.trails)
 
     def evaluate(self, plans: Plans) -> FloatArray:
         """Compute the objectives of plans: E[R] and E[S] (n_plans, 2).
@@ -431,7 +398,7 @@ class Mission:
         values = kernels.new_values(len(batch), batch.n_robots)
         fault = kernels.evaluate(self.arrays, *batch.arrays, batch.n_robots, strict, values)
         if fault[0] != kernels.VALID:
-            raise PlanError(fault_text(self, batch, fault))
+            raise PlanError(_fault_text(self, batch, fault))
         return values
 
     def batch(self, plans: Plans) -> PlanBatch:
@@ -455,12 +422,7 @@ class Mission:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Mission):
             return NotImplemented
-        return self is other or (
-            (self.nodes, self.base, self.kinds, self.max_length)
-            == (other.nodes, other.base, other.kinds, other.max_length)
-            and self.is_plain == other.is_plain
-            and all(map(np.array_equal, _numbers(self.arrays), _numbers(other.arrays)))
-        )
+        return self is other or _identity(self) == _identity(other)
 
     def __hash__(self) -> int:
         return hash((self.nodes, self.base, self.robots, self.arrays.survival.tobytes()))
@@ -469,46 +431,34 @@ class Mission:
         return self  # immutable, and pymoo deep-copies algorithms together with their problem
 
     def __repr__(self) -> str:
+        size = f"{len(self.nodes)} nodes, {len(self.graph.edges)} arcs"
         limit = "" if self.max_length is None else f", max_length {self.max_length:g}"
-        return (
-            f"<Mission {self.name!r}: {len(self.nodes)} nodes, {len(self.graph.edges)} arcs, "
-            f"{self.team} at base {self.base!r}, total reward {self.total_reward:g}"
-            f"{limit}>"
-        )
+        team = f"{self.team} at base {self.base!r}, total reward {self.total_reward:g}"
+        return f"<Mission {self.name!r}: {size}, {team}{limit}>"
 
 
 def check_mission(value: object) -> Mission:
-    """Return ``value`` if it is a mission; the TypeError of anything else says how to get one."""
+    """Return ``value`` if it is a mission; the TypeError for anything else says how to get one."""
     if isinstance(value, Mission):
         return value
-    raise TypeError(
-        f"Expected a Mission, got {quoted(value)}; load_mission(name_or_path) gives one."
-    )
+    remedy = "load_mission(name_or_path) gives one"
+    raise TypeError(f"Expected a Mission, got {quoted(value)}; {remedy}.")
 
 
-def _numbers(arrays: Graph) -> list[Any]:
-    """Return the arrays on which objectives depend."""
-    numbers = [arrays.tail, arrays.head, arrays.survival, arrays.length, arrays.reward]
-    if arrays.kinds is not None:
-        numbers += arrays.kinds[1:-1]  # without ``origin`` and ``has_returns``
-    return numbers
+def check_plain(value: object, who: str) -> Mission:
+    """Return ``value`` if it is a plain mission, which ``who`` needs.
 
-
-def check_plain(mission: object, who: str) -> Mission:
-    """Return ``mission`` if it is a plain one; the ValueError names ``who`` needs that.
-
-    Anything but a mission is refused as by `check_mission`.
+    A ValueError names a mission that is not plain, a TypeError anything else.
     """
-    checked = check_mission(mission)
-    if checked.is_plain:
-        return checked
-    raise ValueError(
-        f"{who} does not support mission {quoted(checked.name)}, which has {checked.specialities}."
-    )
+    mission = check_mission(value)
+    if not mission.is_plain:
+        found = f"mission {quoted(mission.name)}, which has {mission.specialities}"
+        raise ValueError(f"{who} does not support {found}.")
+    return mission
 
 
 def mission_digest(mission: Mission) -> str:
-    """Return the digest of all that results depend on: not of names and positions."""
+    """Return the digest of all that results depend on; names and positions are left out."""
     return _digest(mission, [[repr(node) for node in mission.nodes], repr(mission.base)])
 
 
@@ -518,18 +468,51 @@ def numbers_digest(mission: Mission) -> str:
 
 
 def _digest(mission: Mission, first: list[object]) -> str:
-    limits: list[object] = [] if mission.max_length is None else [mission.max_length]
     of_kinds = [[kind.min_survival, kind.max_length] for kind in mission.kinds]
-    if of_kinds != [[0.0, None]]:
-        limits += [of_kinds]
+    limits = [x for x in (mission.max_length, of_kinds) if x not in (None, [[0.0, None]])]
     text = json.dumps([*first, mission.robots, *limits], separators=(",", ":"))
     hashed = hashlib.sha256(text.encode())
-    arrays = mission.arrays
-    numbers = [arrays.tail, arrays.head, arrays.survival, arrays.reward]
-    if (arrays.length != 1.0).any():  # without lengths every hop is one long
-        numbers.append(arrays.length)
-    if arrays.kinds is not None:
-        numbers += arrays.kinds[:-1]
-    for values in numbers:
+    for values in _numbers(mission.arrays):
         hashed.update(np.ascontiguousarray(values, f"<{values.dtype.kind}8").tobytes())
     return hashed.hexdigest()[:16]
+
+
+def _numbers(graph: Graph) -> list[Any]:
+    """Return the arrays that objectives depend on."""
+    always = graph.tail, graph.head, graph.survival, graph.reward
+    lengths = [graph.length] if (graph.length != 1.0).any() else []  # by default all are 1
+    return [*always, *lengths, *(graph.kinds or ())[:-1]]
+
+
+def _identity(mission: Mission) -> list[object]:
+    """Return what equal missions share: not names of missions, nor positions."""
+    own: list[object] = [mission.nodes, mission.base, mission.kinds, mission.max_length]
+    return own + [values.tolist() for values in _numbers(mission.arrays)]
+
+
+def _fault_text(mission: Mission, batch: PlanBatch, fault: Sequence[int]) -> str:
+    """Describe a fault that the kernel ``evaluate`` found: its kind, plan, robot and position."""
+    what, plan, robot, position = fault
+    where = f"Robot {robot}" if len(batch) == 1 else f"Plan {plan}, robot {robot}"
+    if what == kernels.BAD_OFFSETS:
+        return f"{where}: expected the batch's offsets to cut its nodes into trails."
+    if what == kernels.EMPTY_TRAIL:
+        return f"{where}: expected a trail of at least one node, the base, got an empty one."
+    where, name = f"{where}, position {position}", f"mission {quoted(mission.name)}"
+    at = int(batch.offsets[plan * batch.n_robots + robot]) + position
+    before, node = batch.nodes[[at - 1, at]].tolist()
+    if what == kernels.UNKNOWN_NODE:
+        return f"{where}: node index {node} is unknown, {name} has {mission.arrays.n_nodes} nodes."
+    kind, n = mission.kind_of[robot], len(mission.nodes)
+    tail, head = mission.nodes[before % n], mission.nodes[node % n]
+    if what in (kernels.NOT_FROM_BASE, kernels.NOT_BACK_AT_BASE):
+        does, end = ("begin", 0) if what == kernels.NOT_FROM_BASE else ("end", 1)
+        expected, other = kind.ends(mission.base)[end], mission.kinds[node // n]
+        there = f"{'base' if expected == mission.base else 'node'} {quoted(expected)}"
+        got = quoted(head) + ("" if other == kind else f" of kind {quoted(other.name)}")
+        return f"{where}: expected the trail to {does} at {there}, got {got}."
+    problem = "is used twice in this trail; a trail uses an arc at most once,"
+    if what == kernels.MISSING_ARC:
+        is_closed = mission.graph.has_edge(tail, head)
+        problem = f"cannot be taken by kind {quoted(kind.name)}" if is_closed else "is missing"
+    return f"{where}: {rules.whose(tail, head)} {problem} in {name}."

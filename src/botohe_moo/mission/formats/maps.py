@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import networkx as nx
 import numpy as np
@@ -18,12 +18,12 @@ from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, Field
 
 from botohe_moo._base.checks import ParameterError, quoted
-from botohe_moo._base.types import FloatArray, IntArray
+from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive, Probability
 from botohe_moo.mission.arrays import plain_numbers
 from botohe_moo.mission.formats.reading import Source, file_content, validated
-from botohe_moo.mission.hazards import in_cells, mean_along, survived
+from botohe_moo.mission.hazards import Raster, survived
 from botohe_moo.mission.rules import MissionError
 
 MODES = ("trinary", "scale")
@@ -38,27 +38,6 @@ class _MapFile(BaseModel, strict=True, allow_inf_nan=False):
     mode: str = "trinary"
     free_thresh: Probability = 0.25  # both as the map saver of Nav2 writes them
     occupied_thresh: Probability = 0.65
-
-
-class Raster(NamedTuple):
-    """A map of shares, as `survival_from_raster` takes it, and what its cells are by thresholds."""
-
-    values: FloatArray  # in [0, 1], the first row at the top (n_rows, n_columns)
-    resolution: float  # width of a cell
-    origin: tuple[float, float]  # the lower left corner
-    cells: IntArray  # FREE, OCCUPIED or UNKNOWN; rows and columns as of ``values``
-    path: str
-
-    def shares(self, points: FloatArray) -> FloatArray:
-        """Return the mean shares along the straight pieces between points (n, 2): (n − 1,).
-
-        A MissionError names the first point that is not on the map.
-        """
-        at = in_cells(points, self.values[::-1], self.resolution, self.origin)
-        if off := points[np.isnan(at[:, 0])].round(6).tolist():
-            fault = f"expected a map that covers all ways, found none of it at {off[0]}"
-            raise MissionError(fault, self.path)
-        return np.array([mean_along(self.values[::-1], *ends) for ends in pairwise(at)])
 
 
 def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale",)) -> Raster:
@@ -258,7 +237,7 @@ def _skeleton(raster: Raster, radius: float, source: str) -> list[_Way]:
     if n_parts == 0:
         fault = f"{_NO_WAY.format(radius)}: the largest clearance is {clearance.max():g}"
         if not is_free.any():
-            unknown = (raster.cells == UNKNOWN).mean()
+            unknown = np.mean(raster.cells == UNKNOWN)
             fault = f"no cell is free; {unknown:.0%} are unknown, {1.0 - unknown:.0%} are occupied"
         raise MissionError(fault, source)
     sizes = np.bincount(parts.ravel())[1:]
@@ -340,7 +319,7 @@ def _loss_along(danger: float, hazard: str | os.PathLike[str] | None) -> _Losses
     raster = read_raster(hazard)
 
     def losses(way: _Way) -> FloatArray:
-        shares = raster.shares(_xy(way))
+        shares = raster.means(_xy(way))
         return danger * np.append(0.0, np.cumsum(shares * np.diff(_distances(way))))
 
     return losses

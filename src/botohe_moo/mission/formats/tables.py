@@ -15,19 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import networkx as nx
-import numpy as np
 
 from botohe_moo._base.checks import as_float, check_frame, most_alike, quoted
-from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.arrays import distance_of, plain_numbers
 from botohe_moo.mission.formats.reading import Draft, Row, file_content
-from botohe_moo.mission.hazards import (
-    read_zones,
-    rewards_from_raster,
-    survived,
-)
+from botohe_moo.mission.hazards import Raster, mean_rate, read_zones, seen_from, survived
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import (
     BY_KIND,
@@ -42,8 +36,6 @@ from botohe_moo.mission.rules import (
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from botohe_moo.mission.formats.maps import Raster
 
 _Path = str | os.PathLike[str]
 
@@ -177,15 +169,7 @@ class _Site:
             expected = "interest, a map, and sight, how far robots see on it, or none"
             raise MissionError(f"expected {expected}")
         if interest is not None and sight is not None:
-            values, resolution, origin, *_ = _raster(interest)
-            seen = rewards_from_raster(
-                _points(self.places),
-                values,
-                resolution=resolution,
-                origin=origin,
-                radius=sight,
-                scale=default,
-            )
+            seen = seen_from(self.places, _raster(interest), sight, default)
         if self.base in self.at:
             self.at[self.base].setdefault("reward", 0.0)
         lacking = [label for label, attributes in self.at.items() if "reward" not in attributes]
@@ -217,24 +201,19 @@ class _Site:
             remedy = "give danger, the rate of loss for a unit of length"
             self.faults.append(f"{_named_arc(lacking[0])}: {found}: {remedy}")
         raster = _raster(hazard) if lacking and hazard is not None else None
+        rate = mean_rate(danger or 0.0, raster, zones)
         for arc in lacking:
-            _, ends, attributes = arc
-            rate = danger or 0.0
-            missing = [end for end in ends if end not in self.places]
-            if not missing:
-                start, end = (self.places[end] for end in ends)
-                rate *= 1.0 if raster is None else raster.shares(np.array([start, end]))[0]
-                rate += sum(zone.rate * zone.share(start, end - start) for zone in zones)
-            elif raster is not None or zones:
-                self.faults.append(
-                    f"{_named_arc(arc)}: expected pos [x, y] of {quoted(missing[0])}, found none"
-                )
+            named, ends, length = _named_arc(arc), arc.labels, arc.attributes.get("length", 1.0)
+            arc.attributes["survival"] = 1.0  # so that a fault is listed once
+            missing = [quoted(end) for end in ends if end not in self.places]
+            if missing and (raster or zones):
+                self.faults.append(f"{named}: expected pos [x, y] of {missing[0]}, found none")
+                continue
+            mean = danger or 0.0 if missing else rate(*(self.places[end] for end in ends))
             try:
-                length = as_float(attributes.get("length", 1.0))
-                survival = survived(rate * length, _named_arc(arc), length=length)
-                attributes["survival"] = survival
+                length = as_float(length)
+                arc.attributes["survival"] = survived(mean * length, named, length=length)
             except ValueError as error:
-                attributes["survival"] = 1.0  # so that the fault is listed once
                 self.faults.append(str(error).rstrip("."))
 
     def as_graph(self) -> nx.DiGraph[Any]:
@@ -265,6 +244,8 @@ class _Site:
         arcs = [arc for arc in kept.values() if all(label in graph for label in arc.labels)]
         graph.add_edges_from((*arc.labels, arc.attributes) for arc in arcs)
         if self.faults:
+            if self.base is None:
+                self.faults.append("expected base, the label of a node, found none: give base")
             raise MissionError([*self.faults, *attribute_faults(graph, self.kinds)])
         if self.draft.trim:
             self._trim(graph, loops, parallel)
@@ -386,12 +367,6 @@ def _join_columns(rows: Sequence[Row], kinds: Sequence[str]) -> list[str]:
 
 def _named_arc(arc: Row) -> str:
     return f"{arc.where}: arc {quoted(arc.labels[0])} -> {quoted(arc.labels[1])}"
-
-
-def _points(places: Mapping[Any, FloatArray]) -> nx.DiGraph[Any]:
-    graph: nx.DiGraph[Any] = nx.DiGraph()
-    graph.add_nodes_from((label, {"pos": place}) for label, place in places.items())
-    return graph
 
 
 def _raster(path: _Path) -> Raster:
