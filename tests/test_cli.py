@@ -1189,9 +1189,7 @@ class TestImport:
         message = refused(
             "missions", "import", *self.KINDS, "--kind", "drone=1", "--out", "site.json"
         )
-        expected = (
-            "arcs.csv, row 2: arc 'dock' -> 'lab': expected a survival, found none"
-        )
+        expected = "arcs.csv, row 2: arc 'dock' -> 'lab': expected a survival, found none"
         assert expected in message
 
     def test_bounds_of_robots_that_carry_something_are_refused_before_the_search(
