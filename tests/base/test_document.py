@@ -135,6 +135,7 @@ def test_what_cannot_be_read():
         ("a: [1,\n", 2, "parsing a flow node (line 2): did not find expected node content."),
         ("a: 'b\n\nc: d\n", 4, "scanning a quoted scalar (line 1): found unexpected end"),
         ("a: 1\nb: \x07\n", 2, "control characters are not allowed (#x0007)."),
+        ("a: éééé\nb: \x07\nc: d\n", 2, "control characters are not allowed (#x0007)."),
         ("a: 1\nb: !mine x\n", 2, "'!mine'"),
         ("a: 1\nb: !!python/object/apply:os.system ['true']\n", 2, "os.system'"),
         ("- " * 2_000 + "a", 1, "maximum recursion depth"),

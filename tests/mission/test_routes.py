@@ -107,7 +107,11 @@ def test_what_is_left_out_is_said(site):
     ("features", "given", "fault"),
     [
         ([], {"robots": 1}, "expected base, the label of a node, found none: give base"),
-        ([line(3, 4)], {"base": 3}, r"features\[3\]: expected a survival, .* give danger"),
+        (
+            [line(3, 4)],
+            {"base": 3},
+            r"features\[3\]: arc 3 -> 4: expected a survival, .* give danger",
+        ),
         ([line(3, 5)], {"base": 3, "danger": 1}, r"features\[3\]: .* there is no node 5"),
         (
             [line(3, 4)],

@@ -101,7 +101,7 @@ class Document:
             self._root = loader.get_single_node()
             self.content: Any = self._root and loader.construct_document(self._root)
         except ReaderError as error:  # a character that YAML does not allow
-            line = text.count("\n", 0, error.position) + 1
+            line = text.encode()[: error.position].count(b"\n") + 1  # the position is in bytes
             raise DocumentError(line, f"{error.reason} (#x{error.character:04x})") from None
         except MarkedYAMLError as error:
             raise DocumentError(*_explained(error)) from None

@@ -366,7 +366,7 @@ def is_navigation_graph(source: Source) -> bool:
 
 def is_building(source: Source) -> bool:
     """Return whether a file has levels, and is no site of Open-RMF's newer editor."""
-    is_known = {"levels", "anchors"}.intersection(source.yaml.content) == {"levels"}
+    is_known = {"levels", "format_version"}.intersection(source.yaml.content) == {"levels"}
     return is_known and not is_navigation_graph(source)
 
 
