@@ -297,7 +297,7 @@ class TestRouteGraphs:
     def test_a_map_that_is_too_small(self, drawn, site):  # noqa: F811
         path = site(*both_ways((3, 4), (4, 7)))
         for hazard, fault in (
-            (drawn([[0]]), r"site\.geojson: .*map\.yaml: expected a map of all arcs"),
+            (drawn([[0]]), r"site\.geojson: .*map\.yaml: expected a map that covers all ways"),
             ("lost.yaml", r"lost\.yaml: there is no such file"),
         ):
             with pytest.raises(MissionError, match=fault):

@@ -22,7 +22,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.arrays import distance_of, plain_numbers
-from botohe_moo.mission.formats.reading import Draft, Row, file_content
+from botohe_moo.mission.formats.reading import Draft, Row, Source
 from botohe_moo.mission.hazards import (
     read_zones,
     rewards_from_raster,
@@ -498,7 +498,7 @@ def read_table(path: _Path) -> pd.DataFrame:
 
     path = Path(path)
     try:
-        text = file_content(path).decode("utf-8-sig")
+        text = Source(path).text
     except UnicodeDecodeError as error:
         reason = f"{error}; save it as 'CSV UTF-8', as spreadsheets call it"
         raise MissionError(reason, str(path)) from None
