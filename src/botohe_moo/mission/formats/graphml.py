@@ -18,7 +18,6 @@ from botohe_moo.mission.rules import BY_KIND, MissionError
 
 # What its reader raises for wrong files is not declared.
 _OF_NETWORKX = (nx.NetworkXError, ET.ParseError, LookupError, ValueError, TypeError, AttributeError)
-_LONGEST = 200  # letters of what networkx says
 _DEFAULTS = ("node_default", "edge_default")  # where networkx keeps them
 _REMEDY = "a .json file can hold it."
 _FLAGS = {"true": True, "1": True, "false": False, "0": False}
@@ -48,16 +47,15 @@ def read_graphml(source: Source) -> Draft:
             if kind not in _TYPES:
                 known = ", ".join(_TYPES)
                 faults.append(f"key {quoted(name)}: expected a type among {known}, got {kind!r}")
+                kind = "string"
             key.set("attr.name", f"{kind}:{name}")
             key.set("attr.type", "string")
         found = nx.parse_graphml(ET.tostring(root, "unicode"), force_multigraph=True)
     except _OF_NETWORKX as error:
-        said = f"{type(error).__name__}: {error}"[:_LONGEST]  # which may quote a whole file
+        said = f"{type(error).__name__}: {quoted(str(error))}"  # which may quote a whole file
         raise MissionError(f"expected GraphML with one directed graph, found {said}") from None
     if (n_graphs := len(root.findall("{*}graph"))) > 1:
-        faults.append(f"expected GraphML with one directed graph, found {n_graphs} graphs")
-    if faults:
-        raise MissionError(faults)
+        raise MissionError(f"expected GraphML with one directed graph, found {n_graphs} graphs")
 
     def row(owner: str, labels: tuple[str, ...], texts: Mapping[str, str]) -> Row:
         attributes: dict[str, Any] = {}
@@ -73,14 +71,13 @@ def read_graphml(source: Source) -> Draft:
         return Row("the GraphML", labels, attributes)
 
     of_nodes, of_arcs = (found.graph.pop(key, {}) for key in _DEFAULTS)
-    nodes = [
-        row(f"node {quoted(node)}", (node,), of_nodes | drawn.get(node, {}) | texts)
-        for node, texts in found.nodes(data=True)
-    ]
-    arcs = [
-        row(f"arc {quoted(tail)} -> {quoted(head)}", (tail, head), of_arcs | texts)
-        for tail, head, texts in found.edges(data=True)
-    ]
+    nodes, arcs = [], []
+    for node, texts in found.nodes(data=True):
+        given = of_nodes | drawn.get(node, {}) | texts
+        nodes.append(row(f"node {quoted(node)}", (node,), given))
+    for tail, head, texts in found.edges(data=True):
+        arc = f"arc {quoted(tail)} -> {quoted(head)}"
+        arcs.append(row(arc, (tail, head), of_arcs | texts))
     graph = row("the graph", (), found.graph).attributes
     try:
         if (text := graph.get("kinds")) is not None:

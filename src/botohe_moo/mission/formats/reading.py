@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from botohe_moo.mission.model import Mission
 
 M = TypeVar("M", bound=BaseModel)
-T = TypeVar("T")
 
 
 class Row(NamedTuple):
@@ -285,7 +284,7 @@ def format_of(file: str | os.PathLike[str] | Source) -> Format:
     return found[0]  # whose reader says what it misses
 
 
-def _seen(look: Callable[[Source], T], source: Source) -> T | None:
+def _seen(look: Callable[[Source], Any], source: Source) -> Any:
     """Return what a look at a file finds; None if its content is of another form altogether."""
     with suppress(ValueError, RecursionError, AttributeError, TypeError, LookupError):
         return look(source)
