@@ -195,7 +195,7 @@ class TestSearch:
             solve(toy, BOACO(), n_ants=3)
 
     def test_what_is_of_another_type(self, toy):
-        with pytest.raises(ValueError, match=r"; Mission\(graph, base=.* makes one of a graph"):
+        with pytest.raises(ValueError, match=r"\(Mission\(graph, base=.*\) takes graphs\), got"):
             solve(toy.graph)
         with pytest.raises(TypeError, match=r"algorithm: .*, got the class BOACO: call it"):
             solve(toy, BOACO)

@@ -83,7 +83,7 @@ PLAN_MISSION = {"items": [], "plannedHomePosition": [47.25, 8.5, 0], "version": 
         (
             "office.site.json",
             {"format_version": "0.1", "anchors": {}, "properties": {"name": "x"}, "levels": {}},
-            "a site of Open-RMF's site editor: export its navigation graphs",
+            "a site of Open-RMF's site editor: export navigation graphs",
         ),
         (
             "roads.json",

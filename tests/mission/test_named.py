@@ -142,12 +142,15 @@ class TestRefusals:
             "Mission 'power-plants': there is no such mission; known are powe"
         )
         assert all(name in message for name in mission_names())
-        assert message.endswith(f"mission files end in one of {', '.join(suffixes())}")
+        assert (
+            f"mission files end in one of {', '.join(suffixes())}; botohe missions import"
+            in message
+        )
 
     def test_graphs_and_tables_are_shown_the_way(self):
-        with pytest.raises(ValueError, match=r"; Mission\(graph, base=.* makes one of a graph"):
+        with pytest.raises(ValueError, match=r"\(Mission\(graph, base=.*\) takes graphs\), got"):
             load_mission(nx.DiGraph())
-        with pytest.raises(MissionError, match="mission_from_tables, and botohe missions import"):
+        with pytest.raises(MissionError, match="botohe missions import reads tables"):
             load_mission("nodes.csv")
 
     @pytest.mark.parametrize(
@@ -157,7 +160,7 @@ class TestRefusals:
             ("toy", {"seed": 3}, "no parameter 'seed'; known are robots, l"),
             ("random", {"arc_probabilty": 1}, r"known are arc_probability, "),
             ("terrain", {"nodes": 1}, r"Expected nodes >= 2, got 1\."),
-            ("toy", {"robots": 0}, r"Mission 'toy': Expected robots >= 1, got 0\."),
+            ("toy", {"robots": 0}, r"Expected robots >= 1, got 0\."),
             ("toy", {"lengths_from_pos": 1}, r"Expected lengths_from_pos to be true or f.*, got 1"),
         ],
     )
@@ -283,11 +286,15 @@ class TestCheck:
         [
             ("terrain", {"nodes": 1}, [("nodes", "Expected nodes >= 2, got 1.")]),
             ("lost.json", {}, [(None, "there is no such file")]),
-            (3, {}, [(None, "Expected the name of a mission or a path, got 3.")]),
         ],
     )
     def test_what_only_making_it_finds(self, name, parameters, faults):
         assert mission_faults(name, parameters) == faults
+
+    def test_what_is_no_name(self):
+        [(blamed, fault)] = mission_faults(3)
+        assert blamed is None
+        assert re.match(r"Expected the name of a mission or a path .*, got 3\.$", fault)
 
     def test_parameters(self, install):
         install("reef-missions", TYPED, wreck="wreck")

@@ -149,7 +149,10 @@ def test_what_the_options_mean(site):
             {**DANGER, "base": "deck", "robots": 1},
             "base 'deck': there is no such node; most alike are dock",
         ),
-        ({**DANGER, "base": "dock", "robots": 0}, "expected robots to be an integer >= 1, got 0"),
+        (
+            {**DANGER, "base": "dock", "robots": 0},
+            r"xpected robots (to be an integer )?>= 1, got 0",
+        ),
         (
             {**DANGER, "base": "dock", "robots": 1, "pays": "never"},
             "pays to be 'arrival' or 'return'",

@@ -22,7 +22,7 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.faults import json_record
 from botohe_moo.indicators import area_indicator
-from botohe_moo.mission.formats.reading import file_content
+from botohe_moo.mission.formats.reading import Source
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
@@ -277,7 +277,7 @@ class BestKnown:
 
 def unpacked(path: Path) -> bytes:
     """Return the content of a front's file; a ValueError names one that cannot be read."""
-    data = file_content(path)
+    data = Source(path).data
     try:
         return gzip.decompress(data) if path.suffix == ".gz" else data
     except (OSError, EOFError, zlib.error) as error:

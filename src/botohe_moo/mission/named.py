@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 from collections.abc import Callable, Mapping
-from importlib.resources import as_file, files
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
-
-import networkx as nx
 
 from botohe_moo._base.checks import check_choice, quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
@@ -18,7 +17,7 @@ from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_o
 from botohe_moo._plugins.types import Robots
 from botohe_moo.mission.formats.files import file_parameters, read_mission
 from botohe_moo.mission.formats.nodelink import read_node_link
-from botohe_moo.mission.formats.reading import Source, format_of, is_file_name, suffixes
+from botohe_moo.mission.formats.reading import Source, format_of, is_file_name, suffixes, within
 from botohe_moo.mission.formats.tables import make_mission
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.mission.rules import MissionError
@@ -48,12 +47,13 @@ class Entry(NamedTuple):
     digest: str
 
 
-_DATA = files("botohe_moo.mission").joinpath("data", "library.json")
+_DATA = Path(__file__).parent / "data"
 ENTRIES: Mapping[str, Entry] = {
-    name: Entry(**said) for name, said in json.loads(_DATA.read_text("utf-8")).items()
+    name: Entry(**entry)
+    for name, entry in json.loads((_DATA / "library.json").read_text("utf-8")).items()
 }
-FAMILIES = tuple(dict.fromkeys(entry.family for entry in ENTRIES.values()))
-SELECTIONS = ("small", "medium", "large", "all", *FAMILIES)  # names of several missions
+# Names of several missions: sizes and families.
+SELECTIONS = ("small", "medium", "large", "all", *dict.fromkeys(e.family for e in ENTRIES.values()))
 
 
 def library_names(selection: str = "all") -> tuple[str, ...]:
@@ -72,11 +72,8 @@ def library_names(selection: str = "all") -> tuple[str, ...]:
     ('tunnel-20', 'tunnel-75', 'tunnel-1000')
     """
     check_choice("a mission of the library", selection, [*SELECTIONS, *ENTRIES])
-    return tuple(
-        name
-        for name, entry in ENTRIES.items()
-        if selection in ("all", name, entry.family, entry.size)
-    )
+    member_of = {name: ("all", name, one.family, one.size) for name, one in ENTRIES.items()}
+    return tuple(name for name, selections in member_of.items() if selection in selections)
 
 
 def library_name_of(digest: str) -> str | None:
@@ -86,11 +83,9 @@ def library_name_of(digest: str) -> str | None:
 
 COMMON = ("robots", "lengths_from_pos")  # parameters that every mission takes
 _PLUGINS = PluginGroup("botohe_moo.missions", "mission")
-_ITSELF = ("The mission", "Mission '")  # what errors of a mission begin with, not those of a file
 
 
-@checked
-def art_museum(*, robots: Robots | None = None) -> Mission:
+def art_museum() -> Mission:
     """The San Diego Museum of Art: 27 rooms, 74 arcs, 3 robots.
 
     References
@@ -98,20 +93,17 @@ def art_museum(*, robots: Robots | None = None) -> Mission:
     Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a robot team
     orienteering in a hazardous environment", 2025.
     """
-    return _packaged("art_museum", robots)
+    return _packaged("art_museum")
 
 
-@checked
-def art_museum_return(*, robots: Robots | None = None) -> Mission:
+def art_museum_return() -> Mission:
     """The museum of ``art_museum``, whose rewards count when robots come back to the base."""
-    museum = _packaged("art_museum", robots)
-    graph = museum.graph.copy()
-    graph.graph["title"] = f"{museum.title}, rewards on return"
-    return Mission(graph, robots=museum.robots, pays="return", name="art_museum_return")
+    graph = art_museum().graph.copy()
+    graph.graph["title"] += ", rewards on return"
+    return Mission(graph, pays="return", name="art_museum_return")
 
 
-@checked
-def power_plant(*, robots: Robots | None = None) -> Mission:
+def power_plant() -> Mission:
     """The Satsop nuclear power plant: a tree of 73 zones, 144 arcs, 2 robots.
 
     References
@@ -120,31 +112,28 @@ def power_plant(*, robots: Robots | None = None) -> Mission:
     orienteering in a hazardous environment", 2025; the site is the urban circuit of the DARPA
     Subterranean Challenge.
     """
-    return _packaged("power_plant", robots)
+    return _packaged("power_plant")
 
 
-@checked
-def terrain_200(*, robots: Robots | None = None) -> Mission:
+def terrain_200() -> Mission:
     """A rolling terrain: 200 waypoints, 1348 arcs between near ones, 5 robots."""
-    return _packaged("terrain_200", robots)
+    return _packaged("terrain_200")
 
 
-@checked
-def toy(*, robots: Robots | None = None) -> Mission:
+def toy() -> Mission:
     """A mission small enough to compute by hand: 5 nodes, 12 arcs, 2 robots."""
-    return _packaged("toy", robots)
+    return _packaged("toy")
 
 
-def _packaged(name: str, robots: int | None) -> Mission:
-    with as_file(files("botohe_moo.mission").joinpath("data", f"{name}.json")) as path:
-        return make_mission(read_node_link(Source(path)), robots=robots)
+def _packaged(name: str) -> Mission:
+    return make_mission(read_node_link(Source(_DATA / f"{name}.json")))
 
 
 @checked
 def load_mission(
     name_or_path: str | os.PathLike[str],
     *,
-    robots: int | None = None,
+    robots: Robots | None = None,
     lengths_from_pos: bool = False,
     **parameters: Any,
 ) -> Mission:
@@ -226,22 +215,21 @@ def mission_faults(
 
 def _accepted(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
     """Return the parameters of a named mission, or the options of a file's format."""
-    function = find_factory(name_or_path)
-    return accepted_parameters(function) if function else file_parameters(format_of(name_or_path))
+    if function := find_factory(name_or_path):
+        return accepted_parameters(function)
+    return tuple(file_parameters(format_of(name_or_path)).values())
 
 
 def relative_to(
     folder: Path, name_or_path: str | os.PathLike[str], parameters: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return parameters of a mission, with paths in a file relative to the file's folder."""
-    try:
-        paths = {parameter.name for parameter in _accepted(name_or_path) if parameter.is_path}
-    except ValueError:  # whoever loads the mission says why it cannot be found
-        paths = set()
-    return {
-        name: str(folder / value) if name in paths and isinstance(value, str) else value
-        for name, value in parameters.items()
-    }
+    relative = dict(parameters)
+    with suppress(ValueError):  # whoever loads the mission says why it cannot be found
+        for parameter in _accepted(name_or_path):
+            if parameter.is_path and isinstance(path := relative.get(parameter.name), str):
+                relative[parameter.name] = str(folder / path)
+    return relative
 
 
 def mission_names() -> tuple[str, ...]:
@@ -259,18 +247,13 @@ def mission_names() -> tuple[str, ...]:
 def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None]:
     """Return which ``package`` in which ``version`` registers a mission.
 
-    Both are None for files, and for missions that are not registered. A MissionError is raised if
-    two packages claim the name.
+    Both are None for files, and for missions that are not registered. A ValueError is raised if two
+    packages claim the name.
     """
-    owner = None
-    if isinstance(name_or_path, str) and name_or_path.startswith(PREFIX):
-        name_or_path = ENTRIES[name_or_path.removeprefix(PREFIX)].source
-    if isinstance(name_or_path, str) and name_or_path in _PLUGINS.claims():
-        try:
-            owner = _PLUGINS.entry(name_or_path).dist
-        except PluginError as error:
-            raise MissionError(str(error), _PLUGINS.source(name_or_path)) from error
-    return package_of(owner)
+    name = name_or_path
+    if isinstance(name, str) and name.startswith(PREFIX):
+        name = ENTRIES[name.removeprefix(PREFIX)].source
+    return package_of(_PLUGINS.entry(str(name)).dist if name in _PLUGINS.claims() else None)
 
 
 def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
@@ -288,49 +271,35 @@ def find_factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
     if isinstance(name, os.PathLike):
         return None
     if not isinstance(name, str):
-        made = "; Mission(graph, base=..., robots=...) makes one of a graph"
-        hint = made if isinstance(name, nx.Graph) else ""
-        raise ValueError(f"Expected the name of a mission or a path, got {quoted(name)}{hint}.")
+        expected = "the name of a mission or a path (Mission(graph, base=...) takes graphs)"
+        raise ValueError(f"Expected {expected}, got {quoted(name)}.")
     if name.startswith(PREFIX):
-        return _of_library(name.removeprefix(PREFIX))
-    separators = {os.sep, os.altsep or os.sep}
-    known = name in _PLUGINS.claims()
-    if not known and (is_file_name(name) or not separators.isdisjoint(name)):
-        return None
-    if not known and Path(name).is_file():
+        return functools.partial(_of_library, name.removeprefix(PREFIX))
+    is_known = name in _PLUGINS.claims()
+    is_module = ":" in name and not is_known
+    if not is_known and (is_file_name(name) or Path(name).is_file()):
         return None
     try:
-        if known or ":" not in name:
-            return _PLUGINS.load(name)
-        return declared_factory(name, _PLUGINS, Mission)
+        return declared_factory(name, _PLUGINS, Mission) if is_module else _PLUGINS.load(name)
     except PluginError as error:
-        hint = f"; mission files end in one of {', '.join(suffixes())}"
-        if Path(name).suffix.lower() == ".csv":
-            hint = "; mission_from_tables, and botohe missions import, read tables"
-        message = f"{error}{'' if known or ':' in name else hint}"
-        raise MissionError(message, _PLUGINS.source(name)) from error
+        fault = str(error)
+        if not is_known and not is_module:
+            known = ", ".join(suffixes())
+            fault += f"; mission files end in one of {known}; botohe missions import reads tables"
+        raise MissionError(fault, _PLUGINS.source(name)) from error
 
 
-def _of_library(name: str) -> Callable[[], Mission]:
-    """Return the function that makes a mission of the library."""
-    if name not in library_names(name):
-        several = ", ".join(library_names(name))
-        raise MissionError(f"expected one mission, but these are several: {several}", PREFIX + name)
+def _of_library(name: str) -> Mission:
+    """Make a mission of the library."""
+    if name not in (names := library_names(name)):
+        raise MissionError(f"expected one mission, but these are several: {', '.join(names)}")
     entry = ENTRIES[name]
-
-    def make() -> Mission:
-        made = load_mission(entry.source, **entry.parameters)
-        how: dict[str, Any] = {"base": made.base, "kinds": made.kinds, "pays": made.pays}
-        mission = Mission(made.graph, **how, name=name)
-        if (found := numbers_digest(mission)) != entry.digest:
-            raise MissionError(
-                f"expected the digest {entry.digest}, got {found}: the numbers that are drawn here "
-                "are others than those of the library",
-                f"Mission {quoted(name)} of the library",
-            )
-        return mission
-
-    return make
+    made = load_mission(entry.source, **entry.parameters)
+    mission = Mission(made.graph, base=made.base, kinds=made.kinds, pays=made.pays, name=name)
+    if (found := numbers_digest(mission)) != entry.digest:
+        expected = f"expected the digest {entry.digest}, got {found}"
+        raise MissionError(f"{expected}: the numbers that are drawn here are not the library's")
+    return mission
 
 
 def _make(
@@ -345,11 +314,8 @@ def _make(
         mission = call_factory(
             source, function, accepted, parameters, origin=origin, also=COMMON, passing=passing
         )
-    except PluginError as error:
-        raise MissionError(str(error).removeprefix(f"{source}: "), source) from error
-    except MissionError as error:
-        where = "" if error.source.startswith(_ITSELF) else f": {error.source}"
-        raise MissionError(list(error.faults), f"{source}{where}") from error
+    except (PluginError, MissionError) as error:
+        raise within(source, error) from error
     if not isinstance(mission, Mission):
         raise MissionError(f"expected {origin} to give a Mission, got {quoted(mission)}", source)
     if robots is not None and robots != mission.robots:

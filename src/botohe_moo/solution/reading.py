@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
 from botohe_moo._plugins.faults import json_record
 from botohe_moo.mission.formats.files import read_mission
-from botohe_moo.mission.formats.reading import file_content
+from botohe_moo.mission.formats.reading import Source
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.solution.model import Solution, as_json
 
@@ -73,7 +73,7 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
     if mission is None:
         mission = read_mission(folder / "mission.json")
     path = folder / "plans.json"
-    record = json_record(path, file_content(path), _Record)
+    record = json_record(path, Source(path).data, _Record)
     if record.mission_digest != numbers_digest(mission):
         raise ValueError(
             f"{source}: expected the mission that the plans in {path} were made for, found one "

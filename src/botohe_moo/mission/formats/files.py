@@ -1,6 +1,6 @@
 """Mission files: reading and writing them, whatever their format."""
 
-import inspect
+import functools
 import os
 from pathlib import Path
 from typing import Any
@@ -9,10 +9,9 @@ from botohe_moo._base.checks import ParameterError, unknown_parameter
 from botohe_moo._base.files import check_suffix, replace_file
 from botohe_moo._plugins.stated import Parameter, signature_parameters
 from botohe_moo.mission.formats.nodelink import mission_content
-from botohe_moo.mission.formats.reading import Format, Source, format_of, formats, stem_of
+from botohe_moo.mission.formats.reading import Format, Source, format_of, formats, stem_of, within
 from botohe_moo.mission.formats.tables import make_mission
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.mission.rules import MissionError
 
 _COMMON = {p.name: p for p in signature_parameters(make_mission) if p.name not in ("draft", "name")}
 
@@ -87,35 +86,31 @@ def read_mission(path: str | os.PathLike[str], **options: Any) -> Mission:
     >>> read_mission("site.json", robots=3)
     <Mission 'toy': 5 nodes, 12 arcs, 3 robots at base 1, total reward 10>
     """
-    source = Source(path)
-    where, known = str(source.path), format_of(source)
-    own = _own_options(known)
-    for name in options:
-        if name not in (accepted := {*own, *_COMMON}):
-            raise ParameterError(f"Mission file {where}: {unknown_parameter(name, accepted)}", name)
+    source, where = Source(path), str(Path(path))
     try:
-        draft = known.read(source, **{name: options.pop(name) for name in own if name in options})
-        name = draft.graph.get("name") or stem_of(source.path)
-        mission = make_mission(draft, name=name, **options)
+        known = format_of(source)
+        own = {name: options.pop(name) for name in _own_options(known) if name in options}
+        if unknown := [name for name in options if name not in _COMMON]:
+            fault = unknown_parameter(unknown[0], file_parameters(known))
+            raise ParameterError(f"Mission file {where}: {fault}", unknown[0])
+        draft = known.read(source, **own)
+        mission = make_mission(draft, name=draft.graph.get("name") or stem_of(path), **options)
         mission_content(mission)  # what cannot be saved is refused at once, not after a search
-    except MissionError as error:
-        raise MissionError(list(error.faults), where) from None
     except ParameterError:
         raise
     except (ValueError, RecursionError) as error:
-        raise MissionError(str(error).rstrip("."), where) from None
+        raise within(where, error) from None
     return mission
 
 
-def file_parameters(known: Format) -> tuple[Parameter, ...]:
-    """List the options that files of a format take: those of all formats, and its own."""
-    return tuple((_COMMON | _own_options(known)).values())
+def file_parameters(known: Format) -> dict[str, Parameter]:
+    """Return the options that files of a format take, by name: those of all, and its own."""
+    return _COMMON | _own_options(known)
 
 
 def _own_options(known: Format) -> dict[str, Parameter]:
-    kinds = inspect.signature(known.read).parameters
-    options = {parameter.name: parameter for parameter in signature_parameters(known.read)}
-    return {name: options[name] for name in options if kinds[name].kind is kinds[name].KEYWORD_ONLY}
+    read = functools.partial(known.read, None)  # whatever its first parameter is called
+    return {parameter.name: parameter for parameter in signature_parameters(read)}
 
 
 def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:

@@ -18,8 +18,8 @@ from botohe_moo.mission.rules import BY_KIND, MissionError
 
 # What its reader raises for wrong files is not declared.
 _OF_NETWORKX = (nx.NetworkXError, ET.ParseError, LookupError, ValueError, TypeError, AttributeError)
-_LONGEST = 200  # letters of what networkx says
 _DEFAULTS = ("node_default", "edge_default")  # where networkx keeps them
+_REMEDY = "a .json file can hold it."
 _FLAGS = {"true": True, "1": True, "false": False, "0": False}
 # What a value of a declared type is called, and how it is read.
 _TYPES: dict[str, tuple[str, Callable[[str], Any]]] = {
@@ -37,57 +37,52 @@ def read_graphml(source: Source) -> Draft:
     and a name that yEd has drawn becomes ``label``. ``kinds`` are JSON. A MissionError names the
     values that are not of their declared type.
     """
+    faults: list[str] = []
     try:
         root = ET.fromstring(source.data)
-        if (n_graphs := len(root.findall("{*}graph"))) > 1:
-            raise MissionError(f"expected GraphML with one directed graph, found {n_graphs} graphs")
         drawn = _without_drawings(root)
         # networkx reads all values as texts, whose types stand before their names.
         for key in root.findall("{*}key[@attr.name]"):
             key.set("attr.name", f"{key.get('attr.type', 'string')}:{key.get('attr.name')}")
             key.set("attr.type", "string")
         found = nx.parse_graphml(ET.tostring(root, "unicode"), force_multigraph=True)
-    except MissionError:
-        raise
     except _OF_NETWORKX as error:
-        said = f"{type(error).__name__}: {error}"[:_LONGEST]  # which may quote a whole file
+        said = f"{type(error).__name__}: {quoted(str(error))}"  # which may quote a whole file
         raise MissionError(f"expected GraphML with one directed graph, found {said}") from None
-    of_nodes, of_arcs = (found.graph.pop(key, {}) for key in _DEFAULTS)
-    faults: list[str] = []
+    if (n_graphs := len(root.findall("{*}graph"))) > 1:
+        raise MissionError(f"expected GraphML with one directed graph, found {n_graphs} graphs")
 
-    def row(named: str, labels: tuple[str, ...], texts: Mapping[str, str]) -> Row:
+    def row(owner: str, labels: tuple[str, ...], texts: Mapping[str, str]) -> Row:
         attributes: dict[str, Any] = {}
         for key, text in texts.items():
             kind, _, name = key.partition(":")
             if kind not in _TYPES:
                 known = ", ".join(_TYPES)
-                faults.append(
-                    f"{named}: expected {name} of a type among {known}, got {quoted(kind)}"
-                )
+                faults.append(f"{owner}: expected {name} of a type among {known}, got {kind!r}")
                 continue
             expected, convert = _TYPES[kind]
             try:
                 attributes[name] = convert(text)
             except (KeyError, ValueError):
-                faults.append(f"{named}: expected {expected} as {name}, got {quoted(text)}")
+                faults.append(f"{owner}: expected {expected} as {name}, got {quoted(text)}")
         if "x" in attributes and "y" in attributes and "pos" not in attributes:
             attributes["pos"] = [attributes.pop("x"), attributes.pop("y")]
         return Row("the GraphML", labels, attributes)
 
-    nodes = [
-        row(f"node {quoted(node)}", (node,), of_nodes | drawn.get(node, {}) | texts)
-        for node, texts in found.nodes(data=True)
-    ]
-    arcs = [
-        row(f"arc {quoted(tail)} -> {quoted(head)}", (tail, head), of_arcs | texts)
-        for tail, head, texts in found.edges(data=True)
-    ]
-    _, _, graph = row("the graph", (), found.graph)
-    if (text := graph.get("kinds")) is not None:
-        try:
+    of_nodes, of_arcs = (found.graph.pop(key, {}) for key in _DEFAULTS)
+    nodes, arcs = [], []
+    for node, texts in found.nodes(data=True):
+        given = of_nodes | drawn.get(node, {}) | texts
+        nodes.append(row(f"node {quoted(node)}", (node,), given))
+    for tail, head, texts in found.edges(data=True):
+        arc = f"arc {quoted(tail)} -> {quoted(head)}"
+        arcs.append(row(arc, (tail, head), of_arcs | texts))
+    graph = row("the graph", (), found.graph).attributes
+    try:
+        if (text := graph.get("kinds")) is not None:
             graph["kinds"] = json.loads(text)
-        except (TypeError, ValueError) as error:
-            raise MissionError(f"expected kinds as JSON, got {quoted(text)}: {error}") from None
+    except (TypeError, ValueError) as error:
+        raise MissionError(f"expected kinds as JSON, got {quoted(text)}: {error}") from None
     return Draft(nodes, arcs, graph, faults, directed=found.is_directed())
 
 
@@ -107,44 +102,36 @@ def _without_drawings(root: ET.Element) -> dict[str | None, dict[str, str]]:
 
 def write_graphml(mission: Mission) -> bytes:
     """Write a mission as GraphML; a ValueError names what GraphML cannot hold."""
-    content = mission_content(mission)
-    of_mission = content["graph"]
-    if "kinds" in of_mission:
-        of_mission["kinds"] = json.dumps(of_mission["kinds"], ensure_ascii=False)
-    graph: nx.DiGraph[Any] = nx.DiGraph(**_writable("the graph", of_mission))
-    for node in content["nodes"]:
-        label = node.pop("id")
+    graph: nx.Graph[Any] = nx.node_link_graph(mission_content(mission), edges="edges")
+    if "kinds" in graph.graph:
+        graph.graph["kinds"] = json.dumps(graph.graph["kinds"], ensure_ascii=False)
+    _flatten("the graph", graph.graph)
+    for label, node in graph.nodes(data=True):
         if not isinstance(label, str):
-            raise ValueError(
-                f"Node {quoted(label)}: expected a label that is text, as all labels in GraphML; a "
-                ".json file can hold it."
-            )
+            expected = "a label that is text, as all labels in GraphML"
+            raise ValueError(f"Node {quoted(label)}: expected {expected}; {_REMEDY}")
         if node.get("pos") is not None and not {"x", "y"} & node.keys():
             node["x"], node["y"] = node.pop("pos")
-        graph.add_nodes_from([(label, _writable(f"node {quoted(label)}", node))])
-    for arc in content["edges"]:
-        tail, head = arc.pop("source"), arc.pop("target")
-        attributes = _writable(f"arc {quoted(tail)} -> {quoted(head)}", arc)
-        graph.add_edges_from([(tail, head, attributes)])
+        _flatten(f"node {quoted(label)}", node)
+    for tail, head, arc in graph.edges(data=True):
+        _flatten(f"arc {quoted(tail)} -> {quoted(head)}", arc)
     written = io.BytesIO()
     nx.write_graphml_xml(graph, written)
     return written.getvalue() + b"\n"
 
 
-def _writable(owner: str, attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return attributes with a column for each number of a kind; a ValueError names others."""
-    split: dict[str, Any] = {}
-    for name, value in attributes.items():
+def _flatten(owner: str, attributes: dict[str, Any]) -> None:
+    """Replace mappings from kinds by a column for each; a ValueError names what cannot be held."""
+    given = [*attributes.items()]
+    attributes.clear()
+    for name, value in given:
         if name in BY_KIND and isinstance(value, Mapping):
-            split |= {f"{name}:{kind}": number for kind, number in value.items()}
+            attributes |= {f"{name}:{kind}": number for kind, number in value.items()}
         elif name in _DEFAULTS or isinstance(value, bool | int | float | str):
-            split[name] = value
+            attributes[name] = value
         else:
-            raise ValueError(
-                f"{owner}: expected numbers, booleans and texts, as GraphML holds them, got "
-                f"{quoted(value)} for {quoted(name)}; a .json file can hold it."
-            )
-    return split
+            expected = f"numbers, booleans and texts, got {quoted(value)} for {quoted(name)}"
+            raise ValueError(f"{owner}: expected {expected}; {_REMEDY}")
 
 
 def is_graphml(source: Source) -> bool:

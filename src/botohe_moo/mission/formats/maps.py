@@ -22,7 +22,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive, Probability
 from botohe_moo.mission.arrays import plain_numbers
-from botohe_moo.mission.formats.reading import Source, file_content, validated
+from botohe_moo.mission.formats.reading import Source, validated
 from botohe_moo.mission.hazards import Raster, survived
 from botohe_moo.mission.rules import MissionError
 
@@ -97,7 +97,7 @@ def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale"
 def _read_image(folder: Path, name: str) -> FloatArray:
     """Read an image as shares of white (n_rows, n_columns); NaN where it is transparent."""
     try:
-        with Image.open(BytesIO(file_content(folder / Path(name).expanduser()))) as image:
+        with Image.open(BytesIO(Source(folder / Path(name).expanduser()).data)) as image:
             if image.mode == "F":
                 raise MissionError("expected integers as pixels, found floats")
             if image.mode.startswith("I"):  # of 16 bits or more

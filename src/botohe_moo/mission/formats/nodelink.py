@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import fields
 from numbers import Real
 from typing import Any
@@ -15,19 +15,13 @@ from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import ONLY_KIND, Kind, MissionError, read_label
 
-_KEYS = {
-    "directed": (bool, "true or false"),
-    "multigraph": (bool, "true or false"),
-    "graph": (dict, "an object"),
-    "nodes": (list, "a list"),
-    "edges": (list, "a list"),
-}
+_TYPES: dict[type, str] = {bool: "true or false", dict: "an object", list: "a list"}
+_KEYS = {"directed": bool, "multigraph": bool, "graph": dict, "nodes": list, "edges": list}
 
 
 def is_node_link(source: Source) -> bool:
     """Return whether a file is node-link JSON, with any faults."""
-    content = source.json
-    return isinstance(content, dict) and isinstance(content.get("nodes"), list)
+    return isinstance(source.json.get("nodes"), list)
 
 
 def read_node_link(source: Source) -> Draft:
@@ -43,66 +37,57 @@ def read_node_link(source: Source) -> Draft:
     links = content.get("links")  # as networkx before 3.4 names the arcs
     content = {"directed": False, "multigraph": False, "graph": {}, "edges": links, **content}
     faults = [
-        f'expected the key "{key}" to hold {expected}, got {quoted(content.get(key))}'
-        for key, (kind, expected) in _KEYS.items()
+        f'expected the key "{key}" to hold {_TYPES[kind]}, got {quoted(content.get(key))}'
+        for key, kind in _KEYS.items()
         if not isinstance(content.get(key), kind)
     ]
     if content["multigraph"] is True:
         faults.append('expected at most one arc from a node to another, got "multigraph": true')
     if faults:
         raise MissionError(faults)
-    nodes = [_row(f"nodes[{i}]", entry, "id") for i, entry in enumerate(content["nodes"])]
-    arcs = [
-        _row(f"edges[{i}]", entry, "source", "target") for i, entry in enumerate(content["edges"])
-    ]
-    return Draft(nodes, arcs, content["graph"], directed=content["directed"])
+    nodes, arcs = _rows(content, "nodes", "id"), _rows(content, "edges", "source", "target")
+    return Draft([*nodes], [*arcs], content["graph"], directed=content["directed"])
 
 
-def _row(where: str, entry: object, *keys: str) -> Row:
-    """Split an entry into its labels and its attributes."""
-    if not isinstance(entry, dict):
-        raise MissionError(f"{where}: expected an object, got {quoted(entry)}")
-    if missing := [key for key in keys if key not in entry]:
-        raise MissionError(f'{where}: found no key "{missing[0]}" in {quoted(entry)}')
-    try:
-        labels = tuple(read_label(entry[key]) for key in keys)
-    except ValueError as error:
-        raise MissionError(f"{where}: {error}") from None
-    return Row(where, labels, {key: value for key, value in entry.items() if key not in keys})
+def _rows(content: Mapping[str, Any], table: str, *names: str) -> Iterator[Row]:
+    """Split entries into their labels, which have some names, and their attributes."""
+    for i, entry in enumerate(content[table]):
+        where = f"{table}[{i}]"
+        if not isinstance(entry, dict) or not entry.keys() >= {*names}:
+            expected = f"an object with {' and '.join(names)}"
+            raise MissionError(f"{where}: expected {expected}, got {quoted(entry)}")
+        try:
+            labels = tuple(read_label(entry[name]) for name in names)
+        except ValueError as error:
+            raise MissionError(f"{where}: {error}") from None
+        yield Row(where, labels, {key: entry[key] for key in entry if key not in names})
 
 
 def mission_content(mission: Mission) -> dict[str, Any]:
     """Convert a mission to node-link data; a ValueError names what JSON cannot hold."""
     graph = mission.graph
     nodes = [
-        {"id": plain_label(node), **_plain_attributes(f"node {quoted(node)}", attributes, "id")}
+        _entry(f"node {quoted(node)}", attributes, id=plain_label(node))
         for node, attributes in graph.nodes(data=True)
     ]
     label_of = {node: entry["id"] for node, entry in zip(graph, nodes, strict=True)}
     arcs = []
     for tail, head, attributes in graph.edges(data=True):
-        ends = {"source": label_of[tail], "target": label_of[head]}
         arc = f"arc {quoted(tail)} -> {quoted(head)}"
-        arcs.append(ends | _plain_attributes(arc, attributes, *ends))
-    own: dict[str, Any] = {"base": mission.base, "robots": mission.robots, "pays": mission.pays}
+        arcs.append(_entry(arc, attributes, source=label_of[tail], target=label_of[head]))
+    own = {attribute: getattr(mission, attribute) for attribute in ("base", "robots", "pays")}
     if _has_kinds(mission):
         own["kinds"] = [
             {f.name: v for f in fields(kind) if (v := getattr(kind, f.name)) != f.default}
             for kind in mission.kinds
         ]
     # The mission's own values win over those of its graph, in whose places they stand.
-    given = {"name": None} | graph.graph | own | {"name": mission.name}
-    unused = {"robots" if "kinds" in own else "kinds"}
+    kept = {"name": None} | graph.graph | own | {"name": mission.name}
+    kept.pop("robots" if "kinds" in own else "kinds", None)
     if mission.pays == "arrival" and "pays" not in graph.graph:
-        unused.add("pays")
-    kept = {key: value for key, value in given.items() if key not in unused}
-    return {
-        "directed": True,
-        "multigraph": False,
-        "graph": _plain_attributes("the graph", kept),
-        "nodes": nodes,
-        "edges": arcs,
-    }
+        del kept["pays"]
+    about = {"directed": True, "multigraph": False, "graph": _entry("the graph", kept)}
+    return {**about, "nodes": nodes, "edges": arcs}
 
 
 def _has_kinds(mission: Mission) -> bool:
@@ -135,15 +120,14 @@ def plain_label(label: Hashable) -> object:
     raise ValueError(f"Node {quoted(label)} cannot be saved under its label: {reason}.")
 
 
-def _plain_attributes(owner: str, attributes: dict[str, Any], *reserved: str) -> dict[str, Any]:
-    """Return attributes as JSON holds them; a ValueError names their owner."""
+def _entry(owner: str, attributes: Mapping[str, Any], **labels: Any) -> dict[str, Any]:
+    """Return labels and attributes as JSON holds them; a ValueError names their owner."""
     try:
-        if names := [name for name in reserved if name in attributes]:
-            raise ValueError(f"{names[0]!r} is the name of a label")
-        plain: dict[str, Any] = _plain(attributes)
+        if taken := labels.keys() & attributes.keys():
+            raise ValueError(f"{min(taken)!r} is the name of a label")
+        return {**labels, **_plain(attributes)}
     except (TypeError, ValueError) as error:
         raise ValueError(f"{owner}: {quoted(attributes)} cannot be saved: {error}.") from None
-    return plain
 
 
 def _plain(value: object) -> Any:

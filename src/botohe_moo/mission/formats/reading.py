@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 from pydantic import BaseModel, ValidationError
 
@@ -121,8 +121,14 @@ class Source:
 
     @functools.cached_property
     def data(self) -> bytes:
-        """The bytes of the file; a MissionError if it cannot be read."""
-        return file_content(self.path)
+        """The bytes of the file; a MissionError names one that cannot be read."""
+        try:
+            return read_bytes(self.path)
+        except FileNotFoundError:
+            fault = "there is no such file"
+        except OSError as error:
+            fault = f"the file cannot be read: {error.strerror}"
+        raise MissionError(fault, str(self.path))
 
     @functools.cached_property
     def text(self) -> str:
@@ -141,6 +147,17 @@ class Source:
         from botohe_moo._base.document import Document
 
         return Document(self.text)
+
+
+def within(source: str, error: Exception) -> MissionError:
+    """Return an error as one of the mission or file that is called ``source``.
+
+    Where it is about another file, such as a map, its faults begin with the name of that file.
+    """
+    faults = getattr(error, "faults", [str(error).removeprefix(f"{source}: ").rstrip(".")])
+    inner = getattr(error, "source", source)
+    where = "" if inner.startswith((source, "The mission", "Mission '")) else f"{inner}: "
+    return MissionError([f"{where}{fault}" for fault in faults], source)
 
 
 @dataclass(frozen=True)
@@ -181,32 +198,26 @@ class Format:
 
 _FORMATS = PluginGroup("botohe_moo.formats", "format", Format)
 
-# Other kinds of files with the same suffixes, by their keys, and what can be done about them.
-_FOREIGN: Sequence[tuple[str, set[str]]] = (
-    ("a map: `botohe missions from-map` makes a mission from it", {"image", "resolution"}),
-    ("a study, which `botohe study run` runs", {"missions", "algorithms"}),
-    ("a topological map of LCAS: docs/mission-robots.md has a recipe", {"nodes", "pointset"}),
-    ("a fleet configuration of Open-RMF: read its navigation graph", {"rmf_fleet"}),
-    (
-        "a site of Open-RMF's site editor: export its navigation graphs",
-        {"format_version", "properties"},
-    ),
-    ("a layout of VDA 5050 (LIF)", {"layouts", "metaInformation"}),
-    ("a plan of QGroundControl", {"fileType", "mission"}),
-    ("a TopoJSON topology: convert it to GeoJSON", {"arcs", "objects"}),
-    ("features of ArcGIS: convert them to GeoJSON", {"features", "geometryType"}),
-    (
-        "OpenStreetMap data: docs/mission-maps.md has a recipe for streets",
-        {"elements", "generator"},
-    ),
-    ("a graph of Cytoscape: export GraphML", {"elements"}),
-)
+# Keys of other kinds of files with the same suffixes, and what can be done about them.
+_FOREIGN = {
+    ("image", "resolution"): "a map: `botohe missions from-map` makes a mission from it",
+    ("missions", "algorithms"): "a study, which `botohe study run` runs",
+    ("nodes", "pointset"): "a topological map of LCAS: docs/mission-robots.md has a recipe",
+    ("node", "meta"): "a topological map of LCAS: docs/mission-robots.md has a recipe",
+    ("rmf_fleet",): "a fleet configuration of Open-RMF: read its navigation graph",
+    ("format_version", "properties"): "a site of Open-RMF's site editor: export navigation graphs",
+    ("layouts", "metaInformation"): "a layout of VDA 5050 (LIF)",
+    ("fileType", "mission"): "a plan of QGroundControl",
+    ("arcs", "objects"): "a TopoJSON topology: convert it to GeoJSON",
+    ("features", "geometryType"): "features of ArcGIS: convert them to GeoJSON",
+    ("elements", "generator"): "OpenStreetMap data: docs/mission-maps.md has a recipe for streets",
+    ("elements",): "a graph of Cytoscape: export GraphML",
+}
 
 
 def formats() -> dict[str, Format]:
     """Return the formats that are registered, by name; warns of what cannot be loaded."""
-    found: Any = {name: _FORMATS.load(name) for name in _FORMATS.names()}
-    return found  # type: ignore[no-any-return]
+    return {name: cast("Format", _FORMATS.load(name)) for name in _FORMATS.names()}
 
 
 def suffixes() -> tuple[str, ...]:
@@ -214,21 +225,19 @@ def suffixes() -> tuple[str, ...]:
     return tuple(dict.fromkeys(s for known in formats().values() for s in known.suffixes))
 
 
-def _candidates(path: Path) -> list[Format]:
-    """Return the formats with a suffix of a file, first those whose suffix is longest."""
-    name = path.name.lower()
-    found = [
-        (-len(suffix), i, known)
-        for known in formats().values()
-        for i, suffix in enumerate(known.suffixes)
-        if name.endswith(suffix)
-    ]
-    return [known for *_, known in sorted(found, key=lambda one: one[:2])]
+def _fitting(path: str | os.PathLike[str]) -> list[tuple[str, Format]]:
+    """Return the suffixes that a file has, longest first, each with a format that has it, too.
+
+    Of formats with the same suffix, those come first that write files with it.
+    """
+    name, known = Path(path).name.lower(), formats().values()
+    found = [(suffix, one) for one in known for suffix in one.suffixes if name.endswith(suffix)]
+    return sorted(found, key=lambda pair: (-len(pair[0]), pair[1].suffixes.index(pair[0])))
 
 
 def is_file_name(name: str | os.PathLike[str]) -> bool:
-    """Return whether a name has a suffix of mission files."""
-    return bool(_candidates(Path(name)))
+    """Return whether a name has a suffix of mission files, or is that of a file in a folder."""
+    return bool(_fitting(name)) or Path(name).name != str(name)
 
 
 def stem_of(path: str | os.PathLike[str]) -> str:
@@ -241,9 +250,8 @@ def stem_of(path: str | os.PathLike[str]) -> str:
     'hotel'
     """
     path = Path(path)
-    ends = [s for known in formats().values() for s in known.suffixes]
-    longest = max((len(s) for s in ends if path.name.lower().endswith(s)), default=0)
-    return path.name[:-longest] if 0 < longest < len(path.name) else path.stem
+    longest = max((len(suffix) for suffix, _ in _fitting(path)), default=0)
+    return path.name[:-longest] or path.stem  # which is also right if no format has the suffix
 
 
 def format_of(file: str | os.PathLike[str] | Source) -> Format:
@@ -264,30 +272,31 @@ def format_of(file: str | os.PathLike[str] | Source) -> Format:
     ('.json',)
     """
     source = file if isinstance(file, Source) else Source(file)
-    found = _candidates(source.path)
+    found = [known for _, known in _fitting(source.path)]
     if not found:
         raise MissionError(suffix_fault(source.path, suffixes()), str(source.path))
     source.data  # noqa: B018 - a file that cannot be read is in no format
     for known in found:
-        with suppress(ValueError, RecursionError, AttributeError, TypeError, LookupError):
-            if known.sniff(source):
-                return known
-    if kind := _foreign_kind(source):
+        if _seen(known.sniff, source):
+            return known
+    if kind := _seen(_foreign_kind, source):
         raise MissionError(f"expected a mission, found {kind}", str(source.path))
     return found[0]  # whose reader says what it misses
 
 
-def _foreign_kind(source: Source) -> str:
-    """Return what a file is that is in no format of missions; empty if that is not known."""
-    try:
-        is_yaml = source.path.suffix.lower() in (".yaml", ".yml")
-        content = source.yaml.content if is_yaml else source.json
-    except (ValueError, RecursionError):
-        return ""
-    if isinstance(content, list) and content and isinstance(content[0], dict):
-        content = dict.fromkeys(["nodes", "pointset"] if "node" in content[0] else [])
-    keys = content if isinstance(content, dict) else {}
-    return next((kind for kind, needed in _FOREIGN if needed <= keys.keys()), "")
+def _seen(look: Callable[[Source], Any], source: Source) -> Any:
+    """Return what a look at a file finds; None if its content is of another form altogether."""
+    with suppress(ValueError, RecursionError, AttributeError, TypeError, LookupError):
+        return look(source)
+    return None
+
+
+def _foreign_kind(source: Source) -> str | None:
+    """Return what a file is that is in no format of missions; None if that is not known."""
+    is_yaml = source.path.suffix.lower() in (".yaml", ".yml")
+    content = source.yaml.content if is_yaml else source.json
+    keys = {*(content[0] if isinstance(content, list) else content)}
+    return next((kind for needed, kind in _FOREIGN.items() if keys.issuperset(needed)), None)
 
 
 def validated(document: Document, model: type[M]) -> M:
@@ -295,24 +304,11 @@ def validated(document: Document, model: type[M]) -> M:
     try:
         return model.model_validate(document.content)
     except ValidationError as invalid:
-        errors = invalid.errors(include_url=False)
-    faults = []
-    for error in errors:
-        way = way_into(document.content, error["loc"])
-        start = max((i for i, key in enumerate(way) if isinstance(key, str)), default=None)
-        name = "the file"
-        if start is not None:
-            name = f"{way[start]}{''.join(f'[{key}]' for key in way[start + 1 :])}"
-        said = wrong_value(name, error).rstrip(".").replace("Expected", "expected", 1)
-        faults.append(f"line {document.line(way)}: {said}" if way else said)
-    raise MissionError(faults)
-
-
-def file_content(path: Path) -> bytes:
-    """Return what is in a file; the MissionError for what cannot be read names the file."""
-    try:
-        return read_bytes(path)
-    except FileNotFoundError:
-        raise MissionError("there is no such file", str(path)) from None
-    except OSError as error:
-        raise MissionError(f"the file cannot be read: {error.strerror}", str(path)) from None
+        faults = []
+        for error in invalid.errors(include_url=False):
+            way, name = way_into(document.content, error["loc"]), "the file"
+            for key in way:
+                name = key if isinstance(key, str) else f"{name}[{key}]"
+            said = wrong_value(name, error).rstrip(".").replace("Expected", "expected", 1)
+            faults.append(f"line {document.line(way)}: {said}")
+        raise MissionError(faults) from None

@@ -20,7 +20,7 @@ from botohe_moo._base.checks import as_float, check_frame, most_alike, quoted
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.arrays import distance_of, plain_numbers
-from botohe_moo.mission.formats.reading import Draft, Row, file_content
+from botohe_moo.mission.formats.reading import Draft, Row, Source
 from botohe_moo.mission.hazards import Raster, mean_rate, read_zones, seen_from, survived
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import (
@@ -373,14 +373,10 @@ def _named_arc(arc: Row) -> str:
 
 
 def _raster(path: _Path) -> Raster:
-    """Read a map; its faults are part of those of the file that is read with it."""
     # Imported late: it takes time, and most missions need no images.
     from botohe_moo.mission.formats.maps import read_raster
 
-    try:
-        return read_raster(path)
-    except MissionError as error:
-        raise MissionError([f"{error.source}: {fault}" for fault in error.faults]) from None
+    return read_raster(path)
 
 
 def _named(what: str, names: Iterable[str]) -> list[str]:
@@ -476,7 +472,7 @@ def read_table(path: _Path) -> pd.DataFrame:
 
     path = Path(path)
     try:
-        text = file_content(path).decode("utf-8-sig")
+        text = Source(path).text
     except UnicodeDecodeError as error:
         reason = f"{error}; save it as 'CSV UTF-8', as spreadsheets call it"
         raise MissionError(reason, str(path)) from None

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -101,7 +100,7 @@ class CheckedContent:
         for member in _members(entries):
             entry: MissionEntry = member.entry
             name = entry.mission
-            if is_file_name(name) or "/" in name or os.sep in name:
+            if is_file_name(name):
                 name = str(self._folder / name)
             parameters = relative_to(self._folder, name, member.parameters)
             source = {"name_or_path": name, **entry.own_parameters, **parameters}
