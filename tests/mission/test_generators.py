@@ -133,19 +133,18 @@ def test_sizes(generate, nodes):
         (
             generators.terrain,
             {"nodes": 9, "depots": 9},
-            "Expected depots <= 8, the nodes beside the base, got 9.",
+            "Expected depots < 9 nodes, got 9.",
         ),
         (
             generators.random,
             {"nodes": 30, "arc_probability": 0.01},
-            "Expected an arc_probability that connects 30 nodes, got 0.01: none of 1000 graphs was "
-            "connected; most are above 0.17.",  # 1.5 log(30) / 30
+            "Expected arc_probability > 0.17, which connects most graphs of 30 nodes, got 0.01.",
         ),
         (generators.town, {"streets": 3}, "Expected streets to be a multiple of 2, got 3."),
         (
             generators.building,
             {"robots": 3, "wheeled": 3},
-            "Expected wheeled to be fewer than all 3 robots, got 3.",
+            "Expected wheeled < 3 robots, got 3.",
         ),
         (
             generators.orienteering,

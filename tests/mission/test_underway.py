@@ -188,7 +188,7 @@ def test_rewards_by_hand():
     trail = ["dock", "reef", "lab", "pier", "dock"]
     graph.add_edges_from(pairwise(trail), survival=0.5)
     mission = Mission(graph, robots=2)
-    start = robots_at_start(mission, mission.plan([trail, trail]))
+    start = robots_at_start(mission, mission.plan([trail, trail]), mission.limits())
     out = apply_events(start, [Event("reached", 0, "lab"), Event("lost", 1, "lab")])
     settled = settle_rewards(mission, out)
     assert (settled.left["reef"], settled.left["lab"], settled.banked) == (1.0, 8.0, 3.0)
@@ -235,10 +235,10 @@ def test_bad_events():
         "Event 1: robot 0 reached 4: expected a node of the rest of its trail, 2, 1.",
         "Event 3: robot 0 lost: it is lost already.",
         "Event 4: robot 1 reached 2: expected a node of the rest of its trail, which has ended.",
-        "Event 5: robot 2 home: expected a row of the plan, which has 2 robots, from 0.",
-        "Event 6: expected 'reached', 'lost' or 'home', got 'arrived'.",
+        "Event 5: robot 2 home: expected a row of the plan, 0 to 1.",
+        "Event 6: expected one of ['reached', 'lost', 'home'], got 'arrived'.",
         "Event 7: robot 1 home at 2: expected the end of its trail, 1.",
-        "Event 8: robot robot lost: expected a row of the plan, which has 2 robots, from 0.",
+        "Event 8: robot robot lost: expected a row of the plan, 0 to 1.",
     ]
     with pytest.raises(TypeError, match=r"^Expected events to be of type Event, got '1,lost'\.$"):
         toy.after(plan, ["1,lost"])

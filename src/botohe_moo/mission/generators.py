@@ -6,10 +6,12 @@ files stay readable. Passages lead both ways. The base, node 0 unless said other
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable
+from importlib.resources import files
 from itertools import pairwise
-from typing import Annotated, Any, NamedTuple, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import networkx as nx
 import numpy as np
@@ -24,31 +26,18 @@ from botohe_moo.mission.formats import benchmark
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import Kind
 
-ArcProbability: TypeAlias = Annotated[
-    float, Field(gt=0, le=1, description="Probability that there is a passage between two nodes.")
-]
-Depots: TypeAlias = Annotated[int, Field(ge=0, description="Number of depots beside the base.")]
-Doors: TypeAlias = Annotated[int, Field(ge=1, description="Number of rooms each side a corridor.")]
-Drones: TypeAlias = Annotated[int, Field(ge=1, description="Number of drones.")]
-Floors: TypeAlias = Annotated[int, Field(ge=1, description="Number of floors.")]
-Nodes: TypeAlias = Annotated[int, Field(ge=2, description="Number of nodes.")]
-Rovers: TypeAlias = Annotated[int, Field(ge=1, description="Number of rovers.")]
-Seed: TypeAlias = Annotated[int, Field(ge=0, description="Seed of the random numbers.")]
-Side: TypeAlias = Annotated[int, Field(ge=2, description="Number of nodes along a side.")]
-Streets: TypeAlias = Annotated[
-    int, Field(ge=2, multiple_of=2, description="Number of streets each way, an even number.")
-]
-Tour: TypeAlias = Annotated[
-    Positive, Field(description="Travel budget of the team, as a share of a tour of all nodes.")
-]
-Wheeled: TypeAlias = Annotated[
-    int, Field(ge=0, description="How many of the robots cannot take stairs.")
-]
+ArcProbability: TypeAlias = Annotated[float, Field(gt=0, le=1)]
+AtLeastZero: TypeAlias = Annotated[int, Field(ge=0)]
+AtLeastOne: TypeAlias = Annotated[int, Field(ge=1)]
+Nodes: TypeAlias = Annotated[int, Field(ge=2)]  # of a mission, or along a side
+Seed: TypeAlias = AtLeastZero
+Streets: TypeAlias = Annotated[int, Field(ge=2, multiple_of=2)]
 
 _DIGITS = 4  # decimal places of most numbers
 _STEPS = 10**_DIGITS
 _LEAST = 1 / _STEPS  # the lowest survival that is drawn
 _DRAWS = 1000  # at most, until a graph is connected
+_SPACING, _JITTER = 12, 2.5  # metres between places, and how far each is moved from its grid
 _HALL = 5  # metres along a corridor from one door to the next
 
 
@@ -70,8 +59,7 @@ class _Drawing:
         """Draw normal numbers (size,); those outside [low, high] are drawn again."""
         values = np.empty(0)
         while len(values) < size:
-            standard = self.rng.standard_normal(size - len(values))
-            drawn = np.round(mean + deviation * standard, _DIGITS)
+            drawn = np.round(self.rng.normal(mean, deviation, size - len(values)), _DIGITS)
             values = np.concatenate([values, drawn[(low <= drawn) & (drawn <= high)]])
         return values
 
@@ -108,9 +96,7 @@ class _Drawing:
         for pair, survival in zip(pairs.tolist(), survivals.tolist(), strict=True):
             self.passage(*pair, *survival)
 
-    def mission(
-        self, *, kinds: Sequence[Kind] | None = None, pays: str | None = None, **attributes: Any
-    ) -> Mission:
+    def mission(self, *, kinds: Any = None, pays: str | None = None, **attributes: Any) -> Mission:
         """Make the mission, whose files list the attributes of its graph in the order given."""
         self.graph.graph.update(attributes)
         self.graph.nodes[attributes["base"]]["reward"] = 0.0
@@ -118,7 +104,7 @@ class _Drawing:
 
 
 @checked
-def two_communities(*, seed: Seed = 0, robots: Robots = 2) -> Mission:
+def two_communities(*, robots: Robots = 2, seed: Seed = 0) -> Mission:
     """A poor community of 12 nodes and a rich one of 8, hardly connected, beside the base.
 
     Passages have probability 0.4 and 0.3 within the communities, and 0.025 between them. Rewards
@@ -127,6 +113,13 @@ def two_communities(*, seed: Seed = 0, robots: Robots = 2) -> Mission:
     to the bound. The first node of each community is tied to the base by a passage of survival 1.
     Passages are drawn again until they connect all nodes: there are about 82 arcs. The node
     attribute ``zone`` tells the communities.
+
+    Parameters
+    ----------
+    robots
+        Team size.
+    seed
+        Seed of the random numbers.
 
     References
     ----------
@@ -158,15 +151,25 @@ def random(
 
     Survivals are uniform in (0, 1), each way its own, and rewards 0.1 + uniform in [0, 1). Where
     none of 1000 graphs is connected, ``arc_probability`` is refused.
+
+    Parameters
+    ----------
+    nodes
+        Number of nodes.
+    arc_probability
+        Probability that there is a passage between two nodes.
+    robots
+        Team size.
+    seed
+        Seed of the random numbers.
     """
     title = f"Random graph of {nodes} nodes, arc probability {arc_probability:g}"
     drawing = _Drawing("random", title, seed)
     pairs = drawing.connected_pairs(np.full((nodes, nodes), arc_probability))
     if not len(pairs):
         usual = 1.5 * math.log(nodes) / nodes
-        expected = f"Expected an arc_probability that connects {nodes} nodes, got {arc_probability}"
-        found = f"none of {_DRAWS} graphs was connected; most are above {usual:.2g}"
-        raise ParameterError(f"{expected}: {found}.", "arc_probability")
+        expected = f"arc_probability > {usual:.2g}, which connects most graphs of {nodes} nodes"
+        raise ParameterError(f"Expected {expected}, got {arc_probability}.", "arc_probability")
     drawing.nodes(reward=drawing.uniform(0.1, 1.1, nodes), pos=_circle(nodes, 0.5, 0.5))
     drawing.passages(pairs, drawing.uniform(_LEAST, 1, len(pairs), 2))
     return drawing.mission(base=0, robots=robots)
@@ -178,6 +181,15 @@ def complete(*, nodes: Nodes = 25, robots: Robots = 2, seed: Seed = 0) -> Missio
 
     Rewards are normal(1, 1), truncated to at least 0. Survivals, each way its own, are
     normal(0.75, 0.2), truncated to (0, 1]. A number out of its range is drawn again.
+
+    Parameters
+    ----------
+    nodes
+        Number of nodes.
+    robots
+        Team size.
+    seed
+        Seed of the random numbers.
     """
     drawing = _Drawing("complete", f"Complete graph of {nodes} nodes", seed)
     pairs = np.column_stack(np.triu_indices(nodes, 1))
@@ -188,7 +200,7 @@ def complete(*, nodes: Nodes = 25, robots: Robots = 2, seed: Seed = 0) -> Missio
 
 @checked
 def terrain(
-    *, nodes: Nodes = 200, robots: Robots = 5, depots: Depots = 0, seed: Seed = 0
+    *, nodes: Nodes = 200, robots: Robots = 5, depots: AtLeastZero = 0, seed: Seed = 0
 ) -> Mission:
     """Waypoints in the unit square, with passages between near ones, like ``terrain_200``.
 
@@ -197,10 +209,20 @@ def terrain(
     uniform in [0.9, 0.995], each way its own, and rewards uniform in [0, 1). The base is the
     waypoint nearest to the centre. Depots are drawn among the others. If there are any, rewards
     count when a robot returns to one of them or to the base.
+
+    Parameters
+    ----------
+    nodes
+        Number of nodes.
+    robots
+        Team size.
+    depots
+        Number of depots beside the base.
+    seed
+        Seed of the random numbers.
     """
     if depots >= nodes:
-        message = f"Expected depots <= {nodes - 1}, the nodes beside the base, got {depots}."
-        raise ParameterError(message, "depots")
+        raise ParameterError(f"Expected depots < {nodes} nodes, got {depots}.", "depots")
     size = f"{nodes} waypoints" + (f", {counted(depots, 'depot')}" if depots else "")
     drawing = _Drawing("terrain", f"Rolling terrain: {size}, random geometric graph", seed)
     rng = drawing.rng
@@ -224,6 +246,15 @@ def tunnel(*, nodes: Nodes = 45, robots: Robots = 3, seed: Seed = 0) -> Mission:
     The shortest passages that join all places in a square of 400 m, and one more for every six
     places, drawn from passages to one of the four nearest places. Survival falls by a factor of e
     every 500 m, alike both ways. Rewards are 0, 0.15, 0.3, 0.5 or 1.
+
+    Parameters
+    ----------
+    nodes
+        Number of nodes.
+    robots
+        Team size.
+    seed
+        Seed of the random numbers.
     """
     drawing = _Drawing("tunnel", f"Tunnels with {nodes} places", seed)
     rng = drawing.rng
@@ -239,11 +270,20 @@ def tunnel(*, nodes: Nodes = 45, robots: Robots = 3, seed: Seed = 0) -> Mission:
 
 
 @checked
-def lattice(*, rows: Side = 5, columns: Side = 13, robots: Robots = 2, seed: Seed = 0) -> Mission:
+def lattice(*, rows: Nodes = 5, columns: Nodes = 13, robots: Robots = 2, seed: Seed = 0) -> Mission:
     """A square lattice on which every node pays 1, so that E[R] is the expected number of visits.
 
     That is the objective of the team surviving orienteers. Survivals are uniform in [0.9, 1),
     alike both ways. The base, a corner, has no reward.
+
+    Parameters
+    ----------
+    rows, columns
+        Number of nodes along a side.
+    robots
+        Team size.
+    seed
+        Seed of the random numbers.
 
     References
     ----------
@@ -262,6 +302,15 @@ def town(*, streets: Streets = 8, robots: Robots = 2, seed: Seed = 0) -> Mission
     """The crossings of one-way streets, each of which leads the other way than the last.
 
     Rewards are uniform in [0.1, 1), survivals in [0.9, 1). The base is a corner.
+
+    Parameters
+    ----------
+    streets
+        Number of streets each way, an even number.
+    robots
+        Team size.
+    seed
+        Seed of the random numbers.
     """
     drawing = _Drawing("town", f"Town of {streets} x {streets} one-way streets", seed)
     cells, _ = _grid(streets, streets)
@@ -278,10 +327,10 @@ def town(*, streets: Streets = 8, robots: Robots = 2, seed: Seed = 0) -> Mission
 @checked
 def building(
     *,
-    floors: Floors = 3,
-    doors: Doors = 6,
+    floors: AtLeastOne = 3,
+    doors: AtLeastOne = 6,
     robots: Robots = 3,
-    wheeled: Wheeled = 0,
+    wheeled: AtLeastZero = 0,
     seed: Seed = 0,
 ) -> Mission:
     """Floors with a corridor between two rows of rooms, and stairs at both of its ends.
@@ -293,11 +342,22 @@ def building(
     ways. The base is the middle of the corridor on the ground floor. If some robots are wheeled,
     there are two kinds, ``walking`` and ``wheeled``. They survive alike, but wheeled robots cannot
     take stairs.
+
+    Parameters
+    ----------
+    floors
+        Number of floors.
+    doors
+        Number of rooms each side a corridor.
+    robots
+        Team size.
+    wheeled
+        How many of the robots cannot take stairs.
+    seed
+        Seed of the random numbers.
     """
-    if wheeled and wheeled >= robots:
-        team = counted(robots, "robot")
-        message = f"Expected wheeled to be fewer than all {team}, got {wheeled}."
-        raise ParameterError(message, "wheeled")
+    if wheeled >= robots:
+        raise ParameterError(f"Expected wheeled < {robots} robots, got {wheeled}.", "wheeled")
     title = f"Building of {counted(floors, 'floor')} with {2 * doors} rooms each"
     drawing = _Drawing("building", title, seed)
     graph, uniform, passage = drawing.graph, drawing.uniform, drawing.passage
@@ -326,7 +386,7 @@ def building(
 
 @checked
 def orienteering(
-    *, nodes: Nodes = 32, robots: Robots = 2, tour: Tour = 0.5, seed: Seed = 0
+    *, nodes: Nodes = 32, robots: Robots = 2, tour: Positive = 0.5, seed: Seed = 0
 ) -> Mission:
     """Team orienteering: points in a square, an arc from each to every other, a travel budget.
 
@@ -334,6 +394,17 @@ def orienteering(
     together may travel ``tour`` times the usual length of a shortest tour of n points in an area
     A, 0.7124 √(n A) (Beardwood, Halton and Hammersley, 1959). Arcs are as long as their points are
     apart; survival falls by a factor of e with each 100.
+
+    Parameters
+    ----------
+    nodes
+        Number of nodes.
+    robots
+        Team size.
+    tour
+        Travel budget of the team, as a share of a tour of all nodes.
+    seed
+        Seed of the random numbers.
 
     References
     ----------
@@ -352,46 +423,8 @@ def orienteering(
     return Mission(graph)
 
 
-class _Zone(NamedTuple):
-    """Places on a grid, each worth a photo or a sample.
-
-    Both have a least and a greatest reward, and the share that drones collect.
-    """
-
-    grid: tuple[int, int]
-    corner: tuple[int, int]  # position of the first place, in metres
-    way: str  # what passages between its places are like
-    photo: tuple[float, float, float] = (0, 0, 1)
-    sample: tuple[float, float, float] = (0, 0, 0)
-    n_samples: int = 0
-
-
-_SPACING, _JITTER = 12, 2.5  # metres between places, and how far each is moved from its grid
-_ZONES = {
-    "gate": _Zone((1, 1), (-14, 12), "ground"),
-    "yard": _Zone((4, 3), (0, 0), "ground", (0.5, 2, 1), (3, 6, 0), 3),
-    "lab": _Zone((4, 2), (52, 0), "indoors", (1, 3, 0.5), (4, 8, 0), 4),
-    "office": _Zone((3, 2), (58, 30), "indoors", (2, 5, 1), (3, 6, 0.5), 2),
-    "roof": _Zone((1, 1), (70, 62), "air"),
-    "basin": _Zone((3, 2), (6, 42), "water", (1, 3, 1), (3, 6, 0.5), 3),
-}
-_LINKS = {  # passages from zone to zone
-    "ground": [("gate", "yard 2"), ("yard 10", "lab 1"), ("yard 12", "lab 2")],
-    "stairs": [("lab 4", "office 1"), ("lab 8", "office 5"), ("office 4", "roof")],
-    "water": [("yard 3", "basin 1"), ("yard 9", "basin 5")],
-    "air": [("basin 6", "roof"), ("yard 12", "roof")],
-}
-_SURVIVALS = {  # the least and the greatest, of drones and of rovers; 0 forbids a passage
-    "ground": ((0.95, 0.98), (0.98, 0.998)),
-    "indoors": ((0.90, 0.95), (0.96, 0.99)),
-    "stairs": ((0.90, 0.95), (0, 0)),
-    "water": ((0.95, 0.98), (0, 0)),
-    "air": ((0.96, 0.99), (0, 0)),
-}
-
-
 @checked
-def drones_and_rovers(*, drones: Drones = 2, rovers: Rovers = 2, seed: Seed = 0) -> Mission:
+def drones_and_rovers(*, drones: AtLeastOne = 2, rovers: AtLeastOne = 2, seed: Seed = 0) -> Mission:
     """A flooded plant: drones fly over stairs and water, rovers open doors and carry samples.
 
     34 places and 102 arcs: a yard, a basin, a lab on the ground floor, an office above it, and the
@@ -401,38 +434,45 @@ def drones_and_rovers(*, drones: Drones = 2, rovers: Rovers = 2, seed: Seed = 0)
     return. A drone gets half of the photos in the lab, behind doors, and half of the samples in the
     office and the basin, but cannot lift those in the yard and the lab. Positions, rewards, where
     samples are, and survivals are drawn at random.
+
+    Parameters
+    ----------
+    drones
+        Number of drones.
+    rovers
+        Number of rovers.
+    seed
+        Seed of the random numbers.
     """
     drawing = _Drawing("drones_and_rovers", "Drones and rovers at a flooded plant", seed)
-    passages = [passage for name in _ZONES for passage in _add_zone(drawing, name)]
-    passages += [(one, other, way) for way, links in _LINKS.items() for one, other in links]
-    ranges = np.array([_SURVIVALS[way] for *_, way in passages])  # (n_passages, kind, bound)
+    data = files("botohe_moo.mission").joinpath("data", "flooded_plant.json")
+    plant = json.loads(data.read_text("utf-8"))
+    zones, ways = plant["zones"], plant["ways"]
+    passages = [passage for name in zones for passage in _add_zone(drawing, name, zones[name])]
+    passages += [(*link, way) for way in ways for link in ways[way]["links"]]
+    ranges = np.array([ways[way]["survival"] for *_, way in passages])  # (n_passages, kind, bound)
     survivals = np.round(drawing.rng.uniform(ranges[..., 0], ranges[..., 1]), _DIGITS)
     pos = dict(drawing.graph.nodes(data="pos"))
     for (one, other, way), (drone, rover) in zip(passages, survivals.tolist(), strict=True):
         length = round(math.dist(pos[one], pos[other]), 1)
         drawing.passage(one, other, {"drone": drone, "rover": rover}, length=length, way=way)
-    drawing.graph.nodes["roof"]["depot"] = True
     flying = Kind("drone", drones, start="roof", end="roof", max_length=250)
     return drawing.mission(base="gate", kinds=[flying, Kind("rover", rovers)])
 
 
-def _add_zone(drawing: _Drawing, name: str) -> list[tuple[str, str, str]]:
+def _add_zone(drawing: _Drawing, name: str, zone: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Add the places of a zone, and return the passages between them."""
-    zone, rng = _ZONES[name], drawing.rng
-    cells, neighbours = _grid(*zone.grid)
-    n = len(cells)
+    cells, neighbours = _grid(*zone["grid"])
+    n, rng = len(cells), drawing.rng
     labels = [f"{name} {i}" for i in range(1, n + 1)] if n > 1 else [name]
-    samples = set(rng.choice(n, zone.n_samples, replace=False).tolist())
+    samples = rng.choice(n, zone["n_samples"], replace=False)
     moved = rng.uniform(-_JITTER, _JITTER, cells.shape)
-    positions = np.round(zone.corner + _SPACING * cells + moved, 1).tolist()
+    positions = np.round(zone["corner"] + _SPACING * cells + moved, 1).tolist()
     for i, label in enumerate(labels):
-        least, greatest, share = zone.sample if i in samples else zone.photo
-        place = {"reward": round(rng.uniform(least, greatest), 1), "pos": positions[i]}
-        place |= {"zone": name} if n > 1 else {}
-        place |= {"share": {"drone": share}} if share < 1 else {}
-        place |= {"pays": "return"} if i in samples else {}
-        drawing.graph.add_node(label, **place)
-    return [(labels[one], labels[other], zone.way) for one, other in neighbours.tolist()]
+        place = zone["sample" if i in samples else "photo"]
+        reward = round(rng.uniform(*place["reward"]), 1)
+        drawing.graph.add_node(label, reward=reward, pos=positions[i], **place["attributes"])
+    return [(labels[one], labels[other], zone["way"]) for one, other in neighbours.tolist()]
 
 
 def _grid(rows: int, columns: int) -> tuple[OffsetArray, OffsetArray]:

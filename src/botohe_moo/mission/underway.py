@@ -9,15 +9,15 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import networkx as nx
-import numpy as np
 
 from botohe_moo._base.checks import quoted
-from botohe_moo._base.words import counted
 from botohe_moo.kernels.graph.graph import Limits, limit_at
 from botohe_moo.mission.rules import Kind, MissionError, PlanError, by_kind
 from botohe_moo.trails import TrailPlan
 
 _ROUNDING = 1e-12  # relative, of survivals and lengths
+_STATES = {"reached": "out", "lost": "lost", "home": "home"}  # of a robot after each event
+_PLACES = {"reached": "", "lost": " on the way to", "home": " at"}  # before the node of an event
 
 
 class EventError(ValueError):
@@ -69,9 +69,7 @@ class Event:
     where: str | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
-        if self.what == "lost" and self.node is not None:
-            return f"robot {self.robot} lost on the way to {quoted(self.node)}"
-        place = f" {quoted(self.node)}" if self.what == "reached" else ""
+        place = "" if self.node is None else f"{_PLACES.get(self.what, '')} {quoted(self.node)}"
         return f"robot {self.robot} {self.what}{place}"
 
 
@@ -79,7 +77,8 @@ class Event:
 class RobotState:
     """A robot under way: where it is on its trail, and whether it is out, lost or home.
 
-    A lost robot stays at the last node that it reached.
+    A lost robot stays at the last node that it reached. The kind has the limits that the robot had
+    to keep at the start.
     """
 
     number: int
@@ -89,10 +88,25 @@ class RobotState:
     state: str = "out"
 
 
-def robots_at_start(mission: Any, plan: TrailPlan) -> list[RobotState]:
-    """Return the robots of a plan before anything has happened."""
-    trails = zip(mission.kind_of, mission.labels(plan), strict=True)
-    return [RobotState(number, kind, trail) for number, (kind, trail) in enumerate(trails)]
+def robots_at_start(mission: Any, plan: TrailPlan, limits: Limits) -> list[RobotState]:
+    """Return the robots of a plan before anything has happened.
+
+    A PlanError says if the plan is not valid, or does not keep the limits.
+    """
+    [survivals], [lengths] = mission.robot_survival([plan]), mission.trail_lengths([plan])
+    robots, labels = [], mission.labels(plan)
+    for robot, trail in enumerate(plan.trails):
+        least = limit_at(limits.min_survival, limits.floors, trail[0])
+        longest = limit_at(limits.max_length, limits.budgets, trail[0])
+        expected = f"Robot {robot}: expected a trail"
+        if survivals[robot] < least * (1.0 - _ROUNDING):
+            raise PlanError(f"{expected} with survival >= {least:g}, got {survivals[robot]:.4g}.")
+        if lengths[robot] > longest * (1.0 + _ROUNDING):
+            raise PlanError(f"{expected} of length <= {longest:g}, got {lengths[robot]:g}.")
+        budget = None if longest == math.inf else longest
+        kind = replace(mission.kind_of[robot], min_survival=least, max_length=budget)
+        robots.append(RobotState(robot, kind, labels[robot]))
+    return robots
 
 
 def apply_events(robots: Sequence[RobotState], events: Iterable[Event]) -> list[RobotState]:
@@ -119,36 +133,23 @@ def apply_event(robots: Sequence[RobotState], event: Event) -> RobotState:
     """Return the robot of an event after it; the EventError says why it cannot happen."""
     if not isinstance(event, Event):
         raise TypeError(f"Expected events to be of type Event, got {quoted(event)}.")
-    if event.what not in ("reached", "lost", "home"):
-        raise EventError(f"expected 'reached', 'lost' or 'home', got {quoted(event.what)}.")
-    robot = _find(robots, event)
-    end, ahead = len(robot.trail) - 1, robot.trail[robot.at + 1 :]
+    if event.what not in _STATES:
+        raise EventError(f"expected one of {[*_STATES]}, got {quoted(event.what)}.")
+    found = [robot for robot in robots if event.robot in (robot.number, robot.kind.name)]
+    if len(found) != 1:
+        raise EventError(f"{event}: expected a row of the plan, 0 to {len(robots) - 1}.")
+    robot = found[0]
     if robot.state != "out":
         raise EventError(f"{event}: it is {robot.state} already.")
+    expected, first = "a node of the rest of its trail", robot.at + 1
     if event.what == "home":
-        if event.node not in (None, robot.trail[end]):
-            found, expected = quoted(event.node), quoted(robot.trail[end])
-            raise EventError(f"{event} at {found}: expected the end of its trail, {expected}.")
-        return replace(robot, at=end, state="home")
-    if event.what == "lost" and event.node is None:
-        return replace(robot, state="lost")
-    if event.node not in ahead:
-        rest = ", ".join(map(quoted, ahead)) or "which has ended"
-        raise EventError(f"{event}: expected a node of the rest of its trail, {rest}.")
-    hops = ahead.index(event.node)
-    if event.what == "lost":
-        return replace(robot, at=robot.at + hops, state="lost")
-    return replace(robot, at=robot.at + hops + 1)
-
-
-def _find(robots: Sequence[RobotState], event: Event) -> RobotState:
-    """Return the robot of an event by its row, or by a kind that has no other robot."""
-    if isinstance(event.robot, int | np.integer) and 0 <= event.robot < len(robots):
-        return robots[event.robot]
-    if len(found := [robot for robot in robots if robot.kind.name == event.robot]) == 1:
-        return found[0]
-    team = counted(len(robots), "robot")
-    raise EventError(f"{event}: expected a row of the plan, which has {team}, from 0.")
+        expected, first = "the end of its trail", len(robot.trail) - 1
+    places = robot.trail[first:]
+    if event.node not in places and (event.what == "reached" or event.node is not None):
+        listed = ", ".join(map(quoted, places)) or "which has ended"
+        raise EventError(f"{event}: expected {expected}, {listed}.")
+    at = first if event.node is None else first + places.index(event.node)
+    return replace(robot, at=at - (event.what == "lost"), state=_STATES[event.what])
 
 
 class Settled(NamedTuple):
@@ -190,8 +191,7 @@ def settle_rewards(mission: Any, robots: Sequence[RobotState]) -> Settled:
 
 def _collected(mission: Any, robot: RobotState) -> tuple[list[Hashable], tuple[Hashable, ...]]:
     """Return the nodes for which a robot is paid, and those whose rewards it carries."""
-    paid: list[Hashable] = []
-    carried = list(robot.kind.aboard)
+    paid, carried = list[Hashable](), list(robot.kind.aboard)
     for node in robot.trail[: robot.at + 1]:
         attributes = mission.graph.nodes[node]
         if node not in paid and node not in carried:
@@ -281,41 +281,20 @@ def under_way(
     >>> left.mission.labels(left.plan), left.robots, left.banked
     (((4, 2, 1), (1,)), (0, 1), 4.0)
     """
-    limits = mission.limits(min_survival, max_length)
-    check_limits(mission, plan, limits)
+    robots = robots_at_start(mission, plan, mission.limits(min_survival, max_length))
     events = list(events)
     if not events and not min_survival and max_length is None:
         return UnderWay(mission, plan, tuple(range(mission.robots)), 0.0)
-    return remaining_mission(mission, apply_events(robots_at_start(mission, plan), events), limits)
+    return remaining_mission(mission, apply_events(robots, events))
 
 
-def check_limits(mission: Any, plan: TrailPlan, limits: Limits) -> None:
-    """Refuse, by a PlanError, a plan that is not valid or does not keep limits."""
-    [survivals], [lengths] = mission.robot_survival([plan]), mission.trail_lengths([plan])
-    trails = zip(mission.kind_of, survivals, lengths, strict=True)
-    for robot, (kind, survival, length) in enumerate(trails):
-        least, longest = _limits_of(mission, limits, kind)
-        expected = f"Robot {robot}: expected a trail"
-        if survival < least * (1.0 - _ROUNDING):
-            raise PlanError(f"{expected} with survival >= {least:g}, got {survival:.4g}.")
-        if length > longest * (1.0 + _ROUNDING):
-            raise PlanError(f"{expected} of length <= {longest:g}, got {length:g}.")
-
-
-def _limits_of(mission: Any, limits: Limits, kind: Kind) -> tuple[float, float]:
-    """Return the survival floor and the travel budget of a kind."""
-    first = mission.kinds.index(kind) * len(mission.nodes)
-    least = limit_at(limits.min_survival, limits.floors, first)
-    return least, limit_at(limits.max_length, limits.budgets, first)
-
-
-def remaining_mission(mission: Any, robots: Sequence[RobotState], limits: Limits) -> UnderWay:
+def remaining_mission(mission: Any, robots: Sequence[RobotState]) -> UnderWay:
     """Return what is left of a mission whose robots are where they are; see `under_way`."""
     settled = settle_rewards(mission, robots)
     groups: dict[Kind, list[RobotState]] = {}  # in the order of their first rows
-    for robot in robots:
+    for robot, aboard in zip(robots, settled.aboard, strict=True):
         if robot.state != "lost":
-            groups.setdefault(_kind_left(mission, robot, settled, limits), []).append(robot)
+            groups.setdefault(_kind_left(mission, robot, aboard), []).append(robot)
     if not groups:
         raise MissionError("all robots are lost", f"Mission {quoted(mission.name)}")
     first = {kind.name: group[0] for kind, group in groups.items()}
@@ -326,26 +305,23 @@ def remaining_mission(mission: Any, robots: Sequence[RobotState], limits: Limits
     return UnderWay(rest, plan, tuple(robot.number for robot in left), settled.banked)
 
 
-def _kind_left(mission: Any, robot: RobotState, settled: Settled, limits: Limits) -> Kind:
+def _kind_left(mission: Any, robot: RobotState, aboard: tuple[Hashable, ...]) -> Kind:
     """Return the kind that a robot is from now on, as if it had no other robots.
 
     Robots of a kind that still wait at their start get equal kinds.
     """
-    kind = robot.kind
-    least, longest = _limits_of(mission, limits, kind)
-    if robot.at > 0 or robot.state == "home":
-        name, names = kind.name, {other.name for other in mission.kinds}
-        if kind.robots > 1:
-            name = f"{kind.name} {robot.number}"
-            while name in names:
-                name += "'"
-        kind = replace(kind, name=name, start=robot.trail[robot.at], end=kind.ends(mission.base)[1])
+    old, kind = robot.kind, replace(robot.kind, robots=1, aboard=aboard)
+    if robot.at == 0 and robot.state == "out":
+        return kind
+    name = f"{old.name} {robot.number}" if old.robots > 1 else old.name
+    while name in {other.name for other in mission.kinds} - {old.name}:
+        name += "'"
+    if kind.max_length is not None:
         lengths = [mission.graph.edges[arc].get("length", 1.0) for arc in pairwise(robot.trail)]
         walked, ahead = sum(lengths[: robot.at]), sum(lengths[robot.at :])
-        longest = max(longest - walked, ahead)  # which may be less by rounding
-    budget = None if longest == math.inf else longest
-    aboard = settled.aboard[robot.number]
-    return replace(kind, robots=1, min_survival=least, max_length=budget, aboard=aboard)
+        # The rest of the trail may be longer than the rest of the budget by rounding.
+        kind = replace(kind, max_length=max(kind.max_length - walked, ahead))
+    return replace(kind, name=name, start=robot.trail[robot.at], end=robot.trail[-1])
 
 
 def _graph_left(mission: Any, first: dict[str, RobotState], settled: Settled) -> nx.DiGraph[Any]:
@@ -356,24 +332,18 @@ def _graph_left(mission: Any, first: dict[str, RobotState], settled: Settled) ->
     graph: nx.DiGraph[Any] = mission.graph.copy()
     for name in ("robots", "kinds", "max_length"):  # the new kinds have their own
         graph.graph.pop(name, None)
-    paid: dict[Hashable, set[str]] = {}
-    used: dict[tuple[Hashable, Hashable], set[str]] = {}
+    nx.set_node_attributes(graph, settled.left, "reward")
+    old_kinds, paid, used = [], {}, {}
     for name, robot in first.items():
-        for node in settled.paid[robot.number]:
-            paid.setdefault(node, set()).add(name)
-        for arc in graph.edges if robot.state == "home" else pairwise(robot.trail[: robot.at + 1]):
-            used.setdefault(arc, set()).add(name)
-    old_kinds = [robot.kind for robot in first.values()]
-
-    def rewrite(attributes: dict[str, Any], key: str, ended: set[str]) -> None:
-        value = attributes.get(key, 1.0)
-        if ended or isinstance(value, Mapping):
-            numbers = zip(first, by_kind(value, old_kinds), strict=True)
-            attributes[key] = {name: 0.0 if name in ended else number for name, number in numbers}
-
-    for node, attributes in graph.nodes(data=True):
-        attributes["reward"] = settled.left[node]
-        rewrite(attributes, "share", paid.get(node, set()))
-    for tail, head, attributes in graph.edges(data=True):
-        rewrite(attributes, "survival", used.get((tail, head), set()))
+        old_kinds.append(robot.kind)
+        paid[name] = {*settled.paid[robot.number]}
+        arcs = graph.edges if robot.state == "home" else pairwise(robot.trail[: robot.at + 1])
+        used[name] = {*arcs}
+    for view, key, ended in ((graph.nodes, "share", paid), (graph.edges, "survival", used)):
+        for item, attributes in view.items():
+            value = attributes.get(key, 1.0)
+            over = {name for name, items in ended.items() if item in items}
+            if over or isinstance(value, Mapping):
+                numbers = zip(first, by_kind(value, old_kinds), strict=True)
+                attributes[key] = {name: 0.0 if name in over else n for name, n in numbers}
     return graph

@@ -11,14 +11,12 @@ import numpy as np
 
 from botohe_moo._base.checks import check_choice, check_integer
 from botohe_moo._base.types import FloatArray
-from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.rules import by_kind
 from botohe_moo.mission.underway import (
     Event,
     RobotState,
     apply_events,
-    check_limits,
     remaining_mission,
     robots_at_start,
     settle_rewards,
@@ -39,12 +37,12 @@ _ORDERS = {"one by one": max, "shortest first": min}  # which trail goes next
 
 
 class Policy(NamedTuple):
-    """When plans are made anew, and how."""
+    """When plans are made anew, and how; and the robots of the plan at the start."""
 
     name: str
     price: float
     evaluations: int
-    limits: Limits
+    robots: tuple[RobotState, ...]
 
 
 class Played(NamedTuple):
@@ -103,7 +101,7 @@ def play_mission(
     [made] = policies_of(mission, plan, [policy], price, *given)
     number = check_integer("number", number, at_least=0)
     steps: list[PlayedStep] = []
-    end = play(mission, plan, made, seed, number, steps)
+    end = play(mission, made, seed, number, steps)
     return PlayedMission(
         mission, plan, policy, made.price, seed, number, tuple(steps), end.reward, end.survivors
     )
@@ -123,14 +121,13 @@ def policies_of(
         check_choice("policy", name, tuple(POLICIES))
     evaluations = check_integer("evaluations", evaluations, at_least=0)
     limits = check_mission(mission).limits(min_survival, max_length)
-    check_limits(mission, plan, limits)
+    robots = tuple(robots_at_start(mission, plan, limits))
     price = check_price(mission, plan, price, limits)
-    return [Policy(name, price, evaluations, limits) for name in names]
+    return [Policy(name, price, evaluations, robots) for name in names]
 
 
 def play(
     mission: Mission,
-    plan: TrailPlan,
     policy: Policy,
     seed: int,
     number: int,
@@ -139,7 +136,7 @@ def play(
     """Play a mission, by its number among those of a seed; add what happens to ``steps``."""
     generator = np.random.default_rng([seed, number])
     dangers = generator.random((mission.robots, len(mission.graph.edges)))
-    robots = robots_at_start(mission, plan)
+    robots = list(policy.robots)
     moving, replans, seconds = -1, 0, 0.0
     if steps is not None:
         steps.append(_step(mission, robots, (), None))
@@ -153,7 +150,7 @@ def play(
         is_time = _is_time(policy.name, [robots[robot.number] for robot in movers])
         if is_time and any(robot.state != "lost" for robot in robots):
             began = time.perf_counter()
-            left = remaining_mission(mission, robots, policy.limits)
+            left = remaining_mission(mission, robots)
             new = replan_left(left, policy.price, policy.evaluations, generator)
             for row, trail in zip(left.robots, left.mission.labels(new.plan), strict=True):
                 gone = robots[row].trail[: robots[row].at]

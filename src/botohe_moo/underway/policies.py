@@ -160,7 +160,7 @@ def simulate_policy(
     given = evaluations, min_survival, max_length
     policies = policies_of(mission, plan, names, price, *given)
     blocks = [range(i, min(i + _AT_ONCE, missions)) for i in range(0, missions, _AT_ONCE)]
-    play_block = partial(_play_missions, mission, plan, policies, seed)
+    play_block = partial(_play_missions, mission, policies, seed)
     with ExitStack() as stack:
         results: Iterable[list[dict[str, object]]] = map(play_block, blocks)
         if workers > 1 and len(blocks) > 1:
@@ -180,7 +180,6 @@ def simulate_policy(
 
 def _play_missions(
     mission: Mission,
-    plan: TrailPlan,
     policies: Sequence[Policy],
     seed: int,
     numbers: Iterable[int],
@@ -189,6 +188,6 @@ def _play_missions(
     rows = []
     for number in numbers:
         for policy in policies:
-            played = play(mission, plan, policy, seed, number)
+            played = play(mission, policy, seed, number)
             rows.append({"policy": policy.name, "mission": number, **played._asdict()})
     return rows
