@@ -124,8 +124,16 @@ def test_what_is_left_out_is_said(site):
             r"features\[7\]: node 4 is listed more than once",
         ),
         ([line(3, 4)], {"base": [3, {}], "danger": 1}, r"expected a label, .* got {}"),
-        ([point(5, (1,))], {"base": 3}, r"features\[3\]: expected finite coordinates \[x, y\]"),
-        ([point(5, (1, math.nan))], {"base": 3}, r"features\[3\]: expected finite coordinates"),
+        (
+            [*both_ways((3, 5)), point(5, (1,))],
+            {"base": 3, "danger": 1},
+            r"node 5: expected pos \[x, y\], two finite numbers, got \[1\]",
+        ),
+        (
+            [*both_ways((3, 5)), point(5, (1, math.nan))],
+            {"base": 3, "danger": 1},
+            r"node 5: expected pos .*, got \[1, nan\]",
+        ),
         ([point({}, (1, 1))], {"base": 3}, r"features\[3\]: expected a label, .* got {}"),
         ([point(None, (1, 1))], {"base": 3}, r"\[3\]: expected a property 'id', found none"),
         ([{**line(3, 4), "properties": {}}], {"base": 3}, r"\[3\]: expected a property 'startid'"),
@@ -140,7 +148,11 @@ def test_what_is_left_out_is_said(site):
             {"base": 3},
             r"expected geometry to be an object, got 'x'",
         ),
-        ([point(5, [[1, 2], [3, 4]])], {"base": 3}, r"features\[3\]: expected finite coordinates"),
+        (
+            [*both_ways((3, 5)), point(5, [[1, 2], [3, 4]])],
+            {"base": 3, "danger": 1},
+            r"node 5: expected pos .*, got \[\[1, 2\], \[3, 4\]\]",
+        ),
         ([line(3, 4, metadata=[1])], {"base": 3}, r"\[3\]: expected metadata to be an object"),
         ([7], {"base": 3}, r"features\[3\]: expected a feature to be an object, got 7"),
         (
@@ -329,7 +341,7 @@ def test_a_polygon_that_is_wrong_is_named_by_its_feature(site):
         *both_ways((3, 7)), polygon([[0, 0], [1, 1]], rate=0.1), polygon(square(0, 0), rate=-1)
     )
     with pytest.raises(MissionError) as raised:
-        load_mission(path, base=3, robots=1)
+        load_mission(path, base=3, robots=1, danger=1)
     assert [fault.partition(",")[0] for fault in raised.value.faults] == [
         "features[5]: expected a polygon of at least three corners [[x",
         "features[6]: expected a rate >= 0",

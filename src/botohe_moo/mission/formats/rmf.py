@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations, permutations
 from typing import Annotated, Any, Literal, TypeAlias
 
-import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from botohe_moo._base.checks import quoted
-from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source, validated
 from botohe_moo.mission.rules import MissionError
 
 _GAP = 0.05  # metres from the cabin of a lift to its shaft
 _STOREY = 4.0  # metres from a level to the next one where elevations are not known
-_CLOSE = 1e-6  # places nearer to each other are the same
 # Of the ellipsoid of WGS 84: its radius at the equator in metres, and its squared eccentricity.
 _EQUATOR, _ECCENTRICITY = 6_378_137.0, (2.0 - 1 / 298.257223563) / 298.257223563
-_UP = np.diag([1.0, -1.0])  # y points down on drawings
 _EMPTY: tuple[Any, ...] = (None, [])  # how no parameters, no lanes and the like may be written
 
-_Spot: TypeAlias = tuple[str, int]  # a vertex: its level, and its index there
-_Vertices: TypeAlias = dict[_Spot, tuple[list[float], str, dict[str, Any]]]  # place, name, traits
-_Frame: TypeAlias = Callable[[Any], FloatArray]  # makes metres of a place on a level
+_Frame: TypeAlias = Callable[[float, float], complex]  # makes metres, x + iy, of a place on a level
 
 
 # Building is deferred until a file is read: all formats are imported to know their suffixes.
@@ -51,10 +47,9 @@ def _is_waypoint(v: Any) -> bool:
 
 def _as_vertex(row: Any) -> Any:
     """Return a vertex as [x, y, z, name, {…}]; a waypoint has its name among its parameters."""
-    if not _is_waypoint(row):
-        return row + [None] * (5 - len(row)) if isinstance(row, list) else row
-    traits = {**(row[2] or {})}
-    return [*row[:2], None, traits.pop("name", None), traits]
+    if _is_waypoint(row):
+        row = [*row[:2], None, (row[2] or {}).get("name"), row[2]]
+    return row + [None] * (5 - len(row)) if isinstance(row, list) else row
 
 
 def _as_lane(row: Any) -> Any:
@@ -84,14 +79,6 @@ class _Level(_Part):
     measurements: list[tuple[_Index, _Index, _MeasurementTraits]] = []
     fiducials: list[tuple[_Number, _Number, _Text]] = []
 
-    def length(self, tail: int, head: int) -> float:
-        return math.dist(self.vertices[tail][:2], self.vertices[head][:2])
-
-    def scale(self) -> float | None:
-        """Return how many metres a pixel is by measurements, None if there are none."""
-        scales = [traits.distance / self.length(*ends) for *ends, traits in self.measurements]
-        return math.fsum(scales) / len(scales) if scales else None
-
 
 class _Lift(_Part):
     x: _Number
@@ -102,12 +89,10 @@ class _Lift(_Part):
     reference_floor_name: _Text = ""
     level_doors: dict[str, Any] = {}
 
-    def has(self, place: FloatArray, frames: Mapping[str, _Frame]) -> bool:
-        """Return whether a place, in metres, is within the cabin."""
-        x, y = place - frames[self.reference_floor_name]([self.x, self.y])
-        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
-        across, along = abs(x * cos + y * sin), abs(y * cos - x * sin)
-        return bool(across <= self.width / 2 + _GAP and along <= self.depth / 2 + _GAP)
+    def has(self, way: complex) -> bool:
+        """Return whether a place is within the cabin, given the way to it from the centre."""
+        way *= cmath.rect(1.0, -self.yaw)
+        return abs(way.real) <= self.width / 2 + _GAP and abs(way.imag) <= self.depth / 2 + _GAP
 
 
 class _Site(_Part):
@@ -166,167 +151,170 @@ def read_navigation_graph(source: Source, *, base: Any = None) -> Draft:
     return draft
 
 
+def _entries(source: Source, site: _Site, kind: str) -> Iterator[tuple[str, str, int, Any]]:
+    """Yield the line, the level, the index and the content of all lanes, vertices or the like."""
+    for name, level in site.levels.items():
+        for i, entry in enumerate(getattr(level, kind)):
+            yield f"line {source.yaml.line(['levels', name, kind, i])}", name, i, entry
+
+
 def _draft(source: Source, site: _Site, base: Any, graph: int | str | None) -> Draft:
     """Return the nodes and arcs of a site: those of one of its graphs, or of all of them."""
-    if faults := [f"line {source.yaml.line(way)}: {fault}" for way, fault in _lost(site)]:
-        raise MissionError(faults)
-    vertices: _Vertices = {
-        (level, i): ([x, y], name, traits.model_extra or {})
-        for level, of_level in site.levels.items()
-        for i, (x, y, _, name, traits) in enumerate(of_level.vertices)
-    }
-    numbers = {f"{level}/{i}": (level, i) for level, i in vertices}
-    meant = {spot for spot, (*_, traits) in vertices.items() if traits.get("is_charger")}
-    if base is not None:
-        meant = {spot for spot, (_, name, _) in vertices.items() if name == str(base)}
-    if str(base) in numbers:
-        meant = {numbers[str(base)]}
-    lanes, left_out = _lanes(source, site, graph, meant)
+    frames, notes = _frames(source, site)
+    vertices: dict[str, Row] = {}  # by level and index
+    for where, level, i, (x, y, _, name, traits) in _entries(source, site, "vertices"):
+        at = frames[level](x, y)
+        own = {"name": name, "zone": level, "pos": [at.real, at.imag]}
+        vertices[f"{level}/{i}"] = Row(where, (), {**traits.model_extra, **own})
+    key, value = ("is_charger", True) if base is None else ("name", str(base))
+    meant = {spot for spot, row in vertices.items() if value in (spot, row.attributes.get(key))}
+    by_graph = _lanes(source, site)
+    if graph is None:
+        at_base = (n for n, rows in by_graph.items() for row in rows if meant & {*row.labels})
+        graph = min(at_base, default=min(by_graph, default=0))
+    lanes = [row for n in [*by_graph] if graph in ("all", n) for row in by_graph.pop(n)]
+    if not lanes:
+        raise MissionError(f"expected lanes of graph {graph}, found graphs {sorted(by_graph)}")
+    left_out = {f"lanes of graph {n}": [r.where for r in rows] for n, rows in by_graph.items()}
+    names = {spot: row.attributes["name"] for spot, row in vertices.items()}
     touched = {spot for row in lanes for spot in row.labels}
-    left_out["named waypoints that none of the lanes touches"] = [
-        quoted(name) for spot, (_, name, _) in vertices.items() if name and spot not in touched
-    ]
-    vertices = {spot: vertex for spot, vertex in vertices.items() if spot in touched}
-    counts = Counter([name for _, name, _ in vertices.values()] + 2 * ["", *numbers])
-    labels = {
-        spot: name if counts[name] == 1 else f"{spot[0]}/{spot[1]}"
-        for spot, (_, name, _) in vertices.items()
-    }
-    bases = [label for spot, label in labels.items() if spot in meant]
-    if base is None and not bases:
+    unused = [quoted(name) for spot, name in names.items() if name and spot not in touched]
+    left_out["named waypoints that none of the lanes touches"] = unused
+    vertices = {spot: row for spot, row in vertices.items() if spot in touched}
+    counts = Counter([names[spot] for spot in vertices] + 2 * ["", *names])
+    labels = {spot: names[spot] if counts[names[spot]] == 1 else spot for spot in vertices}
+    bases = [spot for spot in vertices if spot in meant] if base is None else [str(base)]
+    if not bases:
         raise MissionError("expected base, found no vertex with is_charger on a lane: give base")
-    if base is not None and len(bases) > 1:
-        raise MissionError(f"expected the label of one waypoint as base, found {', '.join(bases)}")
-    frames, notes = _frames(site, {level for level, _ in vertices})
+    base = labels.get(bases[0], base)
     if len(bases) > 1:
-        notes.append(f"The base is {quoted(bases[0])}, the first of {len(bases)} chargers.")
+        notes.append(f"The base is {quoted(base)}, the first of {len(bases)} chargers.")
     rides = list(_rides(site, frames, vertices))
     joining = {row.where for row in rides}
     left_out["lifts that join no levels"] = [n for n in site.lifts if f"lift {n}" not in joining]
-    nodes = []
-    for spot, (place, name, traits) in vertices.items():
-        where = f"line {source.yaml.line(['levels', spot[0], 'vertices', spot[1]])}"
-        named = {"name": name} if name not in ("", labels[spot]) else {}
-        own = {"zone": spot[0], "pos": frames[spot[0]](place).tolist()}
-        nodes.append(Row(where, (labels[spot],), {**traits, **named, **own}))
-    arcs = [Row(at, (labels[tail], labels[head]), more) for at, (tail, head), more in lanes + rides]
-    draft = Draft(nodes, arcs, {"base": bases[0] if bases else base}, trim=True, straight=True)
+    for spot, label in labels.items():
+        if names[spot] in ("", label):
+            del vertices[spot].attributes["name"]
+    nodes = [Row(where, (labels[spot],), of) for spot, (where, _, of) in vertices.items()]
+    arcs = [Row(where, tuple(map(labels.get, ends, ends)), of) for where, ends, of in lanes + rides]
+    draft = Draft(nodes, arcs, {"base": base}, trim=True, straight=True)
     draft.words, draft.left_out, draft.notes = ("waypoint", "lane"), left_out, notes
     return draft
 
 
-def _lanes(
-    source: Source, site: _Site, graph: int | str | None, meant: set[_Spot]
-) -> tuple[list[Row], dict[str, list[str]]]:
-    """Return the lanes of a graph, by default the first one at a base, and where others are."""
+def _lanes(source: Source, site: _Site) -> dict[int, list[Row]]:
+    """Return the lanes of each graph, between vertices by level and index."""
     by_graph: dict[int, list[Row]] = {}
-    for name, level in site.levels.items():
-        for i, (tail, head, traits) in enumerate(level.lanes):
-            where = f"line {source.yaml.line(['levels', name, 'lanes', i])}"
-            attributes = (traits.model_extra or {}) if isinstance(site, _Graph) else {}
-            ends = (name, tail), (name, head)
-            for way in [ends, ends[::-1]][: 1 + bool(traits.bidirectional)]:
-                by_graph.setdefault(traits.graph_idx, []).append(Row(where, way, {**attributes}))
-    if graph is None:
-        at_base = (n for n, rows in by_graph.items() if any(meant & {*r.labels} for r in rows))
-        graph = min(at_base, default=min(by_graph, default=0))
-    if graph not in ("all", *by_graph):
-        found = ", ".join(map(str, sorted(by_graph))) or "no lanes at all"
-        raise MissionError(f"expected lanes of graph {graph}, found {found}")
-    others = {n: by_graph.pop(n) for n in [*by_graph] if graph not in ("all", n)}
-    left_out = {f"lanes of graph {n}": [row.where for row in rows] for n, rows in others.items()}
-    return [row for rows in by_graph.values() for row in rows], left_out
+    for where, level, _, (tail, head, traits) in _entries(source, site, "lanes"):
+        attributes = traits.model_extra if isinstance(site, _Graph) else {}
+        ends = (f"{level}/{tail}", f"{level}/{head}")
+        for way in [ends, ends[::-1]][: 1 + bool(traits.bidirectional)]:
+            by_graph.setdefault(traits.graph_idx, []).append(Row(where, way, attributes))
+    return by_graph
 
 
-def _rides(site: _Site, frames: Mapping[str, _Frame], vertices: _Vertices) -> Iterator[Row]:
+def _rides(site: _Site, frames: Mapping[str, _Frame], vertices: Mapping[str, Row]) -> Iterator[Row]:
     """Yield an arc between each two levels of a lift, as long as one is above the other.
 
     It stops where it has doors, or everywhere if it has none: at vertices that name it, and at
     those within its cabin.
     """
-    stops: dict[str, list[_Spot]] = {}
-    for spot, (place, _, traits) in vertices.items():
-        at = frames[spot[0]](place)
-        within = (name for name, lift in site.lifts.items() if lift.has(at, frames))
+    centres = {n: frames[of.reference_floor_name](of.x, of.y) for n, of in site.lifts.items()}
+    stops: dict[str, list[str]] = {}
+    for spot, (_, _, traits) in vertices.items():
+        at = complex(*traits["pos"])
+        within = (name for name, lift in site.lifts.items() if lift.has(at - centres[name]))
         cabin = str(traits.get("lift_cabin") or traits.get("lift") or next(within, ""))
         doors = site.lifts[cabin].level_doors if cabin in site.lifts else {}
-        if cabin and (doors.get(spot[0]) or not any(doors.values())):
+        if cabin and (doors.get(traits["zone"]) or not any(doors.values())):
             stops.setdefault(cabin, []).append(spot)
     for name, spots in stops.items():
-        for ends in [(one, other) for one in spots for other in spots if one[0] != other[0]]:
-            low, high = sorted(site.levels[level].elevation or 0.0 for level, _ in ends)
-            yield Row(f"lift {name}", ends, {"length": high - low})
+        for ends in permutations(spots, 2):
+            levels = {vertices[spot].attributes["zone"] for spot in ends}
+            if len(levels) == 2:
+                low, high = sorted(site.levels[level].elevation or 0.0 for level in levels)
+                yield Row(f"lift {name}", ends, {"length": high - low})
 
 
-def _frames(site: _Site, used: Collection[str]) -> tuple[dict[str, _Frame], list[str]]:
-    """Return what makes metres of places on each level, and notes on the levels that are used.
+def _frames(source: Source, site: _Site) -> tuple[dict[str, _Frame], list[str]]:
+    """Return what makes metres of places on each level, and notes on what is missing.
 
-    ``""`` stands for the reference level. On a drawing y points down, so p = (x, −y) is a place
-    there, in pixels. In metres, it is scaled by s and turned counterclockwise by R(θ)::
+    ``""`` stands for the reference level. On a drawing y points down, so the complex number
+    p = x − iy is a place there, in pixels. In metres, it is scaled by s and turned counterclockwise
+    by θ::
 
         drawing of a level, in pixels                 all levels, in metres
 
           +-------> x                                   y
           |   A                                         ^      B
-          |      .          s R(θ) (p − c) + s₀ c₀       |    .
+          |      .        s exp(iθ) (p − c) + s₀ c₀     |    .
           |         B       --------------------->      |  A
           v y                                           +----------> x
 
     The reference level has θ = 0, c = c₀ = 0, and the scale s = s₀ of its measurements. Another
-    level has fiducials, such as A and B, at pᵢ that the reference level has at rᵢ. Then
+    level has fiducials, such as A and B, at pⱼ that the reference level has at rⱼ. Then
 
-        c = mean(pᵢ), c₀ = mean(rᵢ)
-        s = s₀ / mean(|pᵢ − pⱼ| / |rᵢ − rⱼ|)
-        θ = −arg Σ exp(√−1 (arg(pᵢ − pⱼ) − arg(rᵢ − rⱼ)))
+        c = mean(pⱼ), c₀ = mean(rⱼ)
+        s = s₀ / mean(|pⱼ − pₖ| / |rⱼ − rₖ|)
+        θ = −arg Σ exp(i (arg(pⱼ − pₖ) − arg(rⱼ − rₖ)))
 
-    over all fiducials, and over all pairs of them.
+    over all fiducials, and over all pairs of them. A level without two of them lies as it is drawn.
 
     References
     ----------
     ``Transform.set_from_fiducials`` in ``rmf_building_map_tools`` of open-rmf/rmf_traffic_editor.
     """
+    floors = {site.reference_level_name, *(n.reference_floor_name for n in site.lifts.values())}
+    if unknown := floors - {"", *site.levels}:
+        found = sorted(unknown)
+        raise MissionError(f"expected reference levels among {[*site.levels]}, got {found}")
     if site.coordinate_system == "cartesian_meters":
-        return dict.fromkeys(("", *site.levels), np.asarray), []
+        return dict.fromkeys(("", *site.levels), complex), []
     if site.coordinate_system == "wgs84":
-        first = next(vertex for level in site.levels.values() for vertex in level.vertices)
-        return dict.fromkeys(("", *site.levels), _around(*first[:2])), []
+        places = (vertex[:2] for level in site.levels.values() for vertex in level.vertices)
+        return dict.fromkeys(("", *site.levels), _around(*next(places, (0.0, 0.0)))), []
     reference = site.reference_level_name or next(iter(site.levels))
-    scale, unaligned = site.levels[reference].scale(), []
-    notes = [] if scale else [f"Level {reference} has no measurements: its pixels count as metres."]
-    scale = scale or 1.0
-    there = {name: place for *place, name in site.levels[reference].fiducials}
-    frames = {n: _drawn((level.scale() or scale) * _UP) for n, level in site.levels.items()}
-    for name in [name for name in site.levels if name != reference]:
-        shared = [(place, there[of]) for *place, of in site.levels[name].fiducials if of in there]
-        if aligned := _aligned(np.array(shared).reshape(-1, 2, 2) @ _UP, scale):
-            frames[name] = aligned
-        elif name in used:
-            unaligned.append(name)
-    if unaligned:
-        levels = f"{', '.join(unaligned)} without two fiducials of {reference}"
-        notes.append(f"These levels keep the frame of their drawing: {levels}.")
-    return {"": frames[reference], **frames}, notes
+    there = {name: complex(x, -y) for x, y, name in site.levels[reference].fiducials}
+    scales, notes = _scales(source, site), []
+    if reference not in scales:
+        notes.append(f"Level {reference} has no measurements: its pixels count as metres.")
+    scale = scales.get(reference, 1.0)
+    frames = {"": _drawn(scale), reference: _drawn(scale)}
+    for name in [name for name in site.levels if name not in frames]:
+        level = site.levels[name]
+        shared = [(complex(x, -y), there[of]) for x, y, of in level.fiducials if of in there]
+        frames[name] = _aligned(shared, scale) or _drawn(scales.get(name, scale))
+        if level.lanes and len(shared) < 2:
+            notes.append(f"Level {name} lies as drawn: it has no two fiducials of {reference}.")
+    return frames, notes
 
 
-def _drawn(turn: FloatArray, origin: Any = 0.0, shift: Any = 0.0) -> _Frame:
-    return lambda place: turn @ np.subtract(place, origin) + shift
+def _scales(source: Source, site: _Site) -> dict[str, float]:
+    """Return how many metres a pixel is on each level that has measurements, by their mean."""
+    scales: dict[str, list[float]] = {}
+    for where, level, _, (*ends, traits) in _entries(source, site, "measurements"):
+        try:
+            places = [site.levels[level].vertices[end][:2] for end in ends]
+            scales.setdefault(level, []).append(traits.distance / math.dist(*places))
+        except (IndexError, ZeroDivisionError):
+            expected = f"a measurement between two places of level {level}"
+            raise MissionError(f"{where}: expected {expected}, got vertices {ends}") from None
+    return {level: math.fsum(found) / len(found) for level, found in scales.items()}
 
 
-def _aligned(shared: FloatArray, scale: float) -> _Frame | None:
-    """Return the frame in which fiducials at shared[:, 0] lie on those at shared[:, 1]."""
-    one, other = np.triu_indices(len(shared), 1)
-    x, y = np.moveaxis(shared[one] - shared[other], -1, 0)
-    lengths, angles = np.hypot(x, y), np.arctan2(y, x)
-    is_apart = lengths.min(axis=1) > _CLOSE
-    if not is_apart.any():
+def _drawn(turn: complex, origin: complex = 0j, shift: complex = 0j) -> _Frame:
+    return lambda x, y: turn * (complex(x, -y) - origin) + shift
+
+
+def _aligned(shared: Sequence[tuple[complex, complex]], scale: float) -> _Frame | None:
+    """Return the frame of fiducials, given with their places on the reference level."""
+    ways = [(p - q, r - s) for (p, r), (q, s) in combinations(shared, 2) if p != q and r != s]
+    if not ways:
         return None
-    ratio = np.divide(*lengths[is_apart].T).mean()
-    turns = np.subtract(*angles[is_apart].T)
-    angle = -math.atan2(np.sin(turns).sum(), np.cos(turns).sum())
-    cos, sin = math.cos(angle), math.sin(angle)
-    here, there = shared.mean(axis=0)
-    turn = scale / ratio * np.array([[cos, -sin], [sin, cos]])
-    return _drawn(turn @ _UP, _UP @ here, scale * there)
+    ratio = sum(abs(p) / abs(r) for p, r in ways) / len(ways)
+    turns = sum(cmath.rect(1.0, cmath.phase(p) - cmath.phase(r)) for p, r in ways)
+    here, there = (sum(places) / len(shared) for places in zip(*shared, strict=True))
+    return _drawn(cmath.rect(scale / ratio, -cmath.phase(turns)), here, scale * there)
 
 
 def _around(longitude: float, latitude: float) -> _Frame:
@@ -334,27 +322,7 @@ def _around(longitude: float, latitude: float) -> _Frame:
     root = math.sqrt(1.0 - _ECCENTRICITY * math.sin(math.radians(latitude)) ** 2)
     east = math.radians(1.0) * _EQUATOR / root * math.cos(math.radians(latitude))
     north = math.radians(1.0) * _EQUATOR * (1.0 - _ECCENTRICITY) / root**3
-    return _drawn(np.diag([east, north]), (longitude, latitude))
-
-
-def _lost(site: _Site) -> Iterator[tuple[tuple[int | str, ...], str]]:
-    """Yield where there are vertices and levels that do not exist, and what is wrong."""
-    for name, level in site.levels.items():
-        for kind in ("lanes", "measurements"):
-            for i, (tail, head, _) in enumerate(getattr(level, kind)):
-                way: tuple[int | str, ...] = ("levels", name, kind, i)
-                if max(tail, head) >= len(level.vertices):
-                    yield way, f"there is no vertex {max(tail, head)} on level {name}"
-                elif kind == "measurements" and level.length(tail, head) < _CLOSE:
-                    yield way, f"expected a measurement between two places, got {tail} and {head}"
-    floors = {
-        ("lifts", n, "reference_floor_name"): lift.reference_floor_name
-        for n, lift in site.lifts.items()
-    }
-    for way, floor in [*floors.items(), (("reference_level_name",), site.reference_level_name)]:
-        if floor not in ("", *site.levels):
-            expected = f"one of {', '.join(site.levels)}"
-            yield way, f"expected {way[-1]} to be {expected}, got {quoted(floor)}"
+    return lambda x, y: complex(east * (x - longitude), north * (y - latitude))
 
 
 def is_navigation_graph(source: Source) -> bool:
@@ -366,8 +334,7 @@ def is_navigation_graph(source: Source) -> bool:
 
 def is_building(source: Source) -> bool:
     """Return whether a file has levels, and is no site of Open-RMF's newer editor."""
-    is_known = {"levels", "format_version"}.intersection(source.yaml.content) == {"levels"}
-    return is_known and not is_navigation_graph(source)
+    return "format_version" not in source.yaml.content and not is_navigation_graph(source)
 
 
 BUILDING = Format((".building.yaml", ".yaml", ".yml"), is_building, read_building)

@@ -5,13 +5,11 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Sequence
 from itertools import count
 from typing import Any, TypeAlias
 
 from botohe_moo._base.checks import as_float, quoted
 from botohe_moo._plugins.checks import checked
-from botohe_moo.mission.arrays import plain_numbers
 from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.hazards import read_zone
@@ -24,14 +22,8 @@ _Object: TypeAlias = dict[str, Any]  # of JSON
 # member of this name for attributes that Nav2 cannot read; it would refuse the whole file.
 _OURS = "botohe_moo"
 _IDS = ("id", "startid", "endid")
-_END_OF_IDS = 2**31 - 1  # with which Nav2 marks deleted nodes
-# Properties that Nav2 reads, apart from ids and ``metadata``, and their types.
-_PROPERTIES: dict[str, Any] = {
-    "frame": str,
-    "cost": int | float,
-    "overridable": bool,
-    "operations": list | dict,
-}
+# Types of the properties that Nav2 reads, apart from ids and ``metadata``.
+_TYPES: Any = {"frame": str, "cost": int | float, "overridable": bool, "operations": list | dict}
 _DEGREES = ("CRS84", "EPSG::4326", "EPSG:4326")
 
 
@@ -63,41 +55,37 @@ def read_route_graph(source: Source, *, geographic: bool | None = None) -> Draft
     if "geographic" not in graph and any(name in str(content.get("crs")) for name in _DEGREES):
         draft.notes.append("Positions count as metres: give geographic=True if the crs is right.")
     labels: dict[Any, Any] = {}  # of points, by their ids
-    others, faults = [], []
+    others = []
     for i, feature in enumerate(features):
         where = f"features[{i}]"
         try:
             shape, at, ids, attributes = _parts(feature, (*_IDS, "label") if is_ours else _IDS)
             if shape == "Point":
                 label = labels[ids["id"]] = ids.get("label", ids["id"])
-                place = plain_numbers(at[:2] if isinstance(at, list) else None)
-                if place.shape != (2,):
-                    raise ValueError(f"expected finite coordinates [x, y], got {quoted(at)}")
-                draft.nodes.append(Row(where, (label,), attributes | {"pos": place.tolist()}))
+                attributes["pos"] = at[:2] if isinstance(at, list) else at
+                draft.nodes.append(Row(where, (label,), attributes))
             elif shape in ("LineString", "MultiLineString"):
                 if "id" in ids and not is_ours:
                     attributes["id"] = ids["id"]
-                if attributes.get("penalty") == _penalty(attributes.get("survival")):
+                if attributes.get("penalty") == _penalty(attributes).get("penalty"):
                     attributes.pop("penalty", None)
                 draft.arcs.append(Row(where, (ids["startid"], ids["endid"]), attributes))
             elif shape in ("Polygon", "MultiPolygon") and "rate" in attributes:
                 polygons = at if shape == "MultiPolygon" and isinstance(at, list) else [at]
-                zones = [{"polygon": one, "rate": attributes["rate"]} for one in polygons]
-                draft.zones = [*draft.zones, *map(read_zone, zones)]
+                zones = [read_zone({**attributes, "polygon": one}) for one in polygons]
+                draft.zones = [*draft.zones, *zones]
             else:
                 others.append(where)
         except KeyError as name:
-            faults.append(f"{where}: expected a property {name}, found none")
+            draft.faults.append(f"{where}: expected a property {name}, found none")
         except ValueError as error:
-            faults.append(f"{where}: {error}")
-    if faults:
-        raise MissionError(faults)
+            draft.faults.append(f"{where}: {error}")
     draft.left_out = {"features that are neither points, lines nor polygons with a rate": others}
     draft.arcs = [Row(at, tuple(map(labels.get, ends, ends)), of) for at, ends, of in draft.arcs]
     return draft
 
 
-def _parts(feature: Any, names: Sequence[str]) -> tuple[Any, Any, _Object, _Object]:
+def _parts(feature: Any, names: tuple[str, ...]) -> tuple[Any, Any, _Object, _Object]:
     """Return shape, coordinates, ids and attributes of a feature; ``names`` are those of ids."""
     feature = _object(feature, "a feature")
     geometry = _object(feature.get("geometry"), "geometry")
@@ -121,13 +109,13 @@ def _label(value: Any) -> Any:
     return int(label) if isinstance(label, float) and label.is_integer() else label
 
 
-def _penalty(survival: object) -> float | None:
-    """Return −ln survival, None if each kind of robots has its own.
+def _penalty(attributes: _Object) -> _Object:
+    """Return the attribute −ln survival, none if each kind of robots has its own.
 
     Nav2 adds it to the cost of a line, so that cheap routes are safe.
     """
-    chance = as_float(survival)
-    return abs(math.log(chance)) if 0.0 < chance <= 1.0 else None
+    chance = as_float(attributes.get("survival"))
+    return {"penalty": abs(math.log(chance))} if 0.0 < chance <= 1.0 else {}
 
 
 def write_route_graph(mission: Mission) -> bytes:
@@ -140,16 +128,15 @@ def write_route_graph(mission: Mission) -> bytes:
     content = mission_content(mission)
     nodes, arcs = content["nodes"], content["edges"]
     labels = [node.pop("id") for node in nodes]
-    places = [node.pop("pos", None) for node in nodes]
-    if None in places:
-        label = quoted(labels[places.index(None)])
-        raise ValueError(f"node {label}: expected pos [x, y] for GeoJSON, found none")
     ids = labels if all(map(_is_id, labels)) else range(1, len(labels) + 1)
-    features = []
-    for label, number, place, node in zip(labels, ids, places, nodes, strict=True):
+    ends, features = {}, []
+    for key, label, number, node in zip(mission.nodes, labels, ids, nodes, strict=True):
+        place = node.pop("pos", None)
+        if place is None:
+            raise ValueError(f"node {quoted(label)}: expected pos [x, y] for GeoJSON, found none")
+        ends[key] = number, place
         properties = {"id": number} if ids is labels else {"id": number, "label": label}
-        features.append(_feature("Point", place, properties, node, None))
-    ends = dict(zip(mission.nodes, zip(ids, places, strict=True), strict=True))
+        features.append(_feature("Point", place, properties, node))
     used = Counter(filter(_is_id, [*ids, *(arc.get("id") for arc in arcs)]))
     free = count(max(used) + 1)
     for (tail, head), arc in zip(mission.graph.edges, arcs, strict=True):
@@ -157,8 +144,7 @@ def write_route_graph(mission: Mission) -> bytes:
         (start, one), (end, other), number = ends[tail], ends[head], arc.get("id")
         number = number if _is_id(number) and used[number] == 1 else next(free)
         properties = {"id": number, "startid": start, "endid": end}
-        penalty = _penalty(arc.get("survival"))
-        features.append(_feature("LineString", [one, other], properties, arc, penalty))
+        features.append(_feature("LineString", [one, other], properties, arc))
     written = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
     members = {"type": "FeatureCollection", "generator": _OURS, "mission": content["graph"]}
     start, lines = written(members).removesuffix("}"), ",\n ".join(map(written, features))
@@ -166,13 +152,14 @@ def write_route_graph(mission: Mission) -> bytes:
 
 
 def _is_id(value: object) -> bool:
-    return type(value) is int and 0 <= value < _END_OF_IDS
+    """Return whether Nav2 reads an id; with 2³¹ − 1 it marks deleted nodes."""
+    return type(value) is int and 0 <= value < 2**31 - 1
 
 
-def _feature(shape: str, at: Any, ids: _Object, rest: _Object, penalty: float | None) -> _Object:
+def _feature(shape: str, at: Any, ids: _Object, rest: _Object) -> _Object:
     """Return a feature; Nav2 reads all attributes in ``rest`` that have types it knows."""
-    added = {} if penalty is None else {"penalty": penalty}
-    known = {k: rest.pop(k) for k in [*rest] if isinstance(rest[k], _PROPERTIES.get(k, ()))}
+    added = _penalty(rest) if shape == "LineString" else {}
+    known = {k: rest.pop(k) for k in [*rest] if isinstance(rest[k], _TYPES.get(k, ()))}
     hidden = {k: rest.pop(k) for k in [*rest] if k in added or not _is_readable(rest[k])}
     properties = {**ids, **known, "metadata": rest | added}
     geometry = {"type": shape, "coordinates": at}
