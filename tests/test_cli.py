@@ -1213,7 +1213,7 @@ class TestImport:
         assert message.startswith("botohe: The mission has 60 faults:")
         assert "both_ways makes every arc passable both ways" in message
         message = refused(*args, "--both-ways", "--out", "site.txt")
-        assert "site.txt: expected a file name that ends in one of .json, .graphml" in message
+        assert "site.txt: expected a file name that ends in one of .graphml, .json" in message
         assert "no: there is no such folder" in refused(
             *args, "--both-ways", "--out", "no/site.json"
         )

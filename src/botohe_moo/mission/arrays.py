@@ -76,7 +76,7 @@ def plain_numbers(value: Any) -> FloatArray:
     """Return an array of finite numbers; it is empty if ``value`` holds anything else."""
     try:
         numbers = np.array(value, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return np.empty(0)
     return numbers if np.isfinite(numbers).all() else np.empty(0)
 

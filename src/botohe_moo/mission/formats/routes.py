@@ -62,13 +62,11 @@ def read_route_graph(source: Source, *, geographic: bool | None = None) -> Draft
             shape, at, ids, attributes = _parts(feature, (*_IDS, "label") if is_ours else _IDS)
             if shape == "Point":
                 label = labels[ids["id"]] = ids.get("label", ids["id"])
-                attributes["pos"] = at[:2] if isinstance(at, list) else at
+                attributes["pos"] = at[:2] if isinstance(at, list) else str(at)
                 draft.nodes.append(Row(where, (label,), attributes))
             elif shape in ("LineString", "MultiLineString"):
                 if "id" in ids and not is_ours:
                     attributes["id"] = ids["id"]
-                if attributes.get("penalty") == _penalty(attributes).get("penalty"):
-                    attributes.pop("penalty", None)
                 draft.arcs.append(Row(where, (ids["startid"], ids["endid"]), attributes))
             elif shape in ("Polygon", "MultiPolygon") and "rate" in attributes:
                 polygons = at if shape == "MultiPolygon" and isinstance(at, list) else [at]
@@ -90,7 +88,9 @@ def _parts(feature: Any, names: tuple[str, ...]) -> tuple[Any, Any, _Object, _Ob
     feature = _object(feature, "a feature")
     geometry = _object(feature.get("geometry"), "geometry")
     given = {**_object(feature.get("properties"), "properties")}
-    metadata = _object(given.pop("metadata", None), "metadata")
+    metadata = {**_object(given.pop("metadata", None), "metadata")}
+    if metadata.get("penalty") == _penalty(given | metadata).get("penalty"):
+        metadata.pop("penalty", None)  # what is written for Nav2
     ids = {name: _label(given.pop(name)) for name in names if given.get(name) is not None}
     attributes = given | metadata | _object(feature.get(_OURS), _OURS)
     return geometry.get("type"), geometry.get("coordinates"), ids, attributes

@@ -87,16 +87,17 @@ def make_mission(
         at = quoted(graph.graph["base"])
         expected = f"a {node} that can be reached from base {at} and left again"
         raise MissionError(f"expected {expected}, found none{hint}")
-    if site.notes:
-        warnings.warn(" ".join(site.notes), stacklevel=2)
     try:
-        return Mission(graph, robots=robots, name=name)
+        mission = Mission(graph, robots=robots, name=name)
     except MissionError as error:
         faults = list(error.faults)
         is_one_way = not any(graph.has_edge(head, tail) for tail, head in graph.edges)
         if graph.edges and is_one_way and not nx.is_strongly_connected(graph):
             faults.append("no arc leads back; both_ways makes every arc passable both ways")
         raise MissionError(faults) from None
+    if site.notes:
+        warnings.warn(" ".join(site.notes), stacklevel=2)
+    return mission
 
 
 class _Site:
