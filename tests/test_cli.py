@@ -453,6 +453,11 @@ class TestSignals:
         assert names_in(tmp_path) == []
 
 
+def test_an_option_given_twice(refused):
+    given = ["solve", "site.geojson", "--base", "1", "-m", "base=2"]
+    assert "Expected --base or -m base=VALUE, got both." in refused(*given)
+
+
 def test_a_route_graph_needs_a_base_and_a_danger(botohe, refused, tmp_path):
     """From the file that Nav2 has to a front, and what is left out of it is said."""
     save_mission(load_mission("art_museum"), tmp_path / "site.geojson")

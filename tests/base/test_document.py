@@ -151,6 +151,7 @@ def test_what_cannot_be_read():
         ),
         ("<<: [{}, 3]\n", 1, "expected a mapping for merging"),
         ("<<: {}\n<<: {}\n", 2, 'found duplicate key "<<"'),
+        ("a: &a [*a]\n", 1, "aliases expand to more than 10,000,000 values"),
         ("a: b: c\n", 1, "mapping values are not allowed in this context"),
         ("a:\n\t- 1\n", 2, "found character that cannot start any token"),
         ("a: '\ud800'\n", 1, "surrogates not allowed"),

@@ -287,3 +287,9 @@ def test_nearest_pairs_are_the_first_of_all_by_distance(grid, degree):
         squares = [((a - x) ** 2 + (b - y) ** 2, v) for v, (a, b) in enumerate(grid) if v != u]
         expected += [(min(u, v), max(u, v)) for _, v in sorted(squares)[:degree]]
     assert list(nearest_pairs(np.array(grid, float), degree)) == expected
+
+
+def test_a_scale_that_leaves_no_survival(instance):
+    path = instance([(0, 0, 0), (3, 4, 1), (0, 0, 0)])
+    with pytest.raises(MissionError, match=r"Points 0 and 1: expected survival >= 5e-324, .* 5"):
+        read_mission(path, scale=0.001)

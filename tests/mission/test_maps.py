@@ -288,7 +288,7 @@ class TestRouteGraphs:
             mission = load_mission(path, **{**self.GIVEN, **more})
             assert mission.graph.edges[4, 7]["survival"] == pytest.approx(math.exp(-0.03 * 9))
 
-    @pytest.mark.filterwarnings("ignore:All survivals are given")
+    @pytest.mark.filterwarnings("ignore:All arcs have a survival")
     def test_survivals_in_the_file_stay(self, drawn, tmp_path):
         save_mission(load_mission("toy"), tmp_path / "toy.geojson")
         path = drawn(np.zeros((20, 20)))

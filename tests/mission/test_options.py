@@ -216,7 +216,7 @@ def test_an_option_for_points_with_scores(site, given):
         **{"base": 0, **({} if "kinds" in given else {"robots": 2}), **given},
     )
     assert load_mission("points.txt", **given) == expected
-    with pytest.warns(UserWarning, match="All survivals are given: danger"):
+    with pytest.warns(UserWarning, match="All arcs have a survival: danger"):
         assert load_mission("points.txt", danger=0.1, **given) == expected
 
 
@@ -335,3 +335,35 @@ def test_a_node_that_its_map_does_not_see(site):
     expected = r"edges\[0\]: arc 'a' -> 'b': expected pos \[x, y\] of 'a', found none"
     with pytest.raises(MissionError, match=expected):
         load_mission("site.json", hazard="map.yaml", **DANGER)
+
+
+@pytest.mark.parametrize("option", ["hazard", "interest"])
+@pytest.mark.parametrize("value", [3, [1], True, ""])
+def test_a_map_that_is_no_path(site, option, value):
+    with pytest.raises(ValueError, match=f"Expected {option} to be a path, got"):
+        in_tables(base="dock", robots=1, sight=1, danger=1, **{option: value})
+
+
+def test_null_is_an_empty_cell_and_names_may_be_in_upper_case(site):
+    content = ring(["a", "b"], base="a", robots=1)
+    content["nodes"][0] |= {"reward": None, "share": None, "depot": None}
+    content["nodes"][1] = {"id": "b", "Reward": "4"}
+    content["edges"][0] |= {"survival": None, "length": None}
+    content["edges"][1] = {"source": "b", "target": "a", "Survival": 0.5, "LENGTH": 2}
+    (site / "site.json").write_text(json.dumps(content))
+    mission = load_mission("site.json", danger=0.5)
+    assert mission.rewards.tolist() == [0, 4]
+    assert mission.graph.edges["a", "b"]["survival"] == math.exp(-0.5)
+    assert mission.graph.edges["b", "a"] == {"survival": 0.5, "length": 2}
+
+
+def test_what_only_kinds_reach_is_not_left_out(site):
+    route_graph(site / "site.geojson")
+    content = json.loads((site / "site.geojson").read_text())
+    content["features"].pop()  # the line back to the dock
+    (site / "site.geojson").write_text(json.dumps(content))
+    kinds = [{"name": "drone", "robots": 1, "end": "roof"}]
+    mission = load_mission("site.geojson", base="dock", danger=0.1, kinds=kinds)
+    assert mission.nodes == LABELS
+    save_mission(mission, "saved.geojson")
+    assert load_mission("saved.geojson") == mission

@@ -134,6 +134,11 @@ def test_what_is_left_out_is_said(site):
             {"base": 3, "danger": 1},
             r"node 5: expected pos .*, got \[1, nan\]",
         ),
+        (
+            [*both_ways((3, 5)), {**point(5, (1, 1)), "geometry": {"type": "Point"}}],
+            {"base": 3, "danger": 1},
+            r"node 5: expected pos .*, got 'None'",
+        ),
         ([point({}, (1, 1))], {"base": 3}, r"features\[3\]: expected a label, .* got {}"),
         ([point(None, (1, 1))], {"base": 3}, r"\[3\]: expected a property 'id', found none"),
         ([{**line(3, 4), "properties": {}}], {"base": 3}, r"\[3\]: expected a property 'startid'"),
@@ -354,9 +359,7 @@ def test_what_survives_without_danger_is_said(site):
         line(4, 3, metadata={"survival": 0.8}),
         points={3: (0, 0), 4: (3, 4)},
     )
-    with pytest.warns(
-        UserWarning, match="All survivals are given: danger, hazard and danger zones"
-    ):
+    with pytest.warns(UserWarning, match="All arcs have a survival: danger, hazard and zones"):
         load_mission(path, danger=7, base=3, robots=1)
 
 

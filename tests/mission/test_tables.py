@@ -205,13 +205,14 @@ class TestReading:
         path.write_bytes(f"\ufeff{first}\nlabel;reward, as a price\ndock;0\n".encode())
         table = read_table(path)
         assert list(table.columns) == ["label", "reward, as a price"]
-        assert list(table.index) == [3]
+        assert list(table.index) == [3 + first.count("\n")]
 
     @pytest.mark.parametrize(
         ("data", "fault"),
         [
             (None, "there is no such file"),
             (b"", "expected a first row of column names, found an empty file"),
+            (b'label,reward\ndock,"0\nreef,5\n', "line 3: unexpected end of data"),
             (
                 "label,reward\ncafé,1\n".encode("cp1252"),
                 "can't decode byte 0xe9 in position 16.*; save it as 'CSV UTF-8'",

@@ -21,8 +21,9 @@ def read_edge_list(source: Source, *, per_cent: bool = False) -> Draft:
     """
     nodes: dict[str, Row] = {}
     arcs, faults = [], []
-    for line in csv.DictReader(source.text.splitlines()):
-        where = f"line {len(arcs) + 2}"
+    lines = csv.DictReader(source.text.splitlines())
+    for line in lines:
+        where = f"line {lines.line_num}"
         ends = line["from"], line["to"]
         for label in ends:
             nodes.setdefault(label, Row(where, (label,), {}))
@@ -42,6 +43,8 @@ def read_edge_list(source: Source, *, per_cent: bool = False) -> Draft:
 
 def write_edge_list(mission: Mission) -> bytes:
     """Write the arcs; what an edge list has no column for is lost."""
+    if not mission.is_plain:
+        raise ValueError("an edge list has no kinds of robots")
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)

@@ -1,5 +1,6 @@
 """YAML texts as plain values, with the line of each value."""
 
+import math
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -12,6 +13,7 @@ from yaml.nodes import MappingNode, ScalarNode, SequenceNode
 from yaml.reader import ReaderError
 from yaml.resolver import BaseResolver
 
+_MOST_VALUES = 10_000_000
 _TAG = "tag:yaml.org,2002:"
 # Plain scalars of the core schema of YAML 1.2; digits may have underscores between them.
 _CORE = {
@@ -99,7 +101,11 @@ class Document:
         try:
             loader = _Loader(text)
             self._root = loader.get_single_node()
+            if self._root and _expanded(self._root, {}) > _MOST_VALUES:
+                raise DocumentError(1, f"aliases expand to more than {_MOST_VALUES:,} values")
             self.content: Any = self._root and loader.construct_document(self._root)
+        except DocumentError:
+            raise
         except ReaderError as error:  # a character that YAML does not allow
             line = text.encode()[: error.position].count(b"\n") + 1  # the position is in bytes
             raise DocumentError(line, f"{error.reason} (#x{error.character:04x})") from None
@@ -124,6 +130,17 @@ class Document:
                 continue
             line = key.start_mark.line + 1
         return line
+
+
+def _expanded(node: Any, known: dict[Any, float]) -> float:
+    """Return how many values a node has once its aliases are written out."""
+    if node not in known:
+        known[node] = math.inf  # of a node that contains itself
+        parts = node.value if isinstance(node, SequenceNode) else []
+        if isinstance(node, MappingNode):
+            parts = [value for _, value in node.value]
+        known[node] = 1 + sum(_expanded(part, known) for part in parts)
+    return known[node]
 
 
 def _explained(error: Any) -> tuple[int, str]:

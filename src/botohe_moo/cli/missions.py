@@ -155,7 +155,7 @@ def check_missions(
     mission_parameter: MissionParameterOption = None,
 ) -> None:
     """Check mission files; name everything that is wrong with them."""
-    from botohe_moo.mission import read_mission
+    from botohe_moo.mission import load_mission
 
     with failing():
         own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard}
@@ -163,7 +163,7 @@ def check_missions(
     failed = False
     for path in files:
         try:
-            loaded = read_mission(path, **options)
+            loaded = load_mission(path, **options)
         except ValueError as error:
             say(error)
             failed = True

@@ -157,7 +157,10 @@ def mission_options(pairs: list[str] | None, **options: object) -> dict[str, Any
     """Collect parameters of a mission, some of which are options of their own."""
     own = {name: value for name, value in options.items() if value is not None}
     own = {name: str(of) if isinstance(of, Path) else of for name, of in own.items()}
-    return read_parameters(pairs) | own
+    parameters = read_parameters(pairs)
+    for name in own.keys() & parameters.keys():
+        raise ValueError(f"Expected --{name.replace('_', '-')} or -m {name}=VALUE, got both.")
+    return parameters | own
 
 
 def mission_source(mission: str, pairs: list[str] | None, **options: object) -> dict[str, Any]:

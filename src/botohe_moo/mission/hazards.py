@@ -15,6 +15,7 @@ from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.arrays import plain_numbers, positions
+from botohe_moo.mission.rules import MissionError
 
 _NEAR = 1e-9  # places that are nearer to each other are one; in cells, or in the unit of ``pos``
 
@@ -197,14 +198,14 @@ class Raster(NamedTuple):
     def means(self, points: FloatArray) -> FloatArray:
         """Return the means along the straight pieces between points (n, 2): (n − 1,).
 
-        A ValueError names the first point that is not on the map.
+        A MissionError names the first point that is not on the map.
         """
         at = (points - self.origin) / self.resolution
         is_off = ((at < -_NEAR) | (at > np.add(self.values.shape[::-1], _NEAR))).any(axis=1)
         if off := points[is_off].round(6).tolist():
             ends = np.add(self.origin, np.multiply(self.values.shape[::-1], self.resolution))
             found = f"it goes from {[*self.origin]} to {ends.tolist()}"
-            raise ValueError(f"{self.path}: expected a map that covers {off[0]}, but {found}.")
+            raise MissionError(f"expected a map that covers {off[0]}, but {found}", self.path)
         cells = self.values[::-1]
         return np.array([mean_along(cells, *ends) for ends in pairwise(at - 0.5)])
 

@@ -16,6 +16,7 @@ from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, Positive
 from botohe_moo.mission.arrays import plain_numbers
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
+from botohe_moo.mission.hazards import survived
 from botohe_moo.mission.rules import ONLY_KIND, MissionError
 
 
@@ -85,7 +86,8 @@ def benchmark_graph(
     degree = len(points) - 1 if neighbours == "all" else min(neighbours, len(points) - 1)
     for u, v in sorted({*nearest_pairs(points, degree), *spanning_pairs(points)}):
         length = math.dist(points[u], points[v])
-        graph.add_edges_from([(u, v), (v, u)], survival=math.exp(-length / scale), length=length)
+        survival = survived(length / scale, f"Points {u} and {v}", length=length)
+        graph.add_edges_from([(u, v), (v, u)], survival=survival, length=length)
     return graph
 
 

@@ -94,7 +94,7 @@ def read_mission(path: str | os.PathLike[str], **options: Any) -> Mission:
             fault = unknown_parameter(unknown[0], file_parameters(known))
             raise ParameterError(f"Mission file {where}: {fault}", unknown[0])
         draft = known.read(source, **own)
-        mission = make_mission(draft, name=draft.graph.get("name") or stem_of(path), **options)
+        mission = make_mission(draft, name=str(draft.graph.get("name") or stem_of(path)), **options)
         mission_content(mission)  # what cannot be saved is refused at once, not after a search
     except ParameterError:
         raise
@@ -146,9 +146,11 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     """
     path = Path(path)
     writers = {known.suffixes[0]: known.write for known in formats().values() if known.write}
-    check_suffix(path, writers)
+    suffix = max((one for one in writers if path.name.lower().endswith(one)), key=len, default="")
+    if not suffix:
+        check_suffix(path, writers)
     try:
-        data = writers[path.suffix.lower()](check_mission(mission))
+        data = writers[suffix](check_mission(mission))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     replace_file(path, data)

@@ -63,7 +63,7 @@ class Draft:
     graph
         Attributes of the graph, such as ``base``, ``robots``, ``kinds`` and ``title``.
     faults
-        What is wrong with the file, beside what the rules of missions say of its rows.
+        Faults that only the reader can see.
     directed
         Whether an arc leads one way. If not, the file is read with ``both_ways`` only.
     trim
@@ -79,8 +79,8 @@ class Draft:
     zones
         Danger zones that the file holds.
     straight
-        Whether an arc without a length is as long as its ends are apart. If not, only arcs are that
-        get their survival by it.
+        Whether an arc without a length is as long as its ends are apart. Otherwise only arcs are
+        whose survival is computed from their length.
 
     Examples
     --------
@@ -138,15 +138,21 @@ class Source:
     @functools.cached_property
     def json(self) -> Any:
         """The content of a JSON file; a ValueError if it is none."""
-        return json.loads(self.text)
+        try:
+            return json.loads(self.text)
+        except json.JSONDecodeError as error:
+            raise ValueError(f"expected JSON: {error}") from None
 
     @functools.cached_property
     def yaml(self) -> Document:
         """The content of a YAML file, with the line of each value; a ValueError if it is none."""
         # Imported late: it takes time, and most missions are not in YAML.
-        from botohe_moo._base.document import Document
+        from botohe_moo._base.document import Document, DocumentError
 
-        return Document(self.text)
+        try:
+            return Document(self.text)
+        except DocumentError as error:
+            raise ValueError(f"line {error}") from None
 
 
 def within(source: str, error: Exception) -> MissionError:
@@ -286,7 +292,7 @@ def format_of(file: str | os.PathLike[str] | Source) -> Format:
 
 def _seen(look: Callable[[Source], Any], source: Source) -> Any:
     """Return what a look at a file finds; None if its content is of another form altogether."""
-    with suppress(ValueError, RecursionError, AttributeError, TypeError, LookupError):
+    with suppress(Exception):  # whatever another package's sniff may raise
         return look(source)
     return None
 

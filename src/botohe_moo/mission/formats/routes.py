@@ -48,8 +48,8 @@ def read_route_graph(source: Source, *, geographic: bool | None = None) -> Draft
     if not isinstance(features, list):
         raise MissionError(f"expected GeoJSON with a list of features, got {quoted(content)}")
     is_ours = content.get("generator") == _OURS
-    graph = _object(content.get("mission"), "mission")
-    draft = Draft([], [], graph, trim=True, words=("point", "line"), straight=not is_ours)
+    graph = {**_object(content.get("mission"), "mission")}
+    draft = Draft([], [], graph, words=("point", "line"), trim=not is_ours, straight=not is_ours)
     if geographic is not None:
         graph["geographic"] = geographic
     if "geographic" not in graph and any(name in str(content.get("crs")) for name in _DEGREES):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 
-from botohe_moo._base.checks import as_float, check_frame, most_alike, quoted
+from botohe_moo._base.checks import ParameterError, as_float, check_frame, most_alike, quoted
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission.arrays import distance_of, plain_numbers
@@ -71,6 +71,9 @@ def make_mission(
     """
     if not draft.directed and not both_ways:
         raise MissionError("expected directed arcs, found undirected edges: give both_ways")
+    for option, path in {"hazard": hazard, "interest": interest}.items():
+        if path is not None and (not path or not isinstance(path, str | os.PathLike)):
+            raise ParameterError(f"Expected {option} to be a path, got {quoted(path)}.", option)
     given = {"base": base, "kinds": kinds, "pays": pays, "geographic": geographic}
     site = _Site(draft, {key: value for key, value in given.items() if value is not None})
     if kinds is not None:
@@ -194,14 +197,12 @@ class _Site:
                 attributes.setdefault("survival", 1.0)  # the loop is the fault, or is left out
         lacking = [arc for arc in self.arcs if "survival" not in arc.attributes]
         if not lacking and (danger is not None or hazard is not None or zones):
-            self.notes.append(
-                "All survivals are given: danger, hazard and danger zones change none."
-            )
+            self.notes.append("All arcs have a survival: danger, hazard and zones change none.")
         if lacking and danger is None and (hazard is not None or not zones):
             found = f"expected a survival, found none ({len(lacking)} without one)"
             remedy = "give danger, the rate of loss for a unit of length"
             self.faults.append(f"{_named_arc(lacking[0])}: {found}: {remedy}")
-        raster = _raster(hazard) if lacking and hazard is not None else None
+        raster = None if hazard is None else _raster(hazard)
         rate = mean_rate(danger or 0.0, raster, zones)
         for arc in lacking:
             named, ends, length = _named_arc(arc), arc.labels, arc.attributes.get("length", 1.0)
@@ -266,9 +267,13 @@ class _Site:
         node, arc = self.draft.words
         graph.remove_edges_from(list(nx.selfloop_edges(graph)))
         lost = []
-        if self.base in graph:  # if not, that is the fault
-            joined = nx.descendants(graph, self.base) & nx.ancestors(graph, self.base)
-            lost = [label for label in graph if label not in {*joined, self.base}]
+        ends = [kind.ends(self.base) for kind in self.kinds] or [(self.base, self.base)]
+        if all(label in graph for label in {self.base}.union(*ends)):  # if not, that is the fault
+            joined = {self.base}
+            for start, end in ends:
+                reached = {start} | nx.descendants(graph, start)
+                joined |= reached & ({end} | nx.ancestors(graph, end))
+            lost = [label for label in graph if label not in joined]
         graph.remove_nodes_from(lost)
         left_out = {
             **self.left_out,
@@ -302,9 +307,17 @@ _READ: dict[str, Callable[[Any], Any]] = {
 
 
 def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return attributes with numbers and flags for texts."""
-    read = {name: _READ.get(attribute_of(str(name)) or name) for name in attributes}
-    return {name: of(value) if (of := read[name]) else value for name, value in attributes.items()}
+    """Return attributes with numbers and flags for texts, and their names in lower case."""
+    plain = {}
+    for name, value in attributes.items():
+        lower = str(name).lower()
+        key = lower if lower in _READ and lower not in attributes else name
+        read = _READ.get(attribute_of(str(name)) or key)
+        if read is None:
+            plain[name] = value
+        elif value is not None:  # null is an empty cell
+            plain[key] = read(value)
+    return plain
 
 
 def find_label(given: Any, labels: Mapping[Any, Mapping[str, Any]]) -> Hashable:
@@ -477,12 +490,15 @@ def read_table(path: _Path) -> pd.DataFrame:
     except UnicodeDecodeError as error:
         reason = f"{error}; save it as 'CSV UTF-8', as spreadsheets call it"
         raise MissionError(reason, str(path)) from None
-    first, _, rest = text.partition("\n")
+    first, _, rest = text.lstrip().partition("\n")
     separator = max(_SEPARATORS, key=first.count)
-    if first.rstrip("\r").lower() in (f"sep={mark}" for mark in _SEPARATORS):  # as Excel writes it
-        text, separator = f"\n{rest}", first[4]
-    lines = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
-    rows = {i: cells for i, cells in enumerate(lines, 1) if any(cell.strip() for cell in cells)}
+    if (said := first.strip('"\r').lower()) in (f"sep={mark}" for mark in _SEPARATORS):  # of Excel
+        text, separator = f"\n{rest}", said[4]
+    lines = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    try:
+        rows = {i: cells for i, cells in enumerate(lines, 1) if any(map(str.strip, cells))}
+    except csv.Error as error:  # such as a quote that does not end
+        raise MissionError(f"line {lines.line_num}: {error}", str(path)) from None
     if not rows:
         reason = "expected a first row of column names, found an empty file"
         raise MissionError(reason, str(path))
@@ -515,7 +531,7 @@ def _rows(table: str, frame: pd.DataFrame, labels: tuple[str, ...]) -> tuple[lis
     for index, *values in cells.itertuples(name=None):
         stripped = (value.strip() if isinstance(value, str) else value for value in values)
         filled = zip(names, stripped, strict=True)
-        row = {key: value for key, value in filled if key and value is not None and value != ""}
+        row = {key: value for key, value in filled if key and not _is_empty(value)}
         where = f"{table}, row {index}"
         if missing := [key for key in labels if key not in row]:
             faults.append(f"{where}: expected {missing[0]}, found nothing")
@@ -525,6 +541,10 @@ def _rows(table: str, frame: pd.DataFrame, labels: tuple[str, ...]) -> tuple[lis
             row["pos"] = [row.pop("x", None), row.pop("y", None)]
         rows.append(Row(where, ends, row))
     return rows, faults
+
+
+def _is_empty(value: Any) -> bool:
+    return value is None or (isinstance(value, str) and not value)
 
 
 def _column_name(column: str) -> str:
