@@ -181,8 +181,8 @@ def test_by_hand(building):
     survival = mission.graph.edges["L1/4", "L2/0"]["survival"]
     assert survival == pytest.approx(math.exp(-0.045))
     assert [str(each.message) for each in said] == [
-        "Left out lanes of graph 1: line 15 (1 in all); named waypoints that none of the lanes "
-        "touches: 'charger', 'closet' (2 in all); lifts that join no levels: Hoist (1 in all)."
+        "Left out lanes of graph 1: line 15 (1 in all); named waypoints without a lane: "
+        "'charger', 'closet' (2 in all); lifts that join no levels: Hoist (1 in all)."
     ]
 
 

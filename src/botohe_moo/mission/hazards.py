@@ -110,7 +110,7 @@ def rewards_from_raster(
     origin: tuple[float, float] = (0.0, 0.0),
     scale: NotNegative = 1.0,
 ) -> dict[Hashable, float]:
-    """Return what there is to see from each node of a graph, from a map of what is of interest.
+    """Return the reward of each node of a graph: the interest that is visible from it on a map.
 
     A cell is seen from the nearest node, if its centre is within the ``radius``. So no cell counts
     twice, and the sum of all rewards is what robots see that get everywhere.

@@ -128,8 +128,8 @@ def roadmap_from_map(
     Ways are the skeleton of all places where a robot is clear of obstacles, in the largest
     connected part: they keep to the middle of rooms and corridors. Nodes are where ways meet
     or end. Of nodes nearer to each other than ``radius``, or than two cells, one stays, so that
-    shorter dead ends disappear. A way back to where it began, or beside another one, gets nodes in
-    between. Needs ``pip install "botohe-moo[maps]"``.
+    shorter dead ends disappear. Loops and parallel branches get
+    nodes in between. Needs ``pip install "botohe-moo[maps]"``.
 
     Parameters
     ----------

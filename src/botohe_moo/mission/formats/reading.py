@@ -132,7 +132,7 @@ class Source:
 
     @functools.cached_property
     def text(self) -> str:
-        """The file as a text in UTF-8; a UnicodeDecodeError if it is none."""
+        """The file as a text in UTF-8; a UnicodeDecodeError if it is not UTF-8."""
         return self.data.decode("utf-8-sig")
 
     @functools.cached_property

@@ -179,7 +179,7 @@ def _draft(source: Source, site: _Site, base: Any, graph: int | str | None) -> D
     names = {spot: row.attributes["name"] for spot, row in vertices.items()}
     touched = {spot for row in lanes for spot in row.labels}
     unused = [quoted(name) for spot, name in names.items() if name and spot not in touched]
-    left_out["named waypoints that none of the lanes touches"] = unused
+    left_out["named waypoints without a lane"] = unused
     vertices = {spot: row for spot, row in vertices.items() if spot in touched}
     counts = Counter([names[spot] for spot in vertices] + 2 * ["", *names])
     labels = {spot: names[spot] if counts[names[spot]] == 1 else spot for spot in vertices}

@@ -67,7 +67,7 @@ def make_mission(
     """Make a mission of what a reader has found; :func:`read_mission` describes the options.
 
     A MissionError lists what breaks a rule, in the rows and in the options. A warning names what is
-    left out, and what is taken for granted.
+    left out, and which defaults were used.
     """
     if not draft.directed and not both_ways:
         raise MissionError("expected directed arcs, found undirected edges: give both_ways")
@@ -181,8 +181,8 @@ class _Site:
             self.at[label]["reward"] = seen.get(label, default)
         if reward is None and interest is None and len(lacking) < len(self.at) - 1:
             self.notes += [
-                f"{named}; reward gives them another."
-                for named in _named("Nodes without a reward have 1", map(quoted, lacking))
+                f"{named}; set reward to change it."
+                for named in _named("These nodes have no reward and get 1", map(quoted, lacking))
             ]
 
     def add_survivals(
