@@ -193,7 +193,7 @@ class TestBackground:
         mission, plans = toy_plans([1], [1, 2, 1])
         pixels = np.full((40, 60), 255)
         pixels[0, :] = 0
-        file = write_map(tmp_path, pixels, resolution=0.1, origin=(-1, -2))
+        file = write_map(tmp_path, pixels, resolution=0.1)
         path = explore(solution_of(mission, plans), tmp_path / "site.html", background=file)
         with opened(path, "#pins=0") as page:
             for svg in ("#map", "#cards svg"):

@@ -21,11 +21,11 @@ def _close_figures():
     plt.close("all")
 
 
-def write_map(folder, pixels, more=""):
+def write_map(folder, pixels, more="", *, resolution=0.5):
     """Write a map as ROS's map server has it; pixels are from 0, black, to 255."""
     Image.fromarray(np.asarray(pixels, np.uint8)).save(folder / "map.png")
     path = folder / "map.yaml"
-    path.write_text(f"image: map.png\nresolution: 0.5\norigin: [-1, -2, 0]\n{more}")
+    path.write_text(f"image: map.png\nresolution: {resolution}\norigin: [-1, -2, 0]\n{more}")
     return path
 
 
