@@ -409,7 +409,7 @@ class TestRoadmaps:
         graph = roadmap_from_map(drawn(cells), radius=0.3)
         # The end, the crossing, and two nodes on the loop.
         assert sorted(degree for _, degree in graph.out_degree()) == [1, 2, 2, 3]
-        cells[15:45, 35:45] = WHITE  # a way across: two crossings, of which the loop has three ways
+        cells[15:45, 35:45] = WHITE  # a way across, so that three ways join two crossings
         graph = roadmap_from_map(drawn(cells), radius=0.3)
         assert sorted(degree for _, degree in graph.out_degree()) == [1, 2, 3, 3, 3]
 

@@ -326,7 +326,7 @@ def _loss_along(danger: float, hazard: str | os.PathLike[str] | None) -> _Losses
 
 
 def _roadmap(ways: list[_Way], spacing: float, losses: _Losses | None) -> nx.DiGraph[Any]:
-    """Cut ways into arcs, at most as long as ``spacing``, of which no two have the same ends."""
+    """Cut ways into arcs, none longer than ``spacing``; no two arcs have the same ends."""
     cut: nx.Graph[Any] = nx.Graph()
     for way in ways:
         along = _distances(way)
