@@ -475,8 +475,8 @@ def test_a_route_graph_needs_a_base_and_a_danger(botohe, refused, tmp_path):
     assert "no parameter 'base'" in refused("solve", "toy", "--base", 1)
     done = botohe(*site, "--base", 1, "--danger", 2, "--out", "out")
     assert done.status == 0, done.err
-    assert "Left out lines from a point to itself: features[100] (1 in all); " in done.err
-    assert "have no way back: 26 (1 in all)." in done.err
+    assert "Left out lines from a point to itself: features[100]; " in done.err
+    assert "have no way back: 26." in done.err
     mission = read_solution(tmp_path / "out").mission
     assert (mission.base, mission.robots, len(mission.nodes)) == (1, 2, 26)
     checked = botohe("missions", "check", "site.geojson", "--base", 1, "--danger", 2, "--robots", 2)

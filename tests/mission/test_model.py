@@ -107,7 +107,7 @@ class TestEquality:
         assert larger.robots == 5
         assert type(larger.robots) is int
         assert mission.robots == 2
-        assert larger.arrays is mission.arrays
+        assert larger.arrays.survival.tolist() == mission.arrays.survival.tolist()
         assert larger.name == "harbour"
 
     @given(missions())

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 
 from botohe_moo import MissionError, mission_from_tables
-from botohe_moo.mission.formats.tables import read_table
+from botohe_moo._base.spreadsheets import read_table
 from tests.strategies import missions
 
 NODES = {"label": ["dock", "reef", "cave"], "reward": [0, 5, 2.5], "x": [0, 1, 2], "y": [0, 1, 0]}
@@ -186,43 +186,3 @@ def test_an_arc_that_has_one_back_keeps_it():
 def test_what_is_not_a_table():
     with pytest.raises(TypeError, match=r"Expected nodes to be a pandas\.DataFrame, got {"):
         mission_from_tables(NODES, pd.DataFrame(ARCS), base="dock", robots=1)
-
-
-class TestReading:
-    @pytest.mark.parametrize("separator", [",", ";", "\t"])
-    def test_a_file(self, tmp_path, separator):
-        lines = ["Label,Reward", "dock,0", "", '"north ""hall""",5', ",", " 7 ,NA"]
-        text = "\ufeff" + "\r\n".join(lines).replace(",", separator)
-        (tmp_path / "nodes.csv").write_bytes(text.encode())
-        table = read_table(tmp_path / "nodes.csv")
-        assert list(table.columns) == ["Label", "Reward"]
-        assert list(table.index) == [2, 4, 6]  # as a spreadsheet counts them
-        assert table.to_numpy().tolist() == [["dock", "0"], ['north "hall"', "5"], [" 7 ", "NA"]]
-
-    @pytest.mark.parametrize("first", ["sep=;", "SEP=;\r"])
-    def test_a_first_line_that_tells_the_separator(self, tmp_path, first):
-        path = tmp_path / "nodes.csv"
-        path.write_bytes(f"\ufeff{first}\nlabel;reward, as a price\ndock;0\n".encode())
-        table = read_table(path)
-        assert list(table.columns) == ["label", "reward, as a price"]
-        assert list(table.index) == [3 + first.count("\n")]
-
-    @pytest.mark.parametrize(
-        ("data", "fault"),
-        [
-            (None, "there is no such file"),
-            (b"", "expected a first row of column names, found an empty file"),
-            (b'label,reward\ndock,"0\nreef,5\n', "line 3: unexpected end of data"),
-            (
-                "label,reward\ncafé,1\n".encode("cp1252"),
-                "can't decode byte 0xe9 in position 16.*; save it as 'CSV UTF-8'",
-            ),
-        ],
-    )
-    def test_damage_is_named(self, tmp_path, data, fault):
-        path = tmp_path / "nodes.csv"
-        if data is not None:
-            path.write_bytes(data)
-        with pytest.raises(MissionError, match=fault) as caught:
-            read_table(path)
-        assert str(caught.value).startswith(str(path))

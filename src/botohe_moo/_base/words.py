@@ -1,4 +1,6 @@
-"""Numbers in messages and pictures."""
+"""Numbers and lists of names in messages and pictures."""
+
+from collections.abc import Iterable
 
 
 def counted(number: int, thing: str) -> str:
@@ -8,6 +10,16 @@ def counted(number: int, thing: str) -> str:
     ('1 plan', '1,200 plans')
     """
     return f"1 {thing}" if number == 1 else f"{number:,} {thing}s"
+
+
+def listed(names: Iterable[str], most: int = 5) -> str:
+    """Write names once each; of more than ``most``, the first ones and how many more there are.
+
+    >>> listed("abca"), listed("abcd", most=2)
+    ('a, b, c', 'a, b and 2 more')
+    """
+    once = list(dict.fromkeys(names))
+    return ", ".join(once[:most]) + (f" and {n:,} more" if (n := len(once) - most) > 0 else "")
 
 
 def probability_text(probability: float, decimals: int) -> str:

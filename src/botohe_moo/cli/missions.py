@@ -250,9 +250,9 @@ def import_mission(
     Labels are texts. Names of columns may be in upper or lower case; further columns become
     attributes. What is wrong is named by file and row.
     """
+    from botohe_moo._base.spreadsheets import read_table
     from botohe_moo.mission import mission_from_tables, save_mission
     from botohe_moo.mission.formats.reading import stem_of
-    from botohe_moo.mission.formats.tables import read_table
 
     with failing():
         given = mission_options(

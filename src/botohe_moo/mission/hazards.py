@@ -331,6 +331,8 @@ class Zone(NamedTuple):
 
 def read_zones(zones: Iterable[Any], name: str) -> list[Zone]:
     """Read zones; a ValueError names what is wrong, such as ``zones[0]``."""
+    if not isinstance(zones, Iterable) or isinstance(zones, str | Mapping):
+        raise ValueError(f"expected {name} to be a list, got {quoted(zones)}.")
     return [read_zone(zone, f"{name}[{i}]: ") for i, zone in enumerate(zones)]
 
 

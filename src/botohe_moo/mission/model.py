@@ -14,9 +14,9 @@ from typing import Any, Self
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import quoted
+from botohe_moo._base.checks import check_integer, quoted
 from botohe_moo._base.types import FloatArray
-from botohe_moo._base.words import counted
+from botohe_moo._base.words import counted, listed
 from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission import arrays, rules
@@ -24,7 +24,6 @@ from botohe_moo.mission.rules import Kind, MissionError, PlanError
 from botohe_moo.mission.underway import Event, under_way
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
-_MOST_NAMED = 20  # nodes in a warning
 _ROUNDING = 1e-12  # relative: what rounding may change along a way
 
 
@@ -128,22 +127,21 @@ class Mission:
         own = {"pays": "arrival"} | (dict(graph.graph) if isinstance(graph, nx.Graph) else {})
         given = {"base": base, "kinds": kinds, "pays": pays, "name": name}
         own |= {key: value for key, value in given.items() if value is not None}
-        listed, faults = rules.read_kinds(own.get("kinds"))
+        team, faults = rules.read_kinds(own.get("kinds"))
         if kinds is not None or robots is not None:
             own["robots"] = robots
-        if kinds is None and robots is not None and len(listed) == 1:  # the graph's own kind
-            listed, own["robots"] = (replace(listed[0], robots=robots),), None
+        if kinds is None and robots is not None and len(team) == 1:  # the graph's own kind
+            team, own["robots"] = (replace(team[0], robots=robots),), None
         name = own.get("name") or own.get("title")
         source = f"Mission {quoted(name)}" if name else "The mission"
-        if not (faults := faults or rules.graph_faults(graph, listed, own)):
-            listed = listed or (Kind(rules.ONLY_KIND, own["robots"]),)
-            self._set_up(graph.copy(), listed, own | {"name": str(name or "mission")})
+        if not (faults := faults or rules.graph_faults(graph, team, own)):
+            team = team or (Kind(rules.ONLY_KIND, own["robots"]),)
+            self._set_up(graph.copy(), team, own | {"name": str(name or "mission")})
             faults = [] if self.is_plain else self._way_faults()
         if faults:
             raise MissionError(faults, source)
         if lost := [quoted(self.nodes[v]) for v in arrays.uncollected(self.arrays)]:
-            named = ", ".join(lost[:_MOST_NAMED]) + ", …" * (len(lost) > _MOST_NAMED)
-            text = f"{source}: no kind of robots can collect the reward of {named}."
+            text = f"{source}: no kind of robots can collect the reward of {listed(lost)}."
             warnings.warn(text, stacklevel=2)
 
     def _set_up(self, graph: Any, kinds: Iterable[Kind], given: Mapping[str, Any]) -> None:
@@ -175,17 +173,13 @@ class Mission:
     def with_robots(self, robots: int) -> Mission:
         """Return the same mission for another number of robots, at least 1, of the same kind.
 
-        A MissionError is raised for a mission of several kinds: make a new :class:`Mission`.
+        A ValueError is raised for a mission of several kinds: make a new :class:`Mission`.
         """
-        several = f"it has {self.team}: expected no number of robots, got {quoted(robots)}"
-        if fault := several if len(self.kinds) > 1 else rules.team_size_fault(robots):
+        if len(self.kinds) > 1:
+            fault = f"it has {self.team}: expected no number of robots, got {quoted(robots)}"
             raise MissionError(fault, f"Mission {quoted(self.name)}")
-        kinds = (replace(self.kinds[0], robots=int(robots)),)
-        if not self.is_plain:  # its arrays depend on the robots
-            return Mission(self.graph, base=self.base, kinds=kinds, pays=self.pays, name=self.name)
-        other = Mission.__new__(Mission)
-        other.__dict__.update(self.__dict__, robots=kinds[0].robots, kinds=kinds)
-        return other
+        kinds = [replace(self.kinds[0], robots=check_integer("robots", robots, at_least=1))]
+        return Mission(self.graph, base=self.base, kinds=kinds, pays=self.pays, name=self.name)
 
     def with_lengths_from_pos(self) -> Mission:
         """Return the same mission with the distances between positions as lengths of arcs.
@@ -206,8 +200,8 @@ class Mission:
     @property
     def team(self) -> str:
         """The number of robots, and of each kind: "3 robots (2 drone, 1 rover)"."""
-        listed = ", ".join(f"{kind.robots} {kind.name}" for kind in self.kinds)
-        return counted(self.robots, "robot") + (f" ({listed})" if len(self.kinds) > 1 else "")
+        kinds = ", ".join(f"{kind.robots} {kind.name}" for kind in self.kinds)
+        return counted(self.robots, "robot") + (f" ({kinds})" if len(self.kinds) > 1 else "")
 
     @property
     def kind_of(self) -> tuple[Kind, ...]:
@@ -258,12 +252,14 @@ class Mission:
             A label that is a tuple may be given as a list, as in mission files. A PlanError names
             what is not valid.
         """
-        listed = [rules.trail_indices(self, *trail) for trail in enumerate(trails)]
-        if len(listed) == self.robots:
-            n = len(self.nodes)
-            first = [n * k for k, kind in enumerate(self.kinds) for _ in range(kind.robots)]
-            listed = [[node + i for node in trail] for i, trail in zip(first, listed, strict=True)]
-        plan = TrailPlan(listed)
+        indices = [rules.trail_indices(self, *trail) for trail in enumerate(trails)]
+        n = len(self.nodes)
+        first = [n * k for k, kind in enumerate(self.kinds) for _ in range(kind.robots)]
+        if len(indices) == len(first):  # if not, that is the fault
+            indices = [
+                [i + node for node in trail] for i, trail in zip(first, indices, strict=True)
+            ]
+        plan = TrailPlan(indices)
         self.evaluate([plan])
         return plan
 

@@ -134,26 +134,31 @@ class PlanError(ValueError):
     """
 
 
-def read_kinds(kinds: Any) -> tuple[tuple[Kind, ...], list[str]]:
-    """Return kinds, which files hold as mappings, and what is wrong with their form.
+def read_kinds(
+    kinds: Any, read: Callable[[Mapping[str, Any]], Mapping[str, Any]] = dict
+) -> tuple[tuple[Kind, ...], list[str]]:
+    """Return kinds, which files hold as mappings, and what is wrong with their form or names.
 
-    None lists no kinds.
+    None lists no kinds. ``read`` converts the attributes of each.
     """
     if kinds is None:
         return (), []
     if isinstance(kinds, str | Mapping) or not isinstance(kinds, Iterable):
         return (), [f"expected kinds to be a list of kinds, got {quoted(kinds)}"]
-    listed = [vars(kind) if isinstance(kind, Kind) else kind for kind in kinds]
-    faults = [] if listed else ["expected at least one kind, got none"]
-    known = [field.name for field in fields(Kind)]
-    for i, kind in enumerate(listed):
-        if not isinstance(kind, Mapping):
+    found, faults, known = [], list[str](), [field.name for field in fields(Kind)]
+    for i, kind in enumerate(kinds):
+        given = vars(kind) if isinstance(kind, Kind) else kind
+        given = read(given) if isinstance(given, Mapping) else None
+        if given is None:
             faults.append(f"kinds[{i}]: expected a Kind, or an object, got {quoted(kind)}")
-        elif unknown := [str(name) for name in kind if name not in known]:
+        elif unknown := [str(name) for name in given if name not in known]:
             near = most_alike(unknown[0], known)
             faults.append(f"kinds[{i}]: there is no {quoted(unknown[0])} of a kind{near}")
-    missing = {"name": None, "robots": None}  # the rules find these
-    return () if faults else tuple(Kind(**{**missing, **kind}) for kind in listed), faults
+        else:
+            found.append(Kind(**{"name": None, "robots": None, **given}))  # None breaks a rule
+    if not found and not faults:
+        faults.append("expected at least one kind, got none")
+    return tuple(found), faults or _kind_name_faults(found)
 
 
 def by_kind(value: object, kinds: Sequence[Kind]) -> list[float]:
@@ -209,7 +214,7 @@ _MAX_LENGTH: Rule = ("a finite max_length >= 0", lambda v: v is None or _within(
 _PAYS: Rule = ("pays to be 'arrival' or 'return'", lambda v: _is_text(v) and v in PAYS, PAYS[0])
 _SHARE: Rule = ("share in [0, 1]", _within(0, 1), 1.0)
 _OF_MISSIONS: Rules = {
-    "robots": ("robots to be an integer >= 1", _is_count, 1),
+    "robots": ("robots to be an integer >= 1", lambda v: v is None or _is_count(v), None),
     "pays": _PAYS,
     "max_length": _MAX_LENGTH,
 }
@@ -270,7 +275,7 @@ def attribute_faults(graph: nx.DiGraph[Any], kinds: Sequence[Kind] = ()) -> list
 
     A kind that the mission does not list is one fault, however many nodes and arcs name it.
     """
-    known = [kind.name for kind in kinds if _is_text(kind.name)]
+    known = [kind.name for kind in kinds]
     names = known or [ONLY_KIND]
     faults: list[str] = []
     unknown: dict[tuple[str, str], list[str]] = {}
@@ -293,20 +298,14 @@ def attribute_faults(graph: nx.DiGraph[Any], kinds: Sequence[Kind] = ()) -> list
     return faults
 
 
-def team_size_fault(robots: object) -> str | None:
-    """Describe the fault of a team size, if it has one."""
-    return next(_faults_of({"robots": robots}, _OF_MISSIONS), None)
-
-
-def kind_name_faults(kinds: Sequence[Kind]) -> list[str]:
-    """List what is wrong with the names of kinds."""
+def _kind_name_faults(kinds: Sequence[Kind]) -> list[str]:
+    names = [kind.name for kind in kinds]
+    expected = "a printable name without : , = and blanks around it"
     where = "for columns survival:NAME and --kind NAME=ROBOTS"
-    expected = f"a printable name without : , = and blanks around it, {where}"
-    wrong = [kind.name for kind in kinds if not _is_name(kind.name)]
-    names = [kind.name for kind in kinds if _is_name(kind.name)]
-    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-    faults = [f"kind {quoted(name)}: expected {expected}" for name in wrong]
-    return faults + [f"kind {quoted(name)}: there are two kinds of this name" for name in twice]
+    wrong = [f"{quoted(n)}: expected {expected}, {where}" for n in names if not _is_name(n)]
+    twice = [n for i, n in enumerate(names) if n in names[:i]]
+    rivals = [f"{quoted(name)}: there are two kinds of this name" for name in twice]
+    return [f"kind {fault}" for fault in wrong or rivals]
 
 
 def _label_faults(kind: Kind, graph: nx.DiGraph[Any], pays: object) -> Iterator[str]:
@@ -336,8 +335,7 @@ def graph_faults(graph: Any, kinds: Sequence[Kind], given: Mapping[str, Any]) ->
     """
     if not isinstance(graph, nx.DiGraph) or graph.is_multigraph():
         return [_not_a_digraph(graph)]
-    given = {name: v for name, v in given.items() if name != "robots" or v is not None}
-    base, robots, faults = given.get("base"), given.get("robots"), kind_name_faults(kinds)
+    base, robots, faults = given.get("base"), given.get("robots"), list[str]()
     for kind in kinds:
         wrong = chain(_faults_of(vars(kind), _OF_KINDS), _label_faults(kind, graph, given["pays"]))
         faults += [f"kind {quoted(kind.name)}: {fault}" for fault in wrong]
@@ -347,8 +345,6 @@ def graph_faults(graph: Any, kinds: Sequence[Kind], given: Mapping[str, Any]) ->
     elif kinds and not faults and robots not in (None, n := sum(kind.robots for kind in kinds)):
         found = f"robots of all kinds together, or none, got {quoted(robots)}"
         faults.append(f"expected robots to be {n}, the {found}")
-    if not all(_is_text(kind.name) for kind in kinds):
-        return faults  # attributes name kinds
     faults += attribute_faults(graph, kinds)
     loops = nx.nodes_with_selfloops(graph)
     faults += [f"{whose(v, v)}: a node must not have an arc to itself" for v in loops]

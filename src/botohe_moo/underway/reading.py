@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Hashable
 
 from botohe_moo._base.checks import quoted
+from botohe_moo._base.spreadsheets import FAULTS, filled_cells, read_table
 from botohe_moo.decide.grammar import node_of
-from botohe_moo.mission.formats.tables import FAULTS, read_table
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.underway import Event, EventError
 
@@ -36,7 +35,7 @@ def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
     EventError
         If a column is missing or unknown, or a row has too few or too many cells or an unknown
         node. All such rows are listed.
-    MissionError
+    ValueError
         If the file is not a table.
 
     Examples
@@ -55,21 +54,14 @@ def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
         expected = "the columns robot, event and node, and perhaps time"
         raise EventError(f"{path}: expected {expected}, found {quoted(', '.join(columns))}.")
     events, faults = [], list(frame.attrs[FAULTS])
-    cells = frame.astype(object).where(frame.notna(), None)
-    for row, *values in cells.itertuples(name=None):
-        given = dict(zip(columns, (str(value or "").strip() for value in values), strict=True))
-        where = f"{path}, row {row}"
+    for where, given in filled_cells(frame, columns, str(path)):
+        name = given.get("robot", "")
+        robot = int(name) if re.fullmatch(r"-?[0-9]+", name) else name
         try:
-            node = _node(mission, given.get("node", ""))
+            node = node_of(mission, given["node"]) if "node" in given else None
+            events.append(Event(given.get("event", "").lower(), robot, node, where))
         except ValueError as error:
             faults.append(f"{where}: {error}")
-            continue
-        robot = int(given["robot"]) if re.fullmatch(r"-?[0-9]+", given["robot"]) else given["robot"]
-        events.append(Event(given["event"].lower(), robot, node, where))
     if faults:
         raise EventError("\n".join(faults))
     return events
-
-
-def _node(mission: Mission, text: str) -> Hashable | None:
-    return node_of(mission, text) if text else None

@@ -2,48 +2,35 @@
 
 from __future__ import annotations
 
-import csv
-import io
+import functools
 import json
 import os
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
-from operator import lt
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 
 from botohe_moo._base.checks import ParameterError, as_float, check_frame, most_alike, quoted
+from botohe_moo._base.spreadsheets import FAULTS, FILE, filled_cells
+from botohe_moo._base.words import listed
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
+from botohe_moo.mission import rules
 from botohe_moo.mission.arrays import distance_of, plain_numbers
-from botohe_moo.mission.formats.reading import Draft, Row, Source
+from botohe_moo.mission.formats.reading import Draft, Row
 from botohe_moo.mission.hazards import Raster, mean_rate, read_zones, seen_from, survived
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.rules import (
-    BY_KIND,
-    Kind,
-    MissionError,
-    attribute_faults,
-    attribute_of,
-    kind_name_faults,
-    read_kinds,
-    read_label,
-)
+from botohe_moo.mission.rules import Kind, MissionError
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _Path = str | os.PathLike[str]
-
 _FLAGS = dict.fromkeys(("true", "yes", "1", "1.0"), True)
 _FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
-_MOST_NAMED = 5
-_SEPARATORS = ",;\t"
-_FILE, FAULTS = "botohe_moo file", "botohe_moo faults"  # attributes of tables read from files
+_RESERVED = "attributes id, source and target, which are labels in mission files"
 
 
 @checked
@@ -71,9 +58,7 @@ def make_mission(
     """
     if not draft.directed and not both_ways:
         raise MissionError("expected directed arcs, found undirected edges: give both_ways")
-    for option, path in {"hazard": hazard, "interest": interest}.items():
-        if path is not None and (not path or not isinstance(path, str | os.PathLike)):
-            raise ParameterError(f"Expected {option} to be a path, got {quoted(path)}.", option)
+    maps = _raster("interest", interest), _raster("hazard", hazard)
     given = {"base": base, "kinds": kinds, "pays": pays, "geographic": geographic}
     site = _Site(draft, {key: value for key, value in given.items() if value is not None})
     if kinds is not None:
@@ -81,8 +66,8 @@ def make_mission(
     if both_ways:
         site.open_both_ways()
     site.add_lengths()
-    site.add_rewards(reward, interest, sight)
-    site.add_survivals(danger, hazard, danger_zones)
+    site.add_rewards(reward, maps[0], sight)
+    site.add_survivals(danger, maps[1], danger_zones)
     graph = site.as_graph()
     if len(graph) == 1 < len(draft.nodes):
         node, arc = draft.words
@@ -108,46 +93,33 @@ class _Site:
 
     def __init__(self, draft: Draft, given: Mapping[str, Any]) -> None:
         self.draft = draft
-        self.faults, self.notes, self.left_out = [*draft.faults], [*draft.notes], {**draft.left_out}
-        self.nodes, self.arcs = (
-            [Row(where, labels, _plain(attributes)) for where, labels, attributes in rows]
-            for rows in (draft.nodes, draft.arcs)
-        )
+        self.faults, self.notes = [*draft.faults], [*draft.notes]
+        self.left_out = {what: [*names] for what, names in draft.left_out.items()}
+        self.nodes = self._plain_rows(draft.nodes, "id")
+        self.arcs = self._plain_rows(draft.arcs, "source", "target")
         self.at = {label: attributes for _, (label,), attributes in self.nodes}
-        self.graph = _plain({**draft.graph, **given})
+        find = functools.partial(find_label, labels=self.at)
+        self.graph = _plain({**draft.graph, **given}, _READ | {"base": find})
         self.base = self.graph.get("base")
-        if self.base is not None:
-            self.base = self.graph["base"] = find_label(self.base, self.at)
-        self.kinds = self._read_kinds()
-        for rows in (self.nodes, self.arcs):
-            if faults := _join_columns(rows, [kind.name for kind in self.kinds]):
-                raise MissionError(faults)
-        self.places = {
-            label: place
-            for label, attributes in self.at.items()
-            if (place := plain_numbers(attributes.get("pos"))).shape == (2,)
-        }
-
-    def _read_kinds(self) -> list[Kind]:
-        kinds = self.graph.get("kinds")
-        if isinstance(kinds, list | tuple):
-            kinds = [_plain(kind) if isinstance(kind, Mapping) else kind for kind in kinds]
-        listed, wrong = read_kinds(kinds)
-        if faults := [*wrong, *kind_name_faults(listed)]:
+        readers: _Readers = {"start": find, "end": find, "aboard": lambda of: [*map(find, of)]}
+        read = functools.partial(_plain, readers=_READ | readers)
+        self.kinds, faults = rules.read_kinds(self.graph.get("kinds"), read)
+        names = [kind.name for kind in self.kinds]
+        if faults := faults or _join_columns(self.nodes, names) or _join_columns(self.arcs, names):
             raise MissionError(faults)
-        found = []
-        for kind in listed:
-            ends: dict[str, Any] = {
-                end: find_label(label, self.at)
-                for end in ("start", "end")
-                if (label := getattr(kind, end)) is not None
-            }
-            if isinstance(kind.aboard, list | tuple):
-                ends["aboard"] = tuple(find_label(label, self.at) for label in kind.aboard)
-            found.append(replace(kind, **ends))
-        if found:
-            self.graph["kinds"] = found
-        return found
+        self.graph |= {"kinds": self.kinds} if self.kinds else {}
+        at = {label: plain_numbers(attributes.get("pos")) for label, attributes in self.at.items()}
+        self.places = {label: place for label, place in at.items() if place.shape == (2,)}
+
+    def _plain_rows(self, rows: Iterable[Row], *reserved: str) -> list[Row]:
+        """Return rows with plain attributes; what is trimmed loses those with reserved names."""
+        plain = [Row(where, labels, _plain(attributes)) for where, labels, attributes in rows]
+        for where, _, attributes in plain if self.draft.trim else ():
+            if taken := attributes.keys() & {*reserved}:
+                self.left_out.setdefault(_RESERVED, []).append(where)
+                for name in taken:
+                    del attributes[name]
+        return plain
 
     def open_both_ways(self) -> None:
         """Add an arc back for each arc that has none, with the same attributes."""
@@ -164,51 +136,42 @@ class _Site:
                 length = distance(self.places[tail], self.places[head])
                 attributes.setdefault("length", length)
 
-    def add_rewards(
-        self, reward: float | None, interest: _Path | None, sight: float | None
-    ) -> None:
+    def add_rewards(self, reward: float | None, interest: Raster | None, sight: Any) -> None:
         """Give nodes without one a reward; cells that are nearest to the base count for none."""
         default, seen = 1.0 if reward is None else reward, {}
         if (interest is None) != (sight is None):
             expected = "interest, a map, and sight, how far robots see on it, or none"
             raise MissionError(f"expected {expected}")
-        if interest is not None and sight is not None:
-            seen = seen_from(self.places, _raster(interest), sight, default)
+        if interest is not None:
+            seen = seen_from(self.places, interest, sight, default)
         if self.base in self.at:
             self.at[self.base].setdefault("reward", 0.0)
         lacking = [label for label, attributes in self.at.items() if "reward" not in attributes]
         for label in lacking:
             self.at[label]["reward"] = seen.get(label, default)
-        if reward is None and interest is None and len(lacking) < len(self.at) - 1:
-            self.notes += [
-                f"{named}; set reward to change it."
-                for named in _named("These nodes have no reward and get 1", map(quoted, lacking))
-            ]
+        if reward is None and interest is None and 0 < len(lacking) < len(self.at) - 1:
+            named = f"These nodes have no reward and get 1: {listed(map(quoted, lacking))}"
+            self.notes.append(f"{named}; set reward to change it.")
 
-    def add_survivals(
-        self, danger: float | None, hazard: _Path | None, danger_zones: object
-    ) -> None:
+    def add_survivals(self, danger: float | None, hazard: Raster | None, zones: Any) -> None:
         """Give arcs without one the survival exp(−length · mean rate between their ends)."""
-        if not isinstance(danger_zones, list | tuple):
-            raise MissionError(f"expected danger_zones to be a list, got {quoted(danger_zones)}")
-        zones = [*self.draft.zones, *read_zones(danger_zones, "danger_zones")]
+        zones = [*self.draft.zones, *read_zones(zones, "danger_zones")]
         for _, (tail, head), attributes in self.arcs:
             if tail == head:
                 attributes.setdefault("survival", 1.0)  # the loop is the fault, or is left out
         lacking = [arc for arc in self.arcs if "survival" not in arc.attributes]
-        if not lacking and (danger is not None or hazard is not None or zones):
+        if not lacking and (danger is not None or hazard or zones):
             self.notes.append("All arcs have a survival: danger, hazard and zones change none.")
-        if lacking and danger is None and (hazard is not None or not zones):
+        if lacking and danger is None and (hazard or not zones):
             found = f"expected a survival, found none ({len(lacking)} without one)"
             remedy = "give danger, the rate of loss for a unit of length"
             self.faults.append(f"{_named_arc(lacking[0])}: {found}: {remedy}")
-        raster = None if hazard is None else _raster(hazard)
-        rate = mean_rate(danger or 0.0, raster, zones)
+        rate = mean_rate(danger or 0.0, hazard, zones)
         for arc in lacking:
             named, ends, length = _named_arc(arc), arc.labels, arc.attributes.get("length", 1.0)
             arc.attributes["survival"] = 1.0  # so that a fault is listed once
             missing = [quoted(end) for end in ends if end not in self.places]
-            if missing and (raster or zones):
+            if missing and (hazard or zones):
                 self.faults.append(f"{named}: expected pos [x, y] of {missing[0]}, found none")
                 continue
             mean = danger or 0.0 if missing else rate(*(self.places[end] for end in ends))
@@ -220,8 +183,6 @@ class _Site:
 
     def as_graph(self) -> nx.DiGraph[Any]:
         """Return the graph; a MissionError lists all faults if there are any."""
-        if self.draft.trim:
-            self._drop_reserved()
         graph: nx.DiGraph[Any] = nx.DiGraph()
         graph.graph.update(self.graph)
         for where, (label,), attributes in self.nodes:
@@ -238,9 +199,9 @@ class _Site:
             if self.draft.trim and arc.labels[0] == arc.labels[1]:
                 loops.append(arc.where)
             elif self.draft.trim and rival is not arc:
-                survivals = (as_float(one.attributes["survival"]) for one in (rival, arc))
-                kept[arc.labels], worse = (arc, rival) if lt(*survivals) else (rival, arc)
-                parallel.append(worse.where)
+                safest = max(rival, arc, key=lambda one: as_float(one.attributes["survival"]))
+                kept[arc.labels] = safest
+                parallel += [one.where for one in (rival, arc) if one is not safest]
             elif rival is not arc:
                 self.faults.append(f"{named}: is listed more than once")
         arcs = [arc for arc in kept.values() if all(label in graph for label in arc.labels)]
@@ -248,40 +209,28 @@ class _Site:
         if self.faults:
             if self.base is None:
                 self.faults.append("expected base, the label of a node, found none: give base")
-            raise MissionError([*self.faults, *attribute_faults(graph, self.kinds)])
+            raise MissionError([*self.faults, *rules.attribute_faults(graph, self.kinds)])
         if self.draft.trim:
             self._trim(graph, loops, parallel)
         return graph
-
-    def _drop_reserved(self) -> None:
-        """Leave out attributes with the names that labels have in mission files."""
-        self.left_out["attributes id, source and target, which are labels in mission files"] = [
-            row.where
-            for rows, names in ((self.nodes, ("id",)), (self.arcs, ("source", "target")))
-            for row in rows
-            if [row.attributes.pop(name) for name in names if name in row.attributes]
-        ]
 
     def _trim(self, graph: nx.DiGraph[Any], loops: list[str], parallel: list[str]) -> None:
         """Leave out what cannot be part of a mission, and note it."""
         node, arc = self.draft.words
         graph.remove_edges_from(list(nx.selfloop_edges(graph)))
-        lost = []
         ends = [kind.ends(self.base) for kind in self.kinds] or [(self.base, self.base)]
+        lost = []
         if all(label in graph for label in {self.base}.union(*ends)):  # if not, that is the fault
             joined = {self.base}
             for start, end in ends:
-                reached = {start} | nx.descendants(graph, start)
-                joined |= reached & ({end} | nx.ancestors(graph, end))
+                joined |= {start, *nx.descendants(graph, start)} & {end, *nx.ancestors(graph, end)}
             lost = [label for label in graph if label not in joined]
         graph.remove_nodes_from(lost)
-        left_out = {
-            **self.left_out,
-            f"{arc}s from a {node} to itself": loops,
-            f"{arc}s parallel to one that is at least as safe": parallel,
-            f"{node}s that the base does not reach, or that have no way back": map(quoted, lost),
-        }
-        if said := [text for what, names in left_out.items() for text in _named(what, names)]:
+        self.left_out[f"{arc}s from a {node} to itself"] = loops
+        self.left_out[f"{arc}s parallel to one that is at least as safe"] = parallel
+        unjoined = f"{node}s that the base does not reach, or that have no way back"
+        self.left_out[unjoined] = [*map(quoted, lost)]
+        if said := [f"{what}: {listed(names)}" for what, names in self.left_out.items() if names]:
             self.notes.insert(0, f"Left out {'; '.join(said)}.")
 
 
@@ -298,7 +247,8 @@ def _number(value: Any) -> Any:
 
 
 # How attributes are read that are written as texts.
-_READ: dict[str, Callable[[Any], Any]] = {
+_Readers = dict[str, Callable[[Any], Any]]
+_READ: _Readers = {
     **dict.fromkeys(("reward", "share", "survival", "length", "pos"), _number),
     **dict.fromkeys(("robots", "min_survival", "max_length"), _number),
     "depot": lambda value: _FLAGS.get(str(value).lower(), value),
@@ -306,13 +256,13 @@ _READ: dict[str, Callable[[Any], Any]] = {
 }
 
 
-def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
+def _plain(attributes: Mapping[str, Any], readers: _Readers = _READ) -> dict[str, Any]:
     """Return attributes with numbers and flags for texts, and their names in lower case."""
     plain = {}
     for name, value in attributes.items():
         lower = str(name).lower()
-        key = lower if lower in _READ and lower not in attributes else name
-        read = _READ.get(attribute_of(str(name)) or key)
+        key = lower if lower in readers and lower not in attributes else name
+        read = readers.get(rules.attribute_of(str(name)) or key)
         if read is None:
             plain[name] = value
         elif value is not None:  # null is an empty cell
@@ -326,22 +276,18 @@ def find_label(given: Any, labels: Mapping[Any, Mapping[str, Any]]) -> Hashable:
     ``labels`` has the attributes of each node. What names no node is returned as a label; a
     ValueError says why it cannot be one.
     """
-    label = read_label(given)
+    label = rules.read_label(given)
     if label in labels:
         return label
-    text = _text(label)
-    numbers: list[Any] = []
+    text, meant, named = _text(label), None, []
     with suppress(ValueError):
-        numbers.append(float(text))
-    with suppress(ValueError):
-        numbers += [read_label(json.loads(text))] if text.startswith("[") else []
-    named: dict[Any, Hashable] = {}
+        meant = rules.read_label(json.loads(text)) if text.startswith("[") else float(text)
     for known, attributes in labels.items():
-        if _text(known) == text or (known in numbers and not isinstance(known, bool)):
+        if _text(known) == text or (known == meant and not isinstance(known, bool)):
             return known  # type: ignore[no-any-return]
         if text in (attributes.get("name"), attributes.get("label")):
-            named[known] = known
-    return next(iter(named)) if len(named) == 1 else label
+            named.append(known)
+    return named[0] if len(named) == 1 else label
 
 
 def _text(label: Hashable) -> str:
@@ -355,10 +301,13 @@ def _join_columns(rows: Sequence[Row], kinds: Sequence[str]) -> list[str]:
     If that is empty, too, a kind cannot take the arc.
     """
     columns = {
-        key: row.where for row in reversed(rows) for key in row.attributes if attribute_of(key)
+        key: row.where
+        for row in reversed(rows)
+        for key in row.attributes
+        if rules.attribute_of(key)
     }
-    for name in BY_KIND:
-        of_kind = {c: c.partition(":")[2] for c in columns if attribute_of(c) == name}
+    for name in rules.BY_KIND:
+        of_kind = {c: c.partition(":")[2] for c in columns if rules.attribute_of(c) == name}
         faults = [
             f"{columns[column]}: column {quoted(column)}: there is no kind {quoted(kind)}"
             f"{most_alike(kind, kinds) or '; the mission lists no kinds'}"
@@ -383,21 +332,18 @@ def _join_columns(rows: Sequence[Row], kinds: Sequence[str]) -> list[str]:
 
 
 def _named_arc(arc: Row) -> str:
-    return f"{arc.where}: arc {quoted(arc.labels[0])} -> {quoted(arc.labels[1])}"
+    return f"{arc.where}: {rules.whose(*arc.labels)}"
 
 
-def _raster(path: _Path) -> Raster:
+def _raster(option: str, path: Any) -> Raster | None:
+    if path is None:
+        return None
+    if not path or not isinstance(path, str | os.PathLike):
+        raise ParameterError(f"Expected {option} to be a path, got {quoted(path)}.", option)
     # Imported late: it takes time, and most missions need no images.
     from botohe_moo.mission.formats.maps import read_raster
 
     return read_raster(path)
-
-
-def _named(what: str, names: Iterable[str]) -> list[str]:
-    """Return a text that names some things once each, if there are any."""
-    listed = list(dict.fromkeys(names))
-    shown = ", ".join(listed[:_MOST_NAMED]) + ", …" * (len(listed) > _MOST_NAMED)
-    return [f"{what}: {shown} ({len(listed)} in all)"] if listed else []
 
 
 def mission_from_tables(
@@ -475,64 +421,18 @@ def mission_from_tables(
     return make_mission(draft, base=base, kinds=kinds, **options)
 
 
-def read_table(path: _Path) -> pd.DataFrame:
-    """Read a CSV file of texts, whose index is the number of each row in a spreadsheet.
-
-    Cells are separated by commas, semicolons or tabs: by what a first line such as ``sep=;`` says,
-    or by what the header has most of. Empty rows are left out. A MissionError names the file and
-    what is wrong with it.
-    """
-    import pandas as pd
-
-    path = Path(path)
-    try:
-        text = Source(path).text
-    except UnicodeDecodeError as error:
-        reason = f"{error}; save it as 'CSV UTF-8', as spreadsheets call it"
-        raise MissionError(reason, str(path)) from None
-    first, _, rest = text.lstrip().partition("\n")
-    separator = max(_SEPARATORS, key=first.count)
-    if (said := first.strip('"\r').lower()) in (f"sep={mark}" for mark in _SEPARATORS):  # of Excel
-        text, separator = f"\n{rest}", said[4]
-    lines = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    try:
-        rows = {i: cells for i, cells in enumerate(lines, 1) if any(map(str.strip, cells))}
-    except csv.Error as error:  # such as a quote that does not end
-        raise MissionError(f"line {lines.line_num}: {error}", str(path)) from None
-    if not rows:
-        reason = "expected a first row of column names, found an empty file"
-        raise MissionError(reason, str(path))
-    header = rows.pop(next(iter(rows)))
-    whole = {i: cells for i, cells in rows.items() if len(cells) == len(header)}
-    index = pd.Index(list(whole), dtype=int)
-    table = pd.DataFrame(list(whole.values()), index=index, columns=header, dtype=object)
-    table.attrs[_FILE] = str(path)
-    table.attrs[FAULTS] = [
-        f"{path}, row {i}: expected {len(header)} cells, as the first row has, found {len(cells)}"
-        for i, cells in rows.items()
-        if i not in whole
-    ]
-    return table
-
-
 def _rows(table: str, frame: pd.DataFrame, labels: tuple[str, ...]) -> tuple[list[Row], list[str]]:
     """Return the rows that have their labels, and the faults of the table."""
     check_frame(table, frame)
-    table = frame.attrs.get(_FILE, table)
+    table = frame.attrs.get(FILE, table)
     names = [_column_name(str(column)) for column in frame.columns]
     wrong = [name for name in labels if name not in names]
     wrong += [name for name in dict.fromkeys(names) if name and names.count(name) > 1]
     if wrong:
         found = quoted(", ".join(map(str, frame.columns)))
         return [], [f"{table}: expected one column {quoted(name)}, found {found}" for name in wrong]
-    rows: list[Row] = []
-    faults = list(frame.attrs.get(FAULTS, ()))
-    cells = frame.astype(object).where(frame.notna(), None)
-    for index, *values in cells.itertuples(name=None):
-        stripped = (value.strip() if isinstance(value, str) else value for value in values)
-        filled = zip(names, stripped, strict=True)
-        row = {key: value for key, value in filled if key and not _is_empty(value)}
-        where = f"{table}, row {index}"
+    rows, faults = [], list(frame.attrs.get(FAULTS, ()))
+    for where, row in filled_cells(frame, names, table):
         if missing := [key for key in labels if key not in row]:
             faults.append(f"{where}: expected {missing[0]}, found nothing")
             continue
@@ -543,12 +443,10 @@ def _rows(table: str, frame: pd.DataFrame, labels: tuple[str, ...]) -> tuple[lis
     return rows, faults
 
 
-def _is_empty(value: Any) -> bool:
-    return value is None or (isinstance(value, str) and not value)
-
-
 def _column_name(column: str) -> str:
     """Return a column's name in lower case, apart from the name of a kind."""
     name, colon, kind = column.partition(":")
     name = name.strip().lower()
-    return f"{name}:{kind.strip()}" if attribute_of(f"{name}{colon}") else column.strip().lower()
+    return (
+        f"{name}:{kind.strip()}" if rules.attribute_of(f"{name}{colon}") else column.strip().lower()
+    )
