@@ -402,11 +402,11 @@ class TestMissions:
         [
             (
                 nx.Graph([(0, 1)]),
-                "expected directed arcs (nx.DiGraph), got a Graph; graph.to_directed() makes",
+                "expected an nx.DiGraph, got an nx.Graph; graph.to_directed() makes",
             ),
             (
                 nx.MultiDiGraph([(0, 1)]),
-                "expected at most one arc from a node to another (nx.DiGraph), got a MultiDiGraph",
+                "expected an nx.DiGraph, got an nx.MultiDiGraph",
             ),
             ({0: [1]}, "expected an nx.DiGraph, got {0: [1]}"),
         ],

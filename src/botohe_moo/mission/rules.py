@@ -334,7 +334,9 @@ def graph_faults(graph: Any, kinds: Sequence[Kind], given: Mapping[str, Any]) ->
     all robots are of one kind.
     """
     if not isinstance(graph, nx.DiGraph) or graph.is_multigraph():
-        return [_not_a_digraph(graph)]
+        found = f"an nx.{type(graph).__name__}" if isinstance(graph, nx.Graph) else quoted(graph)
+        remedy = "; graph.to_directed() makes edges passable both ways" * (type(graph) is nx.Graph)
+        return [f"expected an nx.DiGraph, got {found}{remedy}"]
     base, robots, faults = given.get("base"), given.get("robots"), list[str]()
     for kind in kinds:
         wrong = chain(_faults_of(vars(kind), _OF_KINDS), _label_faults(kind, graph, given["pays"]))
@@ -364,15 +366,6 @@ def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> list[str]:
     }
     wrong = [(node, fault) for node in graph for fault, nodes in ways.items() if node not in nodes]
     return [f"{whose(node)}: {fault} base {quoted(base)}" for node, fault in wrong]
-
-
-def _not_a_digraph(graph: Any) -> str:
-    if not isinstance(graph, nx.Graph):
-        return f"expected an nx.DiGraph, got {quoted(graph)}"
-    found = f"(nx.DiGraph), got a {type(graph).__name__}"
-    if graph.is_multigraph():
-        return f"expected at most one arc from a node to another {found}"
-    return f"expected directed arcs {found}; graph.to_directed() makes edges passable both ways"
 
 
 def trail_indices(mission: Any, robot: int, trail: Sequence[Hashable]) -> list[int]:

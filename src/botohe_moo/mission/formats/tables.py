@@ -414,11 +414,10 @@ def mission_from_tables(
     arc_rows, others = _rows("arcs", arcs, ("tail", "head"))
     if (faults := faults + others) and not (node_rows and arc_rows):
         raise MissionError(faults)
-    given = {"title": title or None, "max_length": max_length, "robots": robots}
-    graph = {key: value for key, value in given.items() if value is not None}
     base = base.strip() if isinstance(base, str) else base
-    draft = Draft(node_rows, arc_rows, graph, faults)
-    return make_mission(draft, base=base, kinds=kinds, **options)
+    graph = {"title": title} if title else {}
+    draft = Draft(node_rows, arc_rows, graph | {"max_length": max_length}, faults)
+    return make_mission(draft, base=base, robots=robots, kinds=kinds, **options)
 
 
 def _rows(table: str, frame: pd.DataFrame, labels: tuple[str, ...]) -> tuple[list[Row], list[str]]:
