@@ -97,7 +97,7 @@ class TestFiles:
         assert mission.graph.edges["lab", "roof"]["survival"] == {"drone": 0.8}
         text = path.read_text()
         for old, new, fault in (
-            ("survival:drone", "survival:rover", "column 'survival:rover': there is no kind 'rov"),
+            ("survival:drone", "survival:rover", "survival of kind 'rover': there is no such kind"),
             ('"robots": 2', '"robots"', "expected kinds as JSON, got '"),
         ):
             path.write_text(text.replace(old, new))
@@ -158,7 +158,9 @@ class TestTables:
         [
             (
                 {"survival:drone": 0.9, "survival:rovr": 0.9},
-                ["arcs, row 0: column 'survival:rovr': there is no kind 'rovr'; most alike are"],
+                [
+                    "arc 'dock' -> 'lab' and 5 more: survival of kind 'rovr': there is no such kind; mo"
+                ],
             ),
             (
                 {"survival:drone": ["0,5", 0.9, 0.9], "survival:rover": [0.9, 2, 0.9]},

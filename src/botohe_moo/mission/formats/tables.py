@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 
-from botohe_moo._base.checks import ParameterError, as_float, check_frame, most_alike, quoted
+from botohe_moo._base.checks import ParameterError, as_float, check_frame, quoted
 from botohe_moo._base.spreadsheets import FAULTS, FILE, filled_cells
 from botohe_moo._base.words import listed
 from botohe_moo._plugins.checks import checked
@@ -295,39 +295,23 @@ def _text(label: Hashable) -> str:
 
 
 def _join_columns(rows: Sequence[Row], kinds: Sequence[str]) -> list[str]:
-    """Replace columns for one kind by mappings from kinds to numbers; return what is wrong.
+    """Replace columns for one kind by mappings from kinds to numbers; return what is missing.
 
     Where another kind's cell is filled, an empty cell has the number in the column for all kinds.
     If that is empty, too, a kind cannot take the arc.
     """
-    columns = {
-        key: row.where
-        for row in reversed(rows)
-        for key in row.attributes
-        if rules.attribute_of(key)
-    }
     for name in rules.BY_KIND:
-        of_kind = {c: c.partition(":")[2] for c in columns if rules.attribute_of(c) == name}
-        faults = [
-            f"{columns[column]}: column {quoted(column)}: there is no kind {quoted(kind)}"
-            f"{most_alike(kind, kinds) or '; the mission lists no kinds'}"
-            for column, kind in of_kind.items()
-            if kind not in kinds
-        ]
-        if of_kind and name == "survival" and not any(name in row.attributes for row in rows):
-            missing = [f"{name}:{kind}" for kind in kinds if f"{name}:{kind}" not in columns]
-            where = next(iter(columns.values()))
-            faults = faults or [
-                f"{where}: expected a column {quoted(one)}, found none" for one in missing
-            ]
-        if faults:
-            return faults
+        keys = dict.fromkeys(key for row in rows for key in row.attributes)
+        columns = {key: key.partition(":")[2] for key in keys if rules.attribute_of(key) == name}
+        found = {*columns.values()}
+        if found and found < {*kinds} and name == "survival" and name not in keys:
+            missing = next(f"{name}:{kind}" for kind in kinds if kind not in found)
+            return [f"{rows[0].where}: expected a column {quoted(missing)}, found none"]
         for _, _, attributes in rows:
-            numbers = {of_kind[c]: attributes.pop(c) for c in of_kind if c in attributes}
+            numbers = {columns[c]: attributes.pop(c) for c in columns if c in attributes}
             if numbers and (name in attributes or name == "survival"):
                 numbers = dict.fromkeys(kinds, attributes.get(name, 0.0)) | numbers
-            if numbers:
-                attributes[name] = {kind: numbers[kind] for kind in kinds if kind in numbers}
+            attributes |= {name: numbers} if numbers else {}
     return []
 
 
@@ -415,9 +399,9 @@ def mission_from_tables(
     if (faults := faults + others) and not (node_rows and arc_rows):
         raise MissionError(faults)
     base = base.strip() if isinstance(base, str) else base
-    graph = {"title": title} if title else {}
-    draft = Draft(node_rows, arc_rows, graph | {"max_length": max_length}, faults)
-    return make_mission(draft, base=base, robots=robots, kinds=kinds, **options)
+    graph = {"max_length": max_length, "robots": robots} | ({"title": title} if title else {})
+    draft = Draft(node_rows, arc_rows, graph, faults)
+    return make_mission(draft, base=base, kinds=kinds, **options)
 
 
 def _rows(table: str, frame: pd.DataFrame, labels: tuple[str, ...]) -> tuple[list[Row], list[str]]:
