@@ -158,9 +158,7 @@ class TestTables:
         [
             (
                 {"survival:drone": 0.9, "survival:rovr": 0.9},
-                [
-                    "arc 'dock' -> 'lab' and 5 more: survival of kind 'rovr': there is no such kind; mo"
-                ],
+                ["arc 'dock' -> 'lab' and 5 more: survival of kind 'rovr': there is no"],
             ),
             (
                 {"survival:drone": ["0,5", 0.9, 0.9], "survival:rover": [0.9, 2, 0.9]},
