@@ -19,7 +19,7 @@ import networkx as nx
 from botohe_moo._base.checks import ParameterError, as_float, check_frame, most_alike, quoted
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
-from botohe_moo.mission.arrays import distance_of, plain_numbers
+from botohe_moo.mission.arrays import distance_of, places_of
 from botohe_moo.mission.formats.reading import Draft, Row, Source
 from botohe_moo.mission.hazards import Raster, mean_rate, read_zones, seen_from, survived
 from botohe_moo.mission.model import Mission
@@ -122,11 +122,7 @@ class _Site:
         for rows in (self.nodes, self.arcs):
             if faults := _join_columns(rows, [kind.name for kind in self.kinds]):
                 raise MissionError(faults)
-        self.places = {
-            label: place
-            for label, attributes in self.at.items()
-            if (place := plain_numbers(attributes.get("pos"))).shape == (2,)
-        }
+        self.places = places_of(self.at)
 
     def _read_kinds(self) -> list[Kind]:
         kinds = self.graph.get("kinds")
@@ -203,7 +199,6 @@ class _Site:
             remedy = "give danger, the rate of loss for a unit of length"
             self.faults.append(f"{_named_arc(lacking[0])}: {found}: {remedy}")
         raster = None if hazard is None else _raster(hazard)
-        rate = mean_rate(danger or 0.0, raster, zones)
         for arc in lacking:
             named, ends, length = _named_arc(arc), arc.labels, arc.attributes.get("length", 1.0)
             arc.attributes["survival"] = 1.0  # so that a fault is listed once
@@ -211,7 +206,9 @@ class _Site:
             if missing and (raster or zones):
                 self.faults.append(f"{named}: expected pos [x, y] of {missing[0]}, found none")
                 continue
-            mean = danger or 0.0 if missing else rate(*(self.places[end] for end in ends))
+            mean = danger or 0.0
+            if not missing:
+                mean = mean_rate([self.places[end] for end in ends], mean, raster, zones)
             try:
                 length = as_float(length)
                 arc.attributes["survival"] = survived(mean * length, named, length=length)
