@@ -10,7 +10,7 @@ import json
 import math
 from collections.abc import Hashable
 from importlib.resources import files
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Annotated, Any, TypeAlias
 
 import networkx as nx
@@ -221,6 +221,8 @@ def terrain(
     seed
         Seed of the random numbers.
     """
+    from scipy.spatial import KDTree
+
     if depots >= nodes:
         raise ParameterError(f"Expected depots < {nodes} nodes, got {depots}.", "depots")
     size = f"{nodes} waypoints" + (f", {counted(depots, 'depot')}" if depots else "")
@@ -229,8 +231,8 @@ def terrain(
     positions = np.round(rng.random((nodes, 2)), 6)
     # Within 1.51 / √n, waypoints have as many neighbours on average as those of terrain_200. The
     # long edges of the spanning tree join the parts.
-    near = benchmark.near_pairs(positions, 1.51 / math.sqrt(nodes))
-    pairs = np.array(sorted({*near, *benchmark.spanning_pairs(positions)}))
+    near = KDTree(positions).query_pairs(1.51 / math.sqrt(nodes))
+    pairs = np.array(sorted(near.union(benchmark.spanning_pairs(positions))))
     drawing.nodes(reward=np.round(rng.random(nodes), 3), pos=positions)
     drawing.passages(pairs, np.round(0.9 + 0.095 * rng.random((len(pairs), 2)), _DIGITS))
     base = int(((positions - 0.5) ** 2).sum(axis=1).argmin())
@@ -411,16 +413,16 @@ def orienteering(
     Chao, Golden and Wasil, "The team orienteering problem", European Journal of Operational
     Research 88(3), 1996.
     """
-    rng = np.random.default_rng(seed)
-    table = np.column_stack([np.round(100 * rng.random((nodes, 2)), 1), rng.integers(1, 21, nodes)])
-    table[0, 2] = 0
     budget = round(tour * 0.7124 * 100 * math.sqrt(nodes) / robots, 1)
-    graph = benchmark.benchmark_graph(robots, budget, table, neighbours="all", scale=100)
-    for _, _, arc in graph.edges(data=True):  # the last bits of exp differ between platforms
-        arc.update({name: round(arc[name], _DIGITS) for name in ("survival", "length")})
-    title = f"Orienteering with {nodes} points, budget {budget:g}, seed {seed}"
-    graph.graph.update(name="orienteering", title=title)
-    return Mission(graph)
+    title = f"Orienteering with {nodes} points, budget {budget:g}"
+    drawing = _Drawing("orienteering", title, seed)
+    points = np.round(100 * drawing.rng.random((nodes, 2)), 1)
+    drawing.nodes(reward=drawing.rng.integers(1, 21, nodes).astype(float), pos=points)
+    for one, other in combinations(range(nodes), 2):
+        length = math.dist(points[one], points[other])
+        survival = round(math.exp(-length / 100), _DIGITS)
+        drawing.passage(one, other, survival, length=round(length, _DIGITS))
+    return drawing.mission(base=0, robots=robots, max_length=budget)
 
 
 @checked
