@@ -467,20 +467,21 @@ class TestRoadmaps:
         assert min(x for _, (x, _) in large.nodes(data="pos")) > 0.5
 
     NO_WAY = r"expected ways through free space for a robot of radius 0\.3, found none: "
-    CLOSE, HALL = NO_WAY + r"the largest clearance is 0\.05$", NO_WAY + ".* a round or square hall"
+    CLEARANCE, HALL = NO_WAY + "the largest clearance is ", NO_WAY + ".* a round or square hall"
+    CLOSE, NO_CELL = CLEARANCE + r"0\.05; ", CLEARANCE + "0; 0% of all cells are free, "
 
     @pytest.mark.parametrize(
         ("cells", "keys", "fault"),
         [
-            (np.full((50, 50), 0), {}, "no cell is free; 0% are unknown, 100% are occupied"),
-            (np.full((50, 50), GREY), {}, "no cell is free; 100% are unknown, 0% are occupied"),
-            ([[0] + [GREY] * 98 + [128]], {}, "no cell is free; 99% are unknown, 1% are occupied"),
-            (np.full((50, 50, 4), CLEAR), {}, "no cell is free; 100% are unknown"),
-            (CORRIDOR, {"free_thresh": 0}, "no cell is free; 52% are unknown, 48% are occupied"),
+            (np.full((50, 50), 0), {}, NO_CELL + "0% are unknown"),
+            (np.full((50, 50), GREY), {}, NO_CELL + "100% are unknown"),
+            ([[0] + [GREY] * 98 + [128]], {}, NO_CELL + "99% are unknown"),
+            (np.full((50, 50, 4), CLEAR), {}, NO_CELL + "100% are unknown"),
+            (CORRIDOR, {"free_thresh": 0}, NO_CELL + "52% are unknown"),
             (hall(9, 9, (4, 4, 4, 4)), {}, CLOSE),
             ([[WHITE]], {}, CLOSE),
             (np.full((1, 5000), WHITE), {}, CLOSE),
-            (CORRIDOR, {}, NO_WAY + r"the largest clearance is 0\.25$"),
+            (CORRIDOR, {}, CLEARANCE + r"0\.25; 52% of all cells are free, 0% are unknown"),
             (np.full((50, 50), WHITE), {}, HALL),
             (hall(9, 9, (1, 7, 1, 7)), {}, HALL),
         ],
@@ -541,7 +542,7 @@ class TestRoadmaps:
             graph = roadmap_from_map(**given)
         except MissionError as error:
             why = "a round or square hall" if fits else "the largest clearance is"
-            assert (why if coarse.any() else "no cell is free") in str(error)  # noqa: PT017
+            assert (why if coarse.any() else "is 0; 0% of all cells are free") in str(error)  # noqa: PT017
             return
         assert fits
         mission = Mission(graph, robots=2)  # all of whose nodes the base reaches
