@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import Kind, load_mission, save_mission, solve
 from botohe_moo.mission import MissionError, read_mission
-from botohe_moo.mission.formats.benchmark import near_pairs, nearest_pairs, spanning_pairs
+from botohe_moo.mission.formats.benchmark import nearest_pairs, spanning_pairs
 
 DATA = Path(__file__).parents[1] / "data"
 grids = st.lists(st.tuples(*[st.integers(0, 5)] * 2), min_size=1, max_size=12)
@@ -259,24 +259,13 @@ def test_spanning_tree_is_as_short_as_networkx_finds(grid):
     ours = spanning_pairs(points)
     every = nx.Graph()
     every.add_nodes_from(range(len(grid)))
-    for u, v in near_pairs(points, math.inf):
+    for u, v in itertools.combinations(range(len(grid)), 2):
         every.add_edge(u, v, weight=math.dist(grid[u], grid[v]))
     theirs = nx.minimum_spanning_tree(every)
     assert nx.number_connected_components(nx.Graph([*ours, *[(v, v) for v in every]])) == 1
     assert len(ours) == len(grid) - 1
     length = sum(math.dist(grid[u], grid[v]) for u, v in ours)
     assert length == pytest.approx(theirs.size(weight="weight"))
-
-
-@given(grids, st.integers(0, 5))
-def test_near_pairs_are_all_near_pairs(grid, radius):
-    expected = [
-        (u, v)
-        for u in range(len(grid))
-        for v in range(u + 1, len(grid))
-        if math.dist(grid[u], grid[v]) <= radius
-    ]
-    assert near_pairs(np.array(grid, float), radius) == expected
 
 
 @given(grids, st.integers(0, 12))

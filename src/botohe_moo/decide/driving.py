@@ -12,7 +12,7 @@ from typing import Any
 
 from botohe_moo._base.checks import check_choice, check_number, quoted
 from botohe_moo.decide.robots import robot_rows
-from botohe_moo.mission.arrays import given_places
+from botohe_moo.mission.arrays import places_of
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.formats.routes import write_route_graph
 from botohe_moo.mission.model import Mission, check_mission
@@ -96,8 +96,8 @@ def _alive(mission: Mission, plan: TrailPlan) -> list[list[float]]:
 
 def _stops(mission: Mission, nodes: Sequence[Any]) -> list[dict[str, Any]]:
     """Return labels, frames and poses; a robot faces where it goes from the node before."""
-    places = given_places(mission.graph)
-    at = [places[node] or (0.0, 0.0) for node in nodes]  # none lacks one: the graph is written
+    places = places_of(mission.graph.nodes)
+    at = [places[node] for node in nodes]  # none lacks one: the graph is written
     ways = [(x2 - x1, y2 - y1) for (x1, y1), (x2, y2) in pairwise(at)]
     stops = []
     for node, (x, y), way in zip(nodes, at, [*ways[:1], *ways] or [(1.0, 0.0)], strict=True):
@@ -179,10 +179,10 @@ def qgc_plans(
             "to true if they are.",
             stacklevel=2,
         )
-    places = given_places(mission.graph)
+    places = places_of(mission.graph.nodes)
     files = {}
     for robot, trail in enumerate(mission.labels(plan)):
-        at = [_on_earth(node, places[node]) for node in trail]
+        at = [_on_earth(node, places.get(node)) for node in trail]
         if len(at) > 1:
             files[robot] = _qgc_plan(at, height, VEHICLES[vehicle])
     return files

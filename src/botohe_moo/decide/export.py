@@ -14,7 +14,7 @@ from typing import Any
 from botohe_moo._base.files import check_file, check_folder, check_suffix, replace_file
 from botohe_moo.decide.driving import MULTICOPTER, altitude_of, json_text, nav2_files, qgc_plans
 from botohe_moo.decide.robots import robot_rows
-from botohe_moo.mission.arrays import given_places
+from botohe_moo.mission.arrays import places_of
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import collect_probabilities, reach_probabilities, team_reach
@@ -93,7 +93,7 @@ def plan_csv(mission: Mission, plan: TrailPlan) -> str:
     0,1,2,0.5,1.0
     """
     check_mission(mission).evaluate([plan])
-    places = given_places(mission.graph)
+    places = places_of(mission.graph.nodes)
     text = io.StringIO(newline="")
     # The writer quotes what its end of a line has: with both signs, either of them in a label.
     writer = csv.writer(text, lineterminator="\r\n")
@@ -102,7 +102,7 @@ def plan_csv(mission: Mission, plan: TrailPlan) -> str:
     for robot, trail in enumerate(mission.labels(plan)):
         kind = [mission.kind_of[robot].name] if several else []
         for step, node in enumerate(trail):
-            writer.writerow([robot, step, _cell(node), *(places[node] or ("", "")), *kind])
+            writer.writerow([robot, step, _cell(node), *places.get(node, ("", "")), *kind])
     return text.getvalue()
 
 
@@ -136,10 +136,10 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
     reached = team_reach(reach_probabilities(mission, plan))
     collected = team_reach(collect_probabilities(mission, plan))
     rows = _more_of_robots(mission, plan)
-    places = given_places(mission.graph)
+    places = places_of(mission.graph.nodes)
     trails = mission.labels(plan)
     visited = sorted({node for trail in trails for node in trail}, key=mission.index)
-    if missing := [node for node in visited if places[node] is None]:
+    if missing := [node for node in visited if node not in places]:
         raise ValueError(
             f"Node {missing[0]!r}: expected pos [x, y] for GeoJSON, found none; a .csv or .json "
             "file needs no positions."

@@ -12,7 +12,7 @@ from PIL import Image
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.explorer.texts import number_texts, probability_codes, shown_names
-from botohe_moo.mission.arrays import given_places
+from botohe_moo.mission.arrays import places_of
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.model import Mission
 from botohe_moo.plots.draw.background import Background
@@ -23,8 +23,8 @@ from botohe_moo.plots.draw.site import Site, only_some, site_of
 def site_data(mission: Mission) -> dict[str, Any]:
     """Return nodes, their places on the map and their positions, and arcs."""
     places, site = node_positions(mission), site_of(mission)
-    given = given_places(mission.graph)
-    pos = [None if (xy := given[node]) is None else [*xy] for node in mission.nodes]
+    given = places_of(mission.graph.nodes)
+    pos = [[*given[node]] if node in given else None for node in mission.nodes]
     labels: list[object] | None = None  # what JSON cannot hold is not written to files
     with suppress(ValueError):
         labels = list(map(plain_label, mission.nodes))

@@ -17,6 +17,7 @@ from botohe_moo.mission.rules import Kind, by_kind
 
 _EARTH = 6_371_008.8  # mean radius in metres
 
+Places = dict[Hashable, tuple[float, float]]
 Way = tuple[list[int], float, float]  # its nodes, its survival and its length
 
 
@@ -56,20 +57,10 @@ def freeze(graph: nx.DiGraph[Any]) -> nx.DiGraph[Any]:
     return nx.freeze(graph)  # type: ignore[no-any-return]
 
 
-def given_places(graph: nx.DiGraph[Any]) -> dict[Hashable, tuple[float, float] | None]:
-    """Return the attribute ``pos`` of each node of a mission, or None."""
-    places: Any = graph.nodes(data="pos")
-    return {node: None if pos is None else (float(pos[0]), float(pos[1])) for node, pos in places}
-
-
-def positions(graph: Any) -> dict[Hashable, FloatArray]:
-    """Return the position of each node of any graph; a ValueError names a node without one."""
-    if not isinstance(graph, nx.Graph):
-        raise TypeError(f"Expected graph to be an nx.DiGraph, got {quoted(graph)}.")
-    for node, pos in graph.nodes(data="pos"):
-        if plain_numbers(pos).shape != (2,):
-            raise ValueError(f"Node {quoted(node)}: expected pos (x, y), got {quoted(pos)}.")
-    return {node: plain_numbers(pos) for node, pos in graph.nodes(data="pos")}
+def places_of(nodes: Mapping[Hashable, Mapping[str, Any]]) -> Places:
+    """Return the positions (x, y) of those nodes that have one among their attributes."""
+    numbers = {node: plain_numbers(attributes.get("pos")) for node, attributes in nodes.items()}
+    return {node: (xy.item(0), xy.item(1)) for node, xy in numbers.items() if xy.shape == (2,)}
 
 
 def plain_numbers(value: Any) -> FloatArray:

@@ -10,7 +10,7 @@ import json
 import math
 from collections.abc import Hashable
 from importlib.resources import files
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Annotated, Any, TypeAlias
 
 import networkx as nx
@@ -21,23 +21,22 @@ from botohe_moo._base.checks import ParameterError
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo._base.words import counted
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Positive, Robots
+from botohe_moo._plugins.types import Count, Positive, Robots
 from botohe_moo.mission.formats import benchmark
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import Kind
 
 ArcProbability: TypeAlias = Annotated[float, Field(gt=0, le=1)]
-AtLeastZero: TypeAlias = Annotated[int, Field(ge=0)]
-AtLeastOne: TypeAlias = Annotated[int, Field(ge=1)]
+Natural: TypeAlias = Annotated[int, Field(ge=0)]
+Seed: TypeAlias = Natural
 Nodes: TypeAlias = Annotated[int, Field(ge=2)]  # of a mission, or along a side
-Seed: TypeAlias = AtLeastZero
 Streets: TypeAlias = Annotated[int, Field(ge=2, multiple_of=2)]
 
 _DIGITS = 4  # decimal places of most numbers
 _STEPS = 10**_DIGITS
 _LEAST = 1 / _STEPS  # the lowest survival that is drawn
 _DRAWS = 1000  # at most, until a graph is connected
-_SPACING, _JITTER = 12, 2.5  # metres between places, and how far each is moved from its grid
+_JITTER = 2.5  # metres by which places of the plant are moved at most, each way
 _HALL = 5  # metres along a corridor from one door to the next
 
 
@@ -200,7 +199,7 @@ def complete(*, nodes: Nodes = 25, robots: Robots = 2, seed: Seed = 0) -> Missio
 
 @checked
 def terrain(
-    *, nodes: Nodes = 200, robots: Robots = 5, depots: AtLeastZero = 0, seed: Seed = 0
+    *, nodes: Nodes = 200, robots: Robots = 5, depots: Natural = 0, seed: Seed = 0
 ) -> Mission:
     """Waypoints in the unit square, with passages between near ones, like ``terrain_200``.
 
@@ -221,6 +220,8 @@ def terrain(
     seed
         Seed of the random numbers.
     """
+    from scipy.spatial import KDTree
+
     if depots >= nodes:
         raise ParameterError(f"Expected depots < {nodes} nodes, got {depots}.", "depots")
     size = f"{nodes} waypoints" + (f", {counted(depots, 'depot')}" if depots else "")
@@ -229,8 +230,8 @@ def terrain(
     positions = np.round(rng.random((nodes, 2)), 6)
     # Within 1.51 / √n, waypoints have as many neighbours on average as those of terrain_200. The
     # long edges of the spanning tree join the parts.
-    near = benchmark.near_pairs(positions, 1.51 / math.sqrt(nodes))
-    pairs = np.array(sorted({*near, *benchmark.spanning_pairs(positions)}))
+    near = KDTree(positions).query_pairs(1.51 / math.sqrt(nodes))
+    pairs = np.array(sorted(near.union(benchmark.spanning_pairs(positions))))
     drawing.nodes(reward=np.round(rng.random(nodes), 3), pos=positions)
     drawing.passages(pairs, np.round(0.9 + 0.095 * rng.random((len(pairs), 2)), _DIGITS))
     base = int(((positions - 0.5) ** 2).sum(axis=1).argmin())
@@ -291,9 +292,10 @@ def lattice(*, rows: Nodes = 5, columns: Nodes = 13, robots: Robots = 2, seed: S
     robots in uncertain environments with survival constraints", Autonomous Robots 42, 2018.
     """
     drawing = _Drawing("lattice", f"Lattice of {rows} x {columns} nodes", seed)
-    cells, neighbours = _grid(rows, columns)
-    drawing.nodes(reward=np.ones(len(cells)), pos=cells[:, ::-1])
-    drawing.passages(neighbours, drawing.uniform(0.9, 1, len(neighbours)))
+    grid = nx.grid_2d_graph(rows, columns)
+    cells, neighbours = grid.nodes, nx.convert_node_labels_to_integers(grid).edges
+    drawing.nodes(reward=np.ones(len(cells)), pos=np.array(cells)[:, ::-1])
+    drawing.passages(np.array(neighbours), drawing.uniform(0.9, 1, len(neighbours)))
     return drawing.mission(robots=robots, base=0)
 
 
@@ -313,7 +315,7 @@ def town(*, streets: Streets = 8, robots: Robots = 2, seed: Seed = 0) -> Mission
         Seed of the random numbers.
     """
     drawing = _Drawing("town", f"Town of {streets} x {streets} one-way streets", seed)
-    cells, _ = _grid(streets, streets)
+    cells = np.array([*np.ndindex(streets, streets)])
     drawing.nodes(reward=drawing.uniform(0.1, 1, len(cells)), pos=100 * cells)
     crossings = np.arange(len(cells)).reshape(streets, streets)
     for street in range(streets):
@@ -326,12 +328,7 @@ def town(*, streets: Streets = 8, robots: Robots = 2, seed: Seed = 0) -> Mission
 
 @checked
 def building(
-    *,
-    floors: AtLeastOne = 3,
-    doors: AtLeastOne = 6,
-    robots: Robots = 3,
-    wheeled: AtLeastZero = 0,
-    seed: Seed = 0,
+    *, floors: Count = 3, doors: Count = 6, robots: Robots = 3, wheeled: Natural = 0, seed: Seed = 0
 ) -> Mission:
     """Floors with a corridor between two rows of rooms, and stairs at both of its ends.
 
@@ -411,20 +408,20 @@ def orienteering(
     Chao, Golden and Wasil, "The team orienteering problem", European Journal of Operational
     Research 88(3), 1996.
     """
-    rng = np.random.default_rng(seed)
-    table = np.column_stack([np.round(100 * rng.random((nodes, 2)), 1), rng.integers(1, 21, nodes)])
-    table[0, 2] = 0
     budget = round(tour * 0.7124 * 100 * math.sqrt(nodes) / robots, 1)
-    graph = benchmark.benchmark_graph(robots, budget, table, neighbours="all", scale=100)
-    for _, _, arc in graph.edges(data=True):  # the last bits of exp differ between platforms
-        arc.update({name: round(arc[name], _DIGITS) for name in ("survival", "length")})
-    title = f"Orienteering with {nodes} points, budget {budget:g}, seed {seed}"
-    graph.graph.update(name="orienteering", title=title)
-    return Mission(graph)
+    title = f"Orienteering with {nodes} points, budget {budget:g}"
+    drawing = _Drawing("orienteering", title, seed)
+    points = np.round(100 * drawing.rng.random((nodes, 2)), 1)
+    drawing.nodes(reward=drawing.rng.integers(1, 21, nodes).astype(float), pos=points)
+    for one, other in combinations(range(nodes), 2):
+        length = math.dist(points[one], points[other])
+        survival = round(math.exp(-length / 100), _DIGITS)
+        drawing.passage(one, other, survival, length=round(length, _DIGITS))
+    return drawing.mission(base=0, robots=robots, max_length=budget)
 
 
 @checked
-def drones_and_rovers(*, drones: AtLeastOne = 2, rovers: AtLeastOne = 2, seed: Seed = 0) -> Mission:
+def drones_and_rovers(*, drones: Count = 2, rovers: Count = 2, seed: Seed = 0) -> Mission:
     """A flooded plant: drones fly over stairs and water, rovers open doors and carry samples.
 
     34 places and 102 arcs: a yard, a basin, a lab on the ground floor, an office above it, and the
@@ -446,40 +443,23 @@ def drones_and_rovers(*, drones: AtLeastOne = 2, rovers: AtLeastOne = 2, seed: S
     """
     drawing = _Drawing("drones_and_rovers", "Drones and rovers at a flooded plant", seed)
     data = files("botohe_moo.mission").joinpath("data", "flooded_plant.json")
-    plant = json.loads(data.read_text("utf-8"))
-    zones, ways = plant["zones"], plant["ways"]
-    passages = [passage for name in zones for passage in _add_zone(drawing, name, zones[name])]
-    passages += [(*link, way) for way in ways for link in ways[way]["links"]]
-    ranges = np.array([ways[way]["survival"] for *_, way in passages])  # (n_passages, kind, bound)
-    survivals = np.round(drawing.rng.uniform(ranges[..., 0], ranges[..., 1]), _DIGITS)
-    pos = dict(drawing.graph.nodes(data="pos"))
+    plant, rng = json.loads(data.read_text("utf-8")), drawing.rng
+    for zone in plant["zones"]:
+        places = np.array([*zone["places"].values()])
+        samples = rng.choice(len(places), zone["n_samples"], replace=False)
+        moved = np.round(places + rng.uniform(-_JITTER, _JITTER, places.shape), 1)
+        for i, (label, pos) in enumerate(zip(zone["places"], moved.tolist(), strict=True)):
+            found = zone["sample" if i in samples else "photo"]
+            reward = round(rng.uniform(*found["reward"]), 1)
+            drawing.graph.add_node(label, reward=reward, pos=pos, **found["attributes"])
+    passages, at = plant["passages"], dict(drawing.graph.nodes(data="pos"))
+    ranges = np.array([plant["ways"][way] for *_, way in passages])  # (n_passages, kind, bound)
+    survivals = np.round(rng.uniform(ranges[..., 0], ranges[..., 1]), _DIGITS)
     for (one, other, way), (drone, rover) in zip(passages, survivals.tolist(), strict=True):
-        length = round(math.dist(pos[one], pos[other]), 1)
+        length = round(math.dist(at[one], at[other]), 1)
         drawing.passage(one, other, {"drone": drone, "rover": rover}, length=length, way=way)
     flying = Kind("drone", drones, start="roof", end="roof", max_length=250)
     return drawing.mission(base="gate", kinds=[flying, Kind("rover", rovers)])
-
-
-def _add_zone(drawing: _Drawing, name: str, zone: dict[str, Any]) -> list[tuple[str, str, str]]:
-    """Add the places of a zone, and return the passages between them."""
-    cells, neighbours = _grid(*zone["grid"])
-    n, rng = len(cells), drawing.rng
-    labels = [f"{name} {i}" for i in range(1, n + 1)] if n > 1 else [name]
-    samples = rng.choice(n, zone["n_samples"], replace=False)
-    moved = rng.uniform(-_JITTER, _JITTER, cells.shape)
-    positions = np.round(zone["corner"] + _SPACING * cells + moved, 1).tolist()
-    for i, label in enumerate(labels):
-        place = zone["sample" if i in samples else "photo"]
-        reward = round(rng.uniform(*place["reward"]), 1)
-        drawing.graph.add_node(label, reward=reward, pos=positions[i], **place["attributes"])
-    return [(labels[one], labels[other], zone["way"]) for one, other in neighbours.tolist()]
-
-
-def _grid(rows: int, columns: int) -> tuple[OffsetArray, OffsetArray]:
-    """Return the cells (n, 2) of a grid, row by row, and the pairs of neighbours (n_pairs, 2)."""
-    grid = nx.grid_2d_graph(rows, columns)
-    pairs = nx.convert_node_labels_to_integers(grid).edges
-    return np.array(grid.nodes), np.array(pairs, np.int64).reshape(-1, 2)
 
 
 def _circle(nodes: int, x: float, radius: float) -> FloatArray:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -14,7 +15,7 @@ from botohe_moo._base.checks import as_float, quoted
 from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
-from botohe_moo.mission.arrays import plain_numbers, positions
+from botohe_moo.mission.arrays import Places, places_of, plain_numbers
 from botohe_moo.mission.rules import MissionError
 
 _NEAR = 1e-9  # places that are nearer to each other are one; in cells, or in the unit of ``pos``
@@ -96,8 +97,7 @@ def survival_from_raster(
     >>> survival_from_raster(graph, dangers, resolution=1, scale=0.1)
     {('dock', 'reef'): 0.818730...}
     """
-    raster = Raster(_table(values), resolution, origin)
-    return _survivals(graph, mean_rate(scale, raster))
+    return _survivals(graph, scale, _raster(values, resolution, origin), [])
 
 
 @checked
@@ -154,13 +154,10 @@ def rewards_from_raster(
     >>> rewards_from_raster(graph, [[0, 1, 1, 1]], resolution=1, radius=1.5)
     {'dock': 1.0, 'reef': 2.0}
     """
-    raster = Raster(_table(values), resolution, origin)
-    return seen_from(positions(graph), raster, radius, scale)
+    return seen_from(_places(graph), _raster(values, resolution, origin), radius, scale)
 
 
-def seen_from(
-    places: Mapping[Hashable, FloatArray], raster: Raster, radius: float, scale: float
-) -> dict[Hashable, float]:
+def seen_from(places: Places, raster: Raster, radius: float, scale: float) -> dict[Hashable, float]:
     """Return the rewards of places (x, y) by a map; see :func:`rewards_from_raster`."""
     from scipy.spatial import KDTree
 
@@ -173,17 +170,15 @@ def seen_from(
     return dict(zip(places, rewards.tolist(), strict=False))  # after these: seen from nowhere
 
 
-def _table(values: ArrayLike) -> FloatArray:
-    """Return the values of a map, the lowest row first."""
-    try:
-        cells = np.array(values, float)
-    except (TypeError, ValueError):
-        cells = np.empty(0)
-    wrong = cells[~(np.isfinite(cells) & (cells >= 0.0))]
-    if cells.ndim != 2 or cells.size == 0 or wrong.size:
+def _raster(values: ArrayLike, resolution: float, origin: tuple[float, float]) -> Raster:
+    """Return the map of a user's table; a ValueError if it is none, or holds other numbers."""
+    cells = plain_numbers(values)
+    is_table = cells.ndim == 2 and cells.size > 0
+    if not is_table or cells.min() < 0.0:
         expected = "values to be a table (n_rows, n_columns) of finite numbers >= 0"
-        raise ValueError(f"Expected {expected}, got {quoted([*wrong.tolist(), values][0])}.")
-    return cells
+        found = quoted(cells.min().item() if is_table else values)
+        raise ValueError(f"Expected {expected}, got {found}.")
+    return Raster(cells, resolution, origin)
 
 
 class Raster(NamedTuple):
@@ -272,33 +267,40 @@ def survival_from_zones(
     >>> survival_from_zones(graph, [{"circle": [2, 0, 1], "rate": 0.1}])
     {('dock', 'reef'): 0.818730...}
     """
-    return _survivals(graph, mean_rate(danger, None, read_zones(zones, "zones")))
+    return _survivals(graph, danger, None, read_zones(zones, "zones"))
 
 
-_Rate = Callable[[FloatArray, FloatArray], float]
+def _survivals(
+    graph: Any, danger: float, raster: Raster | None, zones: list[Zone]
+) -> dict[tuple[Hashable, Hashable], float]:
+    places, survivals = _places(graph), {}
+    for u, v in graph.edges:
+        ends = places[u], places[v]
+        length = math.dist(*ends)
+        loss = mean_rate(ends, danger, raster, zones) * length
+        survivals[u, v] = survived(loss, f"Arc {quoted(u)} -> {quoted(v)}", length=length)
+    return survivals
 
 
-def mean_rate(danger: float, raster: Raster | None, zones: Sequence[Zone] = ()) -> _Rate:
-    """Return what gives the mean rate of loss along a straight line between two places.
+def mean_rate(ends: ArrayLike, danger: float, raster: Raster | None, zones: list[Zone]) -> float:
+    """Return the mean rate of loss along a straight line between two places (2, 2).
 
     It is ``danger``, times the mean of the map if there is one, and the rates of zones.
     """
-
-    def rate(start: FloatArray, end: FloatArray) -> float:
-        mean = 1.0 if raster is None else float(raster.means(np.array([start, end]))[0])
-        return danger * mean + sum(zone.rate * zone.share(start, end - start) for zone in zones)
-
-    return rate
+    line = np.array(ends)
+    mean = 1.0 if raster is None else float(raster.means(line)[0])
+    return danger * mean + sum(zone.rate * zone.share(*line) for zone in zones)
 
 
-def _survivals(graph: Any, rate: _Rate) -> dict[tuple[Hashable, Hashable], float]:
-    places = positions(graph)
-    survivals = {}
-    for u, v in graph.edges:
-        length = math.dist(places[u], places[v])
-        loss = rate(places[u], places[v]) * length
-        survivals[u, v] = survived(loss, f"Arc {quoted(u)} -> {quoted(v)}", length=length)
-    return survivals
+def _places(graph: Any) -> Places:
+    """Return the position of each node of any graph; a ValueError names a node without one."""
+    if not isinstance(graph, nx.Graph):
+        raise TypeError(f"Expected graph to be an nx.DiGraph, got {quoted(graph)}.")
+    places = places_of(graph.nodes)
+    for node, pos in graph.nodes(data="pos"):
+        if node not in places:
+            raise ValueError(f"Node {quoted(node)}: expected pos (x, y), got {quoted(pos)}.")
+    return places
 
 
 class Zone(NamedTuple):
@@ -307,14 +309,14 @@ class Zone(NamedTuple):
     rate: float
     shape: FloatArray  # a circle [x, y, radius], or the sides of a polygon's rings (n_sides, 2, 2)
 
-    def share(self, start: FloatArray, way: FloatArray) -> float:
-        """Return how much of the line from ``start`` along ``way`` is in the zone.
+    def share(self, start: FloatArray, end: FloatArray) -> float:
+        """Return how much of the line between two places is in the zone.
 
         A line without ends enters the zone where it first crosses the edge, leaves it where it
         crosses the edge again, and so on.
         """
-        if math.hypot(*way) < _NEAR:  # a lift, where any direction will do
-            way = np.array([_NEAR, 0.0])
+        is_lift = math.dist(start, end) < _NEAR  # where any direction will do
+        way = np.array([_NEAR, 0.0]) if is_lift else end - start
         if self.shape.ndim == 1:
             away, radius = start - self.shape[:2], self.shape[2]
             # Where the distance from the centre is the radius. A line that misses the circle has

@@ -188,8 +188,8 @@ class Mission:
         longitudes and latitudes, and distances are metres. They replace all lengths; ``max_length``
         stays. A MissionError names the nodes without ``pos``.
         """
-        places = arrays.given_places(self.graph)
-        if missing := [node for node, place in places.items() if place is None]:
+        places = arrays.places_of(self.graph.nodes)
+        if missing := [node for node in self.graph if node not in places]:
             faults = [f"node {quoted(node)}: expected pos [x, y], found none" for node in missing]
             raise MissionError(faults, f"Mission {quoted(self.name)}")
         graph, distance = self.graph.copy(), arrays.distance_of(self.graph.graph)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import chain, repeat
-from typing import Any, Literal
+from typing import Literal
 
-import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import quoted
@@ -47,12 +46,23 @@ def read_benchmark(
     robots, tmax, table = _parse(source.text)
     if scale is None and tmax <= 0:
         raise MissionError(f"expected tmax > 0 to be the scale, got {tmax:g}; give a scale")
-    graph = benchmark_graph(robots, tmax, table, neighbours=neighbours, scale=scale or tmax)
-    if (table[:1, :2] != table[-1:, :2]).any():
-        graph.graph["kinds"] = [{"name": ONLY_KIND, "robots": robots, "end": len(table) - 1}]
-    nodes = [Row(f"node {node}", (node,), of) for node, of in graph.nodes(data=True)]
-    arcs = [Row(f"arc {u} -> {v}", (u, v), of) for u, v, of in graph.edges(data=True)]
-    return Draft(nodes, arcs, graph.graph)
+    points, n = table[:, :2], len(table)
+    title = f"Team orienteering benchmark: {n} points, tmax {tmax:g}"
+    graph = {"base": 0, "robots": robots, "title": title, "max_length": tmax}
+    if (points[:1] != points[-1:]).any():
+        graph["kinds"] = [{"name": ONLY_KIND, "robots": robots, "end": n - 1}]
+    nodes = [
+        Row(f"node {node}", (node,), {"reward": score, "pos": [x, y]})
+        for node, (x, y, score) in enumerate(table.tolist())
+    ]
+    arcs, degree = [], n - 1 if neighbours == "all" else min(neighbours, n - 1)
+    for u, v in sorted({*nearest_pairs(points, degree), *spanning_pairs(points)}):
+        length = math.dist(points[u], points[v])
+        survival = survived(length / (scale or tmax), f"Points {u} and {v}", length=length)
+        for ends in ((u, v), (v, u)):
+            attributes = {"survival": survival, "length": length}
+            arcs.append(Row("arc {} -> {}".format(*ends), ends, attributes))
+    return Draft(nodes, arcs, graph)
 
 
 def _parse(text: str) -> tuple[str, float, FloatArray]:
@@ -74,23 +84,6 @@ def _parse(text: str) -> tuple[str, float, FloatArray]:
     return robots[1], float(tmax[1]), np.array([of for _, of in points], float).reshape(-1, 3)
 
 
-def benchmark_graph(
-    robots: Any, tmax: float, table: FloatArray, *, neighbours: int | Literal["all"], scale: float
-) -> nx.DiGraph[Any]:
-    """Make a graph of points with their scores (n, 3), the first the base; see `read_benchmark`."""
-    points = table[:, :2]
-    title = f"Team orienteering benchmark: {len(points)} points, tmax {tmax:g}"
-    graph: nx.DiGraph[Any] = nx.DiGraph(base=0, robots=robots, title=title, max_length=tmax)
-    for node, (x, y, score) in enumerate(table.tolist()):
-        graph.add_node(node, reward=score, pos=[x, y])
-    degree = len(points) - 1 if neighbours == "all" else min(neighbours, len(points) - 1)
-    for u, v in sorted({*nearest_pairs(points, degree), *spanning_pairs(points)}):
-        length = math.dist(points[u], points[v])
-        survival = survived(length / scale, f"Points {u} and {v}", length=length)
-        graph.add_edges_from([(u, v), (v, u)], survival=survival, length=length)
-    return graph
-
-
 def spanning_pairs(points: FloatArray) -> list[tuple[int, int]]:
     """Return the edges of a Euclidean minimum spanning tree of points (n, 2), by Prim's method.
 
@@ -110,17 +103,10 @@ def spanning_pairs(points: FloatArray) -> list[tuple[int, int]]:
     return pairs
 
 
-def near_pairs(points: FloatArray, radius: float) -> list[tuple[int, int]]:
-    """Return all pairs of points (n, 2) at most ``radius`` apart, the lower index first, sorted."""
-    from scipy.spatial import KDTree
-
-    return sorted(KDTree(points).query_pairs(radius))
-
-
 def nearest_pairs(points: FloatArray, degree: int) -> Iterator[tuple[int, int]]:
     """Give the pairs of each point (n, 2) with its ``degree`` nearest, the lower index first."""
-    for i in range(len(points) if degree else 0):
-        squares = np.add(*np.square(points - points[i]).T)
+    for i, point in enumerate(points):
+        squares = np.add(*np.square(points - point).T)
         squares[i] = np.inf
         near = np.flatnonzero(squares <= np.partition(squares, degree - 1)[degree - 1])
         for j in near[squares[near].argsort(kind="stable")][:degree].tolist():

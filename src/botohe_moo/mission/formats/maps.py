@@ -6,7 +6,7 @@ import math
 import os
 import warnings
 from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
@@ -22,7 +22,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive, Probability
 from botohe_moo.mission.arrays import plain_numbers
-from botohe_moo.mission.formats.reading import Source, validated
+from botohe_moo.mission.formats.reading import Source, validated, within
 from botohe_moo.mission.hazards import Raster, survived
 from botohe_moo.mission.rules import MissionError
 
@@ -81,7 +81,7 @@ def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale"
                 raise MissionError(f"line {source.yaml.line([key])}: {fault}")
         white = _read_image(source.path.parent, found.image)
     except ValueError as error:  # not valid YAML, not UTF-8, or a MissionError
-        raise MissionError(getattr(error, "faults", str(error).rstrip(".")), str(path)) from None
+        raise within(str(path), error) from None
     if (n_clear := np.isnan(white).sum()) and "trinary" not in modes:
         said = f"{n_clear} of {white.size} pixels are transparent: unknown, which counts as 0."
         warnings.warn(f"{path}: {said}", stacklevel=2)
@@ -195,7 +195,7 @@ def roadmap_from_map(
     if hazard is not None and danger is None:
         fault = "Expected danger, the rate of loss where the map is black, found none."
         raise ParameterError(fault, "danger")
-    loss_along = None if danger is None else _loss_along(danger, hazard)
+    rates = None if hazard is None else read_raster(hazard)
     raster, source = read_raster(path, modes=MODES), os.fspath(path)
     if spacing is not None and spacing < raster.resolution:
         fault = f"Expected spacing >= {raster.resolution:g}, the width of a cell, got {spacing:g}."
@@ -204,7 +204,7 @@ def roadmap_from_map(
     if not ways:
         why = "where it fits is a round or square hall, which has a middle, but no ways"
         raise MissionError(f"{_NO_WAY.format(radius)}: the largest part {why}", source)
-    graph = _roadmap(ways, spacing or math.inf, loss_along)
+    graph = _roadmap(ways, spacing or math.inf, danger, rates)
     if (place := plain_numbers(base)).shape == (2,):
         base = min(graph, key=lambda node: math.dist(place, graph.nodes[node]["pos"]))
     if base not in graph:
@@ -217,7 +217,6 @@ def roadmap_from_map(
 
 _NO_WAY = "expected ways through free space for a robot of radius {:g}, found none"
 _Way: TypeAlias = np.ndarray[Any, np.dtype[np.complex128]]  # points x + iy; nodes at both ends
-_Losses: TypeAlias = Callable[[_Way], FloatArray]  # from the first point of a way to each of them
 
 
 def _skeleton(raster: Raster, radius: float, source: str) -> list[_Way]:
@@ -309,23 +308,17 @@ def _from_top(place: complex) -> tuple[float, float]:
 
 def _distances(way: _Way) -> FloatArray:
     """Return how far each point of a way is from the first one along it."""
-    return np.append(0.0, np.cumsum(np.hypot(*_xy(np.diff(way)).T)))
+    return _summed(np.hypot(*_xy(np.diff(way)).T))
 
 
-def _loss_along(danger: float, hazard: str | os.PathLike[str] | None) -> _Losses:
-    """Return what integrates the rate of loss along a way, up to each of its points."""
-    if hazard is None:
-        return lambda way: danger * _distances(way)
-    raster = read_raster(hazard)
-
-    def losses(way: _Way) -> FloatArray:
-        shares = raster.means(_xy(way))
-        return danger * np.append(0.0, np.cumsum(shares * np.diff(_distances(way))))
-
-    return losses
+def _summed(steps: FloatArray) -> FloatArray:
+    """Return the sums of all steps before each point, from 0 for the first one."""
+    return np.append(0.0, np.cumsum(steps))
 
 
-def _roadmap(ways: list[_Way], spacing: float, losses: _Losses | None) -> nx.DiGraph[Any]:
+def _roadmap(
+    ways: list[_Way], spacing: float, danger: float | None, rates: Raster | None
+) -> nx.DiGraph[Any]:
     """Cut ways into arcs, none longer than ``spacing``; no two arcs have the same ends."""
     cut: nx.Graph[Any] = nx.Graph()
     for way in ways:
@@ -335,10 +328,11 @@ def _roadmap(ways: list[_Way], spacing: float, losses: _Losses | None) -> nx.DiG
         n_arcs = max(least, math.ceil(along[-1] / spacing - 1e-9))
         cuts, length = np.linspace(0.0, along[-1], n_arcs + 1, retstep=True)
         stops: Any = np.round(np.interp(cuts, along, way), 6).tolist()
-        lost = None if losses is None else np.diff(np.interp(cuts, along, losses(way)))
+        loss = along if rates is None else _summed(rates.means(_xy(way)) * np.diff(along))
+        lost = np.diff(np.interp(cuts, along, (danger or 0.0) * loss)).tolist()
         for i, ends in enumerate(pairwise(stops)):
             cut.add_edge(*ends, length=round(float(length), 6))
-            if lost is not None:
+            if danger is not None:
                 where = "Arc from {} to {}".format(*_xy(ends).tolist())
                 cut.edges[ends]["survival"] = survived(lost[i], where, length=length)
     order = {place: i for i, place in enumerate(sorted(cut, key=_from_top))}

@@ -18,7 +18,7 @@ from botohe_moo._base.words import listed
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
 from botohe_moo.mission import rules
-from botohe_moo.mission.arrays import distance_of, plain_numbers
+from botohe_moo.mission.arrays import distance_of, places_of
 from botohe_moo.mission.formats.reading import Draft, Row
 from botohe_moo.mission.hazards import Raster, mean_rate, read_zones, seen_from, survived
 from botohe_moo.mission.model import Mission
@@ -108,8 +108,7 @@ class _Site:
         if faults := faults or _join_columns(self.nodes, names) or _join_columns(self.arcs, names):
             raise MissionError(faults)
         self.graph |= {"kinds": self.kinds} if self.kinds else {}
-        at = {label: plain_numbers(attributes.get("pos")) for label, attributes in self.at.items()}
-        self.places = {label: place for label, place in at.items() if place.shape == (2,)}
+        self.places = places_of(self.at)
 
     def _plain_rows(self, rows: Iterable[Row], *reserved: str) -> list[Row]:
         """Return rows with plain attributes; what is trimmed loses those with reserved names."""
@@ -166,7 +165,6 @@ class _Site:
             found = f"expected a survival, found none ({len(lacking)} without one)"
             remedy = "give danger, the rate of loss for a unit of length"
             self.faults.append(f"{_named_arc(lacking[0])}: {found}: {remedy}")
-        rate = mean_rate(danger or 0.0, hazard, zones)
         for arc in lacking:
             named, ends, length = _named_arc(arc), arc.labels, arc.attributes.get("length", 1.0)
             arc.attributes["survival"] = 1.0  # so that a fault is listed once
@@ -174,7 +172,9 @@ class _Site:
             if missing and (hazard or zones):
                 self.faults.append(f"{named}: expected pos [x, y] of {missing[0]}, found none")
                 continue
-            mean = danger or 0.0 if missing else rate(*(self.places[end] for end in ends))
+            mean = danger or 0.0
+            if not missing:
+                mean = mean_rate([self.places[end] for end in ends], mean, hazard, zones)
             try:
                 length = as_float(length)
                 arc.attributes["survival"] = survived(mean * length, named, length=length)

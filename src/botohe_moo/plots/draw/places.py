@@ -7,7 +7,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
-from botohe_moo.mission.arrays import given_places
+from botohe_moo.mission.arrays import places_of
 
 _MAX_KAMADA_KAWAI = 60  # its cost grows with the square of the nodes
 
@@ -17,8 +17,8 @@ def node_positions(mission: Mission) -> FloatArray:
 
     There is also a layout where all nodes are at one place.
     """
-    given = given_places(mission.graph)
-    if None not in given.values() and not layout_notes(mission):
+    given = places_of(mission.graph.nodes)
+    if not layout_notes(mission) and len(given) == len(mission.nodes):
         return np.array([given[node] for node in mission.nodes])
     graph = mission.graph
     ties: nx.Graph[Any] = nx.Graph(graph.edges)
@@ -34,14 +34,14 @@ def node_positions(mission: Mission) -> FloatArray:
 
 def layout_notes(mission: Mission) -> list[str]:
     """Write that places on the map are made up, and why; nothing if they are the positions."""
-    places = list(given_places(mission.graph).values())
-    n_without = places.count(None)
-    if len(places) == 1 or (not n_without and len({*places}) > 1):
+    places, n_nodes = places_of(mission.graph.nodes), len(mission.nodes)
+    n_without = n_nodes - len(places)
+    if n_nodes == 1 or (not n_without and len({*places.values()}) > 1):
         return []
-    if n_without == len(places):
+    if not places:
         why = "the mission has no positions"
     elif n_without:
-        why = f"{n_without} of {len(places)} nodes have no position"
+        why = f"{n_without} of {n_nodes} nodes have no position"
     else:
         why = "all nodes have the same position"
     return [f"the places of the nodes on this map are made up: {why}"]
