@@ -10,15 +10,15 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import quoted
-from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.graph import graph as graphs
+from botohe_moo._base.types import FloatArray
+from botohe_moo.kernels.graph.graph import Graph, Limits, limit_at, new_graph
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
+from botohe_moo.kernels.graph.ways import leading, ways_to_ends
 from botohe_moo.mission.rules import Kind, by_kind
 
 _EARTH = 6_371_008.8  # mean radius in metres
 
 Places = dict[Hashable, tuple[float, float]]
-Way = tuple[list[int], float, float]  # its nodes, its survival and its length
 
 
 class _Attributes(dict[str, Any]):
@@ -89,7 +89,7 @@ def _on_earth(one: Sequence[float], other: Sequence[float]) -> float:
     return 2.0 * _EARTH * math.asin(math.sqrt(min(half, 1.0)))
 
 
-def graph_of_kinds(graph: Any, base: Hashable, kinds: Sequence[Kind], pays: str) -> graphs.Graph:
+def graph_of_kinds(graph: Any, base: Hashable, kinds: Sequence[Kind], pays: str) -> Graph:
     """Return the graph of a valid mission for kernels: with a layer for each kind, or a plain one.
 
     A mission is plain if its robots are alike and start and end at the base, nodes pay on arrival,
@@ -111,22 +111,22 @@ def graph_of_kinds(graph: Any, base: Hashable, kinds: Sequence[Kind], pays: str)
     ends = np.array([[index_of[label] for label in kind.ends(base)] for kind in kinds])
     is_plain = len(kinds) == 1 and (ends == index_of[base]).all() and not has_returns
     if is_plain and (share == 1.0).all() and (survival > 0.0).all():
-        return graphs.new_graph(tail, head, survival[:, 0], length, reward, index_of[base])
+        return new_graph(tail, head, survival[:, 0], length, reward, index_of[base])
 
     aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
-    layers = []
+    taken = survival > 0.0
     for k, (start, end) in enumerate(ends.tolist()):
-        taken = survival[:, k] > 0.0
-        ways = tail[taken], head[taken]
-        is_open = _leading(*ways, [end], n) & _leading(*ways[::-1], [start], n)
-        taken &= is_open[tail] & is_open[head]
+        ways = tail[taken[:, k]], head[taken[:, k]]
+        is_open = leading(*ways, [end], n) & leading(*ways[::-1], [start], n)
+        taken[:, k] &= is_open[tail] & is_open[head]
         is_open[aboard[k]] = True  # what robots carry may come from nodes that are closed now
         share[~is_open, k] = 0.0
         aboard[k] = [node for node in aboard[k] if node != start]  # which the trail visits
-        values = survival[taken, k], length[taken], reward * share[:, k]
-        layers.append(graphs.new_graph(tail[taken], head[taken], *values, end))
 
-    ends += n * np.arange(len(kinds))[:, None]  # in the layer of each kind
+    # Each kind has a layer of nodes, and of the arcs that it may take.
+    layer, arc = np.nonzero(taken.T)
+    of_arcs = tail[arc] + n * layer, head[arc] + n * layer, survival[arc, layer], length[arc]
+    ends += n * np.arange(len(kinds))[:, None]
     origin, end = np.tile(np.arange(n), len(kinds)), np.repeat(ends[:, 1], n)
     of_nodes = origin, share.T.ravel(), np.tile(credit, len(kinds)), end
     counts = [kind.robots for kind in kinds]
@@ -136,63 +136,18 @@ def graph_of_kinds(graph: Any, base: Hashable, kinds: Sequence[Kind], pays: str)
     first = np.cumsum([0, *map(len, aboard)])
     of_aboard = carried, first[kind_of], first[kind_of + 1]
     described = Kinds(*of_nodes, reward, *of_robots, *of_aboard, has_returns)
-    return graphs.join_layers(layers, described)
+    return new_graph(*of_arcs, (reward[:, None] * share).T.ravel(), int(ends[0, 1]), described)
 
 
-def _leading(tail: OffsetArray, head: OffsetArray, goals: Sequence[int], n_nodes: int) -> Any:
-    """Return which nodes are a goal or have a way to one, along arcs from tail to head."""
-    leads = np.isin(np.arange(n_nodes), goals)
-    while (new := leads[head] & ~leads[tail]).any():  # once for each arc of the longest way
-        leads[tail[new]] = True
-    return leads
-
-
-def uncollected(graph: graphs.Graph) -> OffsetArray:
-    """Return the nodes of a mission whose reward no kind can collect.
-
-    A reward on return needs a way on to a depot. The base is one.
-    """
-    if (kinds := graph.kinds) is None:
-        return np.empty(0, np.int64)
-    depots = np.flatnonzero(kinds.credit == AT_THIS_DEPOT).tolist()
-    pays = (kinds.credit != AT_NEXT_DEPOT) | _leading(graph.tail, graph.head, depots, graph.n_nodes)
-    collects = (pays & (graph.reward > 0.0)).reshape(-1, len(kinds.reward)).any(axis=0)
-    return np.flatnonzero((kinds.reward > 0.0) & ~collects)
-
-
-def ways_to_ends(graph: graphs.Graph, limits: graphs.Limits) -> list[Way]:
-    """Return each robot's safest way from its start to its end, or the shortest if it is too long.
-
-    ``graph`` has kinds.
-    """
-    ways: dict[int, Way] = {}
-    starts: list[int] = [] if graph.kinds is None else graph.kinds.start.tolist()
-    for start in dict.fromkeys(starts):
-        ways[start] = _way_home(graph, start)
-        if limits.budgets is not None and ways[start][2] > limits.budgets[start]:
-            ways[start] = _way_home(graphs.with_costs(graph, graph.length), start)
-    return [ways[start] for start in starts]
-
-
-def _way_home(graph: graphs.Graph, node: int) -> Way:
-    """Return the cheapest way home from a node."""
-    way, survival, length = [node], 1.0, 0.0
-    while (arc := int(graph.homeward[way[-1]])) >= 0:
-        way.append(int(graph.head[arc]))
-        survival *= float(graph.survival[arc])
-        length += float(graph.length[arc])
-    return way, survival, length
-
-
-def way_faults(mission: Any, limits: graphs.Limits) -> Iterator[str]:
+def way_faults(mission: Any, limits: Limits) -> Iterator[str]:
     """List the kinds of a `Mission` whose robots cannot keep limits on their way to their end."""
     if (kinds := mission.arrays.kinds) is None:  # trails end where they start
         return
     ways = ways_to_ends(mission.arrays, limits)
     for kind, robot in zip(mission.kinds, np.unique(kinds.first).tolist(), strict=True):
         (nodes, survival, length), start = ways[robot], kinds.start[robot]
-        least = graphs.limit_at(limits.min_survival, limits.floors, start)
-        longest = graphs.limit_at(limits.max_length, limits.budgets, start)
+        least = limit_at(limits.min_survival, limits.floors, start)
+        longest = limit_at(limits.max_length, limits.budgets, start)
         who, ends = f"robots of kind {quoted(kind.name)}", map(quoted, kind.ends(mission.base))
         way = f"way from {' to '.join(ends)}"
         if nodes[-1] != kinds.end[start]:

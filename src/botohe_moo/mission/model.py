@@ -17,6 +17,7 @@ import numpy as np
 from botohe_moo._base.checks import check_integer, quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted, listed
+from botohe_moo.kernels.graph import ways
 from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission import arrays, rules
@@ -140,7 +141,7 @@ class Mission:
             faults = [] if self.is_plain else self._way_faults()
         if faults:
             raise MissionError(faults, source)
-        if lost := [quoted(self.nodes[v]) for v in arrays.uncollected(self.arrays)]:
+        if lost := [quoted(self.nodes[v]) for v in ways.uncollected(self.arrays)]:
             text = f"{source}: no kind of robots can collect the reward of {listed(lost)}."
             warnings.warn(text, stacklevel=2)
 
@@ -285,7 +286,7 @@ class Mission:
         if self.is_plain:
             return TrailPlan([[self.arrays.base]] * self.robots)
         limits = self.limits() if limits is None else limits
-        return TrailPlan([nodes for nodes, *_ in arrays.ways_to_ends(self.arrays, limits)])
+        return TrailPlan([nodes for nodes, *_ in ways.ways_to_ends(self.arrays, limits)])
 
     def after(
         self,

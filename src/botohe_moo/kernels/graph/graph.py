@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -113,6 +112,7 @@ def new_graph(
     length: FloatArray,
     reward: FloatArray,
     base: int,
+    kinds: Kinds | None = None,
 ) -> Graph:
     """Prepare a valid mission's graph; its arcs are sorted by tail, then by head."""
     n_nodes, n_arcs = len(reward), len(head)
@@ -120,6 +120,7 @@ def new_graph(
     n_entering = np.bincount(head, minlength=n_nodes)
     first = np.concatenate([[0], np.cumsum(leaving)])
     cost = -np.log(survival) + 0.0  # no negative zeros
+    is_closed = kinds is None or bool((kinds.end[kinds.start] == kinds.start).all())
     forth, back = tail * n_nodes + head, head * n_nodes + tail
     found = np.minimum(np.searchsorted(forth, back), max(0, n_arcs - 1))
     first_entering = np.concatenate([[0], np.cumsum(n_entering)])
@@ -138,48 +139,11 @@ def new_graph(
         homeward=np.full(n_nodes, -1),
         home=np.ones(n_nodes),
         base=base,
-        balanced=bool(np.array_equal(leaving, n_entering)),
+        balanced=is_closed and bool(np.array_equal(leaving, n_entering)),
+        kinds=kinds,
     )
     homeward, _, home = _ways_home(graph)
     return _read_only(*graph._replace(homeward=homeward, home=home))
-
-
-def join_layers(layers: Sequence[Graph], kinds: Kinds) -> Graph:
-    """Return one graph of the graphs of all kinds, of which each has its own end as its base."""
-    n_nodes = [layer.n_nodes * k for k, layer in enumerate(layers)]
-    n_arcs = np.cumsum([0, *(layer.n_arcs for layer in layers)]).tolist()
-
-    def joined(name: str, by: Sequence[int] | None = None) -> Any:
-        """Join what all layers have; indices are counted from the first of each layer."""
-        parts = [getattr(layer, name) for layer in layers]
-        if by is not None:
-            parts = [np.where(part < 0, -1, part + n) for part, n in zip(parts, by, strict=False)]
-        return np.concatenate(parts)
-
-    def joined_starts(name: str) -> OffsetArray:
-        starts = [getattr(layer, name)[:-1] + n for layer, n in zip(layers, n_arcs, strict=False)]
-        return np.concatenate([*starts, n_arcs[-1:]])
-
-    starts = kinds.start[np.searchsorted(kinds.start, n_nodes)]
-    ends = [layer.base + n for layer, n in zip(layers, n_nodes, strict=True)]
-    joined_graph = Graph(
-        first=joined_starts("first"),
-        tail=joined("tail", n_nodes),
-        head=joined("head", n_nodes),
-        survival=joined("survival"),
-        cost=joined("cost"),
-        length=joined("length"),
-        reverse=joined("reverse", n_arcs),
-        first_entering=joined_starts("first_entering"),
-        entering=joined("entering", n_arcs),
-        reward=joined("reward"),
-        homeward=joined("homeward", n_arcs),
-        home=joined("home"),
-        base=layers[0].base,
-        balanced=all(layer.balanced for layer in layers) and starts.tolist() == ends,
-        kinds=kinds,
-    )
-    return _read_only(*joined_graph)
 
 
 @helper
