@@ -6,7 +6,7 @@ from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo._base.checks import ParameterError, nearest_first, unknown_parameter
+from botohe_moo._base.checks import ParameterError, nearest_first, quoted, unknown_parameter
 from botohe_moo._plugins.entry_points import PluginError
 from botohe_moo._plugins.faults import fault_messages, own_message
 from botohe_moo._plugins.stated import Factory, Parameter, model_of, signature_parameters
@@ -105,6 +105,7 @@ def call_factory(
     accepted: Sequence[Parameter],
     values: Mapping[str, Any],
     *,
+    wanted: type = object,
     origin: str = "it",
     also: Collection[str] = (),
     passing: tuple[type[Exception], ...] = (MemoryError,),
@@ -112,8 +113,9 @@ def call_factory(
     """Call a factory with checked values.
 
     A ParameterError says what is unknown, missing or refused; a PluginError what else the factory
-    has raised, which is called ``origin``. Messages begin with ``source``, and list the names in
-    ``also`` as known. Errors of the factory's in ``passing`` are not changed.
+    has raised, which is called ``origin``, or that it has not returned what is ``wanted``. Messages
+    begin with ``source``, and list the names in ``also`` as known. Errors of the factory's in
+    ``passing`` are not changed.
     """
     faults = check_values(accepted, values, also=also)
     if not faults and (model := model_of(factory)):
@@ -122,7 +124,7 @@ def call_factory(
         expected = " ".join(message for _, message in faults)
         raise ParameterError(f"{source}: {expected}", faults[0][0])
     try:
-        return factory(**values)
+        made = factory(**values)
     except passing:
         raise
     except (TypeError, ValueError) as error:
@@ -130,6 +132,33 @@ def call_factory(
         raise ParameterError(f"{source}: {error}", blamed) from error
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         raise PluginError(f"{source}: {origin} raised {type(error).__name__}: {error}.") from error
+    if not isinstance(made, wanted):
+        expected = f"expected {origin} to give a {wanted.__name__}"
+        raise PluginError(f"{source}: {expected}, got {quoted(made)}.")
+    return made
+
+
+def factory_faults(
+    source: str,
+    accepted: Callable[[], Sequence[Parameter]],
+    make: Callable[..., Any],
+    values: Mapping[str, Any],
+    *,
+    plain: bool = False,
+    also: Collection[str] = (),
+) -> list[Fault]:
+    """List everything that keeps something from being made with values, as `check_values` does.
+
+    Where all of them are of their types, it is made. ``accepted`` finds the parameters.
+    """
+    try:
+        if faults := check_values(accepted(), values, plain=plain, also=also):
+            return faults
+        make(**values)
+    except (Exception, SystemExit) as error:  # whatever another package's code may raise
+        several: list[Fault] = [(None, fault) for fault in getattr(error, "faults", ())]
+        return several or [raised_fault(error, values, source=source)]
+    return []
 
 
 def _converted(

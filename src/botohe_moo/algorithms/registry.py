@@ -7,8 +7,7 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
+from botohe_moo._plugins.checks import Fault, call_factory, factory_faults
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, is_path
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 from botohe_moo.mission.named import load_mission
@@ -56,7 +55,12 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     60
     """
     factory = find_algorithm(name)
-    return _make(name, factory, accepted_by(factory), parameters)
+    source, origin = PLUGINS.source(name), PLUGINS.origin(name)
+    accepted = accepted_by(factory)
+    algorithm: Algorithm = call_factory(
+        source, factory, accepted, parameters, wanted=Algorithm, origin=origin
+    )
+    return algorithm
 
 
 def algorithm_faults(
@@ -75,16 +79,13 @@ def algorithm_faults(
     >>> algorithm_faults("bo-aco", {"evaporation": 1.3})
     [('evaporation', 'Expected evaporation in (0, 1), got 1.3.')]
     """
-    given = parameters or {}
-    try:
-        factory = find_algorithm(name)
-        accepted = accepted_by(factory)
-        if faults := check_values(accepted, given, plain=plain):
-            return faults
-        _make(name, factory, accepted, given)
-    except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        return [raised_fault(error, given, source=PLUGINS.source(name))]
-    return []
+    return factory_faults(
+        PLUGINS.source(name),
+        functools.partial(algorithm_parameters, name),
+        functools.partial(make_algorithm, name),
+        parameters or {},
+        plain=plain,
+    )
 
 
 def algorithm_names() -> tuple[str, ...]:
@@ -121,21 +122,6 @@ def plans_for_kinds(name: str) -> bool:
     """
     supports = getattr(find_algorithm(name), "supports", None)
     return supports is None or supports(load_mission("drones_and_rovers"))
-
-
-def _make(
-    name: str,
-    factory: Callable[..., Any],
-    accepted: tuple[Parameter, ...],
-    parameters: Mapping[str, Any],
-) -> Algorithm:
-    """Call a factory; a ValueError names the algorithm that cannot be made."""
-    source, origin = PLUGINS.source(name), PLUGINS.origin(name)
-    algorithm = call_factory(source, factory, accepted, parameters, origin=origin)
-    if not isinstance(algorithm, Algorithm):
-        expected = f"expected {origin} to give a pymoo Algorithm"
-        raise ValueError(f"{source}: {expected}, got {quoted(algorithm)}.")
-    return algorithm
 
 
 def find_algorithm(name: str) -> Callable[..., Any]:

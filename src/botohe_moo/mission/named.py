@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from botohe_moo._base.checks import check_choice, quoted
-from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
+from botohe_moo._plugins.checks import Fault, call_factory, checked, factory_faults
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, package_of
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
 from botohe_moo._plugins.types import Robots
@@ -200,17 +200,14 @@ def mission_faults(
     >>> mission_faults("terrain", {"nodes": "50", "robots": 3})
     [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
     """
-    given = parameters or {}
-    try:
-        accepted = _accepted(name_or_path)
-        if faults := check_values(accepted, given, plain=plain, also=COMMON):
-            return faults
-        load_mission(name_or_path, **given)
-    except MissionError as error:
-        return [(None, fault) for fault in error.faults]
-    except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        return [raised_fault(error, given, source=_PLUGINS.source(name_or_path))]
-    return []
+    return factory_faults(
+        _PLUGINS.source(name_or_path),
+        functools.partial(_accepted, name_or_path),
+        functools.partial(load_mission, name_or_path),
+        parameters or {},
+        plain=plain,
+        also=COMMON,
+    )
 
 
 def _accepted(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
@@ -309,15 +306,11 @@ def _make(
     accepted = accepted_parameters(function)
     if robots is not None and any(parameter.name == "robots" for parameter in accepted):
         parameters = {**parameters, "robots": robots}
-    passing = (MissionError, MemoryError)
+    wanted: dict[str, Any] = {"wanted": Mission, "passing": (MissionError, MemoryError)}
     try:
-        mission = call_factory(
-            source, function, accepted, parameters, origin=origin, also=COMMON, passing=passing
+        mission: Mission = call_factory(
+            source, function, accepted, parameters, origin=origin, also=COMMON, **wanted
         )
     except (PluginError, MissionError) as error:
         raise within(source, error) from error
-    if not isinstance(mission, Mission):
-        raise MissionError(f"expected {origin} to give a Mission, got {quoted(mission)}", source)
-    if robots is not None and robots != mission.robots:
-        return mission.with_robots(robots)
-    return mission
+    return mission if robots in (None, mission.robots) else mission.with_robots(robots)
