@@ -273,7 +273,7 @@ class TestGraphML:
         ("text", "fault"),
         [
             ("", "no element found: line 1, column 0"),
-            ("<svg/>", "expected GraphML with one directed graph, found NetworkXError"),
+            ("<svg/>", "expected GraphML with one directed graph, found 0 graphs"),
             (
                 graphml(TWO, edgedefault="undirected"),
                 "expected directed arcs, found undirected edges",
@@ -281,9 +281,15 @@ class TestGraphML:
             (graphml(TWO + "</graph><graph>"), "with one directed graph, found 2 graphs"),
             (
                 graphml(TWO.replace(">1<", ">five<")),
-                "node 'b': expected a number as reward",
+                "node 'b': expected reward of type double, got 'five'",
             ),
-            (graphml(TWO.replace('key="r"', 'key="z"')), "no key z"),
+            (graphml(TWO.replace('key="r"', 'key="z"')), "there is no key 'z'"),
+            (
+                graphml(TWO + '<edge source="a" target="z"/>'),
+                "arc 'a' -> 'z': there is no node 'z'",
+            ),
+            (graphml(TWO + '<node id="a"/>'), "node 'a' is listed more than once"),
+            (graphml(TWO + "<hyperedge/>"), "expected edges only, found a hyperedge"),
             (graphml(TWO + '<edge source="a" target="b"/>'), "arc 'a' -> 'b': is listed more than"),
         ],
     )
@@ -293,11 +299,11 @@ class TestGraphML:
     @pytest.mark.parametrize(
         ("kind", "text", "fault"),
         [
-            ("int", "5.0", "expected an integer as danger, got '5.0'"),
-            ("long", "1e3", "expected an integer as danger, got '1e3'"),
-            ("double", "five", "expected a number as danger, got 'five'"),
-            ("boolean", "yes", "expected true or false as danger, got 'yes'"),
-            ("decimal", "5", "expected danger of a type among string, .*, got 'decimal'"),
+            ("int", "5.0", "expected danger of type int, got '5.0'"),
+            ("long", "1e3", "expected danger of type long, got '1e3'"),
+            ("double", "five", "expected danger of type double, got 'five'"),
+            ("boolean", "maybe", "expected danger of type boolean, got 'maybe'"),
+            ("decimal", "5", "expected danger of type decimal, one of string, .*, got '5'"),
         ],
     )
     @pytest.mark.parametrize("owner", ["node", "edge", "graph"])

@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from botohe_moo._base.files import read_bytes, suffix_fault
 from botohe_moo._plugins.entry_points import PluginGroup
-from botohe_moo._plugins.faults import way_into, wrong_value
+from botohe_moo._plugins.faults import content_faults
 from botohe_moo.mission.rules import MissionError
 
 if TYPE_CHECKING:
@@ -223,7 +223,7 @@ _FOREIGN = {
 
 def formats() -> dict[str, Format]:
     """Return the formats that are registered, by name; warns of what cannot be loaded."""
-    return {name: cast("Format", _FORMATS.load(name)) for name in _FORMATS.names()}
+    return _FORMATS.loaded()
 
 
 def suffixes() -> tuple[str, ...]:
@@ -310,11 +310,7 @@ def validated(document: Document, model: type[M]) -> M:
     try:
         return model.model_validate(document.content)
     except ValidationError as invalid:
-        faults = []
-        for error in invalid.errors(include_url=False):
-            way, name = way_into(document.content, error["loc"]), "the file"
-            for key in way:
-                name = key if isinstance(key, str) else f"{name}[{key}]"
-            said = wrong_value(name, error).rstrip(".").replace("Expected", "expected", 1)
-            faults.append(f"line {document.line(way)}: {said}")
-        raise MissionError(faults) from None
+        raise MissionError(
+            f"line {document.line(place)}: {said[0].lower()}{said[1:].rstrip('.')}"
+            for place, said in content_faults(document.content, invalid)
+        ) from None

@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
 _Path = str | os.PathLike[str]
 
-_FLAGS = dict.fromkeys(("true", "yes", "1", "1.0"), True)
-_FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
+FLAGS = dict.fromkeys(("true", "yes", "1", "1.0"), True)
+FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
 _MOST_NAMED = 5
 _SEPARATORS = ",;\t"
 _FILE, FAULTS = "botohe_moo file", "botohe_moo faults"  # attributes of tables read from files
@@ -301,7 +301,7 @@ def _number(value: Any) -> Any:
 _READ: dict[str, Callable[[Any], Any]] = {
     **dict.fromkeys(("reward", "share", "survival", "length", "pos"), _number),
     **dict.fromkeys(("robots", "min_survival", "max_length"), _number),
-    "depot": lambda value: _FLAGS.get(str(value).lower(), value),
+    "depot": lambda value: FLAGS.get(str(value).lower(), value),
     "pays": lambda value: value.lower() if isinstance(value, str) else value,
 }
 
