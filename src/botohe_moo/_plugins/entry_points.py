@@ -74,6 +74,10 @@ class PluginGroup:
                 warnings.warn(f"{self.source(name)}: {error}; it is left out.", stacklevel=3)
         return found
 
+    def is_ours(self, name: str) -> bool:
+        """Return whether the entry of a name is built in."""
+        return _package(self.entry(name)) == _OURS
+
     def load(self, name: str) -> Callable[..., Any]:
         """Import the entry of that name; a PluginError says why this is not possible."""
         origin = self.origin(name)

@@ -124,7 +124,7 @@ def read_building(source: Source, *, base: Any = None, graph: _Wanted = None) ->
     The lanes of one graph are for the same robots: those of ``graph`` are read, by default of the
     first that has the base. A MissionError names the lines of what is wrong.
     """
-    return _draft(source, validated(source.yaml, _Site), base, graph)
+    return _draft(source, validated(source.yaml.content, _Site, source.yaml.line), base, graph)
 
 
 @checked
@@ -139,7 +139,7 @@ def read_navigation_graph(source: Source, *, base: Any = None) -> Draft:
     ``generate_nav_graph`` in ``rmf_building_map_tools`` of open-rmf/rmf_traffic_editor, and
     ``parse_graph`` in ``rmf_fleet_adapter`` of open-rmf/rmf_ros2, which joins levels by lifts.
     """
-    site = validated(source.yaml, _Graph)
+    site = validated(source.yaml.content, _Graph, source.yaml.line)
     is_stacked = any(level.elevation is None for level in site.levels.values())
     for i, level in enumerate(site.levels.values() if is_stacked else ()):
         level.elevation = _STOREY * i
