@@ -288,6 +288,7 @@ class TestGraphML:
                 graphml(TWO + '<edge source="a" target="z"/>'),
                 "arc 'a' -> 'z': there is no node 'z'",
             ),
+            (graphml(TWO + "<node/>"), "expected a label, a string, a number, a boolean or a list"),
             (graphml(TWO + '<node id="a"/>'), "node 'a' is listed more than once"),
             (graphml(TWO + "<hyperedge/>"), "expected edges only, found a hyperedge"),
             (graphml(TWO + '<edge source="a" target="b"/>'), "arc 'a' -> 'b': is listed more than"),
@@ -303,7 +304,7 @@ class TestGraphML:
             ("long", "1e3", "expected danger of type long, got '1e3'"),
             ("double", "five", "expected danger of type double, got 'five'"),
             ("boolean", "maybe", "expected danger of type boolean, got 'maybe'"),
-            ("decimal", "5", "expected danger of type decimal, one of string, .*, got '5'"),
+            ("decimal", "5", "expected danger of type decimal, one of int, .*, got '5'"),
         ],
     )
     @pytest.mark.parametrize("owner", ["node", "edge", "graph"])

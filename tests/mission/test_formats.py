@@ -13,6 +13,7 @@ from botohe_moo.mission import MissionError, read_mission
 from botohe_moo.mission.formats.reading import (
     Draft,
     Format,
+    Row,
     Source,
     format_of,
     formats,
@@ -20,6 +21,7 @@ from botohe_moo.mission.formats.reading import (
     stem_of,
     suffixes,
 )
+from botohe_moo.mission.formats.tables import make_mission
 
 DATA = Path(__file__).parents[1] / "data"
 FEATURES = {"type": "FeatureCollection", "features": []}
@@ -173,6 +175,13 @@ def test_another_kind_of_file_is_refused_by_its_name(file, name, content, kind):
         with pytest.raises(MissionError) as caught:
             read(path)
         assert str(caught.value) == f"{path}: expected a mission, found {kind}"
+
+
+@pytest.mark.parametrize("label", [{"a"}, {"a": 1}, None, [{"a"}]])
+def test_what_cannot_be_a_label(label):
+    draft = Draft([Row("line 1", ("dock",), {}), Row("line 2", (label,), {})], [])
+    with pytest.raises(ValueError, match="expected a label, a string, a number, a boolean or a l"):
+        make_mission(draft, base="dock", robots=1)
 
 
 @pytest.mark.parametrize("name", ["a", "z"])

@@ -20,12 +20,9 @@ from botohe_moo.mission.rules import BY_KIND, MissionError, whose
 
 _DEFAULTS = ("node_default", "edge_default")  # which networkx writes as defaults
 _REMEDY = "a .json file can hold it."
-_TYPES: dict[str, Callable[[str], Any]] = {
-    "string": str,
-    "boolean": lambda text: FLAGS[text.lower()],
-    **dict.fromkeys(("int", "integer", "long"), int),
-    **dict.fromkeys(("float", "double"), float),
-}
+_TYPES: dict[str, Callable[[str], Any]] = dict.fromkeys(("int", "integer", "long"), int)
+_TYPES |= dict.fromkeys(("float", "double"), float)
+_TYPES |= {"string": str, "boolean": lambda text: FLAGS[text.lower()]}
 
 
 def read_graphml(source: Source) -> Draft:

@@ -104,12 +104,11 @@ def plain_label(label: Hashable) -> object:
     """Convert a label to a JSON value from which an equal label is read."""
     try:
         plain = _plain(label)
-        if label == read_label(plain):
-            return plain
-        reason = f"it would come back as {quoted(plain)}"
+        if label != read_label(plain):
+            raise ValueError(f"it would come back as {quoted(plain)}")
     except (TypeError, ValueError) as error:
-        reason = str(error)
-    raise ValueError(f"Node {quoted(label)} cannot be saved under its label: {reason}.")
+        raise ValueError(f"Node {quoted(label)} cannot be saved by its label: {error}.") from None
+    return plain
 
 
 def _entry(owner: str, attributes: Mapping[str, Any], **labels: Any) -> dict[str, Any]:

@@ -209,8 +209,7 @@ _FOREIGN = {
     ("missions", "algorithms"): "a study, which `botohe study run` runs",
     ("nodes", "adjacency"): "adjacency data of networkx: write it by node_link_data",
     ("graph", "nodes"): "a graph in JSON Graph Format",
-    ("nodes", "pointset"): "a topological map of LCAS: docs/mission-robots.md has a recipe",
-    ("node", "meta"): "a topological map of LCAS: docs/mission-robots.md has a recipe",
+    ("pointset",): "a topological map of LCAS: docs/mission-robots.md has a recipe",
     ("rmf_fleet",): "a fleet configuration of Open-RMF: read its navigation graph",
     ("format_version", "properties"): "a site of Open-RMF's site editor: export navigation graphs",
     ("layouts", "metaInformation"): "a layout of VDA 5050 (LIF)",
@@ -309,7 +308,7 @@ def _foreign_kind(source: Source) -> str | None:
     is_json = source.path.suffix.lower() in (".json", ".geojson")
     content = source.json if is_json else source.yaml.content
     content = content[0] if isinstance(content, list) else content
-    keys = {*content, *content.get("graph", ())}
+    keys = {*content, *content.get("graph", ()), *content.get("meta", ())}
     return next((kind for needed, kind in _FOREIGN.items() if keys.issuperset(needed)), None)
 
 

@@ -110,7 +110,7 @@ class _Site:
         self.draft = draft
         self.faults, self.notes, self.left_out = [*draft.faults], [*draft.notes], {**draft.left_out}
         self.nodes, self.arcs = (
-            [Row(where, labels, _plain(attributes)) for where, labels, attributes in rows]
+            [Row(where, tuple(map(read_label, ends)), _plain(own)) for where, ends, own in rows]
             for rows in (draft.nodes, draft.arcs)
         )
         self.at = {label: attributes for _, (label,), attributes in self.nodes}
