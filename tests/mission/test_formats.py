@@ -2,6 +2,7 @@
 
 import json
 import re
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,9 @@ import yaml
 from botohe_moo import load_mission, save_mission
 from botohe_moo.mission import MissionError, read_mission
 from botohe_moo.mission.formats.reading import (
+    Draft,
+    Format,
+    Row,
     Source,
     format_of,
     formats,
@@ -17,6 +21,7 @@ from botohe_moo.mission.formats.reading import (
     stem_of,
     suffixes,
 )
+from botohe_moo.mission.formats.tables import make_mission
 
 DATA = Path(__file__).parents[1] / "data"
 FEATURES = {"type": "FeatureCollection", "features": []}
@@ -73,6 +78,7 @@ def test_a_route_graph_named_json(tmp_path):
     assert read_mission(tmp_path / "renamed.json") == toy
 
 
+OTHER = Format((".json",), lambda source: source.data == b"other", Draft, lambda _: b"other")
 LAYOUT = {"layoutId": "1", "nodes": [], "edges": [], "stations": []}
 PLAN_MISSION = {"items": [], "plannedHomePosition": [47.25, 8.5, 0], "version": 2}
 
@@ -110,6 +116,7 @@ PLAN_MISSION = {"items": [], "plannedHomePosition": [47.25, 8.5, 0], "version": 
             {"fileType": "Plan", "version": 1, "mission": PLAN_MISSION, "geoFence": {}},
             "a plan of QGroundControl",
         ),
+        ("survey.plan", {"fileType": "Plan", "mission": {}}, "a plan of QGroundControl"),
         (
             "layer.json",
             {"geometryType": "esriGeometryPoint", "spatialReference": {}, "features": []},
@@ -119,6 +126,21 @@ PLAN_MISSION = {"items": [], "plannedHomePosition": [47.25, 8.5, 0], "version": 
             "streets.json",
             {"version": 0.6, "generator": "Overpass API", "osm3s": {}, "elements": []},
             "OpenStreetMap data: docs/mission-maps.md has a recipe for streets",
+        ),
+        (
+            "graph.json",
+            {"graph": {"directed": True, "nodes": {"a": {}}, "edges": []}},
+            "a graph in JSON Graph Format",
+        ),
+        (
+            "graph.json",
+            {"directed": True, "graph": [], "nodes": [{"id": "a"}], "adjacency": [[]]},
+            "adjacency data of networkx: write it by node_link_data",
+        ),
+        (
+            "orchard.tmap2",
+            {"name": "orchard", "pointset": "orchard", "nodes": [{"node": {}, "meta": {}}]},
+            "a topological map of LCAS: docs/mission-robots.md has a recipe",
         ),
         (
             "floor.yaml",
@@ -155,9 +177,28 @@ def test_another_kind_of_file_is_refused_by_its_name(file, name, content, kind):
         assert str(caught.value) == f"{path}: expected a mission, found {kind}"
 
 
+@pytest.mark.parametrize("label", [{"a"}, {"a": 1}, None, [{"a"}]])
+def test_what_cannot_be_a_label(label):
+    draft = Draft([Row("line 1", ("dock",), {}), Row("line 2", (label,), {})], [])
+    with pytest.raises(ValueError, match="expected a label, a string, a number, a boolean or a l"):
+        make_mission(draft, base="dock", robots=1)
+
+
+@pytest.mark.parametrize("name", ["a", "z"])
+def test_another_writer_of_json_does_not_replace_the_built_in_one(tmp_path, monkeypatch, name):
+    toy, path = load_mission("toy"), tmp_path / "toy.json"
+    entry = EntryPoint(name, f"{__name__}:OTHER", "botohe_moo.formats")
+    known = (entry, *entry_points(group="botohe_moo.formats"))
+    monkeypatch.setattr("botohe_moo._plugins.entry_points._registered", lambda *_: known)
+    save_mission(toy, path)
+    assert read_mission(path) == toy
+    path.write_bytes(b"other")
+    assert format_of(path) == OTHER
+
+
 def test_a_suffix_that_no_format_has(file):
     with pytest.raises(MissionError, match=r"ends in one of .*\.json.*; found the suffix '\.plan'"):
-        format_of(file("survey.plan", {"fileType": "Plan", "mission": {}}))
+        format_of(file("survey.plan", {"fileType": "Plan"}))
 
 
 @pytest.mark.parametrize("name", ["lost.json", "lost.geojson", "lost.yaml"])

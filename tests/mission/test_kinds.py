@@ -98,7 +98,7 @@ class TestFiles:
         text = path.read_text()
         for old, new, fault in (
             ("survival:drone", "survival:rover", "survival of kind 'rover': there is no such kind"),
-            ('"robots": 2', '"robots"', "expected kinds as JSON, got '"),
+            ('"robots": 2', '"robots"', "expected kinds to be a list of kinds, got '"),
         ):
             path.write_text(text.replace(old, new))
             with pytest.raises(MissionError, match=fault):

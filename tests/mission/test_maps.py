@@ -199,7 +199,7 @@ def test_wrong_values_are_named_by_their_lines(drawn, keys, fault):
             "image: map.png\nmode: raw\nresolution: 1\norigin: [0, 0]",
             "to be trinary or scale, got 'r",
         ),
-        ("resolution: 1\norigin: [0, 0, 0]\n", "expected the file to have 'image'"),
+        ("resolution: 1\norigin: [0, 0, 0]\n", "expected the key 'image', which is missing"),
         ("[1, 2]", r"expected the file to be a mapping, got \[1, 2\]"),
         ("", "expected the file to be a mapping, got None"),
         ("a: [", "not valid YAML"),

@@ -278,7 +278,11 @@ def test_numbers_that_are_written_as_texts(site, suffix):
     if suffix == ".json":
         (site / "site.json").write_text(json.dumps(texts))
     else:
+        graph.nodes["b"]["depot"] = True
         nx.write_graphml(graph, site / "site.graphml")
+        text = (site / "site.graphml").read_text()
+        assert text.count(">True<") == 1
+        (site / "site.graphml").write_text(text.replace(">True<", ">yes<"))
     mission = load_mission(site / f"site{suffix}")
     assert (mission.robots, mission.max_length, mission.total_reward) == (2, 99.5, 1)
     assert mission.graph.edges["a", "b"] == {"survival": 0.5, "length": 10}

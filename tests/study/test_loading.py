@@ -531,7 +531,7 @@ indicators: [area, igd]
 
     def test_what_is_no_study(self, tmp_path):
         for text, said in (
-            ("", "1: Expected the study to be a mapping, got None."),
+            ("", "1: Expected the file to be a mapping, got None."),
             ("name: x\nmissions: [\n", "3: not valid YAML: while parsing a flow node (line 3)"),
             (
                 "name: x\nmissions: &m [*m]\n",

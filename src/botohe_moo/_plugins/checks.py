@@ -133,7 +133,7 @@ def call_factory(
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         raise PluginError(f"{source}: {origin} raised {type(error).__name__}: {error}.") from error
     if not isinstance(made, wanted):
-        expected = f"expected {origin} to give a {wanted.__name__}"
+        expected = f"expected {origin} to give an object of type {wanted.__name__}"
         raise PluginError(f"{source}: {expected}, got {quoted(made)}.")
     return made
 

@@ -60,21 +60,23 @@ class PluginGroup:
             claims.setdefault(entry.name, []).append(entry)
         return claims
 
-    def names(self) -> tuple[str, ...]:
-        """List the names that can be loaded, sorted.
+    def loaded(self) -> dict[str, Any]:
+        """Import all entries; return them by name, sorted.
 
         Entries that cannot be imported, and names that two packages register, are left out with a
         warning.
         """
-        names = []
+        found = {}
         for name in sorted(self.claims()):
             try:
-                self.load(name)
+                found[name] = self.load(name)
             except PluginError as error:
                 warnings.warn(f"{self.source(name)}: {error}; it is left out.", stacklevel=3)
-            else:
-                names.append(name)
-        return tuple(names)
+        return found
+
+    def is_ours(self, name: str) -> bool:
+        """Return whether the entry of a name is built in."""
+        return _package(self.entry(name)) == _OURS
 
     def load(self, name: str) -> Callable[..., Any]:
         """Import the entry of that name; a PluginError says why this is not possible."""

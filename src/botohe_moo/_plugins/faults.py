@@ -1,16 +1,17 @@
 """What pydantic finds wrong with a value, in the words of this package."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo._base.checks import quoted
+from botohe_moo._base.checks import nearest_first, quoted
 from botohe_moo._plugins.types import bound_text
 
 M = TypeVar("M", bound=BaseModel)
 Error: TypeAlias = Mapping[str, Any]  # one of pydantic's `ErrorDetails`
+Place: TypeAlias = tuple[Any, ...]  # the keys and indices that lead to a value
 
 _EXPECTED = {
     "int_type": "to be an integer",
@@ -49,7 +50,7 @@ def fault_messages(name: str, value: Any, errors: Iterable[Error], bounds: str =
 
     ``bounds`` is the range that it has to be in, as :func:`range_text` gives it.
     """
-    found: dict[tuple[Any, ...], list[Error]] = {}
+    found: dict[Place, list[Error]] = {}
     for error in errors:
         found.setdefault(way_into(value, error["loc"]), []).append(error)
     # Of a union, the type that fits the deepest part was meant.
@@ -62,7 +63,7 @@ def fault_messages(name: str, value: Any, errors: Iterable[Error], bounds: str =
     return messages
 
 
-def way_into(value: Any, location: Sequence[Any]) -> tuple[Any, ...]:
+def way_into(value: Any, location: Sequence[Any]) -> Place:
     """Leave out of a location what names types rather than parts of the value."""
     way = []
     for key in location:
@@ -101,6 +102,35 @@ def wrong_value(name: str, *errors: Error, bounds: str = "") -> str:
     first, *rest = dict.fromkeys(phrases)
     expected = " or ".join([first, *(phrase.removeprefix("to be ") for phrase in rest)])
     return f"Expected {name} {expected}, {got}"
+
+
+def content_faults(
+    content: Any, invalid: ValidationError, known_keys: Callable[[Place], Sequence[str]] = tuple
+) -> Iterator[tuple[Place, str]]:
+    """Yield each place of a file's content at which something is wrong, and a sentence about it.
+
+    ``known_keys`` returns the keys that the mapping at a place may have.
+    """
+    found: dict[Place, list[Error]] = {}
+    for error in invalid.errors(include_url=False):
+        place = way_into(content, error["loc"])
+        if not place or error["type"] == "missing":
+            place += error["loc"][-1:]  # a key that is not there
+        found.setdefault(place, []).append(error)
+    for place, errors in found.items():
+        kind, name = errors[0]["type"], "the file"
+        for key in place:
+            name = key if isinstance(key, str) else f"{name}[{key}]"
+        if kind == "missing":
+            said = f"expected the key {name!r}, which is missing."
+        elif kind == "extra_forbidden":
+            known = ", ".join(nearest_first(name, known_keys(place[:-1])))
+            said = f"there is no key {quoted(name)}; known are {known}."
+        elif kind == "value_error":
+            said = f"{own_message(errors[0]).rstrip('.')}."
+        else:
+            said = wrong_value(name, *errors).removeprefix(f"{name}: ")
+        yield place, said
 
 
 def json_record(path: Path, data: bytes, model: type[M]) -> M:

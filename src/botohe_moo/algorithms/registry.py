@@ -97,7 +97,7 @@ def algorithm_names() -> tuple[str, ...]:
     >>> "pareto-local-search" in algorithm_names()
     True
     """
-    return PLUGINS.names()
+    return tuple(PLUGINS.loaded())
 
 
 def algorithm_parameters(name: str) -> tuple[Parameter, ...]:

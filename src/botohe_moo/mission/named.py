@@ -238,7 +238,7 @@ def mission_names() -> tuple[str, ...]:
     >>> "art_museum" in mission_names()
     True
     """
-    return _PLUGINS.names()
+    return tuple(_PLUGINS.loaded())
 
 
 def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None]:

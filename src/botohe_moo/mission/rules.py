@@ -172,7 +172,7 @@ def read_label(value: object) -> Hashable:
     """Convert a JSON value to a node label; raises ValueError if it cannot be one."""
     if isinstance(value, list):
         return tuple(None if item is None else read_label(item) for item in value)
-    if value is None or isinstance(value, dict):
+    if value is None or not isinstance(value, Hashable):
         expected = "a string, a number, a boolean or a list of them"
         raise ValueError(f"expected a label, {expected}, got {quoted(value)}")
     return value

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -13,91 +14,70 @@ import networkx as nx
 from botohe_moo._base.checks import quoted
 from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
+from botohe_moo.mission.formats.tables import FLAGS
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.rules import BY_KIND, MissionError
+from botohe_moo.mission.rules import BY_KIND, MissionError, whose
 
-# What its reader raises for wrong files is not declared.
-_OF_NETWORKX = (nx.NetworkXError, ET.ParseError, LookupError, ValueError, TypeError, AttributeError)
-_DEFAULTS = ("node_default", "edge_default")  # where networkx keeps them
+_DEFAULTS = ("node_default", "edge_default")  # which networkx writes as defaults
 _REMEDY = "a .json file can hold it."
-_FLAGS = {"true": True, "1": True, "false": False, "0": False}
-# What a value of a declared type is called, and how it is read.
-_TYPES: dict[str, tuple[str, Callable[[str], Any]]] = {
-    "string": ("a text", str),
-    "boolean": ("true or false", lambda text: _FLAGS[text.lower()]),
-    **dict.fromkeys(("int", "integer", "long"), ("an integer", int)),
-    **dict.fromkeys(("float", "double"), ("a number", float)),
-}
+_TYPES: dict[str, Callable[[str], Any]] = dict.fromkeys(("int", "integer", "long"), int)
+_TYPES |= dict.fromkeys(("float", "double"), float)
+_TYPES |= {"string": str, "boolean": lambda text: FLAGS[text.lower()]}
 
 
 def read_graphml(source: Source) -> Draft:
-    """Read GraphML with networkx.
+    """Read GraphML.
 
-    Labels are the ids of nodes, hence texts. The node attributes ``x`` and ``y`` become ``pos``,
-    and a name that yEd has drawn becomes ``label``. ``kinds`` are JSON. A MissionError names the
-    values that are not of their declared type.
+    Labels are the ids of nodes, hence texts. The attributes ``x`` and ``y`` become ``pos``, and a
+    name that yEd has drawn on a node becomes ``label``. A MissionError names the values that are
+    not of their declared type.
+
+    networkx' own reader would take the places of yEd's drawings for ``x`` and ``y``, add nodes that
+    only arcs name, and stop at the first value that is not of its type.
     """
-    faults: list[str] = []
     try:
         root = ET.fromstring(source.data)
-        drawn = _without_drawings(root)
-        # networkx reads all values as texts, whose types stand before their names.
-        for key in root.findall("{*}key[@attr.name]"):
-            key.set("attr.name", f"{key.get('attr.type', 'string')}:{key.get('attr.name')}")
-            key.set("attr.type", "string")
-        found = nx.parse_graphml(ET.tostring(root, "unicode"), force_multigraph=True)
-    except _OF_NETWORKX as error:
-        said = f"{type(error).__name__}: {quoted(str(error))}"  # which may quote a whole file
-        raise MissionError(f"expected GraphML with one directed graph, found {said}") from None
-    if (n_graphs := len(root.findall("{*}graph"))) > 1:
-        raise MissionError(f"expected GraphML with one directed graph, found {n_graphs} graphs")
+    except (ET.ParseError, LookupError, ValueError) as error:  # also of an unknown encoding
+        raise MissionError(f"expected GraphML, found {quoted(str(error))}") from None
+    if len(graphs := root.findall("{*}graph")) != 1:
+        raise MissionError(f"expected GraphML with one directed graph, found {len(graphs)} graphs")
+    graph = graphs[0]
+    keys = {key.get("id"): key for key in root.iterfind("{*}key")}
+    defaults = [(key.get("for"), i, key.findall("{*}default")) for i, key in keys.items()]
+    faults = ["expected edges only, found a hyperedge" for _ in graph.iterfind("{*}hyperedge")]
 
-    def row(owner: str, labels: tuple[str, ...], texts: Mapping[str, str]) -> Row:
+    def row(element: ET.Element, *names: str) -> Row:
+        labels, tag = tuple(map(element.get, names)), element.tag.rpartition("}")[2]
+        owner = whose(*labels) if labels else "the graph"
+        values = [(i, value) for of, i, found in defaults if of in (tag, "all") for value in found]
+        values += [(data.get("key"), data) for data in element.iterfind("{*}data")]
         attributes: dict[str, Any] = {}
-        for key, text in texts.items():
-            kind, _, name = key.partition(":")
-            if kind not in _TYPES:
-                known = ", ".join(_TYPES)
-                faults.append(f"{owner}: expected {name} of a type among {known}, got {kind!r}")
+        for i, value in values:
+            if i not in keys:
+                faults.append(f"{owner}: there is no key {quoted(i)}")
                 continue
-            expected, convert = _TYPES[kind]
+            if drawn := value.findtext(".//{*}NodeLabel", "").strip():
+                attributes.setdefault("label", drawn)
+            name, kind = keys[i].get("attr.name"), keys[i].get("attr.type", "string")
+            if name is None or len(value):  # what yEd draws
+                continue
+            text = value.text or ""
             try:
-                attributes[name] = convert(text)
+                attributes[name] = _TYPES[kind](text)
             except (KeyError, ValueError):
-                faults.append(f"{owner}: expected {expected} as {name}, got {quoted(text)}")
-        if "x" in attributes and "y" in attributes and "pos" not in attributes:
+                known = "" if kind in _TYPES else f", one of {', '.join(_TYPES)}"
+                faults.append(f"{owner}: expected {name} of type {kind}{known}, got {quoted(text)}")
+        if {"x", "y"} <= attributes.keys() and "pos" not in attributes:
             attributes["pos"] = [attributes.pop("x"), attributes.pop("y")]
         return Row("the GraphML", labels, attributes)
 
-    of_nodes, of_arcs = (found.graph.pop(key, {}) for key in _DEFAULTS)
-    nodes, arcs = [], []
-    for node, texts in found.nodes(data=True):
-        given = of_nodes | drawn.get(node, {}) | texts
-        nodes.append(row(f"node {quoted(node)}", (node,), given))
-    for tail, head, texts in found.edges(data=True):
-        arc = f"arc {quoted(tail)} -> {quoted(head)}"
-        arcs.append(row(arc, (tail, head), of_arcs | texts))
-    graph = row("the graph", (), found.graph).attributes
-    try:
-        if (text := graph.get("kinds")) is not None:
-            graph["kinds"] = json.loads(text)
-    except (TypeError, ValueError) as error:
-        raise MissionError(f"expected kinds as JSON, got {quoted(text)}: {error}") from None
-    return Draft(nodes, arcs, graph, faults, directed=found.is_directed())
-
-
-def _without_drawings(root: ET.Element) -> dict[str | None, dict[str, str]]:
-    """Remove what yEd draws; return the names on its nodes.
-
-    networkx would take the places of drawings for the attributes ``x`` and ``y``.
-    """
-    names = {}
-    for owner in list(root.iter()):
-        for drawing in [data for data in owner.findall("{*}data") if len(data)]:
-            owner.remove(drawing)
-            if name := drawing.findtext(".//{*}NodeLabel", "").strip():
-                names[owner.get("id")] = {"string:label": name}
-    return names
+    nodes = [row(node, "id") for node in graph.iterfind(".//{*}node")]
+    arcs = [row(arc, "source", "target") for arc in graph.iterfind(".//{*}edge")]
+    about, any_two_way = row(graph).attributes, graph.find(".//{*}edge[@directed='false']")
+    directed = graph.get("edgedefault") == "directed" and any_two_way is None
+    with suppress(KeyError, TypeError, ValueError):  # what is no JSON is no list of kinds either
+        about["kinds"] = json.loads(about["kinds"])
+    return Draft(nodes, arcs, about, faults, directed=directed)
 
 
 def write_graphml(mission: Mission) -> bytes:
@@ -112,9 +92,9 @@ def write_graphml(mission: Mission) -> bytes:
             raise ValueError(f"Node {quoted(label)}: expected {expected}; {_REMEDY}")
         if node.get("pos") is not None and not {"x", "y"} & node.keys():
             node["x"], node["y"] = node.pop("pos")
-        _flatten(f"node {quoted(label)}", node)
-    for tail, head, arc in graph.edges(data=True):
-        _flatten(f"arc {quoted(tail)} -> {quoted(head)}", arc)
+        _flatten(whose(label), node)
+    for *ends, arc in graph.edges(data=True):
+        _flatten(whose(*ends), arc)
     written = io.BytesIO()
     nx.write_graphml_xml(graph, written)
     return written.getvalue() + b"\n"
@@ -134,9 +114,5 @@ def _flatten(owner: str, attributes: dict[str, Any]) -> None:
             raise ValueError(f"{owner}: expected {expected}; {_REMEDY}")
 
 
-def is_graphml(source: Source) -> bool:
-    """Return whether a file may be GraphML: it alone has its suffix."""
-    return b"graphml" in source.data
-
-
-GRAPHML = Format((".graphml",), is_graphml, read_graphml, write_graphml)
+# No other format has this suffix.
+GRAPHML = Format((".graphml",), bool, read_graphml, write_graphml)

@@ -68,7 +68,8 @@ def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale"
     """
     source = Source(path)
     try:
-        found, given = validated(source.yaml, _MapFile), source.yaml.content
+        given = source.yaml.content
+        found = validated(given, _MapFile, source.yaml.line)
         low, high = given.get("free_thresh", 0.0), given.get("occupied_thresh", 1.0)
         mode, (x, y, *angle) = found.mode.lower(), found.origin
         for key, is_wrong, expected in (

@@ -6,22 +6,30 @@ import json
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import fields
 from numbers import Real
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import AliasChoices, BaseModel, Field
 
 from botohe_moo._base.checks import quoted
-from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
+from botohe_moo.mission.formats.reading import Draft, Format, Row, Source, validated
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.rules import ONLY_KIND, Kind, MissionError, read_label
+from botohe_moo.mission.rules import ONLY_KIND, Kind, MissionError, read_label, whose
 
-_TYPES: dict[type, str] = {bool: "true or false", dict: "an object", list: "a list"}
-_KEYS = {"directed": bool, "multigraph": bool, "graph": dict, "nodes": list, "edges": list}
+as_json = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
+
+
+class _Content(BaseModel, defer_build=True, strict=True):
+    directed: bool = False
+    multigraph: Literal[False] = False  # at most one arc from a node to another
+    graph: dict[str, Any] = {}
+    nodes: list[Any]
+    edges: list[Any] = Field(validation_alias=AliasChoices("edges", "links"))  # as networkx < 3.4
 
 
 def is_node_link(source: Source) -> bool:
     """Return whether a file is node-link JSON, with any faults."""
-    return isinstance(source.json.get("nodes"), list)
+    return isinstance(source.json.get("nodes"), list) and "adjacency" not in source.json
 
 
 def read_node_link(source: Source) -> Draft:
@@ -31,50 +39,32 @@ def read_node_link(source: Source) -> Draft:
     equal nodes or arcs win, and keep the base's label as a list. A MissionError names what is not
     node-link data.
     """
-    content = source.json
-    if not isinstance(content, dict):
-        raise MissionError(f"expected node-link data, a JSON object, got {quoted(content)}")
-    links = content.get("links")  # as networkx before 3.4 names the arcs
-    content = {"directed": False, "multigraph": False, "graph": {}, "edges": links, **content}
-    faults = [
-        f'expected the key "{key}" to hold {_TYPES[kind]}, got {quoted(content.get(key))}'
-        for key, kind in _KEYS.items()
-        if not isinstance(content.get(key), kind)
-    ]
-    if content["multigraph"] is True:
-        faults.append('expected at most one arc from a node to another, got "multigraph": true')
-    if faults:
-        raise MissionError(faults)
-    nodes, arcs = _rows(content, "nodes", "id"), _rows(content, "edges", "source", "target")
-    return Draft([*nodes], [*arcs], content["graph"], directed=content["directed"])
+    content = validated(source.json, _Content)
+    nodes = [*_rows("nodes", content.nodes, "id")]
+    arcs = [*_rows("edges", content.edges, "source", "target")]
+    return Draft(nodes, arcs, content.graph, directed=content.directed)
 
 
-def _rows(content: Mapping[str, Any], table: str, *names: str) -> Iterator[Row]:
+def _rows(table: str, entries: list[Any], *names: str) -> Iterator[Row]:
     """Split entries into their labels, which have some names, and their attributes."""
-    for i, entry in enumerate(content[table]):
+    for i, entry in enumerate(entries):
         where = f"{table}[{i}]"
         if not isinstance(entry, dict) or not entry.keys() >= {*names}:
             expected = f"an object with {' and '.join(names)}"
             raise MissionError(f"{where}: expected {expected}, got {quoted(entry)}")
-        try:
-            labels = tuple(read_label(entry[name]) for name in names)
-        except ValueError as error:
-            raise MissionError(f"{where}: {error}") from None
+        labels = tuple(entry[name] for name in names)
         yield Row(where, labels, {key: entry[key] for key in entry if key not in names})
 
 
 def mission_content(mission: Mission) -> dict[str, Any]:
     """Convert a mission to node-link data; a ValueError names what JSON cannot hold."""
     graph = mission.graph
-    nodes = [
-        _entry(f"node {quoted(node)}", attributes, id=plain_label(node))
-        for node, attributes in graph.nodes(data=True)
-    ]
+    nodes = [_entry(whose(node), of, id=plain_label(node)) for node, of in graph.nodes(data=True)]
     label_of = {node: entry["id"] for node, entry in zip(graph, nodes, strict=True)}
     arcs = []
-    for tail, head, attributes in graph.edges(data=True):
-        arc = f"arc {quoted(tail)} -> {quoted(head)}"
-        arcs.append(_entry(arc, attributes, source=label_of[tail], target=label_of[head]))
+    for tail, head, of in graph.edges(data=True):
+        ends = {"source": label_of[tail], "target": label_of[head]}
+        arcs.append(_entry(whose(tail, head), of, **ends))
     own = {attribute: getattr(mission, attribute) for attribute in ("base", "robots", "pays")}
     if _has_kinds(mission):
         own["kinds"] = [
@@ -100,10 +90,9 @@ def _has_kinds(mission: Mission) -> bool:
 def write_node_link(mission: Mission) -> bytes:
     """Write a mission as node-link JSON, one line for each node and arc."""
     content = mission_content(mission)
-    written = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
-    lines = [f' "{key}": {written(content[key])}' for key in ("directed", "multigraph", "graph")]
+    lines = [f' "{key}": {as_json(content[key])}' for key in ("directed", "multigraph", "graph")]
     for key in ("nodes", "edges"):
-        entries = ",".join(f"\n  {written(entry)}" for entry in content[key])
+        entries = ",".join(f"\n  {as_json(entry)}" for entry in content[key])
         lines.append(f' "{key}": [{entries}\n ]')
     return "{{\n{}\n}}\n".format(",\n".join(lines)).encode()
 
@@ -112,12 +101,11 @@ def plain_label(label: Hashable) -> object:
     """Convert a label to a JSON value from which an equal label is read."""
     try:
         plain = _plain(label)
-        if label == read_label(plain):
-            return plain
-        reason = f"it would come back as {quoted(plain)}"
+        if label != read_label(plain):
+            raise ValueError(f"it would come back as {quoted(plain)}")
     except (TypeError, ValueError) as error:
-        reason = str(error)
-    raise ValueError(f"Node {quoted(label)} cannot be saved under its label: {reason}.")
+        raise ValueError(f"Node {quoted(label)} cannot be saved by its label: {error}.") from None
+    return plain
 
 
 def _entry(owner: str, attributes: Mapping[str, Any], **labels: Any) -> dict[str, Any]:

@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from botohe_moo._base.files import read_bytes, suffix_fault
 from botohe_moo._plugins.entry_points import PluginGroup
-from botohe_moo._plugins.faults import way_into, wrong_value
+from botohe_moo._plugins.faults import Place, content_faults
 from botohe_moo.mission.rules import MissionError
 
 if TYPE_CHECKING:
@@ -124,11 +124,10 @@ class Source:
         """The bytes of the file; a MissionError names one that cannot be read."""
         try:
             return read_bytes(self.path)
-        except FileNotFoundError:
-            fault = "there is no such file"
         except OSError as error:
-            fault = f"the file cannot be read: {error.strerror}"
-        raise MissionError(fault, str(self.path))
+            is_lost = isinstance(error, FileNotFoundError)
+            fault = "there is no such file" if is_lost else f"cannot be read: {error.strerror}"
+            raise MissionError(fault, str(self.path)) from None
 
     @functools.cached_property
     def text(self) -> str:
@@ -208,8 +207,9 @@ _FORMATS = PluginGroup("botohe_moo.formats", "format", Format)
 _FOREIGN = {
     ("image", "resolution"): "a map: `botohe missions from-map` makes a mission from it",
     ("missions", "algorithms"): "a study, which `botohe study run` runs",
-    ("nodes", "pointset"): "a topological map of LCAS: docs/mission-robots.md has a recipe",
-    ("node", "meta"): "a topological map of LCAS: docs/mission-robots.md has a recipe",
+    ("nodes", "adjacency"): "adjacency data of networkx: write it by node_link_data",
+    ("graph", "nodes"): "a graph in JSON Graph Format",
+    ("pointset",): "a topological map of LCAS: docs/mission-robots.md has a recipe",
     ("rmf_fleet",): "a fleet configuration of Open-RMF: read its navigation graph",
     ("format_version", "properties"): "a site of Open-RMF's site editor: export navigation graphs",
     ("layouts", "metaInformation"): "a layout of VDA 5050 (LIF)",
@@ -222,8 +222,13 @@ _FOREIGN = {
 
 
 def formats() -> dict[str, Format]:
-    """Return the formats that are registered, by name; warns of what cannot be loaded."""
-    return {name: cast("Format", _FORMATS.load(name)) for name in _FORMATS.names()}
+    """Return the formats that are registered, by name; warns of what cannot be loaded.
+
+    Those of this package come last: of formats with one suffix the others are asked first whether
+    they know a file, and the last one writes it.
+    """
+    found = _FORMATS.loaded()
+    return dict(sorted(found.items(), key=lambda pair: _FORMATS.is_ours(pair[0])))
 
 
 def suffixes() -> tuple[str, ...]:
@@ -279,14 +284,15 @@ def format_of(file: str | os.PathLike[str] | Source) -> Format:
     """
     source = file if isinstance(file, Source) else Source(file)
     found = [known for _, known in _fitting(source.path)]
-    if not found:
-        raise MissionError(suffix_fault(source.path, suffixes()), str(source.path))
-    source.data  # noqa: B018 - a file that cannot be read is in no format
+    if found:
+        source.data  # noqa: B018 - a file that cannot be read is in no format
     for known in found:
         if _seen(known.sniff, source):
             return known
     if kind := _seen(_foreign_kind, source):
         raise MissionError(f"expected a mission, found {kind}", str(source.path))
+    if not found:
+        raise MissionError(suffix_fault(source.path, suffixes()), str(source.path))
     return found[0]  # whose reader says what it misses
 
 
@@ -299,22 +305,20 @@ def _seen(look: Callable[[Source], Any], source: Source) -> Any:
 
 def _foreign_kind(source: Source) -> str | None:
     """Return what a file is that is in no format of missions; None if that is not known."""
-    is_yaml = source.path.suffix.lower() in (".yaml", ".yml")
-    content = source.yaml.content if is_yaml else source.json
-    keys = {*(content[0] if isinstance(content, list) else content)}
+    is_json = source.path.suffix.lower() in (".json", ".geojson")
+    content = source.json if is_json else source.yaml.content
+    content = content[0] if isinstance(content, list) else content
+    keys = {*content, *content.get("graph", ()), *content.get("meta", ())}
     return next((kind for needed, kind in _FOREIGN.items() if keys.issuperset(needed)), None)
 
 
-def validated(document: Document, model: type[M]) -> M:
-    """Return the content of a document, a mapping, as a model; a MissionError lists all faults."""
+def validated(content: Any, model: type[M], line: Callable[[Place], int] | None = None) -> M:
+    """Return the content of a file as a model; a MissionError lists all faults, and their lines."""
     try:
-        return model.model_validate(document.content)
+        return model.model_validate(content)
     except ValidationError as invalid:
         faults = []
-        for error in invalid.errors(include_url=False):
-            way, name = way_into(document.content, error["loc"]), "the file"
-            for key in way:
-                name = key if isinstance(key, str) else f"{name}[{key}]"
-            said = wrong_value(name, error).rstrip(".").replace("Expected", "expected", 1)
-            faults.append(f"line {document.line(way)}: {said}")
+        for place, said in content_faults(content, invalid):
+            where = f"line {line(place)}: " if line else ""
+            faults.append(f"{where}{said[0].lower()}{said[1:].rstrip('.')}")
         raise MissionError(faults) from None

@@ -45,15 +45,15 @@ def _is_waypoint(v: Any) -> bool:
     return isinstance(v, list) and len(v) == 3 and (v[2] in _EMPTY or isinstance(v[2], dict))
 
 
+def _padded(row: Any, length: int = 3) -> Any:
+    """Return a row, such as a lane [tail, head, {…}], with None for what is left out at its end."""
+    return row + [None] * (length - len(row)) if isinstance(row, list) else row
+
+
 def _as_vertex(row: Any) -> Any:
     """Return a vertex as [x, y, z, name, {…}]; a waypoint has its name among its parameters."""
-    if _is_waypoint(row):
-        row = [*row[:2], None, (row[2] or {}).get("name"), row[2]]
-    return row + [None] * (5 - len(row)) if isinstance(row, list) else row
-
-
-def _as_lane(row: Any) -> Any:
-    return row + [None] * (3 - len(row)) if isinstance(row, list) else row
+    is_waypoint = _is_waypoint(row)
+    return [*row[:2], None, (row[2] or {}).get("name"), row[2]] if is_waypoint else _padded(row, 5)
 
 
 _Wanted: TypeAlias = Annotated[int, Field(ge=0)] | Literal["all"] | None
@@ -75,7 +75,7 @@ class _MeasurementTraits(_Part):
 class _Level(_Part):
     elevation: _Number | None = None
     vertices: list[_Vertex] = []
-    lanes: list[Annotated[tuple[_Index, _Index, _LaneTraits], BeforeValidator(_as_lane)]] = []
+    lanes: list[Annotated[tuple[_Index, _Index, _LaneTraits], BeforeValidator(_padded)]] = []
     measurements: list[tuple[_Index, _Index, _MeasurementTraits]] = []
     fiducials: list[tuple[_Number, _Number, _Text]] = []
 
@@ -124,7 +124,7 @@ def read_building(source: Source, *, base: Any = None, graph: _Wanted = None) ->
     The lanes of one graph are for the same robots: those of ``graph`` are read, by default of the
     first that has the base. A MissionError names the lines of what is wrong.
     """
-    return _draft(source, validated(source.yaml, _Site), base, graph)
+    return _draft(source, validated(source.yaml.content, _Site, source.yaml.line), base, graph)
 
 
 @checked
@@ -139,7 +139,7 @@ def read_navigation_graph(source: Source, *, base: Any = None) -> Draft:
     ``generate_nav_graph`` in ``rmf_building_map_tools`` of open-rmf/rmf_traffic_editor, and
     ``parse_graph`` in ``rmf_fleet_adapter`` of open-rmf/rmf_ros2, which joins levels by lifts.
     """
-    site = validated(source.yaml, _Graph)
+    site = validated(source.yaml.content, _Graph, source.yaml.line)
     is_stacked = any(level.elevation is None for level in site.levels.values())
     for i, level in enumerate(site.levels.values() if is_stacked else ()):
         level.elevation = _STOREY * i
@@ -268,11 +268,10 @@ def _frames(source: Source, site: _Site) -> tuple[dict[str, _Frame], list[str]]:
     if unknown := floors - {"", *site.levels}:
         found = sorted(unknown)
         raise MissionError(f"expected reference levels among {[*site.levels]}, got {found}")
-    if site.coordinate_system == "cartesian_meters":
-        return dict.fromkeys(("", *site.levels), complex), []
-    if site.coordinate_system == "wgs84":
+    if site.coordinate_system != "reference_image":
         places = (vertex[:2] for level in site.levels.values() for vertex in level.vertices)
-        return dict.fromkeys(("", *site.levels), _around(*next(places, (0.0, 0.0)))), []
+        frame = _around(*next(places, (0.0, 0.0))) if site.coordinate_system == "wgs84" else complex
+        return dict.fromkeys(("", *site.levels), frame), []
     reference = site.reference_level_name or next(iter(site.levels))
     there = {name: complex(x, -y) for x, y, name in site.levels[reference].fiducials}
     scales, notes = _scales(source, site), []

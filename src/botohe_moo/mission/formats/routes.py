@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from itertools import count
@@ -10,7 +9,7 @@ from typing import Any, TypeAlias
 
 from botohe_moo._base.checks import as_float, quoted
 from botohe_moo._plugins.checks import checked
-from botohe_moo.mission.formats.nodelink import mission_content
+from botohe_moo.mission.formats.nodelink import as_json, mission_content
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.hazards import read_zone
 from botohe_moo.mission.model import Mission
@@ -145,9 +144,8 @@ def write_route_graph(mission: Mission) -> bytes:
         number = number if _is_id(number) and used[number] == 1 else next(free)
         properties = {"id": number, "startid": start, "endid": end}
         features.append(_feature("LineString", [one, other], properties, arc))
-    written = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
     members = {"type": "FeatureCollection", "generator": _OURS, "mission": content["graph"]}
-    start, lines = written(members).removesuffix("}"), ",\n ".join(map(written, features))
+    start, lines = as_json(members).removesuffix("}"), ",\n ".join(map(as_json, features))
     return f'{start}, "features": [\n {lines}\n]}}\n'.encode()
 
 

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _Path = str | os.PathLike[str]
-_FLAGS = dict.fromkeys(("true", "yes", "1", "1.0"), True)
-_FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
+FLAGS = dict.fromkeys(("true", "yes", "1", "1.0"), True)
+FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
 _RESERVED = "attributes id, source and target, which are labels in mission files"
 
 
@@ -112,12 +112,16 @@ class _Site:
 
     def _plain_rows(self, rows: Iterable[Row], *reserved: str) -> list[Row]:
         """Return rows with plain attributes; what is trimmed loses those with reserved names."""
-        plain = [Row(where, labels, _plain(attributes)) for where, labels, attributes in rows]
-        for where, _, attributes in plain if self.draft.trim else ():
-            if taken := attributes.keys() & {*reserved}:
+        plain = []
+        for where, given, attributes in rows:
+            try:
+                labels = tuple(map(rules.read_label, given))
+            except ValueError as error:
+                raise MissionError(f"{where}: {error}") from None
+            own = _plain(attributes)
+            if taken := own.keys() & {*reserved} if self.draft.trim else ():
                 self.left_out.setdefault(_RESERVED, []).append(where)
-                for name in taken:
-                    del attributes[name]
+            plain.append(Row(where, labels, {k: own[k] for k in own if k not in taken}))
         return plain
 
     def open_both_ways(self) -> None:
@@ -251,7 +255,7 @@ _Readers = dict[str, Callable[[Any], Any]]
 _READ: _Readers = {
     **dict.fromkeys(("reward", "share", "survival", "length", "pos"), _number),
     **dict.fromkeys(("robots", "min_survival", "max_length"), _number),
-    "depot": lambda value: _FLAGS.get(str(value).lower(), value),
+    "depot": lambda value: FLAGS.get(str(value).lower(), value),
     "pays": lambda value: value.lower() if isinstance(value, str) else value,
 }
 

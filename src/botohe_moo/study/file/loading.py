@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any, get_args
@@ -10,10 +10,10 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo._base.checks import most_alike, nearest_first, quoted
+from botohe_moo._base.checks import most_alike, quoted
 from botohe_moo._base.document import Document, DocumentError
 from botohe_moo._base.files import read_bytes
-from botohe_moo._plugins.faults import own_message, way_into, wrong_value
+from botohe_moo._plugins.faults import content_faults
 from botohe_moo.study.file.checking import CheckedContent, Fault, Place
 from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.model import MANIFEST, Study, StudyError, seeds_of, study_folder
@@ -66,39 +66,13 @@ def load_study(
     try:
         file = StudyFile.model_validate(content)
     except ValidationError as invalid:
-        faults = _shape_faults(content, invalid)
+        faults = [*content_faults(content, invalid, _known_keys)]
     checked = CheckedContent(content, file, path.parent, _missing_packages(content, out))
     faults += checked.faults
     if faults or file is None:
         raise StudyError("\n".join(_lines(faults, path, document)))
     missions, algorithms = tuple(checked.missions), tuple(checked.algorithms)
     return Study(file, text, missions, algorithms, seeds_of(file.seeds))
-
-
-def _shape_faults(content: Any, invalid: ValidationError) -> list[Fault]:
-    """Return the faults that pydantic found in a file's content."""
-    errors: dict[Place, list[Mapping[str, Any]]] = {}
-    for error in invalid.errors(include_url=False):
-        place = way_into(content, error["loc"])
-        if error["loc"] and (not place or error["type"] == "missing"):
-            place = (*place, error["loc"][-1])  # a key that is not there
-        errors.setdefault(place, []).append(error)
-    return [(place, _sentence(place, at_place)) for place, at_place in errors.items()]
-
-
-def _sentence(place: Place, errors: Sequence[Mapping[str, Any]]) -> str:
-    kind = errors[0]["type"]
-    if kind == "missing":
-        return f"expected the key {place[-1]!r}, which is missing."
-    if kind == "extra_forbidden":
-        known = ", ".join(nearest_first(str(place[-1]), _known_keys(place[:-1])))
-        return f"there is no key {quoted(place[-1])}; known are {known}."
-    if kind == "value_error":
-        return f"{own_message(errors[0]).rstrip('.')}."
-    name = str(place[-1]) if place else "the study"
-    if place and isinstance(place[-1], int):
-        name = f"{place[-2]}[{place[-1]}]"
-    return wrong_value(name, *errors).removeprefix(f"{name}: ")  # its place is named anyway
 
 
 def _known_keys(place: Place) -> list[str]:
