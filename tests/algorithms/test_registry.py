@@ -352,7 +352,7 @@ class TestOnlyAlgorithmsAreCalled:
 
     def test_what_is_registered_may_be_called_by_its_path(self, install):
         install(bare="Quiet.bare")
-        with pytest.raises(ValueError, match=r"'reef:Quiet\.bare'.* to give an object of type Algorithm, got N"):
+        with pytest.raises(ValueError, match=r"'reef:Quiet\.bare'.* of type Algorithm, got N"):
             make_algorithm("reef:Quiet.bare")
 
 

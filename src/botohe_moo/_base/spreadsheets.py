@@ -6,10 +6,9 @@ import csv
 import io
 import os
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from botohe_moo._base.files import read_bytes
+from botohe_moo._base.source import Source
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,9 +28,7 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
     import pandas as pd
 
     try:
-        text = read_bytes(Path(path)).decode("utf-8-sig")
-    except FileNotFoundError:
-        raise ValueError(f"{path}: there is no such file") from None
+        text = Source(path).text
     except UnicodeDecodeError as error:
         remedy = "save it as 'CSV UTF-8', as spreadsheets call it"
         raise ValueError(f"{path}: {error}; {remedy}") from None

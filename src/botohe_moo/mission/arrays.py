@@ -10,7 +10,7 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import quoted
-from botohe_moo._base.types import FloatArray
+from botohe_moo._base.numbers import plain_numbers
 from botohe_moo.kernels.graph.graph import Graph, Limits, limit_at, new_graph
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
 from botohe_moo.kernels.graph.ways import leading, ways_to_ends
@@ -61,15 +61,6 @@ def places_of(nodes: Mapping[Hashable, Mapping[str, Any]]) -> Places:
     """Return the positions (x, y) of those nodes that have one among their attributes."""
     numbers = {node: plain_numbers(attributes.get("pos")) for node, attributes in nodes.items()}
     return {node: (xy.item(0), xy.item(1)) for node, xy in numbers.items() if xy.shape == (2,)}
-
-
-def plain_numbers(value: Any) -> FloatArray:
-    """Return an array of finite numbers; it is empty if ``value`` holds anything else."""
-    try:
-        numbers = np.array(value, float)
-    except (TypeError, ValueError, OverflowError):
-        return np.empty(0)
-    return numbers if np.isfinite(numbers).all() else np.empty(0)
 
 
 def distance_of(graph_attributes: Mapping[str, Any]) -> Callable[[Any, Any], float]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -12,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo._base.files import read_bytes, suffix_fault
+from botohe_moo._base.files import suffix_fault
+from botohe_moo._base.source import Source as Source  # what readers are given
 from botohe_moo._plugins.entry_points import PluginGroup
 from botohe_moo._plugins.faults import Place, content_faults
 from botohe_moo.mission.rules import MissionError
@@ -20,7 +19,6 @@ from botohe_moo.mission.rules import MissionError
 if TYPE_CHECKING:
     import os
 
-    from botohe_moo._base.document import Document
     from botohe_moo.mission.hazards import Zone
     from botohe_moo.mission.model import Mission
 
@@ -102,56 +100,6 @@ class Draft:
     notes: list[str] = field(default_factory=list)
     zones: Sequence[Zone] = ()
     straight: bool = False
-
-
-class Source:
-    """A file that is read: its path, its bytes, and what these say as a text, JSON or YAML.
-
-    Examples
-    --------
-    >>> from botohe_moo import load_mission, save_mission
-    >>> from botohe_moo.mission import Source
-    >>> save_mission(load_mission("toy"), "site.json")
-    >>> Source("site.json").json["graph"]["name"]
-    'toy'
-    """
-
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
-
-    @functools.cached_property
-    def data(self) -> bytes:
-        """The bytes of the file; a MissionError names one that cannot be read."""
-        try:
-            return read_bytes(self.path)
-        except OSError as error:
-            is_lost = isinstance(error, FileNotFoundError)
-            fault = "there is no such file" if is_lost else f"cannot be read: {error.strerror}"
-            raise MissionError(fault, str(self.path)) from None
-
-    @functools.cached_property
-    def text(self) -> str:
-        """The file as a text in UTF-8; a UnicodeDecodeError if it is not UTF-8."""
-        return self.data.decode("utf-8-sig")
-
-    @functools.cached_property
-    def json(self) -> Any:
-        """The content of a JSON file; a ValueError if it is none."""
-        try:
-            return json.loads(self.text)
-        except json.JSONDecodeError as error:
-            raise ValueError(f"expected JSON: {error}") from None
-
-    @functools.cached_property
-    def yaml(self) -> Document:
-        """The content of a YAML file, with the line of each value; a ValueError if it is none."""
-        # Imported late: it takes time, and most missions are not in YAML.
-        from botohe_moo._base.document import Document, DocumentError
-
-        try:
-            return Document(self.text)
-        except DocumentError as error:
-            raise ValueError(f"line {error}") from None
 
 
 def within(source: str, error: Exception) -> MissionError:

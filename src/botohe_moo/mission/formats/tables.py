@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 
 from botohe_moo._base.checks import ParameterError, as_float, check_frame, quoted
+from botohe_moo._base.numbers import read_flag, read_number
 from botohe_moo._base.spreadsheets import FAULTS, FILE, filled_cells
 from botohe_moo._base.words import listed
 from botohe_moo._plugins.checks import checked
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _Path = str | os.PathLike[str]
-FLAGS = dict.fromkeys(("true", "yes", "1", "1.0"), True)
-FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
 _RESERVED = "attributes id, source and target, which are labels in mission files"
 
 
@@ -238,24 +237,12 @@ class _Site:
             self.notes.insert(0, f"Left out {'; '.join(said)}.")
 
 
-def _number(value: Any) -> Any:
-    """Return the number that a text is, alone or for each kind; anything else as it is."""
-    if isinstance(value, Mapping):
-        return {kind: _number(number) for kind, number in value.items()}
-    if isinstance(value, list | tuple):
-        return [_number(number) for number in value]
-    for number in (int, float) if isinstance(value, str) else ():
-        with suppress(ValueError):  # text that stays text breaks a rule
-            return number(value)
-    return value
-
-
 # How attributes are read that are written as texts.
 _Readers = dict[str, Callable[[Any], Any]]
 _READ: _Readers = {
-    **dict.fromkeys(("reward", "share", "survival", "length", "pos"), _number),
-    **dict.fromkeys(("robots", "min_survival", "max_length"), _number),
-    "depot": lambda value: FLAGS.get(str(value).lower(), value),
+    **dict.fromkeys(("reward", "share", "survival", "length", "pos"), read_number),
+    **dict.fromkeys(("robots", "min_survival", "max_length"), read_number),
+    "depot": read_flag,
     "pays": lambda value: value.lower() if isinstance(value, str) else value,
 }
 

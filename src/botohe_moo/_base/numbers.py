@@ -1,0 +1,38 @@
+"""Numbers and flags, as texts hold them and otherwise."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray
+
+FLAGS = dict.fromkeys(("true", "yes", "1", "1.0"), True)
+FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
+
+
+def read_number(value: Any) -> Any:
+    """Return the number that a text is, alone or for each kind; anything else as it is."""
+    if isinstance(value, Mapping):
+        return {kind: read_number(number) for kind, number in value.items()}
+    if isinstance(value, list | tuple):
+        return [read_number(number) for number in value]
+    for number in (int, float) if isinstance(value, str) else ():
+        with suppress(ValueError):  # text that stays text breaks a rule
+            return number(value)
+    return value
+
+
+def read_flag(value: Any) -> Any:
+    """Return the flag that a text or a number is; anything else as it is."""
+    return FLAGS.get(str(value).lower(), value)
+
+
+def plain_numbers(value: Any) -> FloatArray:
+    """Return an array of finite numbers; it is empty if ``value`` holds anything else."""
+    try:
+        numbers = np.array(value, float)
+    except (TypeError, ValueError, OverflowError):
+        return np.empty(0)
+    return numbers if np.isfinite(numbers).all() else np.empty(0)

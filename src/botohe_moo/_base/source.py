@@ -1,0 +1,66 @@
+"""Files that are read, and what they hold."""
+
+from __future__ import annotations
+
+import functools
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from botohe_moo._base.files import read_bytes
+
+if TYPE_CHECKING:
+    import os
+
+    from botohe_moo._base.document import Document
+
+
+class Source:
+    """A file that is read: its path, its bytes, and what these say as a text, JSON or YAML.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, save_mission
+    >>> from botohe_moo.mission import Source
+    >>> save_mission(load_mission("toy"), "site.json")
+    >>> Source("site.json").json["graph"]["name"]
+    'toy'
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+
+    @functools.cached_property
+    def data(self) -> bytes:
+        """The bytes of the file; a ValueError names one that cannot be read."""
+        try:
+            return read_bytes(self.path)
+        except FileNotFoundError:
+            fault = "there is no such file"
+        except OSError as error:
+            fault = f"cannot be read: {error.strerror}"
+        raise ValueError(f"{self.path}: {fault}.")
+
+    @functools.cached_property
+    def text(self) -> str:
+        """The file as a text in UTF-8; a UnicodeDecodeError if it is not UTF-8."""
+        return self.data.decode("utf-8-sig")
+
+    @functools.cached_property
+    def json(self) -> Any:
+        """The content of a JSON file; a ValueError if it is none."""
+        try:
+            return json.loads(self.text)
+        except json.JSONDecodeError as error:
+            raise ValueError(f"expected JSON: {error}") from None
+
+    @functools.cached_property
+    def yaml(self) -> Document:
+        """The content of a YAML file, with the line of each value; a ValueError if it is none."""
+        # Imported late: it takes time, and most missions are not in YAML.
+        from botohe_moo._base.document import Document, DocumentError
+
+        try:
+            return Document(self.text)
+        except DocumentError as error:
+            raise ValueError(f"line {error}") from None
