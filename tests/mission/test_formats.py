@@ -204,8 +204,9 @@ def test_a_suffix_that_no_format_has(file):
 @pytest.mark.parametrize("name", ["lost.json", "lost.geojson", "lost.yaml"])
 def test_a_file_that_is_not_there(tmp_path, name):
     path = tmp_path / name
-    with pytest.raises(MissionError, match=re.escape(f"{path}: there is no such file")):
-        format_of(path)
+    for read, error in ((format_of, ValueError), (read_mission, MissionError)):
+        with pytest.raises(error, match=re.escape(f"{path}: there is no such file")):
+            read(path)
 
 
 @pytest.mark.parametrize(

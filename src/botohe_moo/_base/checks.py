@@ -8,6 +8,7 @@ from reprlib import Repr
 from typing import Any
 
 _LONG = 120
+_MOST_SHOWN = 100  # a file may have a million faults
 
 _REPR = Repr()
 _REPR.maxlevel, _REPR.maxdict = 2, 8
@@ -20,6 +21,31 @@ class ParameterError(ValueError):
     def __init__(self, message: str, parameter: str | None = None) -> None:
         super().__init__(message)
         self.parameter = parameter
+
+
+class FaultsError(ValueError):
+    """Something that cannot be used, with everything that is wrong with it.
+
+    Parameters
+    ----------
+    faults
+        What is wrong. They are kept as a tuple; the message shows the first hundred.
+    source
+        What cannot be used, such as the path of a file; the message begins with it.
+    """
+
+    def __init__(self, faults: Iterable[str], source: str) -> None:
+        self.faults = (faults,) if isinstance(faults, str) else tuple(faults)
+        self.source = source
+        super().__init__(self.faults, source)  # from which it is unpickled
+
+    def __str__(self) -> str:
+        if len(self.faults) == 1:
+            return f"{self.source}: {self.faults[0]}"
+        shown = [f"{self.source} has {len(self.faults)} faults:", *self.faults[:_MOST_SHOWN]]
+        if (n_more := len(self.faults) - _MOST_SHOWN) > 0:
+            shown.append(f"and {n_more} more")
+        return "\n  - ".join(shown)
 
 
 def check_integer(name: str, value: Any, *, at_least: int, at_most: int | None = None) -> int:

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from botohe_moo._base.checks import FaultsError
 from botohe_moo._base.files import read_bytes
 
 if TYPE_CHECKING:
@@ -32,14 +33,14 @@ class Source:
 
     @functools.cached_property
     def data(self) -> bytes:
-        """The bytes of the file; a ValueError names one that cannot be read."""
+        """The bytes of the file; a FaultsError names one that cannot be read."""
         try:
             return read_bytes(self.path)
         except FileNotFoundError:
             fault = "there is no such file"
         except OSError as error:
             fault = f"cannot be read: {error.strerror}"
-        raise ValueError(f"{self.path}: {fault}.")
+        raise FaultsError(fault, str(self.path))
 
     @functools.cached_property
     def text(self) -> str:

@@ -12,11 +12,10 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import as_float, most_alike, quoted
+from botohe_moo._base.checks import FaultsError, as_float, most_alike, quoted
 
 ONLY_KIND = "robot"  # the name of the kind of a mission that lists none
 PAYS = ("arrival", "return")
-_MOST_SHOWN = 100  # a file may have a million faults
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ class Kind:
         return base if self.start is None else self.start, base if self.end is None else self.end
 
 
-class MissionError(ValueError):
+class MissionError(FaultsError):
     """A mission that cannot be planned for.
 
     Parameters
@@ -106,17 +105,7 @@ class MissionError(ValueError):
     """
 
     def __init__(self, faults: Iterable[str], source: str = "The mission") -> None:
-        self.faults = (faults,) if isinstance(faults, str) else tuple(faults)
-        self.source = source
-        super().__init__(self.faults, source)  # from which it is unpickled
-
-    def __str__(self) -> str:
-        if len(self.faults) == 1:
-            return f"{self.source}: {self.faults[0]}"
-        shown = [f"{self.source} has {len(self.faults)} faults:", *self.faults[:_MOST_SHOWN]]
-        if (n_more := len(self.faults) - _MOST_SHOWN) > 0:
-            shown.append(f"and {n_more} more")
-        return "\n  - ".join(shown)
+        super().__init__(faults, source)
 
 
 class PlanError(ValueError):

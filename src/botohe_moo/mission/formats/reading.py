@@ -219,8 +219,9 @@ def format_of(file: str | os.PathLike[str] | Source) -> Format:
     Raises
     ------
     MissionError
-        If no format has the suffix, the file cannot be read, or it is of a known kind that is no
-        mission: names that kind.
+        If no format has the suffix, or the file is of a known kind that is no mission: names it.
+    ValueError
+        If the file cannot be read.
 
     Examples
     --------
