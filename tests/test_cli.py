@@ -475,7 +475,7 @@ def test_a_route_graph_needs_a_base_and_a_danger(botohe, refused, tmp_path):
     assert "no parameter 'base'" in refused("solve", "toy", "--base", 1)
     done = botohe(*site, "--base", 1, "--danger", 2, "--out", "out")
     assert done.status == 0, done.err
-    assert "Left out lines from a point to itself: features[100]; " in done.err
+    assert "Left out arcs from a node to itself: features[100]; " in done.err
     assert "have no way back: 26." in done.err
     mission = read_solution(tmp_path / "out").mission
     assert (mission.base, mission.robots, len(mission.nodes)) == (1, 2, 26)
@@ -496,7 +496,7 @@ class TestBadMissions:
         (tmp_path / "pier.json").write_text("[1, 2]")
         for command in (["solve"], ["missions", "show"], ["missions", "check"]):
             message = refused(*command, "pier.json")
-            assert message.startswith("botohe: pier.json: expected node-link data")
+            assert message.startswith("botohe: pier.json: expected the file to be a mapping")
 
     def test_missing(self, refused):
         for command in (["solve"], ["missions", "show"]):
@@ -1160,7 +1160,7 @@ class TestImport:
     @pytest.mark.parametrize(
         ("given", "words"),
         [
-            ([], ["there is no kind 'drone'; the mission lists no kinds"]),
+            ([], ["kind 'drone': there is no such kind; the mission lists no kinds"]),
             (["--kind", "drone"], ["Expected a kind as NAME=ROBOTS or", "got 'drone'."]),
             (["--kind", "drone=1,stat=lab"], ["kinds[0]: there is no 'stat' of a kind"]),
             (["--kind", "drone=1,robots=2"], ["Expected 'robots' of a kind once, got 'drone=1"]),
@@ -1177,8 +1177,7 @@ class TestImport:
             (
                 ["--robots", 2],
                 [
-                    "nodes.csv, row 4: column 'share:drone': there is no kind 'drone'; the mission "
-                    "lists no kinds",
+                    "node 'lab': share of kind 'drone': there is no such kind; the mission lists",
                 ],
             ),
         ],

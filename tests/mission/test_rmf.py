@@ -351,8 +351,8 @@ def test_what_lanes_there_are(building):
         mission = load_mission(path, **GIVEN)
     assert "closet" not in mission.nodes
     message = str(said[0].message)
-    assert "lanes from a waypoint to itself: line 14" in message
-    assert "lanes parallel to one that is at least as safe: line 15" in message
+    assert "arcs from a node to itself: line 14" in message
+    assert "arcs parallel to one that is at least as safe: line 15" in message
     assert message.endswith("no way back: 'closet'.")
 
 

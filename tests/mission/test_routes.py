@@ -95,9 +95,9 @@ def test_what_is_left_out_is_said(site):
     assert [str(each.message) for each in said] == [
         "Left out features that are neither points, lines nor polygons with a rate: features[13], "
         "features[14], features[15], features[16]; "
-        "lines from a point to itself: features[7]; "
-        "lines parallel to one that is at least as safe: features[8], features[5]; "
-        "points that the base does not reach, or that have no way back: 1, 2."
+        "arcs from a node to itself: features[7]; "
+        "arcs parallel to one that is at least as safe: features[8], features[5]; "
+        "nodes that the base does not reach, or that have no way back: 1, 2."
     ]
     assert mission.nodes == (3, 4, 7)
     assert mission.graph.edges[4, 7]["survival"] == 0.99
@@ -394,7 +394,7 @@ def test_a_base_that_is_written_as_a_number_or_a_text(site, ids, base):
 
 def test_lines_that_all_lead_away(site):
     path = site(line(3, 4), line(4, 7))
-    expected = "expected a point that can be reached from base 3 and left again, found none; both_w"
+    expected = "expected a node that can be reached from base 3 and left again, found none; both_w"
     with pytest.raises(MissionError, match=expected):
         load_mission(path, danger=0.01, base=3, robots=1)
     mission = load_mission(path, danger=0.01, base=3, robots=1, both_ways=True)

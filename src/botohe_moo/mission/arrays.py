@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, NoReturn
 
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import quoted
 from botohe_moo._base.numbers import plain_numbers
-from botohe_moo.kernels.graph.graph import Graph, Limits, limit_at, new_graph
+from botohe_moo.kernels.graph.graph import Graph, new_graph
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
-from botohe_moo.kernels.graph.ways import leading, ways_to_ends
+from botohe_moo.kernels.graph.ways import leading
 from botohe_moo.mission.rules import Kind, by_kind
 
 _EARTH = 6_371_008.8  # mean radius in metres
@@ -128,24 +127,3 @@ def graph_of_kinds(graph: Any, base: Hashable, kinds: Sequence[Kind], pays: str)
     of_aboard = carried, first[kind_of], first[kind_of + 1]
     described = Kinds(*of_nodes, reward, *of_robots, *of_aboard, has_returns)
     return new_graph(*of_arcs, (reward[:, None] * share).T.ravel(), int(ends[0, 1]), described)
-
-
-def way_faults(mission: Any, limits: Limits) -> Iterator[str]:
-    """List the kinds of a `Mission` whose robots cannot keep limits on their way to their end."""
-    if (kinds := mission.arrays.kinds) is None:  # trails end where they start
-        return
-    ways = ways_to_ends(mission.arrays, limits)
-    for kind, robot in zip(mission.kinds, np.unique(kinds.first).tolist(), strict=True):
-        (nodes, survival, length), start = ways[robot], kinds.start[robot]
-        least = limit_at(limits.min_survival, limits.floors, start)
-        longest = limit_at(limits.max_length, limits.budgets, start)
-        who, ends = f"robots of kind {quoted(kind.name)}", map(quoted, kind.ends(mission.base))
-        way = f"way from {' to '.join(ends)}"
-        if nodes[-1] != kinds.end[start]:
-            yield f"{who} have no {way}"
-        elif survival < least or length > longest:
-            given = [f"min_survival {least:g}"] if least > 0 else []
-            given += [f"max_length {longest:g}"] if longest < math.inf else []
-            tried = f"The safest {way}, or the shortest one if that is too long,"
-            found = f"is survived with {survival:.4g} and is {length:g} long; no others are tried"
-            yield f"{who} cannot keep {' and '.join(given)}. {tried} {found}"

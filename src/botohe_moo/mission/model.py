@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import warnings
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Any, Self
@@ -138,7 +138,10 @@ class Mission:
         if not (faults := faults or rules.graph_faults(graph, team, own)):
             team = team or (Kind(rules.ONLY_KIND, own["robots"]),)
             self._set_up(graph.copy(), team, own | {"name": str(name or "mission")})
-            faults = [] if self.is_plain else self._way_faults()
+            limits = self.limits().loosened(_ROUNDING)
+            floors = limits._replace(max_length=math.inf, budgets=None)
+            budgets = limits._replace(min_survival=0.0, floors=None)
+            faults = [*dict.fromkeys(chain(*map(self._way_faults, (floors, budgets))))]
         if faults:
             raise MissionError(faults, source)
         if lost := [quoted(self.nodes[v]) for v in ways.uncollected(self.arrays)]:
@@ -286,20 +289,13 @@ class Mission:
         if self.is_plain:
             return TrailPlan([[self.arrays.base]] * self.robots)
         limits = self.limits() if limits is None else limits
-        return TrailPlan([nodes for nodes, *_ in ways.ways_to_ends(self.arrays, limits)])
+        return TrailPlan([way.nodes for way in ways.ways_to_ends(self.arrays, limits)])
 
-    def after(
-        self,
-        plan: TrailPlan,
-        events: Iterable[Event],
-        *,
-        min_survival: float = 0.0,
-        max_length: float | None = None,
-    ) -> Mission:
+    def after(self, plan: TrailPlan, events: Iterable[Event], **limits: Any) -> Mission:
         """Return the mission that is left after some events.
 
-        Parameters are those of :func:`botohe_moo.underway.under_way`, which says what is raised,
-        and returns what is left of the plan, too.
+        :func:`botohe_moo.underway.under_way` describes the parameters (``limits`` are
+        ``min_survival`` and ``max_length``) and what is raised; it returns the rest of the plan.
 
         Examples
         --------
@@ -310,8 +306,7 @@ class Mission:
         >>> rest.team, rest.kinds[0].start
         ('2 robots (1 robot 0, 1 robot)', 4)
         """
-        left = under_way(self, plan, events, min_survival=min_survival, max_length=max_length)
-        rest: Mission = left.mission
+        rest: Mission = under_way(self, plan, events, **limits).mission
         return rest
 
     def check_ways(self, limits: Limits) -> None:
@@ -320,16 +315,23 @@ class Mission:
         Ways that compromise between the two are not tried. The error names the first kind of robots
         that cannot keep the limits.
         """
-        for fault in arrays.way_faults(self, limits):
+        for fault in self._way_faults(limits):
             raise ValueError(f"Mission {quoted(self.name)}: {fault}.")
 
-    def _way_faults(self) -> list[str]:
-        """List the kinds that have no way to their end, none safe enough, or none short enough."""
-        limits = self.limits().loosened(_ROUNDING)
-        floors = limits._replace(max_length=math.inf, budgets=None)
-        budgets = limits._replace(min_survival=0.0, floors=None)
-        faults = (arrays.way_faults(self, only) for only in (floors, budgets))
-        return list(dict.fromkeys(chain(*faults)))
+    def _way_faults(self, limits: Limits) -> Iterator[str]:
+        """List the kinds whose robots cannot keep limits on their way to their end."""
+        for robot, (way, least, longest) in ways.failing_ways(self.arrays, limits).items():
+            kind = self.kind_of[robot]
+            start, end = map(quoted, kind.ends(self.base))
+            who, there = f"robots of kind {quoted(kind.name)}", f"way from {start} to {end}"
+            if self.nodes[way.nodes[-1] % len(self.nodes)] != kind.ends(self.base)[1]:
+                yield f"{who} have no {there}"
+                continue
+            given = [f"min_survival {least:g}"] if least > 0 else []
+            given += [f"max_length {longest:g}"] if longest < math.inf else []
+            tried = f"The safest {there}, or the shortest one if that is too long,"
+            found = f"is survived with {way.survival:.4g} and is {way.length:g} long"
+            yield f"{who} cannot keep {' and '.join(given)}. {tried} {found}; no others are tried"
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
         """Return the trails of a plan of this mission as node labels, robot by robot."""

@@ -1,15 +1,21 @@
 """Ways through whole graphs, once for a mission: what leads where, and the way of each robot."""
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
 from botohe_moo._base.types import BoolArray, OffsetArray
-from botohe_moo.kernels.graph.graph import Graph, Limits, with_costs
+from botohe_moo.kernels.graph.graph import Graph, Limits, limit_at, with_costs
 from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
 
-Way: TypeAlias = tuple[list[int], float, float]  # its nodes, its survival and its length
+
+class Way(NamedTuple):
+    """A way through a graph, with its survival and its length."""
+
+    nodes: list[int]
+    survival: float
+    length: float
 
 
 def leading(tail: OffsetArray, head: OffsetArray, goals: Sequence[int], n_nodes: int) -> BoolArray:
@@ -42,7 +48,7 @@ def ways_to_ends(graph: Graph, limits: Limits) -> list[Way]:
     starts: list[int] = [] if graph.kinds is None else graph.kinds.start.tolist()
     for start in dict.fromkeys(starts):
         ways[start] = _way_home(graph, start)
-        if limits.budgets is not None and ways[start][2] > limits.budgets[start]:
+        if ways[start].length > limit_at(limits.max_length, limits.budgets, start):
             ways[start] = _way_home(with_costs(graph, graph.length), start)
     return [ways[start] for start in starts]
 
@@ -54,4 +60,24 @@ def _way_home(graph: Graph, node: int) -> Way:
         way.append(int(graph.head[arc]))
         survival *= float(graph.survival[arc])
         length += float(graph.length[arc])
-    return way, survival, length
+    return Way(way, survival, length)
+
+
+def failing_ways(graph: Graph, limits: Limits) -> dict[int, tuple[Way, float, float]]:
+    """Return ways to ends that do not keep limits, by the first robot of each kind.
+
+    Beside each way, which may not even lead to the end, are the robot's survival floor and travel
+    budget.
+    """
+    failing, ways = {}, ways_to_ends(graph, limits)
+    if (kinds := graph.kinds) is None:  # trails end where they start
+        return {}
+    for robot in np.unique(kinds.first).tolist():
+        start = kinds.start[robot]
+        least = limit_at(limits.min_survival, limits.floors, start)
+        longest = limit_at(limits.max_length, limits.budgets, start)
+        way = ways[robot]
+        keeps = way.survival >= least and way.length <= longest
+        if way.nodes[-1] != kinds.end[start] or not keeps:
+            failing[robot] = way, least, longest
+    return failing

@@ -64,29 +64,25 @@ class Draft:
         Faults that only the reader can see.
     directed
         Whether an arc leads one way. If not, the file is read with ``both_ways`` only.
-    trim
-        Whether what cannot be part of a mission is left out, with a warning, as files of other
-        tools hold it: parallel arcs, arcs from a node to itself, and nodes without a way from the
-        base or back. If not, these are faults.
-    words
-        What the file calls a node and an arc, for that warning.
+    foreign
+        Whether it is a file of another tool. Then what cannot be part of a mission is left out, and
+        a warning names it: parallel arcs, arcs from a node to itself, and nodes without a way from
+        the base or back. If not, these are faults. Also, every arc without a length is as long as
+        its ends are apart; otherwise only arcs are whose survival is computed from their length.
     left_out
         What the reader itself has left out: names by what they are.
     notes
         Further sentences of the warning.
     zones
         Danger zones that the file holds.
-    straight
-        Whether an arc without a length is as long as its ends are apart. Otherwise only arcs are
-        whose survival is computed from their length.
 
     Examples
     --------
     >>> from botohe_moo.mission import Draft, Row
     >>> nodes = [Row("line 2", ("dock",), {}), Row("line 3", ("reef",), {"reward": 5})]
     >>> arcs = [Row("line 5", ("dock", "reef"), {"survival": 0.9})]
-    >>> Draft(nodes, arcs, {"base": "dock"}, directed=False).words
-    ('node', 'arc')
+    >>> Draft(nodes, arcs, {"base": "dock"}, directed=False).foreign
+    False
     """
 
     nodes: list[Row]
@@ -94,12 +90,10 @@ class Draft:
     graph: dict[str, Any] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
     directed: bool = True
-    trim: bool = False
-    words: tuple[str, str] = ("node", "arc")
+    foreign: bool = False
     left_out: Mapping[str, Sequence[str]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     zones: Sequence[Zone] = ()
-    straight: bool = False
 
 
 def within(source: str, error: Exception) -> MissionError:

@@ -48,7 +48,7 @@ def read_route_graph(source: Source, *, geographic: bool | None = None) -> Draft
         raise MissionError(f"expected GeoJSON with a list of features, got {quoted(content)}")
     is_ours = content.get("generator") == _OURS
     graph = {**_object(content.get("mission"), "mission")}
-    draft = Draft([], [], graph, words=("point", "line"), trim=not is_ours, straight=not is_ours)
+    draft = Draft([], [], graph, foreign=not is_ours)
     if geographic is not None:
         graph["geographic"] = geographic
     if "geographic" not in graph and any(name in str(content.get("crs")) for name in _DEGREES):

@@ -69,10 +69,9 @@ def make_mission(
     site.add_survivals(danger, maps[1], danger_zones)
     graph = site.as_graph()
     if len(graph) == 1 < len(draft.nodes):
-        node, arc = draft.words
-        hint = "" if both_ways else f"; both_ways makes every {arc} passable both ways"
+        hint = "" if both_ways else "; both_ways makes every arc passable both ways"
         at = quoted(graph.graph["base"])
-        expected = f"a {node} that can be reached from base {at} and left again"
+        expected = f"a node that can be reached from base {at} and left again"
         raise MissionError(f"expected {expected}, found none{hint}")
     try:
         mission = Mission(graph, robots=robots, name=name)
@@ -118,7 +117,7 @@ class _Site:
             except ValueError as error:
                 raise MissionError(f"{where}: {error}") from None
             own = _plain(attributes)
-            if taken := own.keys() & {*reserved} if self.draft.trim else ():
+            if taken := own.keys() & {*reserved} if self.draft.foreign else ():
                 self.left_out.setdefault(_RESERVED, []).append(where)
             plain.append(Row(where, labels, {k: own[k] for k in own if k not in taken}))
         return plain
@@ -130,11 +129,11 @@ class _Site:
         self.arcs += [arc for arc in back if arc.labels not in known]
 
     def add_lengths(self) -> None:
-        """Give arcs a length that are straight, or that will get a survival by it."""
+        """Give arcs of foreign files, and arcs without a survival, the distance of their ends."""
         distance = distance_of(self.graph)
         for _, (tail, head), attributes in self.arcs:
             is_placed = tail in self.places and head in self.places
-            if is_placed and (self.draft.straight or "survival" not in attributes):
+            if is_placed and (self.draft.foreign or "survival" not in attributes):
                 length = distance(self.places[tail], self.places[head])
                 attributes.setdefault("length", length)
 
@@ -199,9 +198,9 @@ class _Site:
             unknown = [label for label in dict.fromkeys(arc.labels) if label not in graph]
             self.faults += [f"{named}: there is no node {quoted(label)}" for label in unknown]
             rival = kept.setdefault(arc.labels, arc)
-            if self.draft.trim and arc.labels[0] == arc.labels[1]:
+            if self.draft.foreign and arc.labels[0] == arc.labels[1]:
                 loops.append(arc.where)
-            elif self.draft.trim and rival is not arc:
+            elif self.draft.foreign and rival is not arc:
                 safest = max(rival, arc, key=lambda one: as_float(one.attributes["survival"]))
                 kept[arc.labels] = safest
                 parallel += [one.where for one in (rival, arc) if one is not safest]
@@ -213,13 +212,12 @@ class _Site:
             if self.base is None:
                 self.faults.append("expected base, the label of a node, found none: give base")
             raise MissionError([*self.faults, *rules.attribute_faults(graph, self.kinds)])
-        if self.draft.trim:
+        if self.draft.foreign:
             self._trim(graph, loops, parallel)
         return graph
 
     def _trim(self, graph: nx.DiGraph[Any], loops: list[str], parallel: list[str]) -> None:
         """Leave out what cannot be part of a mission, and note it."""
-        node, arc = self.draft.words
         graph.remove_edges_from(list(nx.selfloop_edges(graph)))
         ends = [kind.ends(self.base) for kind in self.kinds] or [(self.base, self.base)]
         lost = []
@@ -229,9 +227,9 @@ class _Site:
                 joined |= {start, *nx.descendants(graph, start)} & {end, *nx.ancestors(graph, end)}
             lost = [label for label in graph if label not in joined]
         graph.remove_nodes_from(lost)
-        self.left_out[f"{arc}s from a {node} to itself"] = loops
-        self.left_out[f"{arc}s parallel to one that is at least as safe"] = parallel
-        unjoined = f"{node}s that the base does not reach, or that have no way back"
+        self.left_out["arcs from a node to itself"] = loops
+        self.left_out["arcs parallel to one that is at least as safe"] = parallel
+        unjoined = "nodes that the base does not reach, or that have no way back"
         self.left_out[unjoined] = [*map(quoted, lost)]
         if said := [f"{what}: {listed(names)}" for what, names in self.left_out.items() if names]:
             self.notes.insert(0, f"Left out {'; '.join(said)}.")
