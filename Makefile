@@ -14,7 +14,7 @@ help:
 	@echo "make demo    plan the art museum and write tables and pictures to results/demo/"
 	@echo "make test    the tests that find faults soon: some two minutes"
 	@echo "make test-all  make test and all others: processes, Dask, a browser, LaTeX, more examples a property"
-	@echo "make test-long  the property tests with forty times as many examples: half an hour"
+	@echo "make test-long  the property tests with forty times as many examples: an hour"
 	@echo "make fuzz    mission files, solutions and bounds changed at random, 100 000 of each form: an hour"
 	@echo "make check   ruff (lint and format), mypy strict, and who imports whom"
 	@echo "make docs    the documentation, in docs/_build/html"
@@ -69,7 +69,7 @@ test-all: test
 	$(PYTEST) -m "slow or hypothesis"
 
 test-long: $(READY)
-	BOTOHE_EXAMPLES=20 BOTOHE_MUTATIONS=1000 $(BIN)/python -m pytest -m hypothesis --timeout 3600 \
+	BOTOHE_EXAMPLES=20 BOTOHE_MUTATIONS=1000 $(BIN)/python -m pytest -m "hypothesis or seeds" --timeout 3600 \
 		--numprocesses 2 --maxprocesses 2 --dist worksteal
 
 # The tests that are marked state 200 examples each.

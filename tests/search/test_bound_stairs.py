@@ -13,6 +13,7 @@ from botohe_moo.search.bounds import stairs as module
 from botohe_moo.search.bounds.envelopes import add_stairs, falling, least_total
 from botohe_moo.search.bounds.schedule import Schedule
 from botohe_moo.search.bounds.stairs import StairsMaster, TeamStairs
+from tests.examples import seeds
 from tests.search.test_bounds import bounded_at_all_stages, random_mission
 
 heights = st.lists(st.floats(0, 10), min_size=4, max_size=7)
@@ -81,7 +82,7 @@ def stairs_alone(no_front, monkeypatch):
         monkeypatch.setattr(Schedule, work, lambda *_, **__: lambda *_: False)
 
 
-@pytest.mark.parametrize("seeds", [range(20), pytest.param(range(20, 300), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", seeds(20, 60))
 def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
     n_steps = n_tight = 0
     for seed in seeds:
@@ -94,7 +95,7 @@ def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
 
 @pytest.mark.slow
 def test_fronts_of_small_tunnels(no_front):
-    for seed in range(30):
+    for seed in range(10):
         mission = load_mission("tunnel", nodes=12 + seed % 5, robots=1 + seed % 3, seed=seed)
         true, [*_, last] = bounded_at_all_stages(mission, {}, seed, gap=0.02)
         assert last.gap(true) < 0.05, seed

@@ -29,6 +29,7 @@ from botohe_moo.search.bounds.steps import Steps
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.search.bounds.turns import Turns
 from tests import twins
+from tests.examples import seeds
 from tests.search.test_bounds import random_mission
 
 worths = st.lists(st.tuples(st.floats(0, 10), st.floats(0, 1)), min_size=1, max_size=6)
@@ -198,7 +199,7 @@ def set_sizes(monkeypatch, n_steps, n_heights):
     monkeypatch.setattr(steps_module, "_N_HEIGHTS", n_heights)
 
 
-@pytest.mark.parametrize("seeds", [range(15), pytest.param(range(15, 60), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", seeds(15, 30))
 def test_no_team_of_all_trails_exceeds_a_step(short_search, monkeypatch, seeds):
     """Whatever the goal: of plans, beyond them, and 0; at any sum of survivals, and just above."""
     n_steps = n_tight = 0

@@ -29,7 +29,7 @@ from botohe_moo.search.bounds.record import Line, Step
 from botohe_moo.search.bounds.relaxation import Relaxation
 from botohe_moo.search.bounds.schedule import Schedule
 from botohe_moo.search.exact import exact_front
-from tests.examples import examples
+from tests.examples import examples, seeds
 from tests.strategies import missions
 
 
@@ -70,7 +70,7 @@ def bounded_at_all_stages(mission, limits, seed, **options):
     return true, stages
 
 
-@pytest.mark.parametrize("seeds", [range(20), pytest.param(range(20, 300), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", seeds(20, 60))
 def test_no_plan_exceeds_the_bound_at_any_stage(no_front, short_search, seeds):
     tight = n_stages = 0
     for seed in seeds:
@@ -86,7 +86,7 @@ def test_no_plan_exceeds_the_bound_at_any_stage(no_front, short_search, seeds):
     assert tight > 0.4 * len(seeds)
 
 
-@pytest.mark.parametrize("seeds", [range(6), pytest.param(range(6, 100), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", seeds(6, 20))
 def test_no_plan_exceeds_what_threads_prove(no_front, short_search, seeds):
     for seed in seeds:
         mission, limits = random_mission(seed)
