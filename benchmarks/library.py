@@ -13,7 +13,7 @@ from botohe_moo import FrontBound, TrailPlan, bound_front, load_mission, solve
 from botohe_moo._base.cpus import n_cpus
 from botohe_moo.library import Finder, best_known, check_library, library_names, library_table
 from botohe_moo.library.files import add_plans
-from botohe_moo.mission.named import ENTRIES
+from botohe_moo.mission.loading import ENTRIES
 
 FINDER = "the developers of botohe-moo"
 # Evaluations, and seeds. Fronts differ by seed, so that many short runs add to few long ones.

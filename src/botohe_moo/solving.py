@@ -19,8 +19,8 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.base import MOST_THREADS
 from botohe_moo.algorithms.registry import algorithm_parameters, make_algorithm
 from botohe_moo.indicators import area_indicator
+from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.named import load_mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.solution import Solution
 from botohe_moo.trails import TrailPlan

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from botohe_moo.cli.app import app
 from botohe_moo.library import library_table
-from botohe_moo.mission.named import ENTRIES
+from botohe_moo.mission.loading import ENTRIES
 from botohe_moo.study.report import pictures
 from botohe_moo.testing import algorithms, missions
 from tests.docs.guides import DOCS, GUIDES, NOTEBOOKS, ROOT, blocks, links, printed_by, words

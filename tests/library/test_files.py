@@ -20,8 +20,8 @@ from botohe_moo.library import (
     library_table,
 )
 from botohe_moo.library.files import FOLDER, add_plans
+from botohe_moo.mission.loading import ENTRIES, library_name_of
 from botohe_moo.mission.model import numbers_digest
-from botohe_moo.mission.named import ENTRIES, library_name_of
 from botohe_moo.study import StudyError, load_study, make_tables, run_study
 
 SMALL = "town-16"
@@ -85,7 +85,7 @@ class TestMissions:
 
     def test_numbers_that_are_drawn_otherwise_are_noticed(self, monkeypatch):
         changed = {**ENTRIES, SMALL: ENTRIES[SMALL]._replace(digest="0" * 16)}
-        monkeypatch.setattr("botohe_moo.mission.named.ENTRIES", changed)
+        monkeypatch.setattr("botohe_moo.mission.loading.ENTRIES", changed)
         with pytest.raises(MissionError, match="expected the digest 0000000000000000, got"):
             load_mission(f"library:{SMALL}")
 

@@ -13,7 +13,7 @@ from botohe_moo import load_mission, make_algorithm
 from botohe_moo._plugins.types import UNIONS, is_scalar
 from botohe_moo.algorithms.registry import algorithm_faults, algorithm_parameters
 from botohe_moo.cli.app import app
-from botohe_moo.mission.named import mission_faults, mission_parameters
+from botohe_moo.mission.loading import mission_faults, mission_parameters
 
 pytestmark = pytest.mark.slow
 

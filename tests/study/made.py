@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from botohe_moo.indicators import INDICATORS, area_indicator
-from botohe_moo.mission.formats.files import save_mission
+from botohe_moo.mission.loading import save_mission
 from botohe_moo.mission.model import mission_digest
 from botohe_moo.study.judge.comparisons import compare_ranks, rank_algorithms
 from botohe_moo.study.judge.scores import reference_fronts, score_runs

@@ -13,7 +13,7 @@ import pyarrow as pa
 import pytest
 
 from botohe_moo import BOTOHE, area_indicator, load_mission
-from botohe_moo.mission.formats.files import save_mission
+from botohe_moo.mission.loading import save_mission
 from botohe_moo.study import make_tables, read_study, run_study, runner
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError

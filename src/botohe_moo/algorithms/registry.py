@@ -10,7 +10,7 @@ from pymoo.core.algorithm import Algorithm
 from botohe_moo._plugins.checks import Fault, call_factory, factory_faults
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, is_path
 from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
-from botohe_moo.mission.named import load_mission
+from botohe_moo.mission.loading import load_mission
 
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
 # Options of a run: the caller of ``minimize`` sets them.

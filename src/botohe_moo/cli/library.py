@@ -116,8 +116,8 @@ def add(
 def _found_in(folder: Path, by: str, on: str) -> Found:
     """Read the plans of a solution or a study, by the library's name of their mission."""
     from botohe_moo.library.fronts import Finder
+    from botohe_moo.mission.loading import library_name_of
     from botohe_moo.mission.model import numbers_digest
-    from botohe_moo.mission.named import library_name_of
     from botohe_moo.solution import read_solution
     from botohe_moo.study import read_study
 

@@ -50,7 +50,7 @@ def missions(context: typer.Context) -> None:
 def list_missions() -> None:
     """List the named missions and the generators."""
     from botohe_moo.mission import mission_names
-    from botohe_moo.mission.named import describe_mission
+    from botohe_moo.mission.loading import describe_mission
 
     tell(listing((name, describe_mission(name)) for name in mission_names()))
     more = (
@@ -79,7 +79,7 @@ def show_mission(
     with failing():
         own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard}
         source = mission_source(mission, mission_parameter, **own)
-        from botohe_moo.mission.named import load_mission, mission_parameters
+        from botohe_moo.mission.loading import load_mission, mission_parameters
 
         loaded = load_mission(**source)
     tell(_describe(loaded))

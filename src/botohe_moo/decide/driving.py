@@ -12,9 +12,9 @@ from typing import Any
 
 from botohe_moo._base.checks import check_choice, check_number, quoted
 from botohe_moo.decide.robots import robot_rows
-from botohe_moo.mission.arrays import places_of
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.formats.routes import write_route_graph
+from botohe_moo.mission.hazards import places_of
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import TrailPlan
 

@@ -14,8 +14,8 @@ from typing import Any
 from botohe_moo._base.files import check_file, check_folder, check_suffix, replace_file
 from botohe_moo.decide.driving import MULTICOPTER, altitude_of, json_text, nav2_files, qgc_plans
 from botohe_moo.decide.robots import robot_rows
-from botohe_moo.mission.arrays import places_of
 from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.hazards import places_of
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import collect_probabilities, reach_probabilities, team_reach
 from botohe_moo.trails import TrailPlan

@@ -12,8 +12,8 @@ from PIL import Image
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.explorer.texts import number_texts, probability_codes, shown_names
-from botohe_moo.mission.arrays import places_of
 from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.hazards import places_of
 from botohe_moo.mission.model import Mission
 from botohe_moo.plots.draw.background import Background
 from botohe_moo.plots.draw.places import layout_notes, node_positions

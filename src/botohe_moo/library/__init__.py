@@ -13,6 +13,6 @@ if TYPE_CHECKING:
     from botohe_moo.library.files import library_table as library_table
     from botohe_moo.library.fronts import BestKnown as BestKnown
     from botohe_moo.library.fronts import Finder as Finder
-    from botohe_moo.mission.named import library_names as library_names
+    from botohe_moo.mission.loading import library_names as library_names
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

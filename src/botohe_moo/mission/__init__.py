@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from botohe_moo.mission.formats.files import read_mission as read_mission
-    from botohe_moo.mission.formats.files import save_mission as save_mission
     from botohe_moo.mission.formats.maps import roadmap_from_map as roadmap_from_map
     from botohe_moo.mission.formats.reading import Draft as Draft
     from botohe_moo.mission.formats.reading import Format as Format
@@ -18,9 +16,11 @@ if TYPE_CHECKING:
     from botohe_moo.mission.hazards import rewards_from_raster as rewards_from_raster
     from botohe_moo.mission.hazards import survival_from_raster as survival_from_raster
     from botohe_moo.mission.hazards import survival_from_zones as survival_from_zones
+    from botohe_moo.mission.loading import load_mission as load_mission
+    from botohe_moo.mission.loading import mission_names as mission_names
+    from botohe_moo.mission.loading import read_mission as read_mission
+    from botohe_moo.mission.loading import save_mission as save_mission
     from botohe_moo.mission.model import Mission as Mission
-    from botohe_moo.mission.named import load_mission as load_mission
-    from botohe_moo.mission.named import mission_names as mission_names
     from botohe_moo.mission.rules import Kind as Kind
     from botohe_moo.mission.rules import MissionError as MissionError
     from botohe_moo.mission.rules import PlanError as PlanError

@@ -1,9 +1,9 @@
-"""Survivals and rewards by what is drawn on a map: rasters, circles and polygons."""
+"""Positions and distances; survivals and rewards by rasters, circles and polygons."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -16,10 +16,35 @@ from botohe_moo._base.numbers import plain_numbers
 from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
-from botohe_moo.mission.arrays import Places, places_of
 from botohe_moo.mission.rules import MissionError
 
 _NEAR = 1e-9  # places that are nearer to each other are one; in cells, or in the unit of ``pos``
+_EARTH = 6_371_008.8  # mean radius in metres
+
+Places = dict[Hashable, tuple[float, float]]
+
+
+def places_of(nodes: Mapping[Hashable, Mapping[str, Any]]) -> Places:
+    """Return the positions (x, y) of those nodes that have one among their attributes."""
+    numbers = {node: plain_numbers(attributes.get("pos")) for node, attributes in nodes.items()}
+    return {node: (xy.item(0), xy.item(1)) for node, xy in numbers.items() if xy.shape == (2,)}
+
+
+def distance_of(graph_attributes: Mapping[str, Any]) -> Callable[[Any, Any], float]:
+    """Return the function that measures the distance between two positions.
+
+    If the graph is ``geographic``, positions are longitudes and latitudes in degrees, and distances
+    are metres on a sphere.
+    """
+    return _on_earth if graph_attributes.get("geographic") else math.dist
+
+
+def _on_earth(one: Sequence[float], other: Sequence[float]) -> float:
+    """Compute a distance by the haversine formula, which is accurate for short ways, too."""
+    (east, north), (east_2, north_2) = np.radians(one), np.radians(other)
+    half = math.sin((north_2 - north) / 2) ** 2
+    half += math.cos(north) * math.cos(north_2) * math.sin((east_2 - east) / 2) ** 2
+    return 2.0 * _EARTH * math.asin(math.sqrt(min(half, 1.0)))
 
 
 def survived(loss: float, where: str, *, length: float) -> float:

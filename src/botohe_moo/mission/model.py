@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
 import networkx as nx
 import numpy as np
@@ -18,9 +18,11 @@ from botohe_moo._base.checks import check_integer, quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted, listed
 from botohe_moo.kernels.graph import ways
-from botohe_moo.kernels.graph.graph import Graph, Limits
+from botohe_moo.kernels.graph.graph import Graph, Limits, new_graph
+from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
 from botohe_moo.kernels.plans import evaluate as kernels
-from botohe_moo.mission import arrays, rules
+from botohe_moo.mission import rules
+from botohe_moo.mission.hazards import distance_of, places_of
 from botohe_moo.mission.rules import Kind, MissionError, PlanError
 from botohe_moo.mission.underway import Event, under_way
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
@@ -149,7 +151,7 @@ class Mission:
             warnings.warn(text, stacklevel=2)
 
     def _set_up(self, graph: Any, kinds: Iterable[Kind], given: Mapping[str, Any]) -> None:
-        self.graph: nx.DiGraph[Any] = arrays.freeze(graph)
+        self.graph: nx.DiGraph[Any] = _freeze(graph)
         self.base, self.pays, self.name = given["base"], given["pays"], given["name"]
         self.title = str(graph.graph.get("title") or self.name)
         budget = graph.graph.get("max_length")
@@ -158,7 +160,7 @@ class Mission:
         self.robots = sum(kind.robots for kind in self.kinds)
         self.nodes: tuple[Any, ...] = tuple(self.graph)
         self._index = {node: i for i, node in enumerate(self.nodes)}
-        self.arrays = arrays.graph_of_kinds(self.graph, self.base, self.kinds, self.pays)
+        self.arrays = _graph_of_kinds(self.graph, self.base, self.kinds, self.pays)
         self.balanced, of_kinds = self.arrays.balanced, self.arrays.kinds
         self.rewards = self.arrays.reward if of_kinds is None else of_kinds.reward
         self.total_reward = float(self.rewards.sum())
@@ -192,11 +194,11 @@ class Mission:
         longitudes and latitudes, and distances are metres. They replace all lengths; ``max_length``
         stays. A MissionError names the nodes without ``pos``.
         """
-        places = arrays.places_of(self.graph.nodes)
+        places = places_of(self.graph.nodes)
         if missing := [node for node in self.graph if node not in places]:
             faults = [f"node {quoted(node)}: expected pos [x, y], found none" for node in missing]
             raise MissionError(faults, f"Mission {quoted(self.name)}")
-        graph, distance = self.graph.copy(), arrays.distance_of(self.graph.graph)
+        graph, distance = self.graph.copy(), distance_of(self.graph.graph)
         for tail, head, attributes in graph.edges(data=True):
             attributes["length"] = distance(places[tail], places[head])
         return Mission(graph, base=self.base, kinds=self.kinds, pays=self.pays, name=self.name)
@@ -434,6 +436,94 @@ class Mission:
         limit = "" if self.max_length is None else f", max_length {self.max_length:g}"
         team = f"{self.team} at base {self.base!r}, total reward {self.total_reward:g}"
         return f"<Mission {self.name!r}: {size}, {team}{limit}>"
+
+
+class _Attributes(dict[str, Any]):
+    """Attributes that cannot be changed, and neither can mappings among their values."""
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, Any]) -> _Attributes:
+        return cls((k, cls(v) if isinstance(v, Mapping) else v) for k, v in attributes.items())
+
+    def copy(self) -> dict[str, Any]:
+        """Return plain dictionaries, as ``graph.copy()`` needs them."""
+        return {name: dict(v) if isinstance(v, _Attributes) else v for name, v in self.items()}
+
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
+        remedy = "change mission.graph.copy(), and make a Mission of that"
+        raise TypeError(f"The graph of a mission cannot be changed: {remedy}.")
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (dict(self),)  # by default it would be filled item by item
+
+
+def _freeze(graph: nx.DiGraph[Any]) -> nx.DiGraph[Any]:
+    """Make a graph immutable, also its attributes, which :func:`networkx.freeze` leaves open."""
+    graph.graph = _Attributes.of(graph.graph)
+    inside: Any = graph  # networkx has no public way to replace its dictionaries
+    for node, attributes in inside._node.items():
+        inside._node[node] = _Attributes.of(attributes)
+    for tail, heads in inside._succ.items():
+        for head, attributes in heads.items():
+            heads[head] = inside._pred[head][tail] = _Attributes.of(attributes)
+    return nx.freeze(graph)  # type: ignore[no-any-return]
+
+
+def _graph_of_kinds(graph: Any, base: Hashable, kinds: Sequence[Kind], pays: str) -> Graph:
+    """Return the graph of a valid mission for kernels: with a layer for each kind, or a plain one.
+
+    A mission is plain if its robots are alike and start and end at the base, nodes pay on arrival,
+    and there are neither shares nor closed arcs.
+    """
+    index_of = {node: i for i, node in enumerate(graph)}
+    arcs = sorted((index_of[u], index_of[v], arc) for u, v, arc in graph.edges(data=True))
+    tail, head = (np.array([arc[i] for arc in arcs], np.int64) for i in (0, 1))
+    survival = np.array([rules.by_kind(a["survival"], kinds) for *_, a in arcs]).reshape(
+        -1, len(kinds)
+    )
+    length = np.array([a.get("length", 1.0) for *_, a in arcs], np.float64)
+    nodes, n = [node for _, node in graph.nodes(data=True)], len(graph)
+    reward = np.array([node["reward"] for node in nodes], np.float64)
+    share = np.array([rules.by_kind(node.get("share", 1.0), kinds) for node in nodes])
+    on_return = [node.get("pays", pays) == "return" for node in nodes]
+    is_depot = [bool(node.get("depot")) for node in nodes]
+    credit = np.where(is_depot, AT_THIS_DEPOT, np.where(on_return, AT_NEXT_DEPOT, ON_ARRIVAL))
+    credit[index_of[base]] = AT_THIS_DEPOT
+    has_returns = bool((reward[credit == AT_NEXT_DEPOT] > 0.0).any())
+    ends = np.array([[index_of[label] for label in kind.ends(base)] for kind in kinds])
+    is_plain = len(kinds) == 1 and (ends == index_of[base]).all() and not has_returns
+    if is_plain and (share == 1.0).all() and (survival > 0.0).all():
+        return new_graph(tail, head, survival[:, 0], length, reward, index_of[base])
+
+    aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
+    taken = survival > 0.0
+    for k, (start, end) in enumerate(ends.tolist()):
+        reach = tail[taken[:, k]], head[taken[:, k]]
+        is_open = ways.leading(*reach, [end], n) & ways.leading(*reach[::-1], [start], n)
+        taken[:, k] &= is_open[tail] & is_open[head]
+        is_open[aboard[k]] = True  # what robots carry may come from nodes that are closed now
+        share[~is_open, k] = 0.0
+        aboard[k] = [node for node in aboard[k] if node != start]  # which the trail visits
+
+    # Each kind has a layer of nodes, and of the arcs that it may take.
+    layer, arc = np.nonzero(taken.T)
+    of_arcs = tail[arc] + n * layer, head[arc] + n * layer, survival[arc, layer], length[arc]
+    ends += n * np.arange(len(kinds))[:, None]
+    origin, end = np.tile(np.arange(n), len(kinds)), np.repeat(ends[:, 1], n)
+    of_nodes = origin, share.T.ravel(), np.tile(credit, len(kinds)), end
+    counts = [kind.robots for kind in kinds]
+    kind_of, first = np.repeat(np.arange(len(kinds)), counts), np.cumsum([0, *counts])
+    of_robots = ends[kind_of, 0], first[kind_of], first[kind_of + 1]
+    carried = np.array([node for nodes in aboard for node in nodes], np.int64)
+    first = np.cumsum([0, *map(len, aboard)])
+    of_aboard = carried, first[kind_of], first[kind_of + 1]
+    described = Kinds(*of_nodes, reward, *of_robots, *of_aboard, has_returns)
+    return new_graph(*of_arcs, (reward[:, None] * share).T.ravel(), int(ends[0, 1]), described)
 
 
 def check_mission(value: object) -> Mission:

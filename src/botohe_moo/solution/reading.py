@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
 from botohe_moo._base.source import Source
 from botohe_moo._plugins.faults import json_record
-from botohe_moo.mission.formats.files import read_mission
+from botohe_moo.mission.loading import read_mission
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.solution.model import Solution, as_json
 

@@ -104,8 +104,8 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
     # Imported when they are needed, as below: pymoo takes long to load, and missions do without.
     from botohe_moo._plugins.entry_points import is_path, says_it_makes
     from botohe_moo.algorithms.registry import PLUGINS
+    from botohe_moo.mission.loading import mission_names
     from botohe_moo.mission.model import Mission
-    from botohe_moo.mission.named import mission_names
 
     found: Any = factory
     if isinstance(factory, str):
@@ -132,7 +132,7 @@ def rules_and_subject(
         found: Any = find_algorithm(factory) if isinstance(factory, str) else factory
         by_name: Callable[..., Any] = make_algorithm
     else:
-        from botohe_moo.mission.named import find_factory, load_mission
+        from botohe_moo.mission.loading import find_factory, load_mission
         from botohe_moo.testing.missions import RULES
 
         found = find_factory(factory) if isinstance(factory, str) else factory

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -14,13 +15,9 @@ from botohe_moo._base.files import suffix_fault
 from botohe_moo._base.source import Source as Source  # what readers are given
 from botohe_moo._plugins.entry_points import PluginGroup
 from botohe_moo._plugins.faults import Place, content_faults
+from botohe_moo.mission.hazards import Zone
+from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import MissionError
-
-if TYPE_CHECKING:
-    import os
-
-    from botohe_moo.mission.hazards import Zone
-    from botohe_moo.mission.model import Mission
 
 M = TypeVar("M", bound=BaseModel)
 

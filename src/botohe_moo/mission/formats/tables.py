@@ -18,10 +18,9 @@ from botohe_moo._base.spreadsheets import FAULTS, FILE, filled_cells
 from botohe_moo._base.words import listed
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
-from botohe_moo.mission import rules
-from botohe_moo.mission.arrays import distance_of, places_of
+from botohe_moo.mission import hazards, rules
 from botohe_moo.mission.formats.reading import Draft, Row
-from botohe_moo.mission.hazards import Raster, mean_rate, read_zones, seen_from, survived
+from botohe_moo.mission.hazards import Raster
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import Kind, MissionError
 
@@ -106,7 +105,7 @@ class _Site:
         if faults := faults or _join_columns(self.nodes, names) or _join_columns(self.arcs, names):
             raise MissionError(faults)
         self.graph |= {"kinds": self.kinds} if self.kinds else {}
-        self.places = places_of(self.at)
+        self.places = hazards.places_of(self.at)
 
     def _plain_rows(self, rows: Iterable[Row], *reserved: str) -> list[Row]:
         """Return rows with plain attributes; what is trimmed loses those with reserved names."""
@@ -130,7 +129,7 @@ class _Site:
 
     def add_lengths(self) -> None:
         """Give arcs of foreign files, and arcs without a survival, the distance of their ends."""
-        distance = distance_of(self.graph)
+        distance = hazards.distance_of(self.graph)
         for _, (tail, head), attributes in self.arcs:
             is_placed = tail in self.places and head in self.places
             if is_placed and (self.draft.foreign or "survival" not in attributes):
@@ -144,7 +143,7 @@ class _Site:
             expected = "interest, a map, and sight, how far robots see on it, or none"
             raise MissionError(f"expected {expected}")
         if interest is not None:
-            seen = seen_from(self.places, interest, sight, default)
+            seen = hazards.seen_from(self.places, interest, sight, default)
         if self.base in self.at:
             self.at[self.base].setdefault("reward", 0.0)
         lacking = [label for label, attributes in self.at.items() if "reward" not in attributes]
@@ -156,7 +155,7 @@ class _Site:
 
     def add_survivals(self, danger: float | None, hazard: Raster | None, zones: Any) -> None:
         """Give arcs without one the survival exp(−length · mean rate between their ends)."""
-        zones = [*self.draft.zones, *read_zones(zones, "danger_zones")]
+        zones = [*self.draft.zones, *hazards.read_zones(zones, "danger_zones")]
         for _, (tail, head), attributes in self.arcs:
             if tail == head:
                 attributes.setdefault("survival", 1.0)  # the loop is the fault, or is left out
@@ -176,10 +175,10 @@ class _Site:
                 continue
             mean = danger or 0.0
             if not missing:
-                mean = mean_rate([self.places[end] for end in ends], mean, hazard, zones)
+                mean = hazards.mean_rate([self.places[end] for end in ends], mean, hazard, zones)
             try:
                 length = as_float(length)
-                arc.attributes["survival"] = survived(mean * length, named, length=length)
+                arc.attributes["survival"] = hazards.survived(mean * length, named, length=length)
             except ValueError as error:
                 self.faults.append(str(error).rstrip("."))
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
-from botohe_moo.mission.arrays import places_of
+from botohe_moo.mission.hazards import places_of
 
 _MAX_KAMADA_KAWAI = 60  # its cost grows with the square of the nodes
 

@@ -15,8 +15,8 @@ from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive, Probability, TravelBudget
 from botohe_moo.indicators import check_objectives
 from botohe_moo.kernels.bounds.trails import find_trails
+from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.mission.named import load_mission
 from botohe_moo.search.bounds.clock import Clock
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.plain import check_boundable, relaxed_to_plain

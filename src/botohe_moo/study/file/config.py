@@ -15,7 +15,7 @@ from pydantic import (
 
 from botohe_moo._base.checks import check_choice, quoted
 from botohe_moo.indicators import INDICATORS
-from botohe_moo.mission.named import ENTRIES, PREFIX, SELECTIONS, library_names
+from botohe_moo.mission.loading import ENTRIES, PREFIX, SELECTIONS, library_names
 from botohe_moo.study.file.values import Label, Name, Text, all_distinct, check_distinct
 
 MAX_EVALUATIONS = 10**12

@@ -17,8 +17,8 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
+from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.named import load_mission
 from botohe_moo.mission.rules import Kind
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive

@@ -11,12 +11,12 @@ from botohe_moo.mission import (
     Mission,
     MissionError,
     load_mission,
+    loading,
     mission_names,
-    named,
     save_mission,
 )
 from botohe_moo.mission.formats.reading import suffixes
-from botohe_moo.mission.named import mission_faults, mission_parameters
+from botohe_moo.mission.loading import mission_faults, mission_parameters
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -91,7 +91,7 @@ def test_case_studies(name, nodes, arcs, robots, total):
     assert mission.balanced
     assert mission.title != name
     assert all("pos" in values for _, values in mission.graph.nodes(data=True))
-    assert mission == getattr(named, name)()
+    assert mission == getattr(loading, name)()
     assert load_mission(name, robots=6) == mission.with_robots(6)
 
 
@@ -104,7 +104,7 @@ def test_names():
 def test_saved_case_studies_are_what_the_package_holds(tmp_path):
     for name in ("art_museum", "power_plant", "terrain_200"):
         save_mission(load_mission(name), tmp_path / "x.json")
-        data = Path(named.__file__).parent / "data" / f"{name}.json"
+        data = Path(loading.__file__).parent / "data" / f"{name}.json"
         assert (tmp_path / "x.json").read_text() == data.read_text()
 
 
