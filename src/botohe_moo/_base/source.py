@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from botohe_moo._base.checks import FaultsError
 from botohe_moo._base.files import read_bytes
+from botohe_moo._base.types import FilePath
 
 if TYPE_CHECKING:
-    import os
-
     from botohe_moo._base.document import Document
 
 
@@ -28,7 +27,7 @@ class Source:
     'toy'
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: FilePath) -> None:
         self.path = Path(path)
 
     @functools.cached_property

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from botohe_moo._base.source import Source
+from botohe_moo._base.types import FilePath
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,7 +17,7 @@ _SEPARATORS = ",;\t"
 FILE, FAULTS = "botohe_moo file", "botohe_moo faults"  # attributes of tables read from files
 
 
-def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
+def read_table(path: FilePath) -> pd.DataFrame:
     """Read a CSV file of texts, whose index is the number of each row in a spreadsheet.
 
     Cells are separated by commas, semicolons or tabs: by what a first line such as ``sep=;`` says,
@@ -45,8 +45,7 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
         raise ValueError(f"{path}: expected a first row of column names, found an empty file")
     header = rows.pop(next(iter(rows)))
     whole = {i: cells for i, cells in rows.items() if len(cells) == len(header)}
-    index = pd.Index(list(whole), dtype=int)
-    table = pd.DataFrame(list(whole.values()), index=index, columns=header, dtype=object)
+    table = pd.DataFrame([*whole.values()], pd.Index([*whole], dtype=int), header, dtype=object)
     table.attrs[FILE] = str(path)
     table.attrs[FAULTS] = [
         f"{path}, row {i}: expected {len(header)} cells, as the first row has, found {len(cells)}"

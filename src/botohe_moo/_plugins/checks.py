@@ -6,7 +6,13 @@ from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo._base.checks import ParameterError, nearest_first, quoted, unknown_parameter
+from botohe_moo._base.checks import (
+    FaultsError,
+    ParameterError,
+    nearest_first,
+    quoted,
+    unknown_parameter,
+)
 from botohe_moo._plugins.entry_points import PluginError
 from botohe_moo._plugins.faults import fault_messages, own_message
 from botohe_moo._plugins.stated import Factory, Parameter, model_of, signature_parameters
@@ -108,14 +114,12 @@ def call_factory(
     wanted: type = object,
     origin: str = "it",
     also: Collection[str] = (),
-    passing: tuple[type[Exception], ...] = (MemoryError,),
 ) -> Any:
     """Call a factory with checked values.
 
     A ParameterError says what is unknown, missing or refused; a PluginError what else the factory
     has raised, which is called ``origin``, or that it has not returned what is ``wanted``. Messages
-    begin with ``source``, and list the names in ``also`` as known. Errors of the factory's in
-    ``passing`` are not changed.
+    begin with ``source``, and list the names in ``also`` as known. A FaultsError is not changed.
     """
     faults = check_values(accepted, values, also=also)
     if not faults and (model := model_of(factory)):
@@ -125,7 +129,7 @@ def call_factory(
         raise ParameterError(f"{source}: {expected}", faults[0][0])
     try:
         made = factory(**values)
-    except passing:
+    except (FaultsError, MemoryError):
         raise
     except (TypeError, ValueError) as error:
         blamed = raised_fault(error, values, source=source)[0]

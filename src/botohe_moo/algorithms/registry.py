@@ -79,13 +79,9 @@ def algorithm_faults(
     >>> algorithm_faults("bo-aco", {"evaporation": 1.3})
     [('evaporation', 'Expected evaporation in (0, 1), got 1.3.')]
     """
-    return factory_faults(
-        PLUGINS.source(name),
-        functools.partial(algorithm_parameters, name),
-        functools.partial(make_algorithm, name),
-        parameters or {},
-        plain=plain,
-    )
+    source, accepted = PLUGINS.source(name), functools.partial(algorithm_parameters, name)
+    make, given = functools.partial(make_algorithm, name), parameters or {}
+    return factory_faults(source, accepted, make, given, plain=plain)
 
 
 def algorithm_names() -> tuple[str, ...]:

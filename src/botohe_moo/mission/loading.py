@@ -12,6 +12,7 @@ from typing import Any, Literal, NamedTuple
 
 from botohe_moo._base.checks import ParameterError, check_choice, quoted, unknown_parameter
 from botohe_moo._base.files import check_suffix, replace_file
+from botohe_moo._base.types import FilePath
 from botohe_moo._plugins import stated
 from botohe_moo._plugins.checks import Fault, call_factory, checked, factory_faults
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, package_of
@@ -135,7 +136,7 @@ def _packaged(name: str) -> Mission:
 
 @checked
 def load_mission(
-    name_or_path: str | os.PathLike[str],
+    name_or_path: FilePath,
     *,
     robots: Robots | None = None,
     lengths_from_pos: bool = False,
@@ -188,7 +189,7 @@ def load_mission(
     return mission.with_lengths_from_pos() if lengths_from_pos else mission
 
 
-def read_mission(path: str | os.PathLike[str], **options: Any) -> Mission:
+def read_mission(path: FilePath, **options: Any) -> Mission:
     """Read a mission file of any format.
 
     The suffix tells the format, in upper or lower case, and the content where several formats have
@@ -287,7 +288,7 @@ def _own_options(known: Format) -> dict[str, Parameter]:
     return {parameter.name: parameter for parameter in stated.signature_parameters(read)}
 
 
-def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
+def save_mission(mission: Mission, path: FilePath) -> None:
     """Write a mission file; `read_mission` reads an equal mission from it.
 
     It holds all attributes of graph, nodes and arcs; numpy's numbers become plain ones, tuples and
@@ -333,10 +334,7 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
 
 
 def mission_faults(
-    name_or_path: str | os.PathLike[str],
-    parameters: Mapping[str, Any] | None = None,
-    *,
-    plain: bool = False,
+    name_or_path: FilePath, parameters: Mapping[str, Any] | None = None, *, plain: bool = False
 ) -> list[Fault]:
     """Return everything that keeps `load_mission` from making a mission.
 
@@ -348,30 +346,23 @@ def mission_faults(
     >>> mission_faults("terrain", {"nodes": "50", "robots": 3})
     [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
     """
-    return factory_faults(
-        _PLUGINS.source(name_or_path),
-        functools.partial(_accepted, name_or_path),
-        functools.partial(load_mission, name_or_path),
-        parameters or {},
-        plain=plain,
-        also=COMMON,
-    )
+    source, accepted = _PLUGINS.source(name_or_path), functools.partial(_accepted, name_or_path)
+    make, given = functools.partial(load_mission, name_or_path), parameters or {}
+    return factory_faults(source, accepted, make, given, plain=plain, also=COMMON)
 
 
-def _accepted(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
+def _accepted(name_or_path: FilePath) -> tuple[Parameter, ...]:
     """Return the parameters of a named mission, or the options of a file's format."""
     if function := find_factory(name_or_path):
         return stated.accepted_parameters(function)
     return tuple(file_parameters(reading.format_of(name_or_path)).values())
 
 
-def relative_to(
-    folder: Path, name_or_path: str | os.PathLike[str], parameters: Mapping[str, Any]
-) -> dict[str, Any]:
+def relative_to(folder: Path, name: FilePath, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Return parameters of a mission, with paths in a file relative to the file's folder."""
     relative = dict(parameters)
     with suppress(ValueError):  # whoever loads the mission says why it cannot be found
-        for parameter in _accepted(name_or_path):
+        for parameter in _accepted(name):
             if parameter.is_path and isinstance(path := relative.get(parameter.name), str):
                 relative[parameter.name] = str(folder / path)
     return relative
@@ -389,7 +380,7 @@ def mission_names() -> tuple[str, ...]:
     return tuple(_PLUGINS.loaded())
 
 
-def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None]:
+def mission_origin(name_or_path: FilePath) -> dict[str, str | None]:
     """Return which ``package`` in which ``version`` registers a mission.
 
     Both are None for files, and for missions that are not registered. A ValueError is raised if two
@@ -401,7 +392,7 @@ def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None
     return package_of(_PLUGINS.entry(str(name)).dist if name in _PLUGINS.claims() else None)
 
 
-def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
+def mission_parameters(name_or_path: FilePath) -> tuple[Parameter, ...]:
     """List the parameters of a named mission, or of files in a format, besides ``robots``."""
     return tuple(one for one in _accepted(name_or_path) if one.name != "robots")
 
@@ -411,7 +402,7 @@ def describe_mission(name: str) -> str:
     return stated.summary_of(_PLUGINS.load(name))
 
 
-def find_factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
+def find_factory(name: FilePath) -> Callable[..., Any] | None:
     """Find the function that makes a mission; None for what is read from a file."""
     if isinstance(name, os.PathLike):
         return None
@@ -454,11 +445,9 @@ def _make(
     accepted = stated.accepted_parameters(function)
     if robots is not None and any(parameter.name == "robots" for parameter in accepted):
         parameters = {**parameters, "robots": robots}
-    wanted: dict[str, Any] = {"wanted": Mission, "passing": (MissionError, MemoryError)}
+    told: dict[str, Any] = {"wanted": Mission, "origin": origin, "also": COMMON}
     try:
-        mission: Mission = call_factory(
-            source, function, accepted, parameters, origin=origin, also=COMMON, **wanted
-        )
+        mission: Mission = call_factory(source, function, accepted, parameters, **told)
     except (PluginError, MissionError) as error:
         raise within(source, error) from error
     return mission if robots in (None, mission.robots) else mission.with_robots(robots)

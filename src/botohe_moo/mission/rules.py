@@ -13,6 +13,7 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import FaultsError, as_float, most_alike, quoted
+from botohe_moo._base.words import listed
 
 ONLY_KIND = "robot"  # the name of the kind of a mission that lists none
 PAYS = ("arrival", "return")
@@ -280,10 +281,10 @@ def attribute_faults(graph: nx.DiGraph[Any], kinds: Sequence[Kind] = ()) -> list
             elif name in rules and name in BY_KIND and isinstance(value, Mapping):
                 for kind in [str(kind) for kind in value if kind not in names]:
                     unknown.setdefault((name, kind), []).append(whose(*labels))
-    for (name, kind), (first, *others) in unknown.items():
-        where = f"{first} and {len(others)} more" if others else first
+    for (name, kind), where in unknown.items():
         near = most_alike(kind, known) or "; the mission lists no kinds"
-        faults.insert(0, f"{where}: {name} of kind {quoted(kind)}: there is no such kind{near}")
+        fault = f"{name} of kind {quoted(kind)}: there is no such kind{near}"
+        faults.insert(0, f"{listed(where, most=1)}: {fault}")
     return faults
 
 

@@ -19,7 +19,7 @@ from pydantic import BaseModel, Field
 
 from botohe_moo._base.checks import ParameterError, quoted
 from botohe_moo._base.numbers import plain_numbers
-from botohe_moo._base.types import FloatArray
+from botohe_moo._base.types import FilePath, FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive, Probability
 from botohe_moo.mission.formats.reading import Source, validated, within
@@ -40,7 +40,7 @@ class _MapFile(BaseModel, strict=True, allow_inf_nan=False):
     occupied_thresh: Probability = 0.65
 
 
-def read_raster(path: str | os.PathLike[str], *, modes: Sequence[str] = ("scale",)) -> Raster:
+def read_raster(path: FilePath, *, modes: Sequence[str] = ("scale",)) -> Raster:
     """Read a map as shares of full scale, which is black, or with ``negate`` white.
 
     The file is read as the map server of Nav2 reads it. In mode ``scale`` shares up to
@@ -116,13 +116,13 @@ def _read_image(folder: Path, name: str) -> FloatArray:
 
 @checked
 def roadmap_from_map(
-    path: str | os.PathLike[str],
+    path: FilePath,
     *,
     radius: Positive = 0.3,
     spacing: Positive | None = None,
     base: int | tuple[float, float] = (0.0, 0.0),
     danger: NotNegative | None = None,
-    hazard: str | os.PathLike[str] | None = None,
+    hazard: FilePath | None = None,
 ) -> Any:
     """Make a graph of the ways on which a robot gets through a map of obstacles.
 

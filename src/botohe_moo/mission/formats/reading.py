@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from botohe_moo._base.files import suffix_fault
 from botohe_moo._base.source import Source as Source  # what readers are given
+from botohe_moo._base.types import FilePath
 from botohe_moo._plugins.entry_points import PluginGroup
 from botohe_moo._plugins.faults import Place, content_faults
 from botohe_moo.mission.hazards import Zone
@@ -175,7 +175,7 @@ def suffixes() -> tuple[str, ...]:
     return tuple(dict.fromkeys(s for known in formats().values() for s in known.suffixes))
 
 
-def _fitting(path: str | os.PathLike[str]) -> list[tuple[str, Format]]:
+def _fitting(path: FilePath) -> list[tuple[str, Format]]:
     """Return the suffixes that a file has, longest first, each with a format that has it, too.
 
     Of formats with the same suffix, those come first that write files with it.
@@ -185,12 +185,12 @@ def _fitting(path: str | os.PathLike[str]) -> list[tuple[str, Format]]:
     return sorted(found, key=lambda pair: (-len(pair[0]), pair[1].suffixes.index(pair[0])))
 
 
-def is_file_name(name: str | os.PathLike[str]) -> bool:
+def is_file_name(name: FilePath) -> bool:
     """Return whether a name has a suffix of mission files, or is that of a file in a folder."""
     return bool(_fitting(name)) or Path(name).name != str(name)
 
 
-def stem_of(path: str | os.PathLike[str]) -> str:
+def stem_of(path: FilePath) -> str:
     """Return the name of a file without its suffix.
 
     Examples
@@ -204,7 +204,7 @@ def stem_of(path: str | os.PathLike[str]) -> str:
     return path.name[:-longest] or path.stem  # which is also right if no format has the suffix
 
 
-def format_of(file: str | os.PathLike[str] | Source) -> Format:
+def format_of(file: FilePath | Source) -> Format:
     """Return the format of a mission file, by its suffix and its content.
 
     Raises

@@ -15,6 +15,7 @@ import networkx as nx
 from botohe_moo._base.checks import ParameterError, as_float, check_frame, quoted
 from botohe_moo._base.numbers import read_flag, read_number
 from botohe_moo._base.spreadsheets import FAULTS, FILE, filled_cells
+from botohe_moo._base.types import FilePath
 from botohe_moo._base.words import listed
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
@@ -27,7 +28,6 @@ from botohe_moo.mission.rules import Kind, MissionError
 if TYPE_CHECKING:
     import pandas as pd
 
-_Path = str | os.PathLike[str]
 _RESERVED = "attributes id, source and target, which are labels in mission files"
 
 
@@ -42,10 +42,10 @@ def make_mission(
     pays: Any = None,
     both_ways: bool = False,
     danger: NotNegative | None = None,
-    hazard: _Path | None = None,
+    hazard: FilePath | None = None,
     danger_zones: Any = (),
     reward: NotNegative | None = None,
-    interest: _Path | None = None,
+    interest: FilePath | None = None,
     sight: Positive | None = None,
     geographic: bool | None = None,
 ) -> Mission:
