@@ -418,11 +418,9 @@ def find_factory(name: FilePath) -> Callable[..., Any] | None:
     try:
         return declared_factory(name, _PLUGINS, Mission) if is_module else _PLUGINS.load(name)
     except PluginError as error:
-        fault = str(error)
-        if not is_known and not is_module:
-            known = ", ".join(reading.suffixes())
-            fault += f"; mission files end in one of {known}; botohe missions import reads tables"
-        raise MissionError(fault, _PLUGINS.source(name)) from error
+        files = f"mission files end in one of {', '.join(reading.suffixes())}"
+        hint = f"; {files}; botohe missions import reads tables" * (not is_known and not is_module)
+        raise MissionError(f"{error}{hint}", _PLUGINS.source(name)) from error
 
 
 def _of_library(name: str) -> Mission:

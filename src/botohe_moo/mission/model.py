@@ -548,17 +548,14 @@ def check_plain(value: object, who: str) -> Mission:
 
 def mission_digest(mission: Mission) -> str:
     """Return the digest of all that results depend on; names and positions are left out."""
-    return _digest(mission, [[repr(node) for node in mission.nodes], repr(mission.base)])
+    return numbers_digest(mission, [repr(node) for node in mission.nodes], repr(mission.base))
 
 
-def numbers_digest(mission: Mission) -> str:
+def numbers_digest(mission: Mission, *labels: object) -> str:
     """Return the digest without labels, whose types may change when they are read from a file."""
-    return _digest(mission, [mission.arrays.base])
-
-
-def _digest(mission: Mission, first: list[object]) -> str:
     of_kinds = [[kind.min_survival, kind.max_length] for kind in mission.kinds]
     limits = [x for x in (mission.max_length, of_kinds) if x not in (None, [[0.0, None]])]
+    first = labels or [mission.arrays.base]
     text = json.dumps([*first, mission.robots, *limits], separators=(",", ":"))
     hashed = hashlib.sha256(text.encode())
     for values in _numbers(mission.arrays):
@@ -583,8 +580,6 @@ def _fault_text(mission: Mission, batch: PlanBatch, fault: Sequence[int]) -> str
     """Describe a fault that the kernel ``evaluate`` found: its kind, plan, robot and position."""
     what, plan, robot, position = fault
     where = f"Robot {robot}" if len(batch) == 1 else f"Plan {plan}, robot {robot}"
-    if what == kernels.BAD_OFFSETS:
-        return f"{where}: expected the batch's offsets to cut its nodes into trails."
     if what == kernels.EMPTY_TRAIL:
         return f"{where}: expected a trail of at least one node, the base, got an empty one."
     where, name = f"{where}, position {position}", f"mission {quoted(mission.name)}"

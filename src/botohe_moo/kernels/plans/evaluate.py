@@ -34,7 +34,6 @@ NOT_FROM_BASE = 3
 NOT_BACK_AT_BASE = 4
 MISSING_ARC = 5
 ARC_USED_TWICE = 6
-BAD_OFFSETS = 7
 
 Chance = TypeVar("Chance", float, FloatArray)
 
@@ -268,7 +267,7 @@ def evaluate(
     written.
 
     Returns (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none,
-    or where it is not ``strict``. It always ends at ``BAD_OFFSETS``.
+    or where it is not ``strict``.
     """
     graph, values, n_nodes = shared(graph), shared(values), graph.reward.shape[0]
     used, visited = np.full(graph.head.shape[0], -1), np.full(n_nodes, -1)
@@ -278,9 +277,6 @@ def evaluate(
     for plan in range(values.objectives.shape[0]):
         for k in range(n_robots):
             trail = plan * n_robots + k
-            start, stop = offsets[trail], offsets[trail + 1]
-            if start < 0 or stop > nodes.shape[0]:
-                return BAD_OFFSETS, plan, k, 0
             order[k] = trail
         sort_trails(nodes, offsets, offsets[1:], order)
         begin_team(scratch.team)

@@ -69,8 +69,7 @@ def make_mission(
     graph = site.as_graph()
     if len(graph) == 1 < len(draft.nodes):
         hint = "" if both_ways else "; both_ways makes every arc passable both ways"
-        at = quoted(graph.graph["base"])
-        expected = f"a node that can be reached from base {at} and left again"
+        expected = f"a node that can be reached from base {quoted(site.base)} and left again"
         raise MissionError(f"expected {expected}, found none{hint}")
     try:
         mission = Mission(graph, robots=robots, name=name)
