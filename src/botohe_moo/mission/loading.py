@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -51,10 +51,8 @@ class Entry(NamedTuple):
 
 
 _DATA = Path(__file__).parent / "data"
-ENTRIES: Mapping[str, Entry] = {
-    name: Entry(**entry)
-    for name, entry in json.loads((_DATA / "library.json").read_text("utf-8")).items()
-}
+_LISTED = json.loads((_DATA / "library.json").read_text("utf-8"))
+ENTRIES: Mapping[str, Entry] = {name: Entry(**entry) for name, entry in _LISTED.items()}
 # Names of several missions: sizes and families.
 SELECTIONS = ("small", "medium", "large", "all", *dict.fromkeys(e.family for e in ENTRIES.values()))
 
@@ -86,7 +84,6 @@ def library_name_of(digest: str) -> str | None:
 
 COMMON = ("robots", "lengths_from_pos")  # parameters that every mission takes
 _OF_FILES = {p.name: p for p in stated.signature_parameters(make_mission)}
-_OF_FILES = {name: p for name, p in _OF_FILES.items() if name not in ("draft", "name")}
 _PLUGINS = PluginGroup("botohe_moo.missions", "mission")
 
 
@@ -218,6 +215,7 @@ def read_mission(path: FilePath, **options: Any) -> Mission:
         - ``base``: the label of the base; default: that of the file, or the first charger of a
           building. A text is also matched with labels that are written like it.
         - ``robots``: the team size; default: the file's.
+        - ``name``: the mission's name; default: the file's, or the name of the file.
         - ``kinds``: kinds of robots, each a `Kind` or a mapping; default: the file's.
         - ``pays``: ``"arrival"`` or ``"return"``, as for `Mission`; default: the file's.
         - ``both_ways``: whether every arc can be passed both ways, with the same attributes, unless
@@ -284,7 +282,7 @@ def file_parameters(known: Format) -> dict[str, Parameter]:
 
 
 def _own_options(known: Format) -> dict[str, Parameter]:
-    read = functools.partial(known.read, None)  # whatever its first parameter is called
+    read = partial(known.read, None)  # whatever its first parameter is called
     return {parameter.name: parameter for parameter in stated.signature_parameters(read)}
 
 
@@ -346,13 +344,13 @@ def mission_faults(
     >>> mission_faults("terrain", {"nodes": "50", "robots": 3})
     [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
     """
-    source, accepted = _PLUGINS.source(name_or_path), functools.partial(_accepted, name_or_path)
-    make, given = functools.partial(load_mission, name_or_path), parameters or {}
+    accepted, make = partial(mission_parameters, name_or_path), partial(load_mission, name_or_path)
+    source, given = _PLUGINS.source(name_or_path), parameters or {}
     return factory_faults(source, accepted, make, given, plain=plain, also=COMMON)
 
 
-def _accepted(name_or_path: FilePath) -> tuple[Parameter, ...]:
-    """Return the parameters of a named mission, or the options of a file's format."""
+def mission_parameters(name_or_path: FilePath) -> tuple[Parameter, ...]:
+    """List the parameters of a named mission, or the options of files in a format."""
     if function := find_factory(name_or_path):
         return stated.accepted_parameters(function)
     return tuple(file_parameters(reading.format_of(name_or_path)).values())
@@ -362,7 +360,7 @@ def relative_to(folder: Path, name: FilePath, parameters: Mapping[str, Any]) -> 
     """Return parameters of a mission, with paths in a file relative to the file's folder."""
     relative = dict(parameters)
     with suppress(ValueError):  # whoever loads the mission says why it cannot be found
-        for parameter in _accepted(name):
+        for parameter in mission_parameters(name):
             if parameter.is_path and isinstance(path := relative.get(parameter.name), str):
                 relative[parameter.name] = str(folder / path)
     return relative
@@ -386,15 +384,9 @@ def mission_origin(name_or_path: FilePath) -> dict[str, str | None]:
     Both are None for files, and for missions that are not registered. A ValueError is raised if two
     packages claim the name.
     """
-    name = name_or_path
-    if isinstance(name, str) and name.startswith(PREFIX):
-        name = ENTRIES[name.removeprefix(PREFIX)].source
-    return package_of(_PLUGINS.entry(str(name)).dist if name in _PLUGINS.claims() else None)
-
-
-def mission_parameters(name_or_path: FilePath) -> tuple[Parameter, ...]:
-    """List the parameters of a named mission, or of files in a format, besides ``robots``."""
-    return tuple(one for one in _accepted(name_or_path) if one.name != "robots")
+    name = str(name_or_path)
+    name = ENTRIES[name.removeprefix(PREFIX)].source if name.startswith(PREFIX) else name
+    return package_of(_PLUGINS.entry(name).dist if name in _PLUGINS.claims() else None)
 
 
 def describe_mission(name: str) -> str:
@@ -410,7 +402,7 @@ def find_factory(name: FilePath) -> Callable[..., Any] | None:
         expected = "the name of a mission or a path (Mission(graph, base=...) takes graphs)"
         raise ValueError(f"Expected {expected}, got {quoted(name)}.")
     if name.startswith(PREFIX):
-        return functools.partial(_of_library, name.removeprefix(PREFIX))
+        return partial(_of_library, name.removeprefix(PREFIX))
     is_known = name in _PLUGINS.claims()
     is_module = ":" in name and not is_known
     if not is_known and (reading.is_file_name(name) or Path(name).is_file()):

@@ -24,10 +24,8 @@ from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission import rules
 from botohe_moo.mission.hazards import distance_of, places_of
 from botohe_moo.mission.rules import Kind, MissionError, PlanError
-from botohe_moo.mission.underway import Event, under_way
+from botohe_moo.mission.underway import ROUNDING, Event, under_way
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
-
-_ROUNDING = 1e-12  # relative: what rounding may change along a way
 
 
 class Mission:
@@ -140,7 +138,7 @@ class Mission:
         if not (faults := faults or rules.graph_faults(graph, team, own)):
             team = team or (Kind(rules.ONLY_KIND, own["robots"]),)
             self._set_up(graph.copy(), team, own | {"name": str(name or "mission")})
-            limits = self.limits().loosened(_ROUNDING)
+            limits = self.limits().loosened(ROUNDING)
             floors = limits._replace(max_length=math.inf, budgets=None)
             budgets = limits._replace(min_survival=0.0, floors=None)
             faults = [*dict.fromkeys(chain(*map(self._way_faults, (floors, budgets))))]

@@ -17,6 +17,7 @@ from botohe_moo._base.words import listed
 
 ONLY_KIND = "robot"  # the name of the kind of a mission that lists none
 PAYS = ("arrival", "return")
+_Read = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -124,9 +125,7 @@ class PlanError(ValueError):
     """
 
 
-def read_kinds(
-    kinds: Any, read: Callable[[Mapping[str, Any]], Mapping[str, Any]] = dict
-) -> tuple[tuple[Kind, ...], list[str]]:
+def read_kinds(kinds: Any, read: _Read = dict) -> tuple[tuple[Kind, ...], list[str]]:
     """Return kinds, which files hold as mappings, and what is wrong with their form or names.
 
     None lists no kinds. ``read`` converts the attributes of each.
@@ -178,10 +177,6 @@ def _is_count(value: Any) -> bool:
     return isinstance(value, Integral) and as_float(value) >= 1
 
 
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
 def _is_list(value: Any) -> bool:
     is_sequence = isinstance(value, Sequence) and not isinstance(value, str | bytes)
     return is_sequence or getattr(value, "ndim", 0) == 1  # an array
@@ -192,7 +187,7 @@ def _is_place(value: Any) -> bool:
 
 
 def _is_name(value: Any) -> bool:
-    is_plain = _is_text(value) and value.isprintable() and value == value.strip() != ""
+    is_plain = isinstance(value, str) and value.isprintable() and value == value.strip() != ""
     return is_plain and {*value}.isdisjoint(":,=")
 
 
@@ -201,7 +196,7 @@ def _is_name(value: Any) -> bool:
 Rule = tuple[str, Callable[[Any], bool], Any]
 Rules = Mapping[str, Rule]
 _MAX_LENGTH: Rule = ("a finite max_length >= 0", lambda v: v is None or _within(0)(v), None)
-_PAYS: Rule = ("pays to be 'arrival' or 'return'", lambda v: _is_text(v) and v in PAYS, PAYS[0])
+_PAYS: Rule = ("pays to be 'arrival' or 'return'", lambda v: f"{v}" in PAYS, PAYS[0])
 _SHARE: Rule = ("share in [0, 1]", _within(0, 1), 1.0)
 _OF_MISSIONS: Rules = {
     "robots": ("robots to be an integer >= 1", lambda v: v is None or _is_count(v), None),
@@ -244,7 +239,7 @@ def _faults_of(given: Mapping[str, Any], rules: Rules, names: Sequence[str] = ()
             of_kinds = {kind: (f"{expected} of kind {quoted(kind)}", *test) for kind in asked}
             yield from _faults_of(value, of_kinds)
         else:
-            hint = "; write numbers with a point" if _is_text(value) and "," in value else ""
+            hint = "; write numbers with a point" if isinstance(value, str) and "," in value else ""
             found = "found none" if value is None else f"got {quoted(value)}{hint}"
             yield f"expected {expected}, {found}"
 

@@ -56,12 +56,11 @@ def read_benchmark(
         for node, (x, y, score) in enumerate(table.tolist())
     ]
     arcs, degree = [], n - 1 if neighbours == "all" else min(neighbours, n - 1)
-    for u, v in sorted({*nearest_pairs(points, degree), *spanning_pairs(points)}):
+    pairs = sorted({*nearest_pairs(points, degree), *spanning_pairs(points)})
+    for u, v in [ends for pair in pairs for ends in (pair, pair[::-1])]:
         length = math.dist(points[u], points[v])
         survival = survived(length / (scale or tmax), f"Points {u} and {v}", length=length)
-        for ends in ((u, v), (v, u)):
-            attributes = {"survival": survival, "length": length}
-            arcs.append(Row("arc {} -> {}".format(*ends), ends, attributes))
+        arcs.append(Row(f"arc {u} -> {v}", (u, v), {"survival": survival, "length": length}))
     return Draft(nodes, arcs, graph)
 
 

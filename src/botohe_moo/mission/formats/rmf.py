@@ -197,8 +197,7 @@ def _draft(source: Source, site: _Site, base: Any, graph: int | str | None) -> D
             del vertices[spot].attributes["name"]
     nodes = [Row(where, (labels[spot],), of) for spot, (where, _, of) in vertices.items()]
     arcs = [Row(where, tuple(map(labels.get, ends, ends)), of) for where, ends, of in lanes + rides]
-    about = {"base": base}
-    return Draft(nodes, arcs, about, foreign=True, left_out=left_out, notes=notes)
+    return Draft(nodes, arcs, {"base": base}, foreign=True, left_out=left_out, notes=notes)
 
 
 def _lanes(source: Source, site: _Site) -> dict[int, list[Row]]:

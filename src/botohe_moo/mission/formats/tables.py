@@ -34,6 +34,7 @@ _RESERVED = "attributes id, source and target, which are labels in mission files
 @checked
 def make_mission(
     draft: Draft,
+    /,
     *,
     name: str | None = None,
     base: Any = None,
@@ -132,8 +133,7 @@ class _Site:
         for _, (tail, head), attributes in self.arcs:
             is_placed = tail in self.places and head in self.places
             if is_placed and (self.draft.foreign or "survival" not in attributes):
-                length = distance(self.places[tail], self.places[head])
-                attributes.setdefault("length", length)
+                attributes.setdefault("length", distance(self.places[tail], self.places[head]))
 
     def add_rewards(self, reward: float | None, interest: Raster | None, sight: Any) -> None:
         """Give nodes without one a reward; cells that are nearest to the base count for none."""

@@ -40,8 +40,8 @@ def _rules(
     for name in names:
         if origin_of(name)["package"] != "botohe-moo":
             continue
-        single = {p.name: _described(p) for p in parameters_of(name) if p.plain}
-        single |= {name: {} for name in also}
+        single: dict[str, Any] = {key: {} for key in also}
+        single |= {p.name: _described(p) for p in parameters_of(name) if p.plain}
         several = {name: {"items": schema} for name, schema in single.items()}
         given = {
             "parameters": {"properties": single, "additionalProperties": False},
