@@ -308,6 +308,7 @@ class TestCheck:
         assert [p.name for p in mission_parameters("random")] == [
             "nodes",
             "arc_probability",
+            "robots",
             "seed",
         ]
         assert mission_parameters("toy") == ()
