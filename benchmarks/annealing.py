@@ -8,7 +8,7 @@ import pandas as pd
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, area_indicator, load_mission
-from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
+from botohe_moo.algorithms.annealing.algorithm import SimulatedAnnealing
 
 SEEDS = (1, 2, 3, 4)
 SCHEDULES = ("journal", "cooled")

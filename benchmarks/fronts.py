@@ -12,7 +12,7 @@ from pymoo.optimize import minimize
 from benchmarks.measure import best, in_process
 from benchmarks.memory import peak_resident
 from botohe_moo import BOTOHE, Mission
-from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
+from botohe_moo.algorithms.local_search.algorithm import ParetoLocalSearch
 from botohe_moo.search.archive import PlanArchive
 
 ROBOTS = 30

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from botohe_moo import BOACO
-from botohe_moo.kernels.plans import evaluate as evaluate_module
+from botohe_moo.core import evaluate as evaluate_module
 from botohe_moo.search import archive as archive_module
 from botohe_moo.search import colony as colony_module
 

@@ -13,7 +13,7 @@ from pymoo.optimize import minimize
 
 from benchmarks.memory import peak_resident
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
-from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
+from botohe_moo.algorithms.local_search.algorithm import ParetoLocalSearch
 
 ALGORITHMS: dict[str, Callable[[], Any]] = {
     "pareto-local-search": ParetoLocalSearch,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
-from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
+from botohe_moo.algorithms.local_search.algorithm import ParetoLocalSearch
 
 # Mission, evaluations, runs; what the mean area must reach, and every run's.
 AREAS = (

@@ -27,7 +27,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import botohe_moo.kernels.compile  # noqa: F401
+import botohe_moo.core.compile  # noqa: F401
 from botohe_moo import (
     FrontBound,
     Kind,
@@ -847,7 +847,7 @@ class TestBound:
 
     @pytest.mark.slow
     def test_ctrl_c_shows_what_is_proved(self, botohe):
-        code = when_called("botohe_moo.search.bounds.proof", "LocalSearch")
+        code = when_called("botohe_moo.bounds.proof", "LocalSearch")
         ended = botohe("bound", "art_museum", "--time-limit", 500, code=code)
         assert ended.status == 130
         assert "stopping; what is proved will be shown" in ended.err
@@ -990,7 +990,7 @@ class TestCertify:
         assert rows[-1].split() == ["2", "-", "-"]  # nobody can stay at the base
 
     def test_ctrl_c_keeps_what_is_proved(self, botohe, tmp_path):
-        code = when_called("botohe_moo.search.bounds.proof", "LocalSearch")
+        code = when_called("botohe_moo.bounds.proof", "LocalSearch")
         args = ["solve", "art_museum", "-n", 200, "--out", "out", "--certify", 500]
         ended = botohe(*args, code=code)
         assert ended.status == 130

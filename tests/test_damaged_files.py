@@ -20,10 +20,10 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission, mission_from_tables, read_solution, solve
 from botohe_moo._base.spreadsheets import read_table
+from botohe_moo.bounds import FrontBound, bound_front
 from botohe_moo.library import BestKnown, Finder
 from botohe_moo.mission import MissionError, read_mission, save_mission
 from botohe_moo.mission.model import mission_digest
-from botohe_moo.search.bounds import FrontBound, bound_front
 from tests.examples import examples
 
 pytestmark = pytest.mark.fuzz

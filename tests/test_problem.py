@@ -18,7 +18,7 @@ from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
 from pymoo.optimize import minimize
 
-from botohe_moo.kernels.graph.graph import NO_LIMITS
+from botohe_moo.core.graph import NO_LIMITS
 from botohe_moo.mission import Mission, load_mission
 from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import PlanBatch, TrailPlan

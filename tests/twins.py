@@ -13,9 +13,9 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from botohe_moo.kernels import local_search
-from botohe_moo.kernels.fronts.ordered import read_front
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
+from botohe_moo.algorithms.local_search import kernels as local_search
+from botohe_moo.core.graph import NO_LIMITS, Limits
+from botohe_moo.core.ordered import read_front
 
 
 def of_kind(value, kind):
@@ -510,7 +510,7 @@ def plain_local_search():
         f"{local_search.__name__}.{module.name}" for module in iter_modules(local_search.__path__)
     ]
     with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"):
-        for name in [*names, "botohe_moo.search.local_search"]:
+        for name in [*names, "botohe_moo.algorithms.local_search.engine"]:
             module = import_module(name)
             for key, function in list(vars(module).items()):
                 if hasattr(function, "py_func"):

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from botohe_moo.algorithms import SimulatedAnnealing as SimulatedAnnealing
     from botohe_moo.algorithms import algorithm_names as algorithm_names
     from botohe_moo.algorithms import make_algorithm as make_algorithm
+    from botohe_moo.bounds import FrontBound as FrontBound
+    from botohe_moo.bounds import bound_front as bound_front
     from botohe_moo.decide import worst_case as worst_case
     from botohe_moo.indicators import area_indicator as area_indicator
     from botohe_moo.mission import Kind as Kind
@@ -34,8 +36,6 @@ if TYPE_CHECKING:
     from botohe_moo.plots import plot_front as plot_front
     from botohe_moo.plots import plot_mission as plot_mission
     from botohe_moo.problem import BOTOHE as BOTOHE
-    from botohe_moo.search.bounds import FrontBound as FrontBound
-    from botohe_moo.search.bounds import bound_front as bound_front
     from botohe_moo.solution import Solution as Solution
     from botohe_moo.solution import read_solution as read_solution
     from botohe_moo.solving import solve as solve

@@ -14,8 +14,8 @@ from pymoo.util.display.output import Output
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability, TravelBudget
+from botohe_moo.core.graph import Limits
 from botohe_moo.indicators import area_indicator
-from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch
 

@@ -202,7 +202,7 @@ def search(
             try:
                 algorithm.next()
             except ValueError as error:
-                from botohe_moo.search.exact import TooLargeError  # loads kernels
+                from botohe_moo.algorithms.exact.front import TooLargeError  # loads kernels
 
                 if not isinstance(error, TooLargeError):
                     raise

@@ -6,7 +6,7 @@ from hypothesis import given
 from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, Exact, Greedy, area_indicator, load_mission
-from botohe_moo.search.exact import TooLargeError, exact_front
+from botohe_moo.algorithms.exact.front import TooLargeError, exact_front
 from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner
 from tests.examples import examples
 from tests.strategies import small_missions

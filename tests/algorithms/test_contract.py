@@ -29,8 +29,8 @@ from botohe_moo import (
     load_mission,
     make_algorithm,
 )
+from botohe_moo.algorithms.exact.front import exact_front
 from botohe_moo.algorithms.registry import algorithm_parameters
-from botohe_moo.search.exact import exact_front
 from tests.examples import examples
 from tests.strategies import lengths, small_missions, small_team_missions
 from tests.twins import all_objectives, within

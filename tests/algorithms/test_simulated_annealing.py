@@ -11,9 +11,9 @@ from pymoo.core.termination import NoTermination
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, RandomTrails, area_indicator, load_mission
-from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
-from botohe_moo.kernels.plans import moves
-from botohe_moo.search.annealing import Annealing
+from botohe_moo.algorithms.annealing.algorithm import SimulatedAnnealing
+from botohe_moo.algorithms.annealing.engine import Annealing
+from botohe_moo.operators.kernels import moves
 
 schedules = pytest.mark.parametrize("schedule", ["cooled", "journal"])
 

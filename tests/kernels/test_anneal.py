@@ -10,11 +10,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.anneal.schedule import AnnealRule, anneal, new_records, new_state
-from botohe_moo.kernels.plans.change import MoveRule
-from botohe_moo.kernels.plans.trails import read_trails
-from botohe_moo.kernels.rng import seed_states
+from botohe_moo.algorithms.annealing.kernels import AnnealRule, anneal, new_records, new_state
+from botohe_moo.core.rng import seed_states
+from botohe_moo.core.trails import read_trails
 from botohe_moo.mission import load_mission
+from botohe_moo.operators.kernels.change import MoveRule
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests import twins
 from tests.examples import examples

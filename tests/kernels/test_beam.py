@@ -9,11 +9,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from botohe_moo.core.graph import Limits
+from botohe_moo.core.paths import new_budget
 from botohe_moo.kernels.beam import search as beam
 from botohe_moo.kernels.beam.labels import larger_beam, new_beam
 from botohe_moo.kernels.beam.prospects import BeamRule, dangers, find_near
-from botohe_moo.kernels.graph.graph import Limits
-from botohe_moo.kernels.graph.paths import new_budget
 from botohe_moo.mission import Kind, Mission, load_mission
 from tests.examples import examples
 from tests.strategies import lengths, missions, team_missions

@@ -9,18 +9,18 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission
-from botohe_moo.kernels.bounds.relaxed import follow, relax
-from botohe_moo.kernels.bounds.states import Worth, find_states
-from botohe_moo.kernels.bounds.trails import (
+from botohe_moo.bounds.kernels.relaxed import follow, relax
+from botohe_moo.bounds.kernels.states import Worth, find_states
+from botohe_moo.bounds.kernels.trails import (
     Completions,
     Stairs,
     TrailRule,
     find_trails,
     new_depths,
 )
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
-from botohe_moo.search.bounds.memory import Remembered
-from botohe_moo.search.bounds.net import new_net, pieces_of
+from botohe_moo.bounds.memory import Remembered
+from botohe_moo.bounds.net import new_net, pieces_of
+from botohe_moo.core.graph import NO_LIMITS, Limits
 from tests import twins
 from tests.examples import examples
 from tests.strategies import missions

@@ -15,9 +15,9 @@ from numba.core.cpu import CPUTargetOptions
 
 from botohe_moo import kernels
 from botohe_moo._base.types import FloatArray
-from botohe_moo.kernels import compile as decorators
-from botohe_moo.kernels.compile import _PRIVATE, array_maker, helper, kernel
-from botohe_moo.kernels.sharing import shared
+from botohe_moo.core import compile as decorators
+from botohe_moo.core.compile import _PRIVATE, array_maker, helper, kernel
+from botohe_moo.core.sharing import shared
 
 FOLDER = Path(kernels.__file__).parent
 MODULES = sorted(path for path in FOLDER.rglob("*.py") if path.name != "__init__.py")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.graph.graph import Limits
+from botohe_moo.core.graph import Limits
 from botohe_moo.mission import Kind, Mission, load_mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search import colony as search

@@ -9,19 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.compile import kernel
-from botohe_moo.kernels.exact import labels as labelling
-from botohe_moo.kernels.exact import tables, teams
-from botohe_moo.kernels.fronts.ordered import (
+from botohe_moo.algorithms.exact.kernels import labels as labelling
+from botohe_moo.algorithms.exact.kernels import tables, teams
+from botohe_moo.algorithms.exact.trails import TrailSearch
+from botohe_moo.core.compile import kernel
+from botohe_moo.core.graph import NO_LIMITS, Limits
+from botohe_moo.core.ordered import (
     best_reward,
     copy_front,
     insert,
     new_front,
     read_front,
 )
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.mission import Mission
-from botohe_moo.search.exact_trails import TrailSearch
 from tests.examples import examples
 from tests.strategies import lengths, missions, small_missions, trails
 from tests.twins import all_trails, arc_survivals, length_of, survival_of, within

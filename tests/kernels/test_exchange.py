@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import TrailPlan, load_mission
-from botohe_moo.kernels.fronts.ordered import count_turn
-from botohe_moo.kernels.local_search import exchange
-from botohe_moo.kernels.local_search import plans as plans_module
-from botohe_moo.kernels.local_search.exchange import join_news
-from botohe_moo.kernels.rng import hash_stretch
-from botohe_moo.search.local_search import LocalSearch
+from botohe_moo.algorithms.local_search.engine import LocalSearch
+from botohe_moo.algorithms.local_search.kernels import exchange
+from botohe_moo.algorithms.local_search.kernels import plans as plans_module
+from botohe_moo.algorithms.local_search.kernels.exchange import join_news
+from botohe_moo.core.ordered import count_turn
+from botohe_moo.core.rng import hash_stretch
 from tests import twins
 from tests.examples import examples
 from tests.strategies import missions_with_plans, team_missions_with_plans

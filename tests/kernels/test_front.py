@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.fronts import ordered as kernels
-from botohe_moo.kernels.fronts.ordered import BLOCK
-from botohe_moo.kernels.local_search import plans
-from botohe_moo.kernels.local_search.trail_store import copy_trails, new_store, release
-from botohe_moo.kernels.rng import seed_states
-from botohe_moo.search.local_search import _most_contributing
+from botohe_moo.algorithms.local_search.engine import _most_contributing
+from botohe_moo.algorithms.local_search.kernels import plans
+from botohe_moo.algorithms.local_search.kernels.trail_store import copy_trails, new_store, release
+from botohe_moo.core import ordered as kernels
+from botohe_moo.core.ordered import BLOCK
+from botohe_moo.core.rng import seed_states
 from tests.examples import examples
 
 

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.compile import kernel
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
-from botohe_moo.kernels.plans import moves
-from botohe_moo.kernels.plans.change import MoveRule, _take_detour, change_plans
-from botohe_moo.kernels.plans.moves import DETOUR, mark_trail, move_trail, new_move_scratch
-from botohe_moo.kernels.plans.trails import read_trails
-from botohe_moo.kernels.rng import seed_states
+from botohe_moo.core.compile import kernel
+from botohe_moo.core.graph import NO_LIMITS, Limits
+from botohe_moo.core.rng import seed_states
+from botohe_moo.core.trails import read_trails
 from botohe_moo.mission import Kind, Mission, load_mission
+from botohe_moo.operators.kernels import moves
+from botohe_moo.operators.kernels.change import MoveRule, _take_detour, change_plans
+from botohe_moo.operators.kernels.moves import DETOUR, mark_trail, move_trail, new_move_scratch
 from botohe_moo.trails import PlanBatch
 from tests import twins
 from tests.examples import examples

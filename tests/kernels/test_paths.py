@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numba import njit
 
 from botohe_moo import load_mission
-from botohe_moo.kernels.graph import graph as graphs
-from botohe_moo.kernels.graph import paths
-from botohe_moo.kernels.graph.graph import Limits, with_costs
+from botohe_moo.core import graph as graphs
+from botohe_moo.core import paths
+from botohe_moo.core.graph import Limits, with_costs
 from tests.examples import examples
 from tests.strategies import lengths, missions, team_missions
 from tests.twins import end_at

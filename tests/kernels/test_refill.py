@@ -11,15 +11,15 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
-from botohe_moo.kernels.fronts.ordered import read_front
-from botohe_moo.kernels.graph.graph import Limits, find_arc
-from botohe_moo.kernels.local_search import plans
-from botohe_moo.kernels.local_search import refill as kernels
-from botohe_moo.kernels.local_search import tours as filling
-from botohe_moo.kernels.local_search.trail_store import new_store
-from botohe_moo.kernels.local_search.workspace import NEVER
-from botohe_moo.kernels.rng import uniform
-from botohe_moo.search.local_search import LocalSearch
+from botohe_moo.algorithms.local_search.engine import LocalSearch
+from botohe_moo.algorithms.local_search.kernels import plans
+from botohe_moo.algorithms.local_search.kernels import refill as kernels
+from botohe_moo.algorithms.local_search.kernels import tours as filling
+from botohe_moo.algorithms.local_search.kernels.trail_store import new_store
+from botohe_moo.algorithms.local_search.kernels.workspace import NEVER
+from botohe_moo.core.graph import Limits, find_arc
+from botohe_moo.core.ordered import read_front
+from botohe_moo.core.rng import uniform
 from botohe_moo.trails import PlanBatch
 from tests import twins
 from tests.examples import examples

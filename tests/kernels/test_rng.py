@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from botohe_moo.kernels.compile import kernel
-from botohe_moo.kernels.rng import hash_keys, mixed, seed_states, uniform
+from botohe_moo.core.compile import kernel
+from botohe_moo.core.rng import hash_keys, mixed, seed_states, uniform
 
 MASK = 2**64 - 1
 

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
-from botohe_moo.kernels.graph.graph import with_costs
-from botohe_moo.kernels.local_search import routes as kernels
-from botohe_moo.kernels.local_search.routes import UNKNOWN
+from botohe_moo.algorithms.local_search.kernels import routes as kernels
+from botohe_moo.algorithms.local_search.kernels.routes import UNKNOWN
+from botohe_moo.core.graph import with_costs
 from tests.examples import examples
 from tests.strategies import missions
 

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
-from botohe_moo.kernels.graph.graph import find_arc
-from botohe_moo.kernels.local_search import plans, workspace
-from botohe_moo.kernels.local_search import trail_store as kernels
-from botohe_moo.kernels.plans.trails import sort_trails
+from botohe_moo.algorithms.local_search.kernels import plans, workspace
+from botohe_moo.algorithms.local_search.kernels import trail_store as kernels
+from botohe_moo.core.graph import find_arc
+from botohe_moo.core.trails import sort_trails
 from tests.examples import examples
 from tests.strategies import missions, missions_with_plans, team_missions_with_plans, trails
 

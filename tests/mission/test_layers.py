@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 
 from botohe_moo import BOTOHE
-from botohe_moo.kernels.graph.graph import NO_LIMITS
-from botohe_moo.kernels.graph.ways import uncollected
+from botohe_moo.core.graph import NO_LIMITS
+from botohe_moo.core.ways import uncollected
 from botohe_moo.mission import Kind, Mission
 from botohe_moo.mission.rules import by_kind
 from tests.mission.made import BOTH, harbour, site

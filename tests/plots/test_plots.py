@@ -22,6 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import botohe_moo
+from botohe_moo.bounds import bound_front
 from botohe_moo.mission import Mission
 from botohe_moo.plots import (
     plot_choices,
@@ -34,7 +35,6 @@ from botohe_moo.plots import (
 )
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.front import staircase
-from botohe_moo.search.bounds import bound_front
 from tests.examples import examples
 from tests.strategies import missions_with_plans
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from botohe_moo.search.bounds import proof, schedule
+from botohe_moo.bounds import proof, schedule
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import numba
 import pytest
 
 from botohe_moo import load_mission
-from botohe_moo.search import ahead
+from botohe_moo.algorithms import ahead
 
 
 @pytest.fixture
@@ -70,9 +70,9 @@ def test_what_cannot_be_kept_is_not_compiled_ahead():
 
 SEARCH = """
 from botohe_moo import load_mission, solve
-from botohe_moo.kernels.local_search.exchange import take_over
-from botohe_moo.kernels.local_search.search import improve
-from botohe_moo.search import ahead
+from botohe_moo.algorithms.local_search.kernels.exchange import take_over
+from botohe_moo.algorithms.local_search.kernels.search import improve
+from botohe_moo.algorithms import ahead
 
 if __name__ == "__main__":
     ahead.n_cpus = lambda: 2  # also where there is one

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import assume, given
 
 from botohe_moo import FrontBound, Kind, Mission, bound_front, load_mission
-from botohe_moo.kernels.graph.graph import Limits
-from botohe_moo.search.bounds import proof, schedule
-from botohe_moo.search.bounds.plain import NOTE, relaxed_to_plain
-from botohe_moo.search.bounds.proof import Proof
+from botohe_moo.bounds import proof, schedule
+from botohe_moo.bounds.plain import NOTE, relaxed_to_plain
+from botohe_moo.bounds.proof import Proof
+from botohe_moo.core.graph import Limits
 from botohe_moo.trails import TrailPlan
 from tests.examples import examples
 from tests.strategies import missions, small_team_missions, team_missions_with_plans

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
-from botohe_moo.search.bounds import stairs as module
-from botohe_moo.search.bounds.envelopes import add_stairs, falling, least_total
-from botohe_moo.search.bounds.schedule import Schedule
-from botohe_moo.search.bounds.stairs import StairsMaster, TeamStairs
+from botohe_moo.bounds import stairs as module
+from botohe_moo.bounds.envelopes import add_stairs, falling, least_total
+from botohe_moo.bounds.schedule import Schedule
+from botohe_moo.bounds.stairs import StairsMaster, TeamStairs
 from tests.examples import seeds
 from tests.search.test_bounds import bounded_at_all_stages, random_mission
 

@@ -12,22 +12,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission
-from botohe_moo.kernels.graph.graph import NO_LIMITS
-from botohe_moo.search.bounds import lines as lines_module
-from botohe_moo.search.bounds import master as master_module
-from botohe_moo.search.bounds import proof as proof_module
-from botohe_moo.search.bounds import steps as steps_module
-from botohe_moo.search.bounds.clock import Clock
-from botohe_moo.search.bounds.envelopes import add_stairs, least_total, stairs_of
-from botohe_moo.search.bounds.front_bound import FrontBound
-from botohe_moo.search.bounds.lines import N_STEPS, Lines
-from botohe_moo.search.bounds.master import Master
-from botohe_moo.search.bounds.proof import Proof
-from botohe_moo.search.bounds.record import Line, Step
-from botohe_moo.search.bounds.schedule import Schedule
-from botohe_moo.search.bounds.steps import Steps
-from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
-from botohe_moo.search.bounds.turns import Turns
+from botohe_moo.bounds import lines as lines_module
+from botohe_moo.bounds import master as master_module
+from botohe_moo.bounds import proof as proof_module
+from botohe_moo.bounds import steps as steps_module
+from botohe_moo.bounds.clock import Clock
+from botohe_moo.bounds.envelopes import add_stairs, least_total, stairs_of
+from botohe_moo.bounds.front_bound import FrontBound
+from botohe_moo.bounds.lines import N_STEPS, Lines
+from botohe_moo.bounds.master import Master
+from botohe_moo.bounds.proof import Proof
+from botohe_moo.bounds.record import Line, Step
+from botohe_moo.bounds.schedule import Schedule
+from botohe_moo.bounds.steps import Steps
+from botohe_moo.bounds.targets import Known, LineTargets, StepTargets
+from botohe_moo.bounds.turns import Turns
+from botohe_moo.core.graph import NO_LIMITS
 from tests import twins
 from tests.examples import seeds
 from tests.search.test_bounds import random_mission

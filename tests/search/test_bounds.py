@@ -19,16 +19,16 @@ from botohe_moo import (
     bound_front,
     load_mission,
 )
-from botohe_moo.kernels.graph.graph import Limits
-from botohe_moo.search.bounds import clock as clock_module
-from botohe_moo.search.bounds import proof as proof_module
-from botohe_moo.search.bounds.envelopes import convex_below, lower_envelope
-from botohe_moo.search.bounds.net import new_net
-from botohe_moo.search.bounds.prices import PricedTeam, most_levels, refine
-from botohe_moo.search.bounds.record import Line, Step
-from botohe_moo.search.bounds.relaxation import Relaxation
-from botohe_moo.search.bounds.schedule import Schedule
-from botohe_moo.search.exact import exact_front
+from botohe_moo.algorithms.exact.front import exact_front
+from botohe_moo.bounds import clock as clock_module
+from botohe_moo.bounds import proof as proof_module
+from botohe_moo.bounds.envelopes import convex_below, lower_envelope
+from botohe_moo.bounds.net import new_net
+from botohe_moo.bounds.prices import PricedTeam, most_levels, refine
+from botohe_moo.bounds.record import Line, Step
+from botohe_moo.bounds.relaxation import Relaxation
+from botohe_moo.bounds.schedule import Schedule
+from botohe_moo.core.graph import Limits
 from tests.examples import examples, seeds
 from tests.strategies import missions
 

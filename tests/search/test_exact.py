@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, load_mission
-from botohe_moo.search.exact import (
+from botohe_moo.algorithms.exact.front import (
     TIME_LIMIT,
     FrontSearch,
     TooLargeError,

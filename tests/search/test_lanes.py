@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from botohe_moo import Mission, load_mission
-from botohe_moo.kernels.local_search.workspace import REFILLED_AT_ONCE, REFILLED_IN_LANES
-from botohe_moo.search import lanes as module
-from botohe_moo.search.lanes import Lanes
-from botohe_moo.search.local_search import LocalSearch
+from botohe_moo.algorithms.local_search import islands as module
+from botohe_moo.algorithms.local_search.engine import LocalSearch
+from botohe_moo.algorithms.local_search.islands import Lanes
+from botohe_moo.algorithms.local_search.kernels.workspace import REFILLED_AT_ONCE, REFILLED_IN_LANES
 from botohe_moo.search.sequential import SequentialPlanner
 
 

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from botohe_moo.search.bounds.turns import Turns
+from botohe_moo.bounds.turns import Turns
 
 
 @pytest.mark.parametrize("n_threads", [1, 4])

@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from botohe_moo import load_mission
+from botohe_moo.bounds import FrontBound
 from botohe_moo.cli.study import study_app
-from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study import (
     StudyError,
     StudyInterrupted,

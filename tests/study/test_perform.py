@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
-from botohe_moo.kernels.local_search import refill, search
+from botohe_moo.algorithms.local_search.kernels import refill, search
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.run import perform as performing
@@ -141,7 +141,7 @@ class TestBudgets:
         budgets = [(s, n) for s in ("cooled", "journal") for n in (1, 97, 331)]
         code = f"""
 from botohe_moo import Mission
-from botohe_moo.kernels.anneal import schedule as anneal
+from botohe_moo.algorithms.annealing import kernels as anneal
 from tests.study.test_perform import make_task, performed
 
 n, appraise, evaluate = [0], anneal._evaluate, Mission.evaluate
@@ -530,7 +530,7 @@ class TestWarmUp:
             called.append(given)
             return refill.refill(*given)
 
-        monkeypatch.setattr("botohe_moo.search.local_search.refill", refill_counted)
+        monkeypatch.setattr("botohe_moo.algorithms.local_search.engine.refill", refill_counted)
         warm_up(make_task("pareto-local-search", mission="toy", evaluations=100_000).run)
         assert called
 

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from botohe_moo.bounds import FrontBound
 from botohe_moo.indicators import INDICATORS, TIE
-from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.judge.comparisons import (
     compare_algorithms,
     compare_ranks,

@@ -12,9 +12,9 @@ from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, Positive
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, Threads
 from botohe_moo.algorithms.bo_aco import BOACO
+from botohe_moo.algorithms.exact.front import MEMORY_LIMIT, TIME_LIMIT, FrontSearch, MemoryLimit
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.exact import MEMORY_LIMIT, TIME_LIMIT, FrontSearch, MemoryLimit
 from botohe_moo.search.sequential import BEAM_WIDTH, BeamWidth, SequentialPlanner
 from botohe_moo.trails import TrailPlan
 
@@ -207,7 +207,7 @@ class Exact(ArchiveAlgorithm):
 
     Notes
     -----
-    See :func:`~botohe_moo.search.exact.exact_front` for the method, and for what is exact where
+    See :func:`~botohe_moo.algorithms.exact_front` for the method, and for what is exact where
     numbers are rounded.
 
     Partial trails and teams do not count as evaluations: to compare efforts, compare times. With a

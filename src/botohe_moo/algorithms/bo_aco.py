@@ -12,9 +12,9 @@ from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, NotNegative, Positive, Probability
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, Threads, settings_of
+from botohe_moo.algorithms.iteration import IterationSearch
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.colony import Allocation, Colony, ColonyRule, tabulate_pheromone
-from botohe_moo.search.iteration_search import IterationSearch
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:

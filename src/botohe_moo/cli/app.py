@@ -211,7 +211,7 @@ def solve_mission(
         check_integer("--evaluations", evaluations, at_least=1)
         check_integer("--seed", seed, at_least=0)
         if certify_for is not None:
-            from botohe_moo.search.bounds.plain import check_boundable
+            from botohe_moo.bounds.plain import check_boundable
 
             check_number("--certify", certify_for, above=0)
             check_boundable(loaded, "--certify")
@@ -259,7 +259,7 @@ def _search_and_write(
         try:
             with showing_search(how["evaluations"]) as progress:
                 if how["record"]["algorithm"] == "pareto-local-search":
-                    from botohe_moo.search.ahead import compile_ahead
+                    from botohe_moo.algorithms.ahead import compile_ahead
 
                     limits = problem.planning_limits
                     compile_ahead(problem.mission, limits, how["evaluations"])

@@ -27,8 +27,8 @@ from botohe_moo.cli.shell import FAILED, brief, failing, stoppable, tell
 if TYPE_CHECKING:
     from threading import Event
 
+    from botohe_moo.bounds import FrontBound
     from botohe_moo.mission.model import Mission
-    from botohe_moo.search.bounds import FrontBound
     from botohe_moo.solution import Solution
 
 _STOPPING = "stopping; what is proved will be shown. Press Ctrl-C again to break off."
@@ -84,8 +84,8 @@ def bound_mission(
         source = mission_source(mission, mission_parameter, **own)
         from botohe_moo._base.checks import check_integer, check_number
         from botohe_moo._base.files import check_file
+        from botohe_moo.bounds.plain import check_boundable
         from botohe_moo.mission import load_mission
-        from botohe_moo.search.bounds.plain import check_boundable
 
         check_number("--time-limit", time_limit, above=0)
         check_integer("--seed", seed, at_least=0)
@@ -144,8 +144,8 @@ def _prove(
 ) -> FrontBound:
     """Bound the front of a mission until the time is over or the event is set."""
     from botohe_moo._base.cpus import n_cpus
+    from botohe_moo.bounds import bound_front
     from botohe_moo.cli.progress import showing
-    from botohe_moo.search.bounds import bound_front
 
     with showing("starting") as show:
 

@@ -116,7 +116,7 @@ def _describe(mission: Mission) -> str:
 
 def _describe_kinds(mission: Mission, credit: list[int]) -> list[str]:
     """Describe each kind of robots in a line, and what is credited on return, and where."""
-    from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
+    from botohe_moo.core.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
     from botohe_moo.mission.rules import ONLY_KIND, Kind
 
     n, paying = len(mission.nodes), (mission.rewards > 0).tolist()

@@ -9,9 +9,9 @@ import numpy as np
 
 from botohe_moo._base.checks import check_integer, check_number, quoted
 from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.core import evaluate as kernels
 from botohe_moo.decide.judging import Candidates
 from botohe_moo.decide.losses import worst_losses
-from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch, Plans
 

@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
+from botohe_moo.core.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
 from botohe_moo.mission.model import Mission
 from botohe_moo.outcomes import collect_probabilities
 from botohe_moo.trails import TrailPlan

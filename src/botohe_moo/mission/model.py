@@ -17,10 +17,10 @@ import numpy as np
 from botohe_moo._base.checks import check_integer, quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted, listed
-from botohe_moo.kernels.graph import ways
-from botohe_moo.kernels.graph.graph import Graph, Limits, new_graph
-from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
-from botohe_moo.kernels.plans import evaluate as kernels
+from botohe_moo.core import evaluate as kernels
+from botohe_moo.core import ways
+from botohe_moo.core.graph import Graph, Limits, new_graph
+from botohe_moo.core.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
 from botohe_moo.mission import rules
 from botohe_moo.mission.hazards import distance_of, places_of
 from botohe_moo.mission.rules import Kind, MissionError, PlanError

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import networkx as nx
 
 from botohe_moo._base.checks import quoted
-from botohe_moo.kernels.graph.graph import Limits, limit_at
+from botohe_moo.core.graph import Limits, limit_at
 from botohe_moo.mission.rules import Kind, MissionError, PlanError, by_kind
 from botohe_moo.trails import TrailPlan
 

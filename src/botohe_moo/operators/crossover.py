@@ -9,11 +9,11 @@ from pymoo.core.crossover import Crossover
 from botohe_moo._base.types import ObjectArray, OffsetArray, Rng
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability
-from botohe_moo.kernels.graph.kinds import kind_ranges
-from botohe_moo.kernels.plans.trails import read_trails
-from botohe_moo.kernels.plans.vary import EXCHANGE, N_PIECES, SPLICE, cross, join_pieces
-from botohe_moo.kernels.rng import draw_state
+from botohe_moo.core.kinds import kind_ranges
+from botohe_moo.core.rng import draw_state
+from botohe_moo.core.trails import read_trails
 from botohe_moo.operators.base import check_part
+from botohe_moo.operators.kernels.vary import EXCHANGE, N_PIECES, SPLICE, cross, join_pieces
 from botohe_moo.operators.repair import PlanRepair, SafestPathRepair
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch

@@ -11,14 +11,14 @@ from botohe_moo._base.checks import check_weights
 from botohe_moo._base.types import ObjectArray, Rng
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, Probability
-from botohe_moo.kernels.graph.graph import NO_LIMITS
-from botohe_moo.kernels.plans.change import MoveRule, change_plans
-from botohe_moo.kernels.plans.trails import read_trails
-from botohe_moo.kernels.plans.vary import join_pieces, ruin, share, whole_trails
-from botohe_moo.kernels.rng import draw_state
+from botohe_moo.core.graph import NO_LIMITS
+from botohe_moo.core.rng import draw_state
+from botohe_moo.core.trails import read_trails
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import PlanError
 from botohe_moo.operators.base import Mixture, check_part
+from botohe_moo.operators.kernels.change import MoveRule, change_plans
+from botohe_moo.operators.kernels.vary import join_pieces, ruin, share, whole_trails
 from botohe_moo.operators.repair import PlanRepair, SafestPathRepair
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch

@@ -12,10 +12,10 @@ from pymoo.core.population import Population
 from pymoo.core.repair import Repair
 
 from botohe_moo._base.types import ObjectArray, OffsetArray
-from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.plans.repair import SAFEST_PATH, TRUNCATE, repair
-from botohe_moo.kernels.plans.trails import read_trails
+from botohe_moo.core.graph import Graph
+from botohe_moo.core.trails import read_trails
 from botohe_moo.mission.model import Mission
+from botohe_moo.operators.kernels.repair import SAFEST_PATH, TRUNCATE, repair
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.threads import mapping
 from botohe_moo.trails import PlanBatch

@@ -7,7 +7,7 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, Kinds
+from botohe_moo.core.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, Kinds
 from botohe_moo.mission import Mission
 from botohe_moo.outcomes.distribution import ROUNDING
 from botohe_moo.trails import TrailPlan

@@ -22,7 +22,7 @@ from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, colours, new_axes, 
 from botohe_moo.plots.draw.texts import Space, title_above
 
 if TYPE_CHECKING:
-    from botohe_moo.search.bounds import FrontBound
+    from botohe_moo.bounds import FrontBound
 
 OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
 _STAIRS = "_stairs"  # label by which the fronts on axes are counted
@@ -127,7 +127,7 @@ def staircase(objectives: FloatArray) -> FloatArray:
 
 def _mission_of(bound: FrontBound, mission: Mission | None) -> Mission:
     """Return the mission of a bound; a TypeError or ValueError if it does not fit ``mission``."""
-    from botohe_moo.search.bounds import FrontBound  # late: few pictures have a bound
+    from botohe_moo.bounds import FrontBound  # late: few pictures have a bound
 
     if not isinstance(bound, FrontBound):
         raise TypeError(f"Expected bound to be a FrontBound, got {quoted(bound)}.")

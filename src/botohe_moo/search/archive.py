@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.fronts.archive import Archive, Batch, insert, new_archive
+from botohe_moo.core.archive import Archive, Batch, insert, new_archive
 from botohe_moo.trails import PlanBatch
 
 

@@ -9,6 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.core.graph import NO_LIMITS, Graph, Limits
+from botohe_moo.core.kinds import AT_NEXT_DEPOT
+from botohe_moo.core.paths import Paths, new_budget, new_paths
+from botohe_moo.core.rng import seed_states
 from botohe_moo.kernels.colony.construct import Plans, construct, new_plans
 from botohe_moo.kernels.colony.pheromone import (
     LEAST,
@@ -19,10 +23,6 @@ from botohe_moo.kernels.colony.pheromone import (
     learn,
 )
 from botohe_moo.kernels.colony.weighing import AntScratch, BuildRule, Weights, new_scratch
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Graph, Limits
-from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT
-from botohe_moo.kernels.graph.paths import Paths, new_budget, new_paths
-from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.search.threads import mapping

@@ -16,12 +16,12 @@ from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability, TravelBudget
+from botohe_moo.core.graph import NO_LIMITS, Limits
+from botohe_moo.core.kinds import AT_NEXT_DEPOT, kind_ranges
+from botohe_moo.core.paths import Budget, new_budget
 from botohe_moo.kernels.beam.labels import Beam, new_beam
 from botohe_moo.kernels.beam.prospects import BeamRule, Near, dangers, find_near
 from botohe_moo.kernels.beam.search import MAX_LABELS, best_trail
-from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
-from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, kind_ranges
-from botohe_moo.kernels.graph.paths import Budget, new_budget
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes.reaching import collected
 from botohe_moo.trails import TrailPlan

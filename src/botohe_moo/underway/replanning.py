@@ -9,6 +9,8 @@ import numpy as np
 
 from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.types import FloatArray
+from botohe_moo.algorithms.local_search.engine import LocalSearch
+from botohe_moo.core.graph import Limits
 from botohe_moo.decide.fronts import (
     PlansOrObjectives,
     check_row,
@@ -17,10 +19,8 @@ from botohe_moo.decide.fronts import (
     objectives_of,
     short_text,
 )
-from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.underway import Event, UnderWay, under_way
-from botohe_moo.search.local_search import LocalSearch
 from botohe_moo.trails import TrailPlan
 
 _EVALUATIONS_OF_A_PRICE = 2_000

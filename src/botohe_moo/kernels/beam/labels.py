@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArray
-from botohe_moo.kernels.compile import helper, inlined
-from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.paths import Paths, new_paths
-from botohe_moo.kernels.rng import hash_keys
+from botohe_moo.core.compile import helper, inlined
+from botohe_moo.core.graph import Graph
+from botohe_moo.core.paths import Paths, new_paths
+from botohe_moo.core.rng import hash_keys
 
 LABEL = np.dtype(
     [

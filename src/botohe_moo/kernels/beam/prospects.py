@@ -5,10 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.beam.labels import Beam
-from botohe_moo.kernels.compile import helper, inlined, kernel
-from botohe_moo.kernels.graph.graph import Graph, limit_at
-from botohe_moo.kernels.graph.paths import (
+from botohe_moo.core.compile import helper, inlined, kernel
+from botohe_moo.core.graph import Graph, limit_at
+from botohe_moo.core.paths import (
     ANYWHERE,
     Budget,
     Paths,
@@ -18,7 +17,8 @@ from botohe_moo.kernels.graph.paths import (
     usual_way_home,
     way_within,
 )
-from botohe_moo.kernels.sharing import shared
+from botohe_moo.core.sharing import shared
+from botohe_moo.kernels.beam.labels import Beam
 
 # The share of what lies ahead and looks worth its danger that counts when labels are ranked.
 # Measured on the case studies: without it, beams run home too early; above a half, too late.

@@ -6,6 +6,11 @@ Labels are partial trails that leave the base; a level holds those of one number
 import numpy as np
 
 from botohe_moo._base.types import OffsetArray
+from botohe_moo.core.archive import sort_descending
+from botohe_moo.core.compile import helper, kernel
+from botohe_moo.core.graph import Graph
+from botohe_moo.core.paths import way_within
+from botohe_moo.core.sharing import shared
 from botohe_moo.kernels.beam.labels import Beam, find, larger_beam, stand_at, table_size
 from botohe_moo.kernels.beam.prospects import (
     TOLERANCE,
@@ -18,11 +23,6 @@ from botohe_moo.kernels.beam.prospects import (
     judge,
     write_gathered,
 )
-from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.fronts.archive import sort_descending
-from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.paths import way_within
-from botohe_moo.kernels.sharing import shared
 
 # A search keeps at most as many labels, whatever its width: a few hundred megabytes.
 MAX_LABELS = 5_000_000

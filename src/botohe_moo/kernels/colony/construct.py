@@ -5,6 +5,20 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import IntArray, OffsetArray
+from botohe_moo.core.compile import helper, inlined, kernel
+from botohe_moo.core.graph import Graph, limit_at
+from botohe_moo.core.kinds import (
+    Kinds,
+    aboard_at,
+    aboard_of,
+    layer_of,
+    likely_chance,
+    origin_of,
+    start_of,
+)
+from botohe_moo.core.paths import Budget, Paths, leads_home, way_within
+from botohe_moo.core.rng import uniform
+from botohe_moo.core.sharing import shared
 from botohe_moo.kernels.colony.weighing import (
     BLOCK,
     Ant,
@@ -15,20 +29,6 @@ from botohe_moo.kernels.colony.weighing import (
     tabulate_node,
     weigh,
 )
-from botohe_moo.kernels.compile import helper, inlined, kernel
-from botohe_moo.kernels.graph.graph import Graph, limit_at
-from botohe_moo.kernels.graph.kinds import (
-    Kinds,
-    aboard_at,
-    aboard_of,
-    layer_of,
-    likely_chance,
-    origin_of,
-    start_of,
-)
-from botohe_moo.kernels.graph.paths import Budget, Paths, leads_home, way_within
-from botohe_moo.kernels.rng import uniform
-from botohe_moo.kernels.sharing import shared
 
 
 class Plans(NamedTuple):

@@ -4,10 +4,10 @@ import math
 from typing import NamedTuple
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
+from botohe_moo.core.compile import helper, kernel
+from botohe_moo.core.graph import Graph, find_arc
+from botohe_moo.core.kinds import loop_at
 from botohe_moo.kernels.colony.weighing import Weights
-from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.graph.graph import Graph, find_arc
-from botohe_moo.kernels.graph.kinds import loop_at
 
 # The least pheromone. On arcs that no Pareto set uses pheromone falls by the same factor for
 # thousands of iterations: this is far below any amount that matters, and far above where floats

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.kernels.compile import helper, inlined
-from botohe_moo.kernels.graph.graph import Graph, Limits
-from botohe_moo.kernels.graph.kinds import end_of, loop_at, n_kinds, origin_of
-from botohe_moo.kernels.graph.paths import Budget
+from botohe_moo.core.compile import helper, inlined
+from botohe_moo.core.graph import Graph, Limits
+from botohe_moo.core.kinds import end_of, loop_at, n_kinds, origin_of
+from botohe_moo.core.paths import Budget
 
 # Ants whose weights are tabulated together: enough to share the exponentials, few enough that
 # the tables of a small mission stay in the fastest caches.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
-from botohe_moo.kernels.graph.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
+from botohe_moo.core.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
 from botohe_moo.mission import Mission
 
 

@@ -12,12 +12,12 @@ from pydantic import TypeAdapter, ValidationError
 from botohe_moo._base.checks import most_alike, quoted
 from botohe_moo.algorithms.origin import OPERATORS, algorithm_identity, algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_faults
+from botohe_moo.bounds.plain import check_boundable
 from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.formats.reading import is_file_name
 from botohe_moo.mission.loading import load_mission, mission_faults, mission_origin, relative_to
 from botohe_moo.mission.model import Mission, mission_digest
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.bounds.plain import check_boundable
 from botohe_moo.study.file.code import find_problem, problem_on, refusal, stated_bounds
 from botohe_moo.study.file.config import (
     AlgorithmEntry,

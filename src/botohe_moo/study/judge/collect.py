@@ -10,9 +10,9 @@ import pandas as pd
 import pyarrow as pa
 
 from botohe_moo._base.types import FloatArray
+from botohe_moo.bounds import FrontBound
 from botohe_moo.indicators import TIE
 from botohe_moo.library import best_known, certified_bound
-from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.model import Run, Study, StudyError
 from botohe_moo.study.judge.comparisons import compare_algorithms, compare_ranks, rank_algorithms
 from botohe_moo.study.judge.scores import reference_fronts, score_records, score_runs

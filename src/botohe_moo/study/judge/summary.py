@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from botohe_moo.bounds import FrontBound
 from botohe_moo.indicators import TIE, Scale, area_indicator, further_indicators
 from botohe_moo.mission.model import Mission
-from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.values import canonical, value_text
 from botohe_moo.study.judge.scores import as_table, best_first, merge_ties, points_by_mission
 from botohe_moo.study.judge.statistics import generator_for, median_interval

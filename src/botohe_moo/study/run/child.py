@@ -25,7 +25,7 @@ from botohe_moo.study.run.perform import perform, special_kernels, warm_up
 from botohe_moo.study.run.task import MOST_SECONDS_TO_START, BoundTask, Outcome, Task, failure
 
 if TYPE_CHECKING:
-    from botohe_moo.search.bounds import FrontBound
+    from botohe_moo.bounds import FrontBound
 
 
 def main() -> None:
@@ -75,7 +75,7 @@ def _run(task: Task, warm: set[tuple[str, str]], connection: Connection) -> Outc
 def perform_bound(task: BoundTask) -> "FrontBound | str":
     """Bound the front of a mission; an exception becomes a line that says what it was."""
     # Imported late: runs do not need it.
-    from botohe_moo.search.bounds import bound_front
+    from botohe_moo.bounds import bound_front
 
     mission = task.mission
     try:

@@ -16,8 +16,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from botohe_moo._base.checks import most_alike
 from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo.bounds import FrontBound
 from botohe_moo.mission.loading import read_mission, save_mission
-from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, StudyMission, digest_of
 from botohe_moo.study.file.values import canonical
 from botohe_moo.study.run.task import Outcome, Record

@@ -1,0 +1,1 @@
+"""Simulated annealing: kernels, engine and the pymoo class."""

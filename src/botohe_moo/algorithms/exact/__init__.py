@@ -1,0 +1,1 @@
+"""The exact front: kernels and searches."""

@@ -1,0 +1,1 @@
+"""Pareto local search: kernels, engine, islands and the pymoo class."""

@@ -1,0 +1,268 @@
+"""Children of a trail: new arcs between a prefix and a suffix of it, and what they gain.
+
+Safest paths join what a move has chosen. Where a child would use an arc twice, the loop in between
+is cut out, so that every child is a trail, on any graph.
+"""
+
+import numpy as np
+
+from botohe_moo.algorithms.local_search.kernels.routes import (
+    UNKNOWN,
+    Routes,
+    route_entry,
+    search_routes,
+)
+from botohe_moo.algorithms.local_search.kernels.workspace import TOLERANCE, Search, Workspace
+from botohe_moo.core.compile import helper
+from botohe_moo.core.graph import Graph, limit_at
+from botohe_moo.core.kinds import (
+    AT_NEXT_DEPOT,
+    AT_THIS_DEPOT,
+    credit_of,
+    end_of,
+    has_kinds,
+    reward_at,
+)
+from botohe_moo.core.ordered import best_reward
+from botohe_moo.core.rng import uniform
+
+# The weight of a step to a node with something to collect, beside 1 for a step to another.
+_FRESH = 4.0
+
+
+@helper
+def _append_arc(work: Workspace, arc: int) -> None:
+    """Append an arc to the child; if it has the arc already, cut out the loop in between."""
+    draft, arcs = work.draft, work.arcs
+    used = arcs[arc]
+    if 0 <= used.position < draft.prefix:
+        draft.prefix, draft.n_middle = used.position + 1, 0
+        draft.mark += 1
+    elif used.mark == draft.mark:
+        for i in range(used.place + 1, draft.n_middle):
+            arcs[work.middle[i]].mark = -1
+        draft.n_middle = used.place + 1
+    else:
+        used.mark, used.place = draft.mark, draft.n_middle
+        work.middle[draft.n_middle] = arc
+        draft.n_middle += 1
+
+
+@helper
+def _is_used(work: Workspace, arc: int) -> bool:
+    """Return whether the child has an arc."""
+    draft, used = work.draft, work.arcs[arc]
+    kept = used.position >= 0 and (used.position < draft.prefix or used.position >= draft.suffix)
+    return bool(kept or used.mark == draft.mark)
+
+
+@helper
+def _find_detour(graph: Graph, routes: Routes, work: Workspace, node: int, goal: int) -> int:
+    """Return the unused arc that begins the safest path from a node to a goal; −1 without any."""
+    least = np.inf
+    best = -1
+    for arc in range(graph.first[node], graph.first[node + 1]):
+        if _is_used(work, arc):
+            continue
+        entry = route_entry(routes, goal, graph.head[arc])
+        if entry == UNKNOWN:
+            continue
+        cost = graph.cost[arc] + routes.entries[goal, entry].cost
+        if cost < least:
+            least, best = cost, arc
+    return best
+
+
+@helper
+def _append_path(search: Search, node: int, goal: int, n_detours: int) -> bool:
+    """Append the safest path between two nodes; return whether one is known.
+
+    Where an arc is used already it leaves that path, up to ``n_detours`` times. On large missions
+    there are no detours on the way to the base: these ways are stored apart from other paths.
+    """
+    graph, routes, work = search.graph, search.routes, search.work
+    is_end, n_entries = goal == end_of(graph.kinds, graph.base, goal), routes.entries.shape[1]
+    is_homeward = is_end and n_entries < routes.entries.shape[0]
+    entry = 0
+    if not is_homeward:
+        if routes.n_known[goal] == 0:
+            search_routes(graph, routes, goal)
+        entry = route_entry(routes, goal, node)
+        if entry == UNKNOWN:
+            return False
+        if has_kinds(graph.kinds) and routes.entries[goal, entry].cost == np.inf:
+            return False
+    while node != goal:
+        if is_homeward:
+            arc = graph.homeward[node]
+        else:
+            arc = routes.entries[goal, entry].arc
+            entry = routes.entries[goal, entry].onward
+            if n_detours > 0 and _is_used(work, arc):
+                n_detours -= 1
+                detour = _find_detour(graph, routes, work, node, goal)
+                if detour >= 0:
+                    arc = detour
+                    entry = route_entry(routes, goal, graph.head[arc])
+        _append_arc(work, arc)
+        node = graph.head[arc]
+    return True
+
+
+@helper
+def _append_steps(graph: Graph, work: Workspace, node: int, n_steps: int) -> int:
+    """Append arcs drawn at random, preferably to nodes with something to collect.
+
+    Returns the node where they end. It stops early at a node where all arcs are used.
+    """
+    for _ in range(n_steps):
+        total = 0.0
+        drawn = -1
+        for arc in range(graph.first[node], graph.first[node + 1]):
+            if _is_used(work, arc):
+                continue
+            head = work.nodes[graph.head[arc]]
+            weight = _FRESH if head.left > 0.0 and head.met > work.draft.prefix else 1.0
+            total += weight
+            if uniform(work.states, 0) * total < weight:
+                drawn = arc
+        if drawn < 0:
+            break
+        _append_arc(work, drawn)
+        node = graph.head[drawn]
+    return node
+
+
+@helper
+def connect_child(search: Search, n_steps: int, n_detours: int) -> bool:
+    """Write the child's new arcs; return whether there is a child that differs from the trail.
+
+    From the prefix it takes ``n_steps`` steps, visits the goals, takes the piece, and goes on to
+    the suffix.
+    """
+    graph, work = search.graph, search.work
+    draft = work.draft
+    draft.n_middle = 0
+    draft.mark += 1
+    node, end = work.steps[draft.prefix].node, work.steps[draft.suffix].node
+    if n_steps > 0:
+        node = _append_steps(graph, work, node, n_steps)
+    for i in range(draft.n_goals + 1):
+        goal = work.goals[i] if i < draft.n_goals else end
+        if not _append_path(search, node, goal, n_detours):
+            return False
+        node = goal
+        if i == draft.n_goals - 1:
+            for j in range(draft.n_piece):
+                _append_arc(work, work.piece[j])
+                node = graph.head[work.piece[j]]
+    return _join_suffix(work)
+
+
+@helper
+def _join_suffix(work: Workspace) -> bool:
+    """Cut out loops between the new arcs and the suffix, where they have an arc in common.
+
+    Returns whether the child is a new trail.
+    """
+    draft, middle = work.draft, work.middle
+    last = -1
+    for i in range(draft.n_middle):
+        position = work.arcs[middle[i]].position
+        if position >= draft.suffix:
+            draft.suffix = position + 1
+            last = i
+    if last >= 0:
+        draft.n_middle = last + 1
+    if draft.n_middle != draft.suffix - draft.prefix:
+        return True
+    for i in range(draft.n_middle):  # noqa: SIM110 - any() would make a generator
+        if middle[i] != work.steps[draft.prefix + i].arc:
+            return True
+    return False
+
+
+@helper
+def write_child(work: Workspace) -> int:
+    """Write all arcs of the child to ``work.child``; return how many there are."""
+    draft, child = work.draft, work.child
+    for i in range(draft.prefix):
+        child[i] = work.steps[i].arc
+    n = draft.prefix
+    for i in range(draft.n_middle):
+        child[n] = work.middle[i]
+        n += 1
+    for i in range(draft.suffix, draft.length):
+        child[n] = work.steps[i].arc
+        n += 1
+    return int(n)
+
+
+@helper
+def evaluate_child(search: Search) -> float:
+    """Return what the robot collects by the child; −1 if the child cannot enter the front."""
+    graph, front, work, limits = search.graph, search.front, search.work, search.limits
+    draft, steps, nodes = work.draft, work.steps, work.nodes
+    draft.mark += 1
+    mark, prefix, suffix, length = draft.mark, draft.prefix, draft.suffix, draft.length
+    kinds, loads, carried = graph.kinds, work.loads, 0.0
+    alive, gained = steps[prefix].alive, steps[prefix].gained
+    if has_kinds(kinds):
+        carried = loads[prefix].carried
+    for i in range(draft.n_middle):
+        arc = work.middle[i]
+        alive *= graph.survival[arc]
+        node, credit = nodes[graph.head[arc]], credit_of(kinds, graph.head[arc])
+        if node.met > prefix and node.seen != mark:
+            node.seen = mark
+            if credit == AT_NEXT_DEPOT:
+                carried += node.left
+            else:
+                gained += node.left * alive
+        if credit == AT_THIS_DEPOT:
+            gained += carried * alive
+            carried = 0.0
+    ratio = alive / steps[suffix].alive
+    home = steps[length].alive * ratio
+    source = steps[0].node
+    if home < limit_at(limits.min_survival, limits.floors, source):
+        return -1.0
+    if limits.max_length < np.inf:
+        walked = steps[prefix].walked + steps[length].walked - steps[suffix].walked
+        for i in range(draft.n_middle):
+            walked += graph.length[work.middle[i]]
+        if walked > limit_at(limits.max_length, limits.budgets, source):
+            return -1.0
+    needed = best_reward(front, (draft.survivors + home) * (1.0 - TOLERANCE))
+    ahead = steps[suffix].ahead
+    if has_kinds(kinds):
+        ahead += carried * loads[suffix].to_depot
+    bound = (draft.others + gained + alive * ahead) * (1.0 + TOLERANCE)
+    if needed >= bound:
+        return -1.0
+    for i in range(suffix + 1, length + 1):
+        node, credit = nodes[steps[i].node], credit_of(kinds, steps[i].node)
+        if node.met > prefix and node.seen != mark:
+            node.seen = mark
+            if credit == AT_NEXT_DEPOT:
+                carried += node.left
+            else:
+                gained += node.left * steps[i].alive * ratio
+        if credit == AT_THIS_DEPOT:
+            gained += carried * steps[i].alive * ratio
+            carried = 0.0
+    return float(gained) if (draft.others + gained) * (1.0 - TOLERANCE) > needed else -1.0
+
+
+@helper
+def evaluate_trail(search: Search, trail: int) -> float:
+    """Return what the robot collects by a stored trail; −1 if that child cannot enter the front."""
+    graph, store, work = search.graph, search.store, search.work
+    draft, nodes, taken = work.draft, work.nodes, store.trails[trail]
+    gained = 0.0
+    for i in range(taken.first_visit, taken.first_visit + taken.n_visits):
+        node = np.int64(store.node[i])  # of the mission: the share is part of the reach
+        left = reward_at(graph.kinds, graph.reward, int(node)) * abs(nodes[node].unreached)
+        gained += left * store.reach[i]
+    needed = best_reward(search.front, (draft.survivors + taken.alive) * (1.0 - TOLERANCE))
+    return gained if (draft.others + gained) * (1.0 - TOLERANCE) > needed else -1.0

@@ -1,0 +1,160 @@
+"""Bounding a front from above: what users call."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from botohe_moo._base.checks import quoted
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.types import NotNegative, Positive, Probability, TravelBudget
+from botohe_moo.algorithms.exact.front import MemoryLimit
+from botohe_moo.bounds.clock import Clock
+from botohe_moo.bounds.front_bound import FrontBound
+from botohe_moo.bounds.kernels.trails import find_trails
+from botohe_moo.bounds.plain import check_boundable, relaxed_to_plain
+from botohe_moo.bounds.proof import Proof
+from botohe_moo.bounds.schedule import Schedule
+from botohe_moo.bounds.turns import Turns
+from botohe_moo.indicators import check_objectives
+from botohe_moo.mission.loading import load_mission
+from botohe_moo.mission.model import Mission, check_mission
+
+TIME_LIMIT = 60.0
+MEMORY_LIMIT = 1024.0
+MOST_ROBOTS = 5_000
+# To compile kernels: the bound of the first mission is its true front, that of the second soon has
+# this gap. Limits that do not limit its plans have kernels of their own.
+_SMALL, _LARGER, _GAP = "toy", "power_plant", 0.5
+_LOOSE_SURVIVAL, _LOOSE_LENGTH = 1e-9, 1e9
+
+
+@checked
+def bound_front(
+    mission: Mission,
+    *,
+    front: ArrayLike | None = None,
+    time_limit: Positive = TIME_LIMIT,
+    memory_limit: MemoryLimit = MEMORY_LIMIT,
+    gap: NotNegative = 0.0,
+    n_threads: Annotated[int, Field(ge=1, le=1_024)] = 1,
+    min_survival: Probability = 0.0,
+    max_length: TravelBudget | None = None,
+    seed: Annotated[int, Field(ge=0)] = 1,
+    callback: Callable[[FrontBound], Any] | None = None,
+) -> FrontBound:
+    """Bound the front of a mission from above: for each E[S], an E[R] that no plan exceeds.
+
+    Small missions get their true front. On others, visits and survival get prices, and a relaxation
+    bounds what a trail is worth under them; see ``docs/bounds.md``. With kinds of robots or rewards
+    on return, all this is done for a plain mission that allows more.
+
+    Parameters
+    ----------
+    mission
+        What is planned for.
+    front
+        E[R] and E[S] of known plans (n, 2): ``-result.F``. Work goes first to where the gap between
+        them and the bound is the widest. A short search adds others.
+    time_limit
+        Seconds until it ends, above 0. Compiling does not count, and ending what has begun may take
+        longer. More time only lowers the bound.
+    memory_limit
+        MiB that its tables may take, in (0, 10⁹]. With less, relaxed trails remember less.
+    gap
+        At least 0: it ends when the bound's area exceeds that of the known plans by at most this
+        share.
+    n_threads
+        Threads that work at different places of the front, from 1 to 1 024.
+    min_survival
+        Survival floor of every robot, in [0, 1]; a kind may have a higher one.
+    max_length
+        Travel budget of every robot, at least 0; a kind may have a lower one. None is the mission's
+        own, if it has one; inf is no budget.
+    seed
+        Of the search for trails, at least 0. With one thread, a seed and a time limit lead to the
+        same bounds one after another, where libraries round alike; how far they get depends on the
+        machine, and so may whether it finds a true front.
+    callback
+        Called with each bound on the way, which is valid, too; by any of several threads, one at a
+        time.
+
+    Returns
+    -------
+    FrontBound
+        What has been proved, also after Ctrl-C.
+
+    Raises
+    ------
+    TypeError
+        If ``mission`` is not a Mission, or ``callback`` not callable.
+    ValueError
+        If a parameter is out of its range, the mission has more than 5 000 robots or robots that
+        carry something from the start, ``front`` is not of shape (n, 2), or one of its plans lies
+        above the bound: then it is of another mission, or does not keep the limits.
+
+    Notes
+    -----
+    Lagrangian bounds with convex prices on the probability to be alive at a node, column generation
+    (Desaulniers, Desrosiers and Solomon, eds., "Column Generation", Springer, 2005) with smoothed
+    prices, and ng-routes that learn what to remember (Roberti and Mingozzi, "Dynamic ng-path
+    relaxation for the delivery man problem", Transportation Science 48(3), 2014).
+
+    Examples
+    --------
+    >>> from botohe_moo import bound_front, load_mission
+    >>> toy = load_mission("toy", robots=1)
+    >>> bound_front(toy).bound([0.3, 0.6, 0.9]).round(2).tolist()
+    [7.09, 4.14, 0.0]
+    """
+    check_mission(mission)
+    if mission.robots > MOST_ROBOTS:
+        raise ValueError(
+            f"Expected a mission of at most {MOST_ROBOTS:,} robots, got {mission.robots:,}: bounds "
+            "are computed for each number of them that may move."
+        )
+    if callback is not None and not callable(callback):
+        raise TypeError(f"Expected callback to be callable, got {quoted(callback)}.")
+    known = check_objectives("front", () if front is None else front)
+    check_boundable(mission, "bound_front")
+    limits, relaxation = mission.limits(min_survival, max_length), mission
+    if not mission.is_plain:
+        relaxation, limits = relaxed_to_plain(mission, limits)
+    which = limits.min_survival > 0.0, limits.max_length < math.inf
+    _compile(_SMALL, *which)
+    clock, turns = Clock(time_limit, n_threads), Turns(n_threads)
+    how: Any = {"seed": seed, "memory": memory_limit, "clock": clock, "turns": turns}
+    proof = Proof(relaxation, limits, bounded=mission, **how)
+    proof.bound().check("front", known)
+    proof.known.add(known)
+    try:
+        if not proof.find_front():
+            with clock.stopped():
+                _compile(_LARGER, *which)
+            if proof.prepare():
+                Schedule(proof, gap=gap, callback=callback).run()
+    except KeyboardInterrupt:
+        pass
+    bound = proof.bound()
+    bound.check("front", known)
+    return bound
+
+
+@functools.cache
+def _compile(name: str, floor: bool, budget: bool) -> None:
+    """Compile the kernels that bounds of a mission need, or load them, so that it is not timed."""
+    if not hasattr(find_trails, "stats"):
+        return  # numba is told to compile nothing
+    mission = load_mission(name)
+    limits = mission.limits(
+        _LOOSE_SURVIVAL if floor else 0.0, _LOOSE_LENGTH if budget else math.inf
+    )
+    clock, turns = Clock(TIME_LIMIT), Turns(1)
+    proof = Proof(mission, limits, seed=1, memory=MEMORY_LIMIT, clock=clock, turns=turns)
+    if not proof.find_front() and proof.prepare():
+        Schedule(proof, gap=_GAP, callback=None).run()

@@ -1,0 +1,230 @@
+"""The linear programme that sets prices."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo.bounds.pool import Pool
+from botohe_moo.bounds.prices import SECONDS_A_GAIN, PricedTeam, Prices
+from botohe_moo.bounds.relaxation import Relaxation
+
+_CUT = 1e-7  # by how much a row has to be violated to be added
+_LEAST_SECONDS = 0.01  # that HiGHS gets
+# What HiGHS takes, for each row of the programme, and for each row in an iteration.
+_SECONDS_A_ROW, _SECONDS_AN_ITERATION = 1e-6, 1.5e-8
+_CUTS_AT_ONCE = 8  # trails that are added before the programme is solved again, by experiment
+_DEVEX = 1  # how HiGHS weighs rows: other weights take long to compute for rows that were added
+# Rows without effect are left out where there are this many times as many rows as columns: solving
+# a programme takes a third of the time.
+_MOST_ROWS = 2
+_MOST_MU = 20.0  # the highest price of survival, in total rewards: it keeps the programme bounded
+
+_Key = TypeVar("_Key")
+
+
+class Programme:
+    """A linear programme for prices, whose rows are added where its solution violates them.
+
+    Its columns are the prices of each node and level, what each node gives beside these, and
+    others, with costs and upper bounds of their own. HiGHS goes on from the last basis.
+    """
+
+    def __init__(
+        self, team: PricedTeam, cost: FloatArray, upper: FloatArray, relaxation: Relaxation
+    ) -> None:
+        import highspy
+
+        class Silent(highspy.Highs):
+            """HiGHS, which since 1.16 prints its name as soon as it is made."""
+
+            def enableCallbacks(self) -> None:  # noqa: N802 - its first call
+                self.setOptionValue("output_flag", False)
+                super().enableCallbacks()  # type: ignore[no-untyped-call]
+
+        self.team, self._turns, self._clock = team, relaxation.turns, relaxation.clock
+        self._inf, self._basic = highspy.kHighsInf, highspy.HighsBasisStatus.kBasic
+        n_nodes, n_levels = len(team.nodes), team.n_levels
+        self._n_prices = n_nodes * n_levels
+        self._first_other = self._n_prices + n_nodes
+        most = (team.reward[:, None] * team.alive[:, 1:]).ravel()
+        self._upper = np.concatenate([most, np.full(n_nodes, self._inf), upper])
+        cost = np.concatenate([np.zeros(self._n_prices), np.ones(n_nodes), cost])
+        self._lp: Any = Silent()  # type: ignore[no-untyped-call]
+        self._lp.setOptionValue("threads", 1)
+        self._lp.setOptionValue("simplex_dual_edge_weight_strategy", _DEVEX)
+        self._lp.addVars(len(cost), np.zeros(len(cost)), self._upper)
+        self._lp.changeColsCost(len(cost), np.arange(len(cost), dtype=np.int32), cost)
+        self._n_rows = 0
+        for node in range(n_nodes):
+            self._shape_prices(node)
+        self._n_shapes = self._n_rows
+        self._last = np.zeros(len(cost))
+        # The row of each configuration of a node.
+        self._configurations: dict[tuple[int, int], int] = {}
+
+    def _shape_prices(self, node: int) -> None:
+        """Keep a node's prices convex, and their steepest rise at most the reward it brings.
+
+        Level l has column ``first`` + l − 1; level 0, where the price is 0, has none.
+        """
+        team, n_levels = self.team, self.team.n_levels
+        first = node * n_levels
+        for level in range(1, n_levels):
+            columns = [first + level, first + level - 1, first + level - 2]
+            used = 3 if level > 1 else 2
+            self._add(0.0, columns[:used], [1.0, -2.0, 1.0][:used])
+        steepest = team.reward[node] * team.alive[node, 1]
+        last = first + n_levels - 1
+        used = 2 if n_levels > 1 else 1
+        self._add(-steepest, [last, last - 1][:used], [-1.0, 1.0][:used])
+
+    def _run(self) -> tuple[FloatArray, FloatArray]:
+        """Return a solution, and its prices (n_nodes that pay, n_levels + 1).
+
+        When the time is over, prices may be far from the best, but any prices are valid.
+        """
+        left = max(_LEAST_SECONDS, self._clock.left)
+        self._lp.setOptionValue("time_limit", self._lp.getRunTime() + left)
+        with self._turns.aside():
+            self._lp.run()
+        self._value = self._lp.getObjectiveValue()  # which is 0 once rows are added
+        n_iterations = max(0, self._lp.getInfo().simplex_iteration_count)
+        self._clock.count(self._n_rows * (_SECONDS_A_ROW + n_iterations * _SECONDS_AN_ITERATION))
+        found = np.array(self._lp.getSolution().col_value)
+        if found.shape == self._last.shape and np.isfinite(found).all():
+            self._last = np.clip(found, 0.0, self._upper)
+        solution = self._last  # the previous one, where HiGHS has found none
+        visits = np.zeros((len(self.team.nodes), self.team.n_levels + 1))
+        visits[:, 1:] = solution[: self._n_prices].reshape(visits[:, 1:].shape)
+        return solution, visits
+
+    def _cut_configurations(self, prices: FloatArray, solution: FloatArray) -> int:
+        """Add the worst violated configuration of each node; return how many rows are new."""
+        left = self.team.beside(prices)
+        self._clock.count(SECONDS_A_GAIN * left.size)
+        worst = left.argmax(axis=1)
+        over = left[np.arange(len(left)), worst] - solution[self._n_prices : self._first_other]
+        n = 0
+        for node in np.flatnonzero(over > _CUT).tolist():
+            cut = (node, int(worst[node]))
+            if cut in self._configurations:
+                continue
+            self._configurations[cut] = self._n_rows
+            counts = self.team.counts[cut[1], 1:]
+            levels = np.flatnonzero(counts)
+            columns = [self._n_prices + node, *(node * self.team.n_levels + levels).tolist()]
+            self._add(float(self.team.gains[cut]), columns, [1.0, *counts[levels].tolist()])
+            n += 1
+        return n
+
+    def _add(self, least: float, columns: list[int], weights: list[float]) -> None:
+        """Add a row: the weighted sum of some columns is at least ``least``."""
+        indices = np.array(columns, np.int32)
+        self._lp.addRow(least, self._inf, len(columns), indices, np.array(weights))
+        self._n_rows += 1
+
+
+def _renumbered(rows: dict[_Key, int], numbers: dict[int, int]) -> dict[_Key, int]:
+    """Return the new numbers of rows, as far as they have one."""
+    return {key: numbers[row] for key, row in rows.items() if row in numbers}
+
+
+class Master(Programme):
+    """The linear programme for the prices with the least bound.
+
+    It minimises Σ c + n_robots · theta − x · mu, where c is the most that a node gives beside
+    prices, theta the most that a known trail is worth, and mu the price of survival.
+    """
+
+    def __init__(self, team: PricedTeam, relaxation: Relaxation) -> None:
+        cost = np.array([team.n_robots, 0.0])
+        upper = np.array([np.inf, _MOST_MU * relaxation.total])
+        super().__init__(team, cost, upper, relaxation)
+        self._theta, self._mu = self._first_other, self._first_other + 1
+        # The row of each trail of the pool, and of those relaxed ones that do not count at present.
+        self._rows: dict[int, int] = {}
+        self._unused: dict[int, int] = {}
+        self._takes_relaxed = True
+
+    def solve(self, pool: Pool, x: float, until: float) -> tuple[float, Prices, float]:
+        """Return the least bound over known trails, its prices, and theta."""
+        self._lp.changeColCost(self._mu, -x)
+        while True:
+            solution, visits = self._run()
+            prices, theta = Prices(visits, float(solution[self._mu])), float(solution[self._theta])
+            n = self._cut_configurations(visits, solution)
+            n += self._cut_trails(pool, prices, theta)
+            if n == 0 or self._clock.is_over(until):
+                return self._value, prices, theta
+
+    def active(self) -> list[int]:
+        """Return which trails of the pool make up the last solution, the most used first."""
+        duals = np.array(self._lp.getSolution().row_dual)
+        if len(duals) != self._n_rows:  # no solution
+            return []
+        numbers = np.array(list(self._rows), np.int64)
+        used = duals[list(self._rows.values())]
+        order = np.argsort(-used, kind="stable")
+        return [int(i) for i in numbers[order[used[order] > _CUT]]]
+
+    def _cut_trails(self, pool: Pool, prices: Prices, theta: float) -> int:
+        """Add the trails that are worth the most above theta; return how many rows are new."""
+        worth = pool.values(prices, relaxed=self._takes_relaxed)
+        n = 0
+        for i in np.argsort(-worth)[:_CUTS_AT_ONCE].tolist():
+            if worth[i] > theta + _CUT and i not in self._rows:
+                n += 1
+                if i in self._unused:  # a relaxed trail that has turned out to be a trail
+                    self._restore(i)
+                    continue
+                self._rows[i], visits = self._n_rows, pool.visits[i]
+                columns = [self._theta, self._mu, *visits.columns.tolist()]
+                self._add(0.0, columns, [1.0, -visits.survival, *(-visits.weights).tolist()])
+        return n
+
+    def allow_relaxed(self, pool: Pool, *, allowed: bool) -> None:
+        """Count relaxed trails that the pool has not dropped, too, or trails only."""
+        self._takes_relaxed = allowed
+        if not allowed:
+            self._leave_out_rows()
+        for number in [number for number in self._rows if pool.dropped[number]]:
+            self._switch_off(self._rows.pop(number))
+        self._unused = {i: row for i, row in self._unused.items() if not pool.dropped[i]}
+        if allowed:
+            for number in list(self._unused):
+                self._restore(number)
+            return
+        for number in [number for number in self._rows if pool.relaxed[number] is not None]:
+            self._unused[number] = self._rows.pop(number)
+            self._switch_off(self._unused[number])
+
+    def _leave_out_rows(self) -> None:
+        """Leave out rows without effect on the last solution, where there are many."""
+        if self._n_rows < _MOST_ROWS * len(self._upper):
+            return
+        basis = self._lp.getBasis()
+        if not basis.valid:
+            return
+        status = list(basis.row_status)  # which is copied whenever it is looked at
+        # These rows are basic, so that the others and the columns are still a basis without them.
+        is_out = np.array([each == self._basic for each in status])
+        is_out[: self._n_shapes] = False
+        self._lp.deleteRows(int(is_out.sum()), np.flatnonzero(is_out).astype(np.int32))
+        kept = np.flatnonzero(~is_out).tolist()
+        basis.row_status = [status[row] for row in kept]
+        self._lp.setBasis(basis)
+        self._n_rows = len(kept)
+        numbers = {row: i for i, row in enumerate(kept)}
+        self._configurations = _renumbered(self._configurations, numbers)
+        self._rows = _renumbered(self._rows, numbers)
+        self._unused = _renumbered(self._unused, numbers)
+
+    def _switch_off(self, row: int) -> None:
+        self._lp.changeRowBounds(row, -self._inf, self._inf)
+
+    def _restore(self, number: int) -> None:
+        self._rows[number] = self._unused.pop(number)
+        self._lp.changeRowBounds(self._rows[number], 0.0, self._inf)

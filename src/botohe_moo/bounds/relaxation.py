@@ -1,0 +1,265 @@
+"""Bounds on what a trail is worth, by relaxed trails and by search."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.bounds.clock import Clock
+from botohe_moo.bounds.kernels.relaxed import follow, relax
+from botohe_moo.bounds.kernels.states import Net, States, Worth, find_states
+from botohe_moo.bounds.kernels.trails import (
+    Completions,
+    Stairs,
+    TrailRule,
+    find_trails,
+    new_depths,
+)
+from botohe_moo.bounds.memory import RelaxedTrail, Remembered
+from botohe_moo.bounds.turns import Turns
+
+_SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
+_EPSILON = float(np.finfo(float).eps)
+_TOLERANCE = 1e-9  # in shares of all reward: values are raised only where they rise by more
+_MOST_TRAIL = 400  # links of a relaxed trail that are looked at
+# Steps at which a relaxed trail takes the second best link, to find others; −1 for none.
+_TURNS = (-1, 0, 1, 2, 4, 7, 11)
+_MOST_BITS = 14  # that a node remembers at most
+_FIRST_STATES = 15_000  # of relaxed trails at first
+_MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
+_N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
+_GROWTH = 1.5  # largest factor for the number of states, when relaxed trails remember more
+_MOST_FOUND = 50_000  # trails that a search returns
+_MOST_FOUND_ARCS = 1 << 22  # room for the arcs of all these trails
+_SECONDS_A_LOOK, _SECONDS_A_LINK = 6.5e-9, 5e-8  # at links, in looks ahead and searches
+MOST_LINES = 8  # prices under which a search bounds what lies ahead
+
+
+class Ahead(NamedTuple):
+    """Bounds under prices: on what lies ahead of each state, and on what any trail is worth."""
+
+    states: States  # of relaxed trails, as far as they remembered then
+    worth: Worth  # the prices
+    values: FloatArray  # (n_states, n_levels + 1)
+    spare: float  # what has to be added to values, for rounding and tolerance
+    most: float  # no trail is worth more
+
+
+# Bounds under several prices, of the same states, each with the amounts by which the prices of
+# trails may exceed them at each node (n_nodes).
+BoundLines: TypeAlias = Sequence[tuple[Ahead, FloatArray]]
+
+
+class Relaxation:
+    """Relaxed trails of a mission, with a memory that can grow.
+
+    There is room for as many of their states as ``fits`` says.
+    """
+
+    def __init__(
+        self,
+        net: Net,
+        remembered: Remembered,
+        random_state: np.random.Generator,
+        turns: Turns,
+        clock: Clock,
+        fits: int,
+    ) -> None:
+        self.net, self._remembered = net, remembered
+        self.turns, self.clock = turns, clock
+        n_nodes = net.graph.n_nodes
+        self._most_states = max(n_nodes + 1, min(_MOST_STATES, fits))
+        self.total = float(net.graph.reward.sum())
+        n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
+        # Scratch that no thread uses; more is made when it is needed.
+        self._new_depths = partial(new_depths, net, random_state, _N_SEEN, n_room, MOST_LINES)
+        self._depths = [self._new_depths()]
+        self._is_capped = False
+        first_states, wanted = max(n_nodes + 1, _FIRST_STATES), remembered.bits
+        n_bits = max(map(len, wanted), default=0)
+        # Whether there is too little memory for all that was to be remembered.
+        self.remembers_less = False
+        while not self._find_states(min(first_states, self._most_states)):
+            self.remembers_less = self._most_states < first_states
+            n_bits -= 1
+            remembered.bits = [bits[:n_bits] for bits in wanted]
+
+    def _find_states(self, n_most: int) -> bool:
+        """Find the states of what is remembered; return whether they are at most ``n_most``."""
+        states = find_states(self.net, self._remembered.pack(), n_most)
+        if len(states.node):
+            self.states = states
+        return len(states.node) > 0
+
+    def look_ahead(self, worths: Sequence[Worth]) -> list[Ahead]:
+        """Bound all trails that leave the base, under each of several prices."""
+        states = self.states
+        with self.turns.aside():
+            found = [self._look_ahead(states, worth) for worth in worths]
+        self.clock.count(_SECONDS_A_LOOK * sum(n_looks for _, n_looks in found))
+        return [ahead for ahead, _ in found]
+
+    def _look_ahead(self, states: States, worth: Worth) -> tuple[Ahead, int]:
+        """Bound all trails that leave the base; return also how many links were looked at."""
+        prices, mu = worth
+        net, graph = self.net, self.net.graph
+        shape = (graph.n_nodes, prices.shape[1])
+        values = np.zeros((len(states.node), prices.shape[1]))
+        tolerance = _TOLERANCE * self.total
+        cap = np.full(shape, np.inf)
+        # Where arcs are sure, relaxed trails may collect without end.
+        is_capped, n_looks = self._is_capped, 0
+        if not is_capped:
+            short, n_looks = relax(net, states, worth, cap, tolerance, values)
+            is_capped = short == np.inf
+        if is_capped:
+            self._is_capped = True
+            cap = self._everything(prices, mu)
+            short, n_more = relax(net, states, worth, cap, tolerance, values)
+            n_looks += n_more
+            if short == np.inf:
+                values, short = cap[states.node], 0.0
+        # A step adds some ten roundings. One of a level counts for each level, since a price may
+        # rise in the last one alone. A trail has at most as many steps as there are arcs.
+        scale = self.total + mu + float(values.max(initial=0.0))
+        spare = graph.n_arcs * (short + (32 + 4 * prices.shape[1]) * _EPSILON * scale)
+        _, best = follow(net, states, worth, values, -1, np.empty(1, np.int64))
+        return Ahead(states, worth, values, spare, best + spare), n_looks
+
+    def _everything(self, prices: FloatArray, mu: float) -> FloatArray:
+        """Bound what lies ahead of each node, as if a robot could go to all others at once.
+
+        Returns an array (n_nodes, n_levels + 1).
+        """
+        net, between, n_levels = self.net, self._remembered.between, prices.shape[1] - 1
+        alive = net.reach[:, None] * (np.arange(n_levels + 1) / n_levels)
+        cap = mu * alive * np.minimum(net.graph.home, 1.0)[:, None]
+        if between is None:
+            cap[:, 1:] += prices[:, -1].sum()
+        else:
+            for node in np.flatnonzero(prices[:, -1] > 0.0).tolist():
+                levels = alive * between[:, node, None] / net.reach[node] * n_levels
+                cap += np.interp(levels, np.arange(n_levels + 1), prices[node])
+        bounded: FloatArray = cap * (1.0 + 1e-12)
+        return bounded
+
+    def best_trails(self, ahead: Ahead) -> list[RelaxedTrail]:
+        """Return the best relaxed trail and similar ones, in which visits worth nothing do not pay.
+
+        Of long ones only the first steps are returned, and some do not come home.
+        """
+        net, states, n_levels = self.net, ahead.states, ahead.worth.prices.shape[1] - 1
+        found: list[RelaxedTrail] = []
+        links = np.empty(_MOST_TRAIL, np.int64)
+        for turn in _TURNS:
+            n, _ = follow(net, states, ahead.worth, ahead.values, turn, links)
+            if n > max(turn, 0):
+                taken = links[:n]
+                arcs = states.arc[taken]
+                levels = np.cumprod(net.ratio[arcs]) * n_levels
+                high = np.minimum(levels.astype(int) + 1, n_levels)
+                is_worth = ahead.worth.prices[net.graph.head[arcs], high] > 1e-12
+                paid = states.pays[taken] & is_worth
+                found.append(RelaxedTrail(arcs.tolist(), paid.tolist()))
+        return found
+
+    def search(self, ahead: Ahead, least: float, n_most: int) -> tuple[bool, float, list[int]]:
+        """Find the trail that is worth the most, if more than ``least``.
+
+        Returns whether the search has ended, the value that no trail exceeds then, and its arcs.
+        """
+        stairs = Stairs(np.array([least]), width=np.inf, least=0.0)  # one step, which is raised
+        # A bound without prices of survival, and without anything beside prices.
+        line = ahead._replace(worth=ahead.worth._replace(mu=0.0)), np.zeros(self.net.graph.n_nodes)
+        rule = TrailRule(every=False, slack=0.0, n_most=n_most)
+        ended, arcs, n_arcs = self._search(ahead.worth, [line], stairs, rule)
+        last = _as_lists(arcs[-1:], n_arcs[-1:])
+        return ended, float(stairs.heights[0]) + ahead.spare, last[0] if last else []
+
+    def raise_stairs(
+        self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
+    ) -> tuple[bool, list[list[int]]]:
+        """Raise stairs above all trails; return whether the search has ended, and trails found."""
+        rule = TrailRule(every=False, slack=_SLACK * self.total, n_most=n_most)
+        ended, *found = self._search(Worth(prices, mu=0.0), lines, stairs, rule)
+        stairs.heights[:] += max(ahead.spare for ahead, _ in lines)
+        return ended, _as_lists(*found)
+
+    def find_all(
+        self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
+    ) -> tuple[OffsetArray, OffsetArray] | None:
+        """Find all trails above the stairs.
+
+        Returns their arcs (n, n_arcs), and how many they are (n); None where they are too many.
+        """
+        spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
+        lowered = stairs._replace(heights=stairs.heights - spare)
+        rule = TrailRule(every=True, slack=0.0, n_most=n_most)
+        ended, arcs, n_arcs = self._search(Worth(prices, mu=0.0), lines, lowered, rule)
+        return (arcs, n_arcs) if ended else None
+
+    def _search(
+        self, worth: Worth, lines: BoundLines, stairs: Stairs, rule: TrailRule
+    ) -> tuple[bool, OffsetArray, OffsetArray]:
+        """Search for trails; return whether the search ended, and what it has found.
+
+        These are the arcs of trails (n, n_arcs), and how many they are (n).
+        """
+        depths = self._depths.pop() if self._depths else self._new_depths()
+        n_most = self.clock.most(rule.n_most, _SECONDS_A_LINK)
+        try:
+            with self.turns.aside():
+                states, ahead = lines[0][0].states, _completions(lines)
+                within = rule._replace(n_most=n_most)
+                n = find_trails(self.net, states, worth, ahead, stairs, within, depths)
+            self.clock.count(_SECONDS_A_LINK * abs(n))
+            if -n > n_most and n_most < rule.n_most:
+                self.clock.end()
+            n_found = min(int(depths.found.n_trails), len(depths.n_arcs))
+            return n >= 0, depths.arcs[:n_found].copy(), depths.n_arcs[:n_found].copy()
+        finally:
+            self._depths.append(depths)
+
+    def remember(self, trails: Sequence[RelaxedTrail]) -> bool:
+        """Remember what relaxed trails do twice; return whether there was room for more.
+
+        What the first trails do comes first.
+        """
+        before = self._remembered.bits
+        n_most = min(self._most_states, int(_GROWTH * len(self.states.node)) + 1)
+        twice = [each for trail in trails for each in self._remembered.forgets(trail)]
+        while twice:
+            if self._remembered.add(twice, _MOST_BITS) and self._find_states(n_most):
+                return True
+            self._remembered.bits = before
+            twice = twice[: len(twice) // 2]
+        return False
+
+    def allows(self, trail: RelaxedTrail) -> bool:
+        """Return whether this is still a relaxed trail, with what is remembered at present."""
+        states, state = self.states, 0
+        for arc, pays in zip(*trail, strict=True):
+            first, end = states.first[state : state + 2].tolist()
+            found = first + np.flatnonzero(states.arc[first:end] == arc)
+            if len(found) == 0 or (pays and not states.pays[found[0]]):
+                return False
+            state = int(states.to[found[0]])
+        return True
+
+
+def _as_lists(arcs: OffsetArray, n_arcs: OffsetArray) -> list[list[int]]:
+    """Return trails as lists of their arcs."""
+    return [row[:n].tolist() for row, n in zip(arcs, n_arcs.tolist(), strict=True)]
+
+
+def _completions(lines: BoundLines) -> Completions:
+    """Return bounds under several prices as the kernel takes them."""
+    return Completions(
+        np.stack([ahead.values for ahead, _ in lines]),
+        np.array([ahead.worth.mu for ahead, _ in lines]),
+        np.stack([beside for _, beside in lines]),
+    )

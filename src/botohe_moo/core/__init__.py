@@ -1,0 +1,1 @@
+"""What every search stands on: compiling, random numbers, the graph, paths, evaluation, fronts."""

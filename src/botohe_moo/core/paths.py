@@ -1,0 +1,299 @@
+"""Safest paths: Dijkstra's algorithm on −log(survival), over arcs that a trail has not used.
+
+In a graph with lengths as costs (``with_costs``) they are the shortest paths instead.
+
+Arc a is used where ``used[a] == trail``: one array serves trail after trail without being cleared.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.core.compile import helper
+from botohe_moo.core.graph import Graph, Limits, limit_at, with_costs
+from botohe_moo.core.kinds import end_of
+
+ANYWHERE = -1  # instead of a node
+
+
+class Paths(NamedTuple):
+    """Scratch of searches for paths."""
+
+    n_searches: OffsetArray  # how many searches there have been (1)
+    # The last search that met each node (n_nodes). ``distance`` and ``entry`` are those of nodes
+    # that the current search has met.
+    met: OffsetArray
+    # Cost of the safest path between each node and the source, and the arc by which that path comes
+    # to the node, −1 at the source (n_nodes).
+    distance: FloatArray
+    entry: OffsetArray
+    order: OffsetArray  # the nodes whose safest path is known, by ascending cost (n_nodes)
+    # The heap, of at least n_arcs + 1 and n_nodes + 1.
+    heap_keys: FloatArray
+    heap_nodes: OffsetArray
+    path: OffsetArray  # arcs of the path that was asked for, in order (n_nodes)
+    # The first arc of a way home from each node but the base, and the last search that followed it
+    # (n_nodes). Ways are the safest ones at first, and then those that ``leads_home`` found
+    # for any trail: arcs on them may be used by this trail, and they may go round in circles.
+    onward: OffsetArray
+    followed: OffsetArray
+
+
+class Budget(NamedTuple):
+    """A travel budget, for planners that look for ways home."""
+
+    short: Graph  # the graph with lengths as costs
+    limits: Limits  # the budget and the survival floor
+
+
+def new_budget(graph: Graph, limits: Limits) -> Budget | None:
+    """Prepare a travel budget; None where the limits set none."""
+    if limits.max_length == math.inf:
+        return None
+    return Budget(with_costs(graph, graph.length), limits)
+
+
+def new_paths(graph: Graph) -> Paths:
+    """Return room for searches in a graph."""
+    n_nodes, n_arcs = graph.n_nodes, graph.n_arcs
+    n_heap = max(n_arcs, n_nodes) + 1
+    return Paths(
+        n_searches=np.zeros(1, np.int64),
+        met=np.zeros(n_nodes, np.int64),
+        distance=np.empty(n_nodes),
+        entry=np.empty(n_nodes, np.int64),
+        order=np.empty(n_nodes, np.int64),
+        heap_keys=np.empty(n_heap),
+        heap_nodes=np.empty(n_heap, np.int64),
+        path=np.empty(n_nodes, np.int64),
+        onward=graph.homeward.copy(),
+        followed=np.zeros(n_nodes, np.int64),
+    )
+
+
+@helper
+def _push(paths: Paths, size: int, key: float, node: int) -> int:
+    """Put a node on the heap; return the heap's new size."""
+    keys, nodes = paths.heap_keys, paths.heap_nodes
+    at = size
+    while at > 0:
+        parent = (at - 1) // 2
+        if keys[parent] <= key:
+            break
+        keys[at], nodes[at] = keys[parent], nodes[parent]
+        at = parent
+    keys[at], nodes[at] = key, node
+    return size + 1
+
+
+@helper
+def _pop(paths: Paths, size: int) -> int:
+    """Take the first node off the heap, which moves to the end; return the heap's new size."""
+    keys, nodes = paths.heap_keys, paths.heap_nodes
+    first_key, first_node = keys[0], nodes[0]
+    size -= 1
+    key, node = keys[size], nodes[size]
+    at = 0
+    while True:
+        child = 2 * at + 1
+        if child >= size:
+            break
+        if child + 1 < size and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        keys[at], nodes[at] = keys[child], nodes[child]
+        at = child
+    if size > 0:
+        keys[at], nodes[at] = key, node
+    keys[size], nodes[size] = first_key, first_node
+    return size
+
+
+@helper
+def search_paths(
+    graph: Graph,
+    paths: Paths,
+    used: OffsetArray,
+    trail: int,
+    source: int,
+    target: int,
+    n_most: int,
+    backwards: bool,
+) -> int:
+    """Find the safest paths from a node, or, searching ``backwards``, to it; the safest first.
+
+    The search ends when the path to ``target`` is known, or those to ``n_most`` nodes, the source
+    among them. With ``ANYWHERE`` there is no target. Writes ``distance``, ``entry`` and ``order``,
+    and returns how many nodes are in ``order``.
+    """
+    met, distance, entry = paths.met, paths.distance, paths.entry
+    paths.n_searches[0] += 1
+    search = paths.n_searches[0]
+    met[source], distance[source], entry[source] = search, 0.0, -1
+    size = _push(paths, 0, 0.0, source)
+    n = 0
+    while size > 0 and n < n_most:
+        size = _pop(paths, size)
+        node, key = paths.heap_nodes[size], paths.heap_keys[size]
+        if key > distance[node]:
+            continue
+        paths.order[n] = node
+        n += 1
+        if node == target:
+            break
+        starts = graph.first_entering if backwards else graph.first
+        for i in range(starts[node], starts[node + 1]):
+            arc = graph.entering[i] if backwards else i
+            there = graph.tail[arc] if backwards else graph.head[arc]
+            reached = key + graph.cost[arc]
+            if used[arc] == trail or (met[there] == search and distance[there] <= reached):
+                continue
+            met[there], distance[there], entry[there] = search, reached, arc
+            size = _push(paths, size, reached, there)
+    return n
+
+
+@helper
+def safest_path(
+    graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int, target: int
+) -> int:
+    """Write the safest path between two nodes to ``paths.path``.
+
+    Returns how many arcs it has; −1 where there is none.
+    """
+    n_nodes = paths.met.shape[0]
+    n_known = search_paths(graph, paths, used, trail, source, target, n_nodes, False)
+    if paths.order[n_known - 1] != target:
+        return -1
+    n = 0
+    node = target
+    while node != source:
+        n += 1
+        node = graph.tail[paths.entry[node]]
+    node = target
+    for i in range(n - 1, -1, -1):
+        paths.path[i] = paths.entry[node]
+        node = graph.tail[paths.entry[node]]
+    return n
+
+
+@helper
+def way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
+    """Write the safest way to the end to ``paths.path``; return how many arcs it has, −1 for none.
+
+    The usual way is tried first: it takes little time, and is nearly always free.
+    """
+    n = usual_way_home(graph, paths, used, trail, source)
+    end = end_of(graph.kinds, graph.base, source)
+    return n if n >= 0 else safest_path(graph, paths, used, trail, source, end)
+
+
+@helper
+def usual_way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
+    """Write the way along ``graph.homeward``; return how many arcs it has, −1 if one is used."""
+    n, end = 0, end_of(graph.kinds, graph.base, source)
+    node = source
+    while node != end:
+        arc = graph.homeward[node]
+        if used[arc] == trail:
+            return -1
+        paths.path[n] = arc
+        n += 1
+        node = graph.head[arc]
+    return n
+
+
+@helper
+def way_within(
+    graph: Graph,
+    budget: Budget | None,
+    paths: Paths,
+    used: OffsetArray,
+    trail: int,
+    node: int,
+    alive: float,
+    length: float,
+) -> int:
+    """Write a way home that keeps both limits to ``paths.path``, as ``way_home`` does.
+
+    ``alive`` and ``length`` are those of the robot's trail up to the node. The way is the safest
+    one if that is short enough, otherwise the shortest one if that is safe enough. Where neither
+    is, the result is −1: a way that compromises between both is not looked for. Without a budget
+    it is ``way_home``, which keeps no limits.
+    """
+    if budget is None:
+        return way_home(graph, paths, used, trail, node)
+    short, limits = budget.short, budget.limits
+    # Even if every arc were free:
+    if length + short.home[node] > limit_at(limits.max_length, limits.budgets, node):
+        return -1
+    if alive * graph.home[node] < limit_at(limits.min_survival, limits.floors, node):
+        return -1
+    n = way_home(graph, paths, used, trail, node)
+    if n < 0 or _keeps(graph, paths, n, node, alive, length, limits):
+        return n
+    n = way_home(short, paths, used, trail, node)
+    return n if _keeps(graph, paths, n, node, alive, length, limits) else -1
+
+
+@helper
+def _keeps(
+    graph: Graph, paths: Paths, n: int, node: int, alive: float, length: float, limits: Limits
+) -> bool:
+    """Return whether a trail that goes on from a node by ``paths.path`` keeps limits."""
+    for i in range(n):
+        alive *= graph.survival[paths.path[i]]
+        length += graph.length[paths.path[i]]
+    is_safe = alive >= limit_at(limits.min_survival, limits.floors, node)
+    return is_safe and length <= limit_at(limits.max_length, limits.budgets, node)
+
+
+@helper
+def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> bool:
+    """Return whether unused arcs lead from a node to the base, and note them in ``onward``.
+
+    This is a breadth-first search for a node from which the way home noted before is free. Mostly
+    it is the node itself, or one nearby.
+    """
+    paths.n_searches[0] += 1
+    met, entry, queue, search = paths.met, paths.entry, paths.order, paths.n_searches[0]
+    queue[0], met[node], n, i = node, search, 1, 0
+    if _is_free(graph, paths, used, trail, node):
+        return True
+    while i < n:
+        tail = queue[i]
+        i += 1
+        for arc in range(graph.first[tail], graph.first[tail + 1]):
+            head = graph.head[arc]
+            if used[arc] == trail or met[head] == search:
+                continue
+            met[head], entry[head] = search, arc
+            if _is_free(graph, paths, used, trail, head):
+                while head != node:
+                    arc = entry[head]
+                    head = graph.tail[arc]
+                    paths.onward[head] = arc
+                return True
+            queue[n] = head
+            n += 1
+    return False
+
+
+@helper
+def _is_free(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> bool:
+    """Return whether the way home that is noted for a node is free.
+
+    It is not if it comes to a node from which this search has followed a way before: that way
+    is blocked, or this one goes round in a circle.
+    """
+    search, end = paths.n_searches[0], end_of(graph.kinds, graph.base, node)
+    while node != end:
+        arc = paths.onward[node]
+        if used[arc] == trail or paths.followed[node] == search:
+            return False
+        paths.followed[node] = search
+        node = graph.head[arc]
+    return True

@@ -1,1 +1,0 @@
-"""Archives of non-dominated plans."""

@@ -1,1 +1,0 @@
-"""Paths over a mission's arcs."""

@@ -1,1 +1,0 @@
-"""Plans in ragged arrays: evaluated, repaired, changed, varied."""
