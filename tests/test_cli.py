@@ -1160,7 +1160,7 @@ class TestImport:
     @pytest.mark.parametrize(
         ("given", "words"),
         [
-            ([], ["kind 'drone': there is no such kind; the mission lists no kinds"]),
+            ([], ["column 'share:drone': no such kind; the mission lists no kinds"]),
             (["--kind", "drone"], ["Expected a kind as NAME=ROBOTS or", "got 'drone'."]),
             (["--kind", "drone=1,stat=lab"], ["kinds[0]: there is no 'stat' of a kind"]),
             (["--kind", "drone=1,robots=2"], ["Expected 'robots' of a kind once, got 'drone=1"]),
@@ -1176,9 +1176,7 @@ class TestImport:
             ),
             (
                 ["--robots", 2],
-                [
-                    "node 'lab': share of kind 'drone': there is no such kind; the mission lists",
-                ],
+                ["nodes.csv, row 4: column 'share:drone': no such kind; the mission lists no"],
             ),
         ],
     )

@@ -97,8 +97,12 @@ class TestFiles:
         assert mission.graph.edges["lab", "roof"]["survival"] == {"drone": 0.8}
         text = path.read_text()
         for old, new, fault in (
-            ("survival:drone", "survival:rover", "survival of kind 'rover': there is no such kind"),
-            ('"robots": 2', '"robots"', "expected kinds to be a list of kinds, got '"),
+            (
+                "survival:drone",
+                "survival:rover",
+                "column 'survival:rover': no such kind; the k",
+            ),
+            ('"robots": 2', '"robots"', "expected kinds as JSON, got '"),
         ):
             path.write_text(text.replace(old, new))
             with pytest.raises(MissionError, match=fault):
@@ -158,7 +162,7 @@ class TestTables:
         [
             (
                 {"survival:drone": 0.9, "survival:rovr": 0.9},
-                ["arc 'dock' -> 'lab' and 5 more: survival of kind 'rovr': there is no"],
+                ["arcs, row 0: column 'survival:rovr': no such kind; the kinds are drone, rover"],
             ),
             (
                 {"survival:drone": ["0,5", 0.9, 0.9], "survival:rover": [0.9, 2, 0.9]},

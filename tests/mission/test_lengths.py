@@ -161,7 +161,7 @@ class TestTables:
         mission = self.mission(["0.1", " 12 "], max_length=20)
         assert mission.arrays.length.tolist() == [0.1, 12]
         assert mission.max_length == 20
-        assert mission.graph.graph == {"base": "a", "robots": 1, "max_length": 20}
+        assert mission.graph.graph == {"base": "a", "max_length": 20}
 
     def test_cells_that_are_empty(self):
         mission = self.mission([None, 3])

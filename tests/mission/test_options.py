@@ -371,3 +371,44 @@ def test_what_only_kinds_reach_is_not_left_out(site):
     assert mission.nodes == LABELS
     save_mission(mission, "saved.geojson")
     assert load_mission("saved.geojson") == mission
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_name(site, name):
+    FORMATS[name](site / name)
+    named = load_mission(name, base="dock", robots=2, danger=0.1, name="harbour")
+    assert named.name == "harbour"
+
+
+def test_a_team_that_is_no_team_of_the_kinds(site):
+    (site / "site.json").write_text(json.dumps(ring(["a", "b"], base="a", robots=1)))
+    expected = "expected robots to be 2, the robots of all kinds together, or none, got 3"
+    with pytest.raises(MissionError, match=expected):
+        load_mission("site.json", robots=3, kinds=[{"name": "drone", "robots": 2}])
+
+
+@pytest.mark.parametrize("aboard", [5, "xyz", {"a": 1}])
+def test_nodes_aboard_that_are_no_list(site, aboard):
+    (site / "site.json").write_text(json.dumps(ring(["a", "b"], base="a", robots=1)))
+    with pytest.raises(MissionError, match="kind 'drone': expected aboard to be a list of nodes"):
+        load_mission("site.json", kinds=[{"name": "drone", "robots": 2, "aboard": aboard}])
+
+
+@pytest.mark.parametrize(("written", "length"), [("yes", 111_195), ("no", 1)])
+def test_whether_a_mission_is_geographic_as_a_text(site, written, length):
+    content = ring(["a", "b"], base="a", robots=1, geographic=written)
+    for node, x in zip(content["nodes"], (0, 1), strict=True):
+        node["pos"] = [x, 0]
+    for arc in content["edges"]:
+        del arc["survival"], arc["length"]
+    (site / "site.json").write_text(json.dumps(content))
+    lengths = load_mission("site.json", danger=1e-9).arrays.length
+    assert lengths == pytest.approx([length, length], rel=1e-3)
+
+
+def test_an_interest_that_needs_positions(site):
+    content = ring(["a", "b"], base="a", robots=1)
+    del content["nodes"][1]["reward"]
+    (site / "site.json").write_text(json.dumps(content))
+    with pytest.raises(MissionError, match=r"node 'b': expected pos \[x, y\], found none"):
+        load_mission("site.json", interest="map.yaml", sight=1)

@@ -331,7 +331,7 @@ def test_zones_that_a_caller_gives(site):
 @pytest.mark.parametrize(
     ("zones", "fault"),
     [
-        (7, "expected danger_zones to be a list, got 7"),
+        (7, "Expected danger_zones to be a list, got 7"),
         ([{}], r"danger_zones\[0\]: expected an object with rate, and circle or polygon"),
         ([{"circle": [1, 2, 0], "rate": 1}], r"danger_zones\[0\]: expected a circle .x, y, radius"),
     ],

@@ -19,6 +19,8 @@ def read_edge_list(source: Source, *, per_cent: bool = False) -> Draft:
 
     With ``per_cent``, losses are percentages.
     """
+    if not is_edge_list(source):
+        raise ValueError(f"expected a first line {','.join(COLUMNS)}")
     nodes: dict[str, Row] = {}
     arcs, faults = [], []
     lines = csv.DictReader(source.text.splitlines())

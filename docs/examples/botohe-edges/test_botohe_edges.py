@@ -37,6 +37,12 @@ def test_what_is_written_is_read(path):
     assert load_mission(path, base="dock", robots=2) == mission
 
 
+def test_another_table(path):
+    path.write_text("label,reward\ndock,0\n")
+    with pytest.raises(MissionError, match="expected a first line from,to"):
+        load_mission(path, base="dock", robots=2)
+
+
 def test_what_is_wrong_is_named(path):
     path.write_text(TEXT.replace("0.5", "half"))
     with pytest.raises(MissionError, match="line 3: expected p_loss, got"):

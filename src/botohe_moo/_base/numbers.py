@@ -13,7 +13,7 @@ FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
 
 
 def read_number(value: Any) -> Any:
-    """Return the number that a text is, alone or for each kind; anything else as it is."""
+    """Convert text to a number, also in lists and mappings; return anything else unchanged."""
     if isinstance(value, Mapping):
         return {kind: read_number(number) for kind, number in value.items()}
     if isinstance(value, list | tuple):
@@ -25,7 +25,7 @@ def read_number(value: Any) -> Any:
 
 
 def read_flag(value: Any) -> Any:
-    """Return the flag that a text or a number is; anything else as it is."""
+    """Convert text, or 0 or 1, to a flag; return anything else unchanged."""
     return FLAGS.get(str(value).lower(), value)
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Source:
-    """A file that is read: its path, its bytes, and what these say as a text, JSON or YAML.
+    """A file that is read: its path, its bytes, and its content as text, JSON or YAML.
 
     Examples
     --------

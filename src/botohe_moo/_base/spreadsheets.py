@@ -58,7 +58,7 @@ def read_table(path: FilePath) -> pd.DataFrame:
 def filled_cells(
     frame: pd.DataFrame, names: Sequence[str], table: str
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield where each row of a table stands, and its cells that are not empty.
+    """Yield the place and the non-empty cells of each row; places begin with ``table``.
 
     Columns have ``names``; one with an empty name is left out. Texts lose the blanks around them.
     """

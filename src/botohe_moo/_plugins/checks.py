@@ -144,7 +144,7 @@ def call_factory(
 
 def factory_faults(
     source: str,
-    accepted: Callable[[], Sequence[Parameter]],
+    find_accepted: Callable[[], Sequence[Parameter]],
     make: Callable[..., Any],
     values: Mapping[str, Any],
     *,
@@ -153,15 +153,16 @@ def factory_faults(
 ) -> list[Fault]:
     """List everything that keeps something from being made with values, as `check_values` does.
 
-    Where all of them are of their types, it is made. ``accepted`` finds the parameters.
+    If all values have the right types, it is made, to see what that raises.
     """
     try:
-        if faults := check_values(accepted(), values, plain=plain, also=also):
+        if faults := check_values(find_accepted(), values, plain=plain, also=also):
             return faults
         make(**values)
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        several: list[Fault] = [(None, fault) for fault in getattr(error, "faults", ())]
-        return several or [raised_fault(error, values, source=source)]
+        if isinstance(error, FaultsError):
+            return [(None, fault) for fault in error.faults]
+        return [raised_fault(error, values, source=source)]
     return []
 
 

@@ -60,7 +60,7 @@ class PluginGroup:
             claims.setdefault(entry.name, []).append(entry)
         return claims
 
-    def loaded(self) -> dict[str, Any]:
+    def load_all(self) -> dict[str, Any]:
         """Import all entries; return them by name, sorted.
 
         Entries that cannot be imported, and names that two packages register, are left out with a

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo._base.checks import nearest_first, quoted
+from botohe_moo._base.checks import FaultsError, nearest_first, quoted
 from botohe_moo._plugins.types import bound_text
 
 M = TypeVar("M", bound=BaseModel)
@@ -105,7 +105,9 @@ def wrong_value(name: str, *errors: Error, bounds: str = "") -> str:
 
 
 def content_faults(
-    content: Any, invalid: ValidationError, known_keys: Callable[[Place], Sequence[str]] = tuple
+    content: Any,
+    invalid: ValidationError,
+    known_keys: Callable[[Place], Sequence[str]] = lambda _: (),
 ) -> Iterator[tuple[Place, str]]:
     """Yield each place of a file's content at which something is wrong, and a sentence about it.
 
@@ -125,12 +127,27 @@ def content_faults(
             said = f"expected the key {name!r}, which is missing."
         elif kind == "extra_forbidden":
             known = ", ".join(nearest_first(name, known_keys(place[:-1])))
-            said = f"there is no key {quoted(name)}; known are {known}."
+            said = f"there is no key {quoted(name)}{f'; known are {known}' if known else ''}."
         elif kind == "value_error":
             said = f"{own_message(errors[0]).rstrip('.')}."
         else:
             said = wrong_value(name, *errors).removeprefix(f"{name}: ")
         yield place, said
+
+
+def validated(content: Any, model: type[M], line: Callable[[Place], int] | None = None) -> M:
+    """Return the content of a file as a model; a FaultsError lists all faults.
+
+    They begin with the line that ``line`` returns for the place of a fault.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as invalid:
+        faults = []
+        for place, said in content_faults(content, invalid):
+            where = f"line {line(place)}: " if line else ""
+            faults.append(f"{where}{said[0].lower()}{said[1:].rstrip('.')}")
+        raise FaultsError(faults, "The file") from None
 
 
 def json_record(path: Path, data: bytes, model: type[M]) -> M:

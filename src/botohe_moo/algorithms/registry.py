@@ -93,7 +93,7 @@ def algorithm_names() -> tuple[str, ...]:
     >>> "pareto-local-search" in algorithm_names()
     True
     """
-    return tuple(PLUGINS.loaded())
+    return tuple(PLUGINS.load_all())
 
 
 def algorithm_parameters(name: str) -> tuple[Parameter, ...]:

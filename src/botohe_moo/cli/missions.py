@@ -49,10 +49,11 @@ def missions(context: typer.Context) -> None:
 @missions_app.command("list")
 def list_missions() -> None:
     """List the named missions and the generators."""
+    from botohe_moo._plugins.stated import summary_of
     from botohe_moo.mission import mission_names
-    from botohe_moo.mission.loading import describe_mission
+    from botohe_moo.mission.loading import PLUGINS
 
-    tell(listing((name, describe_mission(name)) for name in mission_names()))
+    tell(listing((name, summary_of(PLUGINS.load(name))) for name in mission_names()))
     more = (
         "`botohe missions show NAME` tells more. Generators take parameters: "
         "`botohe missions show terrain -m nodes=50 -m seed=3`."
@@ -250,9 +251,11 @@ def import_mission(
     Labels are texts. Names of columns may be in upper or lower case; further columns become
     attributes. What is wrong is named by file and row.
     """
+    from botohe_moo._base.checks import ParameterError, unknown_parameter
     from botohe_moo._base.spreadsheets import read_table
     from botohe_moo.mission import mission_from_tables, save_mission
     from botohe_moo.mission.formats.reading import stem_of
+    from botohe_moo.mission.loading import OF_FILES
 
     with failing():
         given = mission_options(
@@ -268,6 +271,8 @@ def import_mission(
         )
         if kind:
             given["kinds"] = [read_kind(text) for text in kind]
+        if unknown := given.keys() - {*OF_FILES, "max_length", "title"}:
+            raise ParameterError(unknown_parameter(min(unknown), OF_FILES), min(unknown))
         tables = read_table(nodes), read_table(arcs)
         loaded = mission_from_tables(*tables, **{"name": stem_of(out), **given})
         if lengths_from_pos:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import heapq
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,6 +58,13 @@ class Graph(NamedTuple):
         """Number of arcs; the base's self-loop, which ends a colony's trails, is not among them."""
         return len(self.head)
 
+    @property
+    def numbers(self) -> list[Any]:
+        """The arrays that objectives depend on."""
+        always = self.tail, self.head, self.survival, self.reward
+        lengths = [self.length] if (self.length != 1.0).any() else []  # by default all are 1
+        return [*always, *lengths, *(self.kinds or ())[:-1]]
+
     def __reduce__(self) -> tuple[object, ...]:
         return _read_only, tuple(self)  # numpy unpickles arrays as writable ones
 
@@ -95,6 +103,12 @@ class Limits(NamedTuple):
 
 
 NO_LIMITS = Limits()
+
+
+def limits_of_kinds(floors: Sequence[float], budgets: Sequence[float], n_nodes: int) -> Limits:
+    """Return the limits of kinds, each of which has ``n_nodes`` nodes."""
+    by_node = (np.repeat(np.array(of, np.float64), n_nodes) for of in (floors, budgets))
+    return Limits(max(floors), min(budgets), *by_node)
 
 
 @inlined

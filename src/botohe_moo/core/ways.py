@@ -1,4 +1,4 @@
-"""Ways through whole graphs, once for a mission: what leads where, and the way of each robot."""
+"""Reachability, and each robot's way to its end, computed once for a mission."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -69,9 +69,9 @@ def failing_ways(graph: Graph, limits: Limits) -> dict[int, tuple[Way, float, fl
     Beside each way, which may not even lead to the end, are the robot's survival floor and travel
     budget.
     """
-    failing, ways = {}, ways_to_ends(graph, limits)
     if (kinds := graph.kinds) is None:  # trails end where they start
         return {}
+    failing, ways = {}, ways_to_ends(graph, limits)
     for robot in np.unique(kinds.first).tolist():
         start = kinds.start[robot]
         least = limit_at(limits.min_survival, limits.floors, start)

@@ -166,8 +166,7 @@ def random(
     drawing = _Drawing("random", title, seed)
     pairs = drawing.connected_pairs(np.full((nodes, nodes), arc_probability))
     if not len(pairs):
-        usual = 1.5 * math.log(nodes) / nodes
-        expected = f"arc_probability > {usual:.2g}, which connects most graphs of {nodes} nodes"
+        expected = f"arc_probability > {1.5 * math.log(nodes) / nodes:.2g} for {nodes} nodes"
         raise ParameterError(f"Expected {expected}, got {arc_probability}.", "arc_probability")
     drawing.nodes(reward=drawing.uniform(0.1, 1.1, nodes), pos=_circle(nodes, 0.5, 0.5))
     drawing.passages(pairs, drawing.uniform(_LEAST, 1, len(pairs), 2))

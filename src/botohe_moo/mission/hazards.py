@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from botohe_moo._base.checks import as_float, quoted
-from botohe_moo._base.numbers import plain_numbers
+from botohe_moo._base.numbers import plain_numbers, read_number
 from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import NotNegative, Positive
@@ -360,7 +360,7 @@ class Zone(NamedTuple):
 def read_zones(zones: Iterable[Any], name: str) -> list[Zone]:
     """Read zones; a ValueError names what is wrong, such as ``zones[0]``."""
     if not isinstance(zones, Iterable) or isinstance(zones, str | Mapping):
-        raise ValueError(f"expected {name} to be a list, got {quoted(zones)}.")
+        raise ValueError(f"Expected {name} to be a list, got {quoted(zones)}.")
     return [read_zone(zone, f"{name}[{i}]: ") for i, zone in enumerate(zones)]
 
 
@@ -373,7 +373,7 @@ def read_zone(zone: Any, where: str = "") -> Zone:
     given = {"circle", "polygon"} & zone.keys() if isinstance(zone, Mapping) else ()
     if len(given) != 1:
         raise fault("an object with rate, and circle or polygon", zone)
-    rate, [shape] = as_float(zone.get("rate")), map(zone.get, given)
+    rate, [shape] = as_float(read_number(zone.get("rate"))), map(zone.get, given)
     if not 0.0 <= rate < math.inf:
         raise fault("a rate >= 0", zone.get("rate"))
     numbers = plain_numbers(shape)

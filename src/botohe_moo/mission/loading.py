@@ -10,22 +10,20 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from botohe_moo._base.checks import ParameterError, check_choice, quoted, unknown_parameter
+from botohe_moo._base import checks
 from botohe_moo._base.files import check_suffix, replace_file
 from botohe_moo._base.types import FilePath
 from botohe_moo._plugins import stated
 from botohe_moo._plugins.checks import Fault, call_factory, checked, factory_faults
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, package_of
-from botohe_moo._plugins.stated import Parameter
 from botohe_moo._plugins.types import Robots
 from botohe_moo.mission.formats import reading
 from botohe_moo.mission.formats.nodelink import mission_content, read_node_link
-from botohe_moo.mission.formats.reading import Format, Source, within
 from botohe_moo.mission.formats.tables import make_mission
 from botohe_moo.mission.model import Mission, check_mission, numbers_digest
 from botohe_moo.mission.rules import MissionError
 
-PREFIX = "library:"  # before the name of a mission, and of several
+PREFIX = "library:"  # of names of missions and selections of the library
 
 
 class Entry(NamedTuple):
@@ -34,13 +32,13 @@ class Entry(NamedTuple):
     Attributes
     ----------
     family
-        What it has in common with others.
+        The family that it belongs to.
     size
         Small up to 40 nodes, medium up to 100, large above.
     source, parameters
         The named mission or generator that makes it, and with which parameters.
     digest
-        That of its numbers.
+        The digest of its numbers.
     """
 
     family: str
@@ -72,7 +70,7 @@ def library_names(selection: str = "all") -> tuple[str, ...]:
     >>> library_names("tunnel")
     ('tunnel-20', 'tunnel-75', 'tunnel-1000')
     """
-    check_choice("a mission of the library", selection, [*SELECTIONS, *ENTRIES])
+    checks.check_choice("a mission of the library", selection, [*SELECTIONS, *ENTRIES])
     member_of = {name: ("all", name, one.family, one.size) for name, one in ENTRIES.items()}
     return tuple(name for name, selections in member_of.items() if selection in selections)
 
@@ -83,8 +81,9 @@ def library_name_of(digest: str) -> str | None:
 
 
 COMMON = ("robots", "lengths_from_pos")  # parameters that every mission takes
-_OF_FILES = {p.name: p for p in stated.signature_parameters(make_mission)}
-_PLUGINS = PluginGroup("botohe_moo.missions", "mission")
+# The options that files of all formats take.
+OF_FILES = {p.name: p for p in stated.signature_parameters(make_mission)}
+PLUGINS = PluginGroup("botohe_moo.missions", "mission")
 
 
 def art_museum() -> Mission:
@@ -128,7 +127,7 @@ def toy() -> Mission:
 
 
 def _packaged(name: str) -> Mission:
-    return make_mission(read_node_link(Source(_DATA / f"{name}.json")))
+    return make_mission(read_node_link(reading.Source(_DATA / f"{name}.json")))
 
 
 @checked
@@ -186,7 +185,7 @@ def load_mission(
     return mission.with_lengths_from_pos() if lengths_from_pos else mission
 
 
-def read_mission(path: FilePath, **options: Any) -> Mission:
+def read_mission(path: FilePath, /, **options: Any) -> Mission:
     """Read a mission file of any format.
 
     The suffix tells the format, in upper or lower case, and the content where several formats have
@@ -257,31 +256,30 @@ def read_mission(path: FilePath, **options: Any) -> Mission:
     >>> read_mission("site.json", robots=3)
     <Mission 'toy': 5 nodes, 12 arcs, 3 robots at base 1, total reward 10>
     """
-    source, where = Source(path), str(Path(path))
+    source, where = reading.Source(path), str(Path(path))
     try:
         known = reading.format_of(source)
         own = {name: options.pop(name) for name in _own_options(known) if name in options}
-        if unknown := [name for name in options if name not in _OF_FILES]:
-            fault = unknown_parameter(unknown[0], file_parameters(known))
-            raise ParameterError(f"Mission file {where}: {fault}", unknown[0])
+        if unknown := [name for name in options if name not in OF_FILES]:
+            fault = checks.unknown_parameter(unknown[0], file_parameters(known))
+            raise checks.ParameterError(f"Mission file {where}: {fault}", unknown[0])
         draft = known.read(source, **own)
-        mission = make_mission(
-            draft, name=str(draft.graph.get("name") or reading.stem_of(path)), **options
-        )
+        name = options.pop("name", None) or draft.graph.get("name") or reading.stem_of(path)
+        mission = make_mission(draft, name=str(name), **options)
         mission_content(mission)  # what cannot be saved is refused at once, not after a search
-    except ParameterError:
+    except checks.ParameterError:
         raise
     except (ValueError, RecursionError) as error:
-        raise within(where, error) from None
+        raise reading.within(where, error) from None
     return mission
 
 
-def file_parameters(known: Format) -> dict[str, Parameter]:
+def file_parameters(known: reading.Format) -> dict[str, stated.Parameter]:
     """Return the options that files of a format take, by name: those of all, and its own."""
-    return _OF_FILES | _own_options(known)
+    return OF_FILES | _own_options(known)
 
 
-def _own_options(known: Format) -> dict[str, Parameter]:
+def _own_options(known: reading.Format) -> dict[str, stated.Parameter]:
     read = partial(known.read, None)  # whatever its first parameter is called
     return {parameter.name: parameter for parameter in stated.signature_parameters(read)}
 
@@ -345,11 +343,11 @@ def mission_faults(
     [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
     """
     accepted, make = partial(mission_parameters, name_or_path), partial(load_mission, name_or_path)
-    source, given = _PLUGINS.source(name_or_path), parameters or {}
+    source, given = PLUGINS.source(name_or_path), parameters or {}
     return factory_faults(source, accepted, make, given, plain=plain, also=COMMON)
 
 
-def mission_parameters(name_or_path: FilePath) -> tuple[Parameter, ...]:
+def mission_parameters(name_or_path: FilePath) -> tuple[stated.Parameter, ...]:
     """List the parameters of a named mission, or the options of files in a format."""
     if function := find_factory(name_or_path):
         return stated.accepted_parameters(function)
@@ -375,7 +373,7 @@ def mission_names() -> tuple[str, ...]:
     >>> "art_museum" in mission_names()
     True
     """
-    return tuple(_PLUGINS.loaded())
+    return tuple(PLUGINS.load_all())
 
 
 def mission_origin(name_or_path: FilePath) -> dict[str, str | None]:
@@ -384,14 +382,10 @@ def mission_origin(name_or_path: FilePath) -> dict[str, str | None]:
     Both are None for files, and for missions that are not registered. A ValueError is raised if two
     packages claim the name.
     """
-    name = str(name_or_path)
-    name = ENTRIES[name.removeprefix(PREFIX)].source if name.startswith(PREFIX) else name
-    return package_of(_PLUGINS.entry(name).dist if name in _PLUGINS.claims() else None)
-
-
-def describe_mission(name: str) -> str:
-    """Return the summary of a named mission's docstring, which may be empty."""
-    return stated.summary_of(_PLUGINS.load(name))
+    name: Any = name_or_path
+    if isinstance(name, str) and name.startswith(PREFIX):
+        name = ENTRIES[name.removeprefix(PREFIX)].source
+    return package_of(PLUGINS.entry(name).dist if name in PLUGINS.claims() else None)
 
 
 def find_factory(name: FilePath) -> Callable[..., Any] | None:
@@ -400,19 +394,19 @@ def find_factory(name: FilePath) -> Callable[..., Any] | None:
         return None
     if not isinstance(name, str):
         expected = "the name of a mission or a path (Mission(graph, base=...) takes graphs)"
-        raise ValueError(f"Expected {expected}, got {quoted(name)}.")
+        raise ValueError(f"Expected {expected}, got {checks.quoted(name)}.")
     if name.startswith(PREFIX):
         return partial(_of_library, name.removeprefix(PREFIX))
-    is_known = name in _PLUGINS.claims()
+    is_known = name in PLUGINS.claims()
     is_module = ":" in name and not is_known
     if not is_known and (reading.is_file_name(name) or Path(name).is_file()):
         return None
     try:
-        return declared_factory(name, _PLUGINS, Mission) if is_module else _PLUGINS.load(name)
+        return declared_factory(name, PLUGINS, Mission) if is_module else PLUGINS.load(name)
     except PluginError as error:
         files = f"mission files end in one of {', '.join(reading.suffixes())}"
         hint = f"; {files}; botohe missions import reads tables" * (not is_known and not is_module)
-        raise MissionError(f"{error}{hint}", _PLUGINS.source(name)) from error
+        raise MissionError(f"{error}{hint}", PLUGINS.source(name)) from error
 
 
 def _of_library(name: str) -> Mission:
@@ -431,13 +425,13 @@ def _of_library(name: str) -> Mission:
 def _make(
     function: Callable[..., Any], name: str, robots: int | None, parameters: dict[str, Any]
 ) -> Mission:
-    source, origin = _PLUGINS.source(name), _PLUGINS.origin(name)
+    source, origin = PLUGINS.source(name), PLUGINS.origin(name)
     accepted = stated.accepted_parameters(function)
     if robots is not None and any(parameter.name == "robots" for parameter in accepted):
         parameters = {**parameters, "robots": robots}
-    told: dict[str, Any] = {"wanted": Mission, "origin": origin, "also": COMMON}
+    context: dict[str, Any] = {"wanted": Mission, "origin": origin, "also": COMMON}
     try:
-        mission: Mission = call_factory(source, function, accepted, parameters, **told)
-    except (PluginError, MissionError) as error:
-        raise within(source, error) from error
+        mission: Mission = call_factory(source, function, accepted, parameters, **context)
+    except (PluginError, checks.FaultsError) as error:
+        raise reading.within(source, error) from error
     return mission if robots in (None, mission.robots) else mission.with_robots(robots)

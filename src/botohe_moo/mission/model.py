@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import json
 import math
@@ -19,7 +20,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted, listed
 from botohe_moo.core import evaluate as kernels
 from botohe_moo.core import ways
-from botohe_moo.core.graph import Graph, Limits, new_graph
+from botohe_moo.core.graph import Graph, Limits, limits_of_kinds, new_graph
 from botohe_moo.core.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
 from botohe_moo.mission import rules
 from botohe_moo.mission.hazards import distance_of, places_of
@@ -182,8 +183,12 @@ class Mission:
         if len(self.kinds) > 1:
             fault = f"it has {self.team}: expected no number of robots, got {quoted(robots)}"
             raise MissionError(fault, f"Mission {quoted(self.name)}")
-        kinds = [replace(self.kinds[0], robots=check_integer("robots", robots, at_least=1))]
-        return Mission(self.graph, base=self.base, kinds=kinds, pays=self.pays, name=self.name)
+        kinds = (replace(self.kinds[0], robots=check_integer("robots", robots, at_least=1)),)
+        if not self.is_plain:  # its arrays depend on the robots
+            return Mission(self.graph, base=self.base, kinds=kinds, pays=self.pays, name=self.name)
+        other = copy.copy(self)
+        other.robots, other.kinds = kinds[0].robots, kinds
+        return other
 
     def with_lengths_from_pos(self) -> Mission:
         """Return the same mission with the distances between positions as lengths of arcs.
@@ -237,8 +242,7 @@ class Mission:
         floors = [max(min_survival, kind.min_survival) for kind in self.kinds]
         if self.is_plain:
             return Limits(floors[0], budgets[0])
-        by_node = (np.repeat(np.array(of, np.float64), len(self.nodes)) for of in (floors, budgets))
-        return Limits(max(floors), min(budgets), *by_node)
+        return limits_of_kinds(floors, budgets, len(self.nodes))
 
     def index(self, label: Hashable) -> int:
         """Return the index of a node in ``nodes``; a KeyError is raised for an unknown label."""
@@ -501,8 +505,8 @@ def _graph_of_kinds(graph: Any, base: Hashable, kinds: Sequence[Kind], pays: str
     aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
     taken = survival > 0.0
     for k, (start, end) in enumerate(ends.tolist()):
-        reach = tail[taken[:, k]], head[taken[:, k]]
-        is_open = ways.leading(*reach, [end], n) & ways.leading(*reach[::-1], [start], n)
+        open_arcs = tail[taken[:, k]], head[taken[:, k]]
+        is_open = ways.leading(*open_arcs, [end], n) & ways.leading(*open_arcs[::-1], [start], n)
         taken[:, k] &= is_open[tail] & is_open[head]
         is_open[aboard[k]] = True  # what robots carry may come from nodes that are closed now
         share[~is_open, k] = 0.0
@@ -532,46 +536,30 @@ def check_mission(value: object) -> Mission:
     raise TypeError(f"Expected a Mission, got {quoted(value)}; {remedy}.")
 
 
-def check_plain(value: object, who: str) -> Mission:
-    """Return ``value`` if it is a plain mission, which ``who`` needs.
-
-    A ValueError names a mission that is not plain, a TypeError anything else.
-    """
-    mission = check_mission(value)
-    if not mission.is_plain:
-        found = f"mission {quoted(mission.name)}, which has {mission.specialities}"
-        raise ValueError(f"{who} does not support {found}.")
-    return mission
-
-
 def mission_digest(mission: Mission) -> str:
     """Return the digest of all that results depend on; names and positions are left out."""
     return numbers_digest(mission, [repr(node) for node in mission.nodes], repr(mission.base))
 
 
 def numbers_digest(mission: Mission, *labels: object) -> str:
-    """Return the digest without labels, whose types may change when they are read from a file."""
+    """Return the digest of a mission's numbers, and of ``labels``.
+
+    Labels are left out by default, since their types may change when they are read from a file.
+    """
     of_kinds = [[kind.min_survival, kind.max_length] for kind in mission.kinds]
     limits = [x for x in (mission.max_length, of_kinds) if x not in (None, [[0.0, None]])]
     first = labels or [mission.arrays.base]
     text = json.dumps([*first, mission.robots, *limits], separators=(",", ":"))
     hashed = hashlib.sha256(text.encode())
-    for values in _numbers(mission.arrays):
+    for values in mission.arrays.numbers:
         hashed.update(np.ascontiguousarray(values, f"<{values.dtype.kind}8").tobytes())
     return hashed.hexdigest()[:16]
-
-
-def _numbers(graph: Graph) -> list[Any]:
-    """Return the arrays that objectives depend on."""
-    always = graph.tail, graph.head, graph.survival, graph.reward
-    lengths = [graph.length] if (graph.length != 1.0).any() else []  # by default all are 1
-    return [*always, *lengths, *(graph.kinds or ())[:-1]]
 
 
 def _identity(mission: Mission) -> list[object]:
     """Return what equal missions share: not names of missions, nor positions."""
     own: list[object] = [mission.nodes, mission.base, mission.kinds, mission.max_length]
-    return own + [values.tolist() for values in _numbers(mission.arrays)]
+    return own + [values.tolist() for values in mission.arrays.numbers]
 
 
 def _fault_text(mission: Mission, batch: PlanBatch, fault: Sequence[int]) -> str:

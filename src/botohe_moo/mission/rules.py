@@ -196,7 +196,7 @@ def _is_name(value: Any) -> bool:
 Rule = tuple[str, Callable[[Any], bool], Any]
 Rules = Mapping[str, Rule]
 _MAX_LENGTH: Rule = ("a finite max_length >= 0", lambda v: v is None or _within(0)(v), None)
-_PAYS: Rule = ("pays to be 'arrival' or 'return'", lambda v: f"{v}" in PAYS, PAYS[0])
+_PAYS = ("pays to be 'arrival' or 'return'", lambda v: isinstance(v, str) and v in PAYS, PAYS[0])
 _SHARE: Rule = ("share in [0, 1]", _within(0, 1), 1.0)
 _OF_MISSIONS: Rules = {
     "robots": ("robots to be an integer >= 1", lambda v: v is None or _is_count(v), None),
@@ -288,7 +288,7 @@ def _kind_name_faults(kinds: Sequence[Kind]) -> list[str]:
     expected = "a printable name without : , = and blanks around it"
     where = "for columns survival:NAME and --kind NAME=ROBOTS"
     wrong = [f"{quoted(n)}: expected {expected}, {where}" for n in names if not _is_name(n)]
-    twice = [n for i, n in enumerate(names) if n in names[:i]]
+    twice = dict.fromkeys(n for i, n in enumerate(names) if n in names[:i])
     rivals = [f"{quoted(name)}: there are two kinds of this name" for name in twice]
     return [f"kind {fault}" for fault in wrong or rivals]
 

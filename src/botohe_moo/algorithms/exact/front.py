@@ -11,6 +11,7 @@ import networkx as nx
 import numpy as np
 from pydantic import Field
 
+from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Positive, Probability, TravelBudget
 from botohe_moo.algorithms.exact.kernels import tables, teams
@@ -18,7 +19,7 @@ from botohe_moo.algorithms.exact.trails import TrailSearch
 from botohe_moo.core.evaluate import either
 from botohe_moo.core.graph import NO_LIMITS, Limits
 from botohe_moo.core.ordered import best_reward, copy_front, insert, new_front, read_front
-from botohe_moo.mission.model import Mission, check_plain
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -118,7 +119,10 @@ def exact_front(
     [[7.09, 0.35], [4.14, 0.66], [0.9, 0.81], [0.0, 1.0]]
     """
     longest = math.inf if max_length is None else max_length
-    limits = check_plain(mission, "exact_front").limits(min_survival, longest)
+    if not check_mission(mission).is_plain:
+        found = f"mission {quoted(mission.name)}, which has {mission.specialities}"
+        raise ValueError(f"exact_front does not support {found}.")
+    limits = mission.limits(min_survival, longest)
     search = FrontSearch(mission, limits, time_limit=time_limit, memory_limit=memory_limit)
     while search.plans is None:
         search.advance()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -59,9 +58,10 @@ def read_graphml(source: Source) -> Draft:
             if drawn := value.findtext(".//{*}NodeLabel", "").strip():
                 attributes.setdefault("label", drawn)
             name, kind = keys[i].get("attr.name"), keys[i].get("attr.type", "string")
-            if name is None or len(value):  # what yEd draws
-                continue
             text = value.text or ""
+            # What yEd draws, and empty cells.
+            if name is None or len(value) or not (text or kind == "string"):
+                continue
             try:
                 attributes[name] = _TYPES[kind](text)
             except (KeyError, ValueError):
@@ -69,14 +69,18 @@ def read_graphml(source: Source) -> Draft:
                 faults.append(f"{owner}: expected {name} of type {kind}{known}, got {quoted(text)}")
         if {"x", "y"} <= attributes.keys() and "pos" not in attributes:
             attributes["pos"] = [attributes.pop("x"), attributes.pop("y")]
-        return Row("the GraphML", labels, attributes)
+        faults.extend(f"{owner}: expected {n}, found none" for n in names if element.get(n) is None)
+        return Row("the GraphML", tuple(label or "" for label in labels), attributes)
 
     nodes = [row(node, "id") for node in graph.iterfind(".//{*}node")]
     arcs = [row(arc, "source", "target") for arc in graph.iterfind(".//{*}edge")]
-    about, any_two_way = row(graph).attributes, graph.find(".//{*}edge[@directed='false']")
-    directed = graph.get("edgedefault") == "directed" and any_two_way is None
-    with suppress(KeyError, TypeError, ValueError):  # what is no JSON is no list of kinds either
-        about["kinds"] = json.loads(about["kinds"])
+    about, default = row(graph).attributes, str(graph.get("edgedefault") == "directed").lower()
+    arrows = [arc.get("directed", default) == "true" for arc in graph.iterfind(".//{*}edge")]
+    directed = all(arrows) if arrows else default == "true"
+    try:
+        about |= {"kinds": json.loads(about["kinds"])} if "kinds" in about else {}
+    except (TypeError, ValueError) as error:
+        faults.append(f"expected kinds as JSON, got {quoted(about.pop('kinds'))}: {error}")
     return Draft(nodes, arcs, about, faults, directed=directed)
 
 
@@ -115,4 +119,4 @@ def _flatten(owner: str, attributes: dict[str, Any]) -> None:
 
 
 # No other format has this suffix.
-GRAPHML = Format((".graphml",), bool, read_graphml, write_graphml)
+GRAPHML = Format((".graphml",), lambda _: True, read_graphml, write_graphml)

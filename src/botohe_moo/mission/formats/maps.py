@@ -21,8 +21,9 @@ from botohe_moo._base.checks import ParameterError, quoted
 from botohe_moo._base.numbers import plain_numbers
 from botohe_moo._base.types import FilePath, FloatArray
 from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.faults import validated
 from botohe_moo._plugins.types import NotNegative, Positive, Probability
-from botohe_moo.mission.formats.reading import Source, validated, within
+from botohe_moo.mission.formats.reading import Source, within
 from botohe_moo.mission.hazards import Raster, survived
 from botohe_moo.mission.rules import MissionError
 

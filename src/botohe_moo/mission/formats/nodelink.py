@@ -6,13 +6,14 @@ import json
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import fields
 from numbers import Real
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from pydantic import AliasChoices, BaseModel, Field
 
 from botohe_moo._base.checks import quoted
-from botohe_moo.mission.formats.reading import Draft, Format, Row, Source, validated
+from botohe_moo._plugins.faults import validated
+from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import ONLY_KIND, Kind, MissionError, read_label, whose
 
@@ -21,7 +22,7 @@ as_json = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
 
 class _Content(BaseModel, defer_build=True, strict=True):
     directed: bool = False
-    multigraph: Literal[False] = False  # at most one arc from a node to another
+    multigraph: bool = False
     graph: dict[str, Any] = {}
     nodes: list[Any]
     edges: list[Any] = Field(validation_alias=AliasChoices("edges", "links"))  # as networkx < 3.4
@@ -40,9 +41,10 @@ def read_node_link(source: Source) -> Draft:
     node-link data.
     """
     content = validated(source.json, _Content)
+    faults = ["expected at most one arc from a node to another"] if content.multigraph else []
     nodes = [*_rows("nodes", content.nodes, "id")]
     arcs = [*_rows("edges", content.edges, "source", "target")]
-    return Draft(nodes, arcs, content.graph, directed=content.directed)
+    return Draft(nodes, arcs, content.graph, faults, content.directed)
 
 
 def _rows(table: str, entries: list[Any], *names: str) -> Iterator[Row]:

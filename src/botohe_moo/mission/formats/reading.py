@@ -6,20 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
-
-from pydantic import BaseModel, ValidationError
+from typing import Any, NamedTuple
 
 from botohe_moo._base.files import suffix_fault
 from botohe_moo._base.source import Source as Source  # what readers are given
 from botohe_moo._base.types import FilePath
 from botohe_moo._plugins.entry_points import PluginGroup
-from botohe_moo._plugins.faults import Place, content_faults
 from botohe_moo.mission.hazards import Zone
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import MissionError
-
-M = TypeVar("M", bound=BaseModel)
 
 
 class Row(NamedTuple):
@@ -65,7 +60,7 @@ class Draft:
         Whether it is a file of another tool. Then what cannot be part of a mission is left out, and
         a warning names it: parallel arcs, arcs from a node to itself, and nodes without a way from
         the base or back. If not, these are faults. Also, every arc without a length is as long as
-        its ends are apart; otherwise only arcs are whose survival is computed from their length.
+        its ends are apart. Otherwise this holds only for arcs whose survival is computed from it.
     left_out
         What the reader itself has left out: names by what they are.
     notes
@@ -100,7 +95,7 @@ def within(source: str, error: Exception) -> MissionError:
     """
     faults = getattr(error, "faults", [str(error).removeprefix(f"{source}: ").rstrip(".")])
     inner = getattr(error, "source", source)
-    where = "" if inner.startswith((source, "The mission", "Mission '")) else f"{inner}: "
+    where = "" if inner in (source, "The mission", "The file") else f"{inner}: "
     return MissionError([f"{where}{fault}" for fault in faults], source)
 
 
@@ -142,13 +137,14 @@ class Format:
 
 _FORMATS = PluginGroup("botohe_moo.formats", "format", Format)
 
-# Keys of other kinds of files with the same suffixes, and what can be done about them.
-_FOREIGN = {
+# Keys by which files are known that are no missions, and what can be done about them.
+_UNSUPPORTED = {
     ("image", "resolution"): "a map: `botohe missions from-map` makes a mission from it",
     ("missions", "algorithms"): "a study, which `botohe study run` runs",
     ("nodes", "adjacency"): "adjacency data of networkx: write it by node_link_data",
-    ("graph", "nodes"): "a graph in JSON Graph Format",
+    ("graph.nodes", "graph.edges"): "a graph in JSON Graph Format",
     ("pointset",): "a topological map of LCAS: docs/mission-robots.md has a recipe",
+    ("meta.pointset",): "a topological map of LCAS: docs/mission-robots.md has a recipe",
     ("rmf_fleet",): "a fleet configuration of Open-RMF: read its navigation graph",
     ("format_version", "properties"): "a site of Open-RMF's site editor: export navigation graphs",
     ("layouts", "metaInformation"): "a layout of VDA 5050 (LIF)",
@@ -166,7 +162,7 @@ def formats() -> dict[str, Format]:
     Those of this package come last: of formats with one suffix the others are asked first whether
     they know a file, and the last one writes it.
     """
-    found = _FORMATS.loaded()
+    found = _FORMATS.load_all()
     return dict(sorted(found.items(), key=lambda pair: _FORMATS.is_ours(pair[0])))
 
 
@@ -176,13 +172,10 @@ def suffixes() -> tuple[str, ...]:
 
 
 def _fitting(path: FilePath) -> list[tuple[str, Format]]:
-    """Return the suffixes that a file has, longest first, each with a format that has it, too.
-
-    Of formats with the same suffix, those come first that write files with it.
-    """
+    """Return the suffixes that a file has, longest first, each with a format that has it, too."""
     name, known = Path(path).name.lower(), formats().values()
     found = [(suffix, one) for one in known for suffix in one.suffixes if name.endswith(suffix)]
-    return sorted(found, key=lambda pair: (-len(pair[0]), pair[1].suffixes.index(pair[0])))
+    return sorted(found, key=lambda pair: -len(pair[0]))
 
 
 def is_file_name(name: FilePath) -> bool:
@@ -223,17 +216,17 @@ def format_of(file: FilePath | Source) -> Format:
     ('.json',)
     """
     source = file if isinstance(file, Source) else Source(file)
-    found = [known for _, known in _fitting(source.path)]
+    found = _fitting(source.path)
     if found:
         source.data  # noqa: B018 - a file that cannot be read is in no format
-    for known in found:
+    for _, known in found:
         if _seen(known.sniff, source):
             return known
-    if kind := _seen(_foreign_kind, source):
+    if kind := _seen(_unsupported_kind, source):
         raise MissionError(f"expected a mission, found {kind}", str(source.path))
     if not found:
         raise MissionError(suffix_fault(source.path, suffixes()), str(source.path))
-    return found[0]  # whose reader says what it misses
+    return min(found, key=lambda pair: pair[1].suffixes.index(pair[0]))[1]  # says what it misses
 
 
 def _seen(look: Callable[[Source], Any], source: Source) -> Any:
@@ -243,22 +236,11 @@ def _seen(look: Callable[[Source], Any], source: Source) -> Any:
     return None
 
 
-def _foreign_kind(source: Source) -> str | None:
+def _unsupported_kind(source: Source) -> str | None:
     """Return what a file is that is in no format of missions; None if that is not known."""
-    is_json = source.path.suffix.lower() in (".json", ".geojson")
-    content = source.json if is_json else source.yaml.content
+    is_yaml = source.path.suffix.lower() in (".yaml", ".yml", ".tmap2")
+    content = source.yaml.content if is_yaml else source.json
     content = content[0] if isinstance(content, list) else content
-    keys = {*content, *content.get("graph", ()), *content.get("meta", ())}
-    return next((kind for needed, kind in _FOREIGN.items() if keys.issuperset(needed)), None)
-
-
-def validated(content: Any, model: type[M], line: Callable[[Place], int] | None = None) -> M:
-    """Return the content of a file as a model; a MissionError lists all faults, and their lines."""
-    try:
-        return model.model_validate(content)
-    except ValidationError as invalid:
-        faults = []
-        for place, said in content_faults(content, invalid):
-            where = f"line {line(place)}: " if line else ""
-            faults.append(f"{where}{said[0].lower()}{said[1:].rstrip('.')}")
-        raise MissionError(faults) from None
+    keys = {f"{key}.{inner}" for key, of in content.items() if isinstance(of, dict) for inner in of}
+    keys |= {*content}
+    return next((kind for needed, kind in _UNSUPPORTED.items() if keys.issuperset(needed)), None)

@@ -12,8 +12,10 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from botohe_moo._base.checks import quoted
+from botohe_moo._base.numbers import read_flag
 from botohe_moo._plugins.checks import checked
-from botohe_moo.mission.formats.reading import Draft, Format, Row, Source, validated
+from botohe_moo._plugins.faults import validated
+from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.rules import MissionError
 
 _GAP = 0.05  # metres from the cabin of a lift to its shaft
@@ -206,7 +208,7 @@ def _lanes(source: Source, site: _Site) -> dict[int, list[Row]]:
     for where, level, _, (tail, head, traits) in _entries(source, site, "lanes"):
         attributes = traits.model_extra if isinstance(site, _Graph) else {}
         ends = (f"{level}/{tail}", f"{level}/{head}")
-        for way in [ends, ends[::-1]][: 1 + bool(traits.bidirectional)]:
+        for way in [ends, ends[::-1]][: 1 + bool(read_flag(traits.bidirectional))]:
             by_graph.setdefault(traits.graph_idx, []).append(Row(where, way, attributes))
     return by_graph
 

@@ -60,8 +60,6 @@ def make_mission(
     maps = _raster("interest", interest), _raster("hazard", hazard)
     given = {"base": base, "kinds": kinds, "pays": pays, "geographic": geographic}
     site = _Site(draft, {key: value for key, value in given.items() if value is not None})
-    if kinds is not None:
-        site.graph.pop("robots", None)
     if both_ways:
         site.open_both_ways()
     site.add_lengths()
@@ -73,7 +71,7 @@ def make_mission(
         expected = f"a node that can be reached from base {quoted(site.base)} and left again"
         raise MissionError(f"expected {expected}, found none{hint}")
     try:
-        mission = Mission(graph, robots=robots, name=name)
+        mission = Mission(graph, robots=robots, kinds=kinds and site.kinds, name=name)
     except MissionError as error:
         faults = list(error.faults)
         is_one_way = not any(graph.has_edge(head, tail) for tail, head in graph.edges)
@@ -96,19 +94,22 @@ class _Site:
         self.arcs = self._plain_rows(draft.arcs, "source", "target")
         self.at = {label: attributes for _, (label,), attributes in self.nodes}
         find = functools.partial(find_label, labels=self.at)
-        self.graph = _plain({**draft.graph, **given}, _READ | {"base": find})
+        self.graph = _plain(
+            {**draft.graph, **given}, _READ | {"base": find, "geographic": read_flag}
+        )
         self.base = self.graph.get("base")
-        readers: _Readers = {"start": find, "end": find, "aboard": lambda of: [*map(find, of)]}
+        readers: _Readers = dict.fromkeys(("start", "end"), find)
+        readers["aboard"] = lambda of: [*map(find, of)] if isinstance(of, list | tuple) else of
         read = functools.partial(_plain, readers=_READ | readers)
         self.kinds, faults = rules.read_kinds(self.graph.get("kinds"), read)
         names = [kind.name for kind in self.kinds]
         if faults := faults or _join_columns(self.nodes, names) or _join_columns(self.arcs, names):
-            raise MissionError(faults)
+            raise MissionError([*self.faults, *faults])
         self.graph |= {"kinds": self.kinds} if self.kinds else {}
         self.places = hazards.places_of(self.at)
 
     def _plain_rows(self, rows: Iterable[Row], *reserved: str) -> list[Row]:
-        """Return rows with plain attributes; what is trimmed loses those with reserved names."""
+        """Return rows with plain attributes; those of foreign files lose reserved ones."""
         plain = []
         for where, given, attributes in rows:
             try:
@@ -148,6 +149,8 @@ class _Site:
         lacking = [label for label, attributes in self.at.items() if "reward" not in attributes]
         for label in lacking:
             self.at[label]["reward"] = seen.get(label, default)
+            if interest is not None and label not in self.places:
+                self.faults.append(f"node {quoted(label)}: expected pos [x, y], found none")
         if reward is None and interest is None and 0 < len(lacking) < len(self.at) - 1:
             named = f"These nodes have no reward and get 1: {listed(map(quoted, lacking))}"
             self.notes.append(f"{named}; set reward to change it.")
@@ -199,7 +202,7 @@ class _Site:
             if self.draft.foreign and arc.labels[0] == arc.labels[1]:
                 loops.append(arc.where)
             elif self.draft.foreign and rival is not arc:
-                safest = max(rival, arc, key=lambda one: as_float(one.attributes["survival"]))
+                safest = max(rival, arc, key=_mean_survival)
                 kept[arc.labels] = safest
                 parallel += [one.where for one in (rival, arc) if one is not safest]
             elif rival is not arc:
@@ -211,10 +214,12 @@ class _Site:
                 self.faults.append("expected base, the label of a node, found none: give base")
             raise MissionError([*self.faults, *rules.attribute_faults(graph, self.kinds)])
         if self.draft.foreign:
-            self._trim(graph, loops, parallel)
+            self._leave_out(graph, loops, parallel)
+        if said := [f"{what}: {listed(names)}" for what, names in self.left_out.items() if names]:
+            self.notes.insert(0, f"Left out {'; '.join(said)}.")
         return graph
 
-    def _trim(self, graph: nx.DiGraph[Any], loops: list[str], parallel: list[str]) -> None:
+    def _leave_out(self, graph: nx.DiGraph[Any], loops: list[str], parallel: list[str]) -> None:
         """Leave out what cannot be part of a mission, and note it."""
         graph.remove_edges_from(list(nx.selfloop_edges(graph)))
         ends = [kind.ends(self.base) for kind in self.kinds] or [(self.base, self.base)]
@@ -229,8 +234,6 @@ class _Site:
         self.left_out["arcs parallel to one that is at least as safe"] = parallel
         unjoined = "nodes that the base does not reach, or that have no way back"
         self.left_out[unjoined] = [*map(quoted, lost)]
-        if said := [f"{what}: {listed(names)}" for what, names in self.left_out.items() if names]:
-            self.notes.insert(0, f"Left out {'; '.join(said)}.")
 
 
 # How attributes are read that are written as texts.
@@ -238,7 +241,7 @@ _Readers = dict[str, Callable[[Any], Any]]
 _READ: _Readers = {
     **dict.fromkeys(("reward", "share", "survival", "length", "pos"), read_number),
     **dict.fromkeys(("robots", "min_survival", "max_length"), read_number),
-    "depot": read_flag,
+    **dict.fromkeys(("depot", "geographic"), read_flag),
     "pays": lambda value: value.lower() if isinstance(value, str) else value,
 }
 
@@ -247,9 +250,10 @@ def _plain(attributes: Mapping[str, Any], readers: _Readers = _READ) -> dict[str
     """Return attributes with numbers and flags for texts, and their names in lower case."""
     plain = {}
     for name, value in attributes.items():
-        lower = str(name).lower()
-        key = lower if lower in readers and lower not in attributes else name
-        read = readers.get(rules.attribute_of(str(name)) or key)
+        lower = _column_name(str(name))
+        is_known = lower in readers or rules.attribute_of(lower) is not None
+        key = lower if is_known and lower not in attributes else name
+        read = readers.get(rules.attribute_of(str(key)) or key)
         if read is None:
             plain[name] = value
         elif value is not None:  # null is an empty cell
@@ -282,24 +286,36 @@ def _text(label: Hashable) -> str:
 
 
 def _join_columns(rows: Sequence[Row], kinds: Sequence[str]) -> list[str]:
-    """Replace columns for one kind by mappings from kinds to numbers; return what is missing.
+    """Replace columns for one kind by mappings from kinds to numbers; return what is wrong.
 
     Where another kind's cell is filled, an empty cell has the number in the column for all kinds.
     If that is empty, too, a kind cannot take the arc.
     """
     for name in rules.BY_KIND:
-        keys = dict.fromkeys(key for row in rows for key in row.attributes)
-        columns = {key: key.partition(":")[2] for key in keys if rules.attribute_of(key) == name}
-        found = {*columns.values()}
-        if found and found < {*kinds} and name == "survival" and name not in keys:
-            missing = next(f"{name}:{kind}" for kind in kinds if kind not in found)
-            return [f"{rows[0].where}: expected a column {quoted(missing)}, found none"]
+        where = {key: row.where for row in reversed(rows) for key in row.attributes}
+        columns = {key: key.partition(":")[2] for key in where if rules.attribute_of(key) == name}
+        known = f"the kinds are {', '.join(kinds)}" if kinds else "the mission lists no kinds"
+        unknown = [key for key, kind in columns.items() if kind not in kinds]
+        faults = [f"{where[key]}: column {quoted(key)}: no such kind; {known}" for key in unknown]
+        if columns and not faults and name == "survival" and name not in where:
+            missing = [f"{name}:{kind}" for kind in kinds if f"{name}:{kind}" not in columns]
+            faults = [
+                f"{where[min(columns)]}: expected a column {c!r}, found none" for c in missing
+            ]
+        if faults:
+            return faults
         for _, _, attributes in rows:
             numbers = {columns[c]: attributes.pop(c) for c in columns if c in attributes}
             if numbers and (name in attributes or name == "survival"):
                 numbers = dict.fromkeys(kinds, attributes.get(name, 0.0)) | numbers
             attributes |= {name: numbers} if numbers else {}
     return []
+
+
+def _mean_survival(arc: Row) -> float:
+    given = arc.attributes["survival"]
+    numbers = [*given.values()] if isinstance(given, Mapping) else [given]
+    return sum(map(as_float, numbers)) / len(numbers)
 
 
 def _named_arc(arc: Row) -> str:
@@ -386,9 +402,9 @@ def mission_from_tables(
     if (faults := faults + others) and not (node_rows and arc_rows):
         raise MissionError(faults)
     base = base.strip() if isinstance(base, str) else base
-    graph = {"max_length": max_length, "robots": robots} | ({"title": title} if title else {})
+    graph = {"max_length": max_length} | ({"title": title} if title else {})
     draft = Draft(node_rows, arc_rows, graph, faults)
-    return make_mission(draft, base=base, kinds=kinds, **options)
+    return make_mission(draft, base=base, robots=robots, kinds=kinds, **options)
 
 
 def _rows(table: str, frame: pd.DataFrame, labels: tuple[str, ...]) -> tuple[list[Row], list[str]]:
