@@ -28,16 +28,23 @@ import pandas as pd
 ROOT = Path(__file__).parents[1]
 PACKAGE = Path("src", "botohe_moo")
 # How many places of each entry, and the tests that look at it. Kernels: one in each module.
+_OF_KERNELS = 0, ("kernels", "search", "operators", "outcomes")
 ENTRIES: dict[str, tuple[int, tuple[str, ...]]] = {
-    "kernels": (0, ("kernels", "search", "operators", "outcomes")),
+    "core": _OF_KERNELS,
+    "kernels": _OF_KERNELS,
+    "operators/kernels": _OF_KERNELS,
+    "algorithms/local_search/kernels": _OF_KERNELS,
+    "algorithms/exact/kernels": _OF_KERNELS,
+    "bounds/kernels": _OF_KERNELS,
     "mission": (14, ("mission", "test_boundaries.py")),
-    "search": (12, ("search", "algorithms")),
+    "search": (6, ("search", "algorithms")),
+    "bounds": (6, ("search",)),
     "operators": (8, ("operators",)),
     "algorithms": (8, ("algorithms",)),
     "decide": (10, ("decide",)),
     "study": (16, ("study",)),
 }
-MODULES_WITHOUT = {"compile.py"}  # how kernels are compiled
+MODULES_WITHOUT = {"compile.py", "sharing.py"}  # how kernels are compiled
 SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub,
     ast.Sub: ast.Add,
@@ -77,7 +84,7 @@ RUNS = (
 
 def runs_of(entry: str) -> tuple[Run, ...]:
     """Return how the tests of an entry are run, one after another."""
-    return RUNS if entry == "kernels" else RUNS[1:]
+    return RUNS if ENTRIES[entry] == _OF_KERNELS else RUNS[1:]
 
 
 _PYTEST = ("-m", "pytest", "-x", "-p", "no:cacheprovider", "--tb=line", "--timeout=300")
@@ -210,7 +217,9 @@ def run_tests(copy: Path, entry: str, run: Run) -> str | None:
         "PYTHONDONTWRITEBYTECODE": "1",
         "PYTHONPATH": os.pathsep.join([str(copy / "src"), str(copy)]),
     }
-    if entry == "kernels":  # numba does not see that a module has changed which a kernel imports
+    if (
+        ENTRIES[entry] == _OF_KERNELS
+    ):  # numba does not see that a module has changed which a kernel imports
         for compiled in (copy / "src").rglob("*.nb?"):
             compiled.unlink()
     tests = [f"tests/{name}" for name in ENTRIES[entry][1]]

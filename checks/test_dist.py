@@ -136,7 +136,8 @@ def installed(tmp_path_factory):
     where = "import botohe_moo, pathlib; print(pathlib.Path(botohe_moo.__file__).parents[1])"
     site = Path(run(python, "-c", where, cwd=folder, env=outside()).stdout.strip())
     assert site.is_relative_to(folder / "venv")
-    shutil.rmtree(site / "botohe_moo" / "kernels" / "__pycache__", ignore_errors=True)
+    for compiled in (site / "botohe_moo").rglob("*.nb[ci]"):
+        compiled.unlink()
     return Installed(python.parent, site)
 
 

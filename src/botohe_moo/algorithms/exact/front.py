@@ -23,8 +23,6 @@ from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
-__all__ = ["TooLargeError", "exact_front"]
-
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 2048.0
 MemoryLimit: TypeAlias = Annotated[float, Field(gt=0, le=1e9)]  # MiB
@@ -54,7 +52,7 @@ class TooLargeError(ValueError):
     Examples
     --------
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.algorithms.exact.front import TooLargeError, exact_front
+    >>> from botohe_moo.algorithms import TooLargeError, exact_front
     >>> exact_front(load_mission("art_museum"), memory_limit=1)
     Traceback (most recent call last):
     botohe_moo.algorithms.exact.front.TooLargeError: Mission 'art_museum' (27 nodes, 74 arcs...
@@ -113,7 +111,7 @@ def exact_front(
     Examples
     --------
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.algorithms.exact.front import exact_front
+    >>> from botohe_moo.algorithms import exact_front
     >>> toy = load_mission("toy", robots=1)
     >>> toy.evaluate(exact_front(toy)).round(2).tolist()
     [[7.09, 0.35], [4.14, 0.66], [0.9, 0.81], [0.0, 1.0]]
