@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 
 # Ranges that several algorithms, operators and missions declare.
 Count: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000)]
+Size: TypeAlias = Annotated[int, Field(ge=1)]
 Probability: TypeAlias = Annotated[float, Field(ge=0, le=1)]
 Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative: TypeAlias = Annotated[float, Field(ge=0, allow_inf_nan=False)]

@@ -21,7 +21,7 @@ from botohe_moo._base.checks import ParameterError
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo._base.words import counted
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Count, Positive, Robots
+from botohe_moo._plugins.types import Count, Positive, Robots, Size
 from botohe_moo.mission.formats import benchmark
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import Kind
@@ -327,7 +327,7 @@ def town(*, streets: Streets = 8, robots: Robots = 2, seed: Seed = 0) -> Mission
 
 @checked
 def building(
-    *, floors: Count = 3, doors: Count = 6, robots: Robots = 3, wheeled: Natural = 0, seed: Seed = 0
+    *, floors: Size = 3, doors: Size = 6, robots: Robots = 3, wheeled: Natural = 0, seed: Seed = 0
 ) -> Mission:
     """Floors with a corridor between two rows of rooms, and stairs at both of its ends.
 
