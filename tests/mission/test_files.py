@@ -281,7 +281,7 @@ class TestGraphML:
             (graphml(TWO + "</graph><graph>"), "with one directed graph, found 2 graphs"),
             (
                 graphml(TWO.replace(">1<", ">five<")),
-                "node 'b': expected reward of type double, got 'five'",
+                "node 'b': expected 'reward' of type double, got 'five'",
             ),
             (graphml(TWO.replace('key="r"', 'key="z"')), "there is no key 'z'"),
             (
@@ -300,11 +300,11 @@ class TestGraphML:
     @pytest.mark.parametrize(
         ("kind", "text", "fault"),
         [
-            ("int", "5.0", "expected danger of type int, got '5.0'"),
-            ("long", "1e3", "expected danger of type long, got '1e3'"),
-            ("double", "five", "expected danger of type double, got 'five'"),
-            ("boolean", "maybe", "expected danger of type boolean, got 'maybe'"),
-            ("decimal", "5", "expected danger of type decimal, one of int, .*, got '5'"),
+            ("int", "5.0", "expected 'danger' of type int, got '5.0'"),
+            ("long", "1e3", "expected 'danger' of type long, got '1e3'"),
+            ("double", "five", "expected 'danger' of type double, got 'five'"),
+            ("boolean", "maybe", "expected 'danger' of type boolean, got 'maybe'"),
+            ("decimal", "5", "expected 'danger' of type 'decimal', one of int, .*, got '5'"),
         ],
     )
     @pytest.mark.parametrize("owner", ["node", "edge", "graph"])

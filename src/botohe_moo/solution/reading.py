@@ -30,6 +30,7 @@ class _Record(BaseModel, strict=True):
     max_length: Annotated[FiniteFloat, Field(ge=0)] | None = None  # not in earlier versions' files
     evaluations: NonNegativeInt
     interrupted: bool
+    area: FiniteFloat
     mission_source: dict[str, Any]
     mission_digest: str
     plans: list[_Plan]
@@ -94,11 +95,15 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
                 f"{path}: plan {i}: expected the objectives {found.tolist()} of its trails, got "
                 f"{said.tolist()}: the plans or the mission were changed since."
             )
-    return Solution(
+    solution = Solution(
         mission=mission,
         plans=tuple(plans),
         objectives=objectives,
         seconds=None,
         source=record.mission_source,
-        **record.model_dump(exclude={"plans", "mission_source", "mission_digest"}),
+        **record.model_dump(exclude={"plans", "mission_source", "mission_digest", "area"}),
     )
+    if not np.isclose(solution.area, record.area, rtol=1e-9):
+        expected = f"expected plans of area {record.area:.6g}, found {solution.area:.6g}"
+        raise ValueError(f"{path}: {expected}: plans are missing.")
+    return solution

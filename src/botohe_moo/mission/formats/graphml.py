@@ -65,8 +65,8 @@ def read_graphml(source: Source) -> Draft:
             try:
                 attributes[name] = _TYPES[kind](text)
             except (KeyError, ValueError):
-                known = "" if kind in _TYPES else f", one of {', '.join(_TYPES)}"
-                faults.append(f"{owner}: expected {name} of type {kind}{known}, got {quoted(text)}")
+                of = kind if kind in _TYPES else f"{quoted(kind)}, one of {', '.join(_TYPES)}"
+                faults.append(f"{owner}: expected {quoted(name)} of type {of}, got {quoted(text)}")
         if {"x", "y"} <= attributes.keys() and "pos" not in attributes:
             attributes["pos"] = [attributes.pop("x"), attributes.pop("y")]
         faults.extend(f"{owner}: expected {n}, found none" for n in names if element.get(n) is None)
