@@ -15,7 +15,7 @@ help:
 	@echo "make test    the tests that find faults soon: some two minutes"
 	@echo "make test-all  make test and all others: processes, Dask, a browser, LaTeX, more examples a property"
 	@echo "make test-long  the property tests with forty times as many examples: an hour"
-	@echo "make fuzz    mission files, solutions and bounds changed at random, 100 000 of each form: an hour"
+	@echo "make fuzz    mission files, solutions and bounds changed at random, 100 000 of each form: two hours"
 	@echo "make check   ruff (lint and format), mypy strict, and who imports whom"
 	@echo "make docs    the documentation, in docs/_build/html"
 	@echo "make dist    wheel and sdist, in dist/, and tests of them where they are installed: five minutes"
