@@ -48,7 +48,7 @@ class Source:
 
     @functools.cached_property
     def json(self) -> Any:
-        """The content of a JSON file; a ValueError if it is none."""
+        """The content of a JSON file; a ValueError if it is not JSON."""
         try:
             return json.loads(self.text)
         except json.JSONDecodeError as error:
@@ -56,7 +56,7 @@ class Source:
 
     @functools.cached_property
     def yaml(self) -> Document:
-        """The content of a YAML file, with the line of each value; a ValueError if it is none."""
+        """The content of a YAML file, with lines of values; a ValueError if it is not YAML."""
         # Imported late: it takes time, and most missions are not in YAML.
         from botohe_moo._base.document import Document, DocumentError
 

@@ -94,9 +94,7 @@ class _Site:
         self.arcs = self._plain_rows(draft.arcs, "source", "target")
         self.at = {label: attributes for _, (label,), attributes in self.nodes}
         find = functools.partial(find_label, labels=self.at)
-        self.graph = _plain(
-            {**draft.graph, **given}, _READ | {"base": find, "geographic": read_flag}
-        )
+        self.graph = _plain({**draft.graph, **given}, _READ | {"base": find})
         self.base = self.graph.get("base")
         readers: _Readers = dict.fromkeys(("start", "end"), find)
         readers["aboard"] = lambda of: [*map(find, of)] if isinstance(of, list | tuple) else of
@@ -247,7 +245,7 @@ _READ: _Readers = {
 
 
 def _plain(attributes: Mapping[str, Any], readers: _Readers = _READ) -> dict[str, Any]:
-    """Return attributes with numbers and flags for texts, and their names in lower case."""
+    """Return attributes, read by ``readers``; names that have a reader become lower case."""
     plain = {}
     for name, value in attributes.items():
         lower = _column_name(str(name))
@@ -313,6 +311,7 @@ def _join_columns(rows: Sequence[Row], kinds: Sequence[str]) -> list[str]:
 
 
 def _mean_survival(arc: Row) -> float:
+    """Return the mean over kinds; NaN if a survival is not a number."""
     given = arc.attributes["survival"]
     numbers = [*given.values()] if isinstance(given, Mapping) else [given]
     return sum(map(as_float, numbers)) / len(numbers)
