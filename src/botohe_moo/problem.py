@@ -14,14 +14,12 @@ from pymoo.util.display.output import Output
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability, TravelBudget
-from botohe_moo.core.graph import Limits
+from botohe_moo.core.world import CHECKING, PLANNING
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch
 
 __all__ = ["BOTOHE", "FrontOutput"]
-
-_ROUNDING = 1e-12  # relative: what rounding may change in the product or the sum along a trail
 
 
 class BOTOHE(Problem):
@@ -77,19 +75,18 @@ class BOTOHE(Problem):
         allow_invalid: bool = False,
     ) -> None:
         check_mission(mission)
-        self.limits = mission.limits(min_survival, max_length)  # before what rounding needs
-        max_length = mission.max_length if max_length is None else max_length
-        if mission.is_plain:  # whose one kind may have limits, too
-            min_survival, max_length = self.limits[:2]
-        max_length = None if max_length == math.inf else max_length
-        n_constraints = int(allow_invalid) + int(self.limits.min_survival > 0)
-        n_constraints += int(self.limits.max_length < math.inf)
+        limits = mission.limits(min_survival, max_length)
+        n_constraints = int(allow_invalid) + int(limits.has_floors) + int(limits.has_budgets)
         super().__init__(n_var=1, n_obj=2, n_ieq_constr=n_constraints, vtype=object)
         self.mission = mission
         self.min_survival = min_survival
-        self.max_length = max_length  # None without a travel budget
+        max_length = mission.max_length if max_length is None else max_length
+        self.max_length = None if max_length == math.inf else max_length  # of robots of all kinds
         self.allow_invalid = allow_invalid
-        mission.check_ways(self.planning_limits)
+        # What plans are checked with, and what searches plan with.
+        self.limits = limits.loosened(CHECKING)
+        self.world = mission.world.with_limits(limits.loosened(PLANNING))
+        mission.check_ways(self.world)
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
         """Compute F (n, 2), −E[R] and −E[S]; all algorithms evaluate plans by this method.
@@ -120,14 +117,14 @@ class BOTOHE(Problem):
         columns = []
         if self.allow_invalid:
             columns.append(self.mission.evaluate_drafts(batch)[1])
-        if self.limits.min_survival > 0:
-            missing = self.survival_floors - self.mission.robot_survival(batch)
+        if self.limits.has_floors:
+            missing = self.limits.floors - self.mission.robot_survival(batch)
             columns.append(missing.max(axis=1))
-        if self.limits.max_length < math.inf:
-            budgets = self._by_robot(self.limits.max_length, self.limits.budgets)
+        if self.limits.has_budgets:
+            budgets = self.limits.budgets
             unit = np.where((budgets > 0) & (budgets < math.inf), budgets, 1.0)
             with np.errstate(over="ignore"):  # of budgets near 0 or near the largest number
-                beyond = (self.mission.trail_lengths(batch) - self.travel_budgets) / unit
+                beyond = (self.mission.trail_lengths(batch) - budgets) / unit
             columns.append(np.nan_to_num(beyond.max(axis=1)))
         return np.column_stack(columns) if columns else np.empty((len(batch), 0))
 
@@ -155,38 +152,6 @@ class BOTOHE(Problem):
         ((10.0, 2.0), (10.0, 1.0))
         """
         return self.mission.total_reward, float(self.mission.robots)
-
-    @property
-    def survival_floor(self) -> float:
-        """The survival floor minus what rounding may take from a product of survivals."""
-        return self.min_survival * (1.0 - _ROUNDING)
-
-    @property
-    def travel_budget(self) -> float:
-        """The travel budget plus what rounding may add to a sum of lengths; inf without one."""
-        return math.inf if self.max_length is None else self.max_length * (1.0 + _ROUNDING)
-
-    @property
-    def survival_floors(self) -> FloatArray:
-        """The survival floor of each robot, as ``survival_floor`` (robots,)."""
-        floors = self._by_robot(self.limits.min_survival, self.limits.floors)
-        return floors * (1.0 - _ROUNDING)
-
-    @property
-    def travel_budgets(self) -> FloatArray:
-        """The travel budget of each robot, as ``travel_budget`` (robots,)."""
-        return self._by_robot(self.limits.max_length, self.limits.budgets) * (1.0 + _ROUNDING)
-
-    def _by_robot(self, strictest: float, by_node: FloatArray | None) -> FloatArray:
-        kinds = self.mission.arrays.kinds
-        if kinds is None or by_node is None:
-            return np.full(self.mission.robots, strictest)
-        return by_node[kinds.start]
-
-    @property
-    def planning_limits(self) -> Limits:
-        """The limits for planners: halfway, so that rounding never makes a plan infeasible."""
-        return self.limits.loosened(_ROUNDING / 2)
 
     def allowing_invalid(self) -> BOTOHE:
         """Return the same problem with ``allow_invalid``."""

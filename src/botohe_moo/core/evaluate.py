@@ -6,24 +6,10 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.core.compile import array_maker, helper, inlined, kernel
-from botohe_moo.core.graph import Graph, find_arc
-from botohe_moo.core.kinds import (
-    AT_THIS_DEPOT,
-    CARRIED,
-    Kinds,
-    aboard_at,
-    aboard_of,
-    chance_at,
-    credit_carried,
-    end_of,
-    is_listed,
-    layer_of,
-    origin_of,
-    reward_at,
-    start_of,
-)
 from botohe_moo.core.sharing import shared
 from botohe_moo.core.trails import sort_trails
+from botohe_moo.core.walk import Visits, new_visits, walk
+from botohe_moo.core.world import World, find_arc
 
 # What may be wrong with a trail. ``evaluate`` returns the first fault as
 # (kind, plan, robot, position), which are all zero where there is none.
@@ -55,7 +41,7 @@ def new_values(n_plans: int, n_robots: int) -> Values:
     return Values(np.empty((n_plans, 2)), np.empty(n_plans), np.empty(teams), np.empty(teams))
 
 
-class Team(NamedTuple):
+class Reached(NamedTuple):
     """Scratch: what the robots of a plan reach together."""
 
     plan: OffsetArray  # the number of the plan (1)
@@ -66,23 +52,10 @@ class Team(NamedTuple):
     n: OffsetArray
 
 
-class _Scratch(NamedTuple):
-    """Scratch of evaluations."""
-
-    # The last trail that used each arc (n_arcs), and that visited each node (n_nodes).
-    used: OffsetArray
-    visited: OffsetArray
-    team: Team
-    # With kinds, which nodes of the mission a trail visits, in the order of first visits, and with
-    # what probability each is credited (n_nodes).
-    node: OffsetArray
-    chance: FloatArray
-
-
 @array_maker
-def new_team(n_nodes: int) -> Team:
-    """Return scratch for plans on a graph of ``n_nodes`` nodes."""
-    return Team(
+def new_reached(n_nodes: int) -> Reached:
+    """Return scratch for plans of a mission of ``n_nodes`` nodes."""
+    return Reached(
         np.zeros(1, np.int64),
         np.zeros(n_nodes, np.int64),
         np.empty(n_nodes),
@@ -92,30 +65,33 @@ def new_team(n_nodes: int) -> Team:
 
 
 @helper
-def begin_team(team: Team) -> None:
+def begin_plan(reached: Reached) -> None:
     """Begin the next plan, which reaches nothing yet."""
-    team.plan[0] += 1
-    team.n[0] = 0
+    reached.plan[0] += 1
+    reached.n[0] = 0
 
 
 @inlined
-def combine(team: Team, node: int | np.int64, alive: float) -> None:
+def combine(reached: Reached, node: int | np.int64, alive: float) -> None:
     """Note that one more robot of the plan reaches a node with probability ``alive``."""
-    if team.seen_by[node] != team.plan[0]:
-        team.seen_by[node], team.chance[node] = team.plan[0], alive
-        team.nodes[team.n[0]] = node
-        team.n[0] += 1
+    if reached.seen_by[node] != reached.plan[0]:
+        reached.seen_by[node], reached.chance[node] = reached.plan[0], alive
+        reached.nodes[reached.n[0]] = node
+        reached.n[0] += 1
     else:
-        team.chance[node] = either(team.chance[node], alive)
+        reached.chance[node] = either(reached.chance[node], alive)
 
 
 @helper
-def team_reward(graph: Graph, team: Team) -> float:
-    """Return E[R] of the plan: the rewards of its nodes, in the order in which they were added."""
+def expected_reward(reward: FloatArray, reached: Reached) -> float:
+    """Return E[R] of the plan: the rewards of its nodes, in the order in which they were added.
+
+    ``reward`` is that of each node of the mission.
+    """
     total = 0.0
-    for i in range(team.n[0]):
-        node = team.nodes[i]
-        total += reward_at(graph.kinds, graph.reward, node) * team.chance[node]
+    for i in range(reached.n[0]):
+        node = reached.nodes[i]
+        total += reward[node] * reached.chance[node]
     return total
 
 
@@ -128,133 +104,82 @@ def either(one: Chance, other: Chance) -> Chance:
     return one + (1.0 - one) * other
 
 
-@inlined
-def _load(kinds: Kinds | None, scratch: _Scratch, trail: int, source: int) -> int:
-    """List what a robot carries from the start as visits, and return how many they are."""
-    layer, n = layer_of(kinds, source), 0
-    first, stop = aboard_of(kinds, trail)
-    for i in range(first, stop):
-        node = aboard_at(kinds, layer, i)
-        scratch.visited[node] = trail
-        scratch.node[n], scratch.chance[n] = origin_of(kinds, node), CARRIED
-        n += 1
-    return n
+class _Scratch(NamedTuple):
+    """Scratch of evaluations."""
+
+    used: OffsetArray  # the last trail that used each arc (n_arcs)
+    arcs: OffsetArray  # the arcs of a trail, up to its first fault (n_arcs)
+    visits: Visits
+    reached: Reached
+    order: OffsetArray  # robots, by their trails (n_robots)
+
+
+@array_maker
+def _new_scratch(world: World) -> _Scratch:
+    n_arcs = world.graph.head.shape[0]
+    return _Scratch(
+        np.full(n_arcs, -1),
+        np.empty(n_arcs, np.int64),
+        new_visits(world.graph.reward.shape[0]),
+        new_reached(world.team.reward.shape[0]),
+        np.empty(world.team.start.shape[0], np.int64),
+    )
 
 
 @inlined
-def _reach(
-    graph: Graph,
-    kinds: Kinds | None,
-    scratch: _Scratch,
-    trail: int,
-    node: int,
-    alive: float,
-    n: int,
-) -> int:
-    """Note that a robot gets to a node with probability ``alive``; return how many visits it made.
-
-    ``n`` is how many they were before. Without kinds they are not counted.
-    """
-    is_first = scratch.visited[node] != trail
-    scratch.visited[node] = trail
-    if kinds is None:
-        if is_first:
-            combine(scratch.team, node, alive)
-        return 0
-    if is_first and is_listed(kinds, graph.reward, node):
-        scratch.node[n] = kinds.origin[node]
-        scratch.chance[n] = chance_at(kinds, node, alive)
-        n += 1
-    if kinds.credit[node] == AT_THIS_DEPOT:
-        credit_carried(kinds, layer_of(kinds, node), scratch.node, scratch.chance, 0, n, alive)
-    return n
-
-
-@helper
-def _combine_visits(kinds: Kinds | None, scratch: _Scratch, source: int, n: int) -> None:
-    """Add what a robot of some kind collects to what its team does: ``n`` visits."""
-    if kinds is None:  # they were added one by one
-        return
-    visited, chance = scratch.node, scratch.chance
-    credit_carried(kinds, layer_of(kinds, source), visited, chance, 0, n, 0.0)  # the rest is lost
-    for i in range(n):
-        combine(scratch.team, visited[i], chance[i])
-
-
-@inlined
-def _hop(graph: Graph, scratch: _Scratch, trail: int, tail: int, head: int) -> tuple[int, int]:
+def _hop(world: World, used: OffsetArray, trail: int, tail: int, head: int) -> tuple[int, int]:
     """Return the arc of a hop, −1 where there is none, and what is wrong with it."""
-    n_nodes = graph.reward.shape[0]
+    n_nodes = world.graph.reward.shape[0]
     if head < 0 or head >= n_nodes:
         return -1, UNKNOWN_NODE
     if tail < 0 or tail >= n_nodes:
         return -1, MISSING_ARC
-    arc = find_arc(graph, tail, head)
+    arc = find_arc(world.graph, tail, head)
     if arc < 0:
         return -1, MISSING_ARC
-    if scratch.used[arc] == trail:
+    if used[arc] == trail:
         return arc, ARC_USED_TWICE
-    scratch.used[arc] = trail
+    used[arc] = trail
     return arc, VALID
 
 
 @inlined
-def _walk(
-    graph: Graph,
-    scratch: _Scratch,
-    nodes: IntArray,
-    start: int,
-    stop: int,
-    trail: int,
-    source: int,
-) -> tuple[float, float, int, int, int]:
-    """Walk a trail, from ``source``, up to its first fault, where the robot is lost.
+def _read(
+    world: World, scratch: _Scratch, nodes: IntArray, start: int, stop: int, trail: int
+) -> tuple[int, int, int, int]:
+    """Write a trail's arcs, up to its first fault, to ``scratch.arcs``.
 
-    Returns the probability to survive it, its length, the number of its faults, and kind and
-    position of the first fault.
+    Returns how many these are, −1 where the trail does not begin where it should; the number of
+    faults; and kind and position of the first one.
     """
+    source = world.team.start[trail % world.team.start.shape[0]]
     node = int(nodes[start]) if stop > start else -1
-    kind = position = n_faults = n = 0
+    kind = position = n_faults = 0
+    n = stop - start - 1
     if node != source:
-        n_faults = 1
-        known = 0 <= node < graph.reward.shape[0]
+        known = 0 <= node < world.graph.reward.shape[0]
         kind = EMPTY_TRAIL if stop <= start else NOT_FROM_BASE if known else UNKNOWN_NODE
-    else:
-        n = _load(graph.kinds, scratch, trail, source)
-        n = _reach(graph, graph.kinds, scratch, trail, node, 1.0, n)
-    alive, length = 1.0, 0.0
-    i = start + 1
-    while kind == VALID and i < stop:
+        n, n_faults = -1, 1
+    for i in range(start + 1, stop):
         head = int(nodes[i])
-        arc, kind = _hop(graph, scratch, trail, node, head)
-        if kind == VALID:
-            alive *= graph.survival[arc]
-            length += graph.length[arc]
-            n = _reach(graph, graph.kinds, scratch, trail, head, alive, n)
-            node = head
-            i += 1
-        else:
-            position = i - start
-    _combine_visits(graph.kinds, scratch, source, n)
-    for j in range(i, stop):
-        head = int(nodes[j])
-        n_faults += _hop(graph, scratch, trail, node, head)[1] != VALID
+        arc, fault = _hop(world, scratch.used, trail, node, head)
+        if fault != VALID:
+            n_faults += 1
+            if kind == VALID:
+                kind, position, n = fault, i - start, i - start - 1
+        elif kind == VALID:
+            scratch.arcs[i - start - 1] = arc
         node = head
-    if node != end_of(graph.kinds, graph.base, source):
+    if node != world.team.end[source]:
         n_faults += 1
         if kind == VALID:
             kind, position = NOT_BACK_AT_BASE, stop - start - 1
-    return alive if kind == VALID else 0.0, length, n_faults, kind, position
+    return n, n_faults, kind, position
 
 
 @kernel
 def evaluate(
-    graph: Graph,
-    nodes: IntArray,
-    offsets: OffsetArray,
-    n_robots: int,
-    strict: bool,
-    values: Values,
+    world: World, nodes: IntArray, offsets: OffsetArray, strict: bool, values: Values
 ) -> tuple[int, int, int, int]:
     """Write what every plan is worth, validating each trail on the way.
 
@@ -269,31 +194,40 @@ def evaluate(
     Returns (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none,
     or where it is not ``strict``.
     """
-    graph, values, n_nodes = shared(graph), shared(values), graph.reward.shape[0]
-    used, visited = np.full(graph.head.shape[0], -1), np.full(n_nodes, -1)
-    node, chance = np.empty(n_nodes, np.int64), np.empty(n_nodes)
-    scratch = _Scratch(used, visited, new_team(n_nodes), node, chance)
-    order = np.empty(n_robots, np.int64)
+    world, values = shared(world), shared(values)
+    scratch, n_robots = _new_scratch(world), world.team.start.shape[0]
+    reached, order, visits = scratch.reached, scratch.order, scratch.visits
     for plan in range(values.objectives.shape[0]):
         for k in range(n_robots):
-            trail = plan * n_robots + k
-            order[k] = trail
+            order[k] = plan * n_robots + k
         sort_trails(nodes, offsets, offsets[1:], order)
-        begin_team(scratch.team)
+        begin_plan(reached)
         n_faults = 0
         survivors = 0.0
         for k in range(n_robots):
-            trail = order[k]
+            trail, robot = order[k], order[k] - plan * n_robots
             start, stop = offsets[trail], offsets[trail + 1]
-            source = start_of(graph.kinds, graph.base, trail)
-            alive, length, n, kind, at = _walk(graph, scratch, nodes, start, stop, trail, source)
+            n_arcs, n, kind, at = _read(world, scratch, nodes, start, stop, trail)
             if strict and kind != VALID:
-                return kind, plan, trail - plan * n_robots, at
+                return kind, plan, robot, at
+            alive = length = 0.0
+            if n_arcs >= 0:
+                walked = walk(world, world.returns, scratch.arcs, n_arcs, robot, visits)
+                n_visits, alive, length = walked
+                for i in range(n_visits):
+                    combine(reached, visits.node[i], visits.chance[i])
             n_faults += n
+            alive = alive if kind == VALID else 0.0
             survivors += alive
-            values.alive[plan, trail - plan * n_robots] = alive
-            values.lengths[plan, trail - plan * n_robots] = length
-        values.objectives[plan, 0] = team_reward(graph, scratch.team)
+            values.alive[plan, robot], values.lengths[plan, robot] = alive, length
+        values.objectives[plan, 0] = expected_reward(world.team.reward, reached)
         values.objectives[plan, 1] = survivors
         values.faults[plan] = n_faults
     return VALID, 0, 0, 0
+
+
+class Team:  # TEMPORARY: until all users stand on World
+    pass
+
+
+new_team = begin_team = team_reward = None

@@ -1,19 +1,18 @@
-"""Safest paths: Dijkstra's algorithm on −log(survival), over arcs that a trail has not used.
+"""Cheapest paths: Dijkstra's algorithm over arcs that a trail has not used.
 
-In a graph with lengths as costs (``with_costs``) they are the shortest paths instead.
+Costs are those of the graph: by −log(survival) the cheapest paths are the safest ones, by lengths
+the shortest.
 
 Arc a is used where ``used[a] == trail``: one array serves trail after trail without being cleared.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.core.compile import helper
-from botohe_moo.core.graph import Graph, Limits, limit_at, with_costs
-from botohe_moo.core.kinds import end_of
+from botohe_moo.core.world import Graph, Shortest, World
 
 ANYWHERE = -1  # instead of a node
 
@@ -41,23 +40,9 @@ class Paths(NamedTuple):
     followed: OffsetArray
 
 
-class Budget(NamedTuple):
-    """A travel budget, for planners that look for ways home."""
-
-    short: Graph  # the graph with lengths as costs
-    limits: Limits  # the budget and the survival floor
-
-
-def new_budget(graph: Graph, limits: Limits) -> Budget | None:
-    """Prepare a travel budget; None where the limits set none."""
-    if limits.max_length == math.inf:
-        return None
-    return Budget(with_costs(graph, graph.length), limits)
-
-
-def new_paths(graph: Graph) -> Paths:
-    """Return room for searches in a graph."""
-    n_nodes, n_arcs = graph.n_nodes, graph.n_arcs
+def new_paths(world: World) -> Paths:
+    """Return room for searches."""
+    n_nodes, n_arcs = world.graph.n_nodes, world.graph.n_arcs
     n_heap = max(n_arcs, n_nodes) + 1
     return Paths(
         n_searches=np.zeros(1, np.int64),
@@ -68,7 +53,7 @@ def new_paths(graph: Graph) -> Paths:
         heap_keys=np.empty(n_heap),
         heap_nodes=np.empty(n_heap, np.int64),
         path=np.empty(n_nodes, np.int64),
-        onward=graph.homeward.copy(),
+        onward=world.ways.homeward.copy(),
         followed=np.zeros(n_nodes, np.int64),
     )
 
@@ -181,23 +166,29 @@ def safest_path(
 
 
 @helper
-def way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
+def way_home(world: World, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
     """Write the safest way to the end to ``paths.path``; return how many arcs it has, −1 for none.
 
     The usual way is tried first: it takes little time, and is nearly always free.
     """
-    n = usual_way_home(graph, paths, used, trail, source)
-    end = end_of(graph.kinds, graph.base, source)
-    return n if n >= 0 else safest_path(graph, paths, used, trail, source, end)
+    n = usual_way_home(world, paths, used, trail, source)
+    end = world.team.end[source]
+    return n if n >= 0 else safest_path(world.graph, paths, used, trail, source, end)
 
 
 @helper
-def usual_way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
-    """Write the way along ``graph.homeward``; return how many arcs it has, −1 if one is used."""
-    n, end = 0, end_of(graph.kinds, graph.base, source)
-    node = source
-    while node != end:
-        arc = graph.homeward[node]
+def usual_way_home(world: World, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
+    """Write the way along ``Ways.homeward``; return how many arcs it has, −1 if one is used."""
+    return _way_along(world.graph, world.ways.homeward, paths, used, trail, source)
+
+
+@helper
+def _way_along(
+    graph: Graph, homeward: OffsetArray, paths: Paths, used: OffsetArray, trail: int, source: int
+) -> int:
+    n, node = 0, source
+    while homeward[node] >= 0:
+        arc = homeward[node]
         if used[arc] == trail:
             return -1
         paths.path[n] = arc
@@ -208,8 +199,8 @@ def usual_way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, so
 
 @helper
 def way_within(
-    graph: Graph,
-    budget: Budget | None,
+    world: World,
+    shortest: Shortest | None,
     paths: Paths,
     used: OffsetArray,
     trail: int,
@@ -219,49 +210,51 @@ def way_within(
 ) -> int:
     """Write a way home that keeps both limits to ``paths.path``, as ``way_home`` does.
 
-    ``alive`` and ``length`` are those of the robot's trail up to the node. The way is the safest
-    one if that is short enough, otherwise the shortest one if that is safe enough. Where neither
-    is, the result is −1: a way that compromises between both is not looked for. Without a budget
-    it is ``way_home``, which keeps no limits.
+    The trail is that of robot ``trail % n_robots``; ``alive`` and ``length`` are its survival and
+    its length up to the node. The way is the safest one if that is short enough, otherwise the
+    shortest one if that is safe enough. Where neither is, the result is −1: a way that compromises
+    between both is not looked for. Without travel budgets (``shortest`` is that of the world's
+    ways) it is ``way_home``, which keeps no limits.
     """
-    if budget is None:
-        return way_home(graph, paths, used, trail, node)
-    short, limits = budget.short, budget.limits
+    if shortest is None:
+        return way_home(world, paths, used, trail, node)
+    robot = trail % world.team.start.shape[0]
     # Even if every arc were free:
-    if length + short.home[node] > limit_at(limits.max_length, limits.budgets, node):
+    if length + shortest.length[node] > world.limits.budgets[robot]:
         return -1
-    if alive * graph.home[node] < limit_at(limits.min_survival, limits.floors, node):
+    if alive * world.ways.home[node] < world.limits.floors[robot]:
         return -1
-    n = way_home(graph, paths, used, trail, node)
-    if n < 0 or _keeps(graph, paths, n, node, alive, length, limits):
+    n = way_home(world, paths, used, trail, node)
+    if n < 0 or _keeps(world, paths, n, robot, alive, length):
         return n
-    n = way_home(short, paths, used, trail, node)
-    return n if _keeps(graph, paths, n, node, alive, length, limits) else -1
+    n = _way_along(world.graph, shortest.homeward, paths, used, trail, node)
+    if n < 0:
+        n = safest_path(shortest.graph, paths, used, trail, node, world.team.end[node])
+    return n if _keeps(world, paths, n, robot, alive, length) else -1
 
 
 @helper
-def _keeps(
-    graph: Graph, paths: Paths, n: int, node: int, alive: float, length: float, limits: Limits
-) -> bool:
-    """Return whether a trail that goes on from a node by ``paths.path`` keeps limits."""
+def _keeps(world: World, paths: Paths, n: int, robot: int, alive: float, length: float) -> bool:
+    """Return whether a robot's trail that goes on by ``paths.path`` keeps its limits."""
     for i in range(n):
-        alive *= graph.survival[paths.path[i]]
-        length += graph.length[paths.path[i]]
-    is_safe = alive >= limit_at(limits.min_survival, limits.floors, node)
-    return is_safe and length <= limit_at(limits.max_length, limits.budgets, node)
+        alive *= world.graph.survival[paths.path[i]]
+        length += world.graph.length[paths.path[i]]
+    is_safe = alive >= world.limits.floors[robot]
+    return bool(is_safe and length <= world.limits.budgets[robot])
 
 
 @helper
-def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> bool:
-    """Return whether unused arcs lead from a node to the base, and note them in ``onward``.
+def leads_home(world: World, paths: Paths, used: OffsetArray, trail: int, node: int) -> bool:
+    """Return whether unused arcs lead from a node to the end, and note them in ``onward``.
 
     This is a breadth-first search for a node from which the way home noted before is free. Mostly
     it is the node itself, or one nearby.
     """
     paths.n_searches[0] += 1
-    met, entry, queue, search = paths.met, paths.entry, paths.order, paths.n_searches[0]
+    graph, met, entry, queue = world.graph, paths.met, paths.entry, paths.order
+    search, end = paths.n_searches[0], world.team.end[node]
     queue[0], met[node], n, i = node, search, 1, 0
-    if _is_free(graph, paths, used, trail, node):
+    if _is_free(graph, paths, used, trail, node, end):
         return True
     while i < n:
         tail = queue[i]
@@ -271,7 +264,7 @@ def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: 
             if used[arc] == trail or met[head] == search:
                 continue
             met[head], entry[head] = search, arc
-            if _is_free(graph, paths, used, trail, head):
+            if _is_free(graph, paths, used, trail, head, end):
                 while head != node:
                     arc = entry[head]
                     head = graph.tail[arc]
@@ -283,13 +276,15 @@ def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: 
 
 
 @helper
-def _is_free(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> bool:
+def _is_free(
+    graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int, end: int
+) -> bool:
     """Return whether the way home that is noted for a node is free.
 
     It is not if it comes to a node from which this search has followed a way before: that way
     is blocked, or this one goes round in a circle.
     """
-    search, end = paths.n_searches[0], end_of(graph.kinds, graph.base, node)
+    search = paths.n_searches[0]
     while node != end:
         arc = paths.onward[node]
         if used[arc] == trail or paths.followed[node] == search:
@@ -297,3 +292,10 @@ def _is_free(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: in
         paths.followed[node] = search
         node = graph.head[arc]
     return True
+
+
+class Budget:  # TEMPORARY: until all users stand on World
+    pass
+
+
+new_budget = None

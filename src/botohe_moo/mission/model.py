@@ -19,13 +19,24 @@ from botohe_moo._base.checks import check_integer, quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted, listed
 from botohe_moo.core import evaluate as kernels
-from botohe_moo.core import ways
-from botohe_moo.core.graph import Graph, Limits, limits_of_kinds, new_graph
-from botohe_moo.core.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL, Kinds
+from botohe_moo.core import world as worlds
+from botohe_moo.core.world import (
+    AT_NEXT_DEPOT,
+    AT_THIS_DEPOT,
+    CHECKING,
+    ON_ARRIVAL,
+    Limits,
+    Returns,
+    Team,
+    World,
+    leading,
+    new_limits,
+    new_world,
+)
 from botohe_moo.mission import rules
 from botohe_moo.mission.hazards import distance_of, places_of
 from botohe_moo.mission.rules import Kind, MissionError, PlanError
-from botohe_moo.mission.underway import ROUNDING, Event, under_way
+from botohe_moo.mission.underway import Event, under_way
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
 
@@ -139,13 +150,14 @@ class Mission:
         if not (faults := faults or rules.graph_faults(graph, team, own)):
             team = team or (Kind(rules.ONLY_KIND, own["robots"]),)
             self._set_up(graph.copy(), team, own | {"name": str(name or "mission")})
-            limits = self.limits().loosened(ROUNDING)
-            floors = limits._replace(max_length=math.inf, budgets=None)
-            budgets = limits._replace(min_survival=0.0, floors=None)
-            faults = [*dict.fromkeys(chain(*map(self._way_faults, (floors, budgets))))]
+            limits = self.limits().loosened(CHECKING)
+            floors = limits._replace(budgets=np.full(self.robots, math.inf), has_budgets=False)
+            budgets = limits._replace(floors=np.zeros(self.robots))
+            worlds_of = map(self.world.with_limits, (floors, budgets))
+            faults = [*dict.fromkeys(chain(*map(self._way_faults, worlds_of)))]
         if faults:
             raise MissionError(faults, source)
-        if lost := [quoted(self.nodes[v]) for v in ways.uncollected(self.arrays)]:
+        if lost := [quoted(self.nodes[v]) for v in worlds.uncollected(self.world)]:
             text = f"{source}: no kind of robots can collect the reward of {listed(lost)}."
             warnings.warn(text, stacklevel=2)
 
@@ -159,12 +171,62 @@ class Mission:
         self.robots = sum(kind.robots for kind in self.kinds)
         self.nodes: tuple[Any, ...] = tuple(self.graph)
         self._index = {node: i for i, node in enumerate(self.nodes)}
-        self.arrays = _graph_of_kinds(self.graph, self.base, self.kinds, self.pays)
-        self.balanced, of_kinds = self.arrays.balanced, self.arrays.kinds
-        self.rewards = self.arrays.reward if of_kinds is None else of_kinds.reward
+        self.world = self._new_world()
+        self.balanced, self.rewards = self.world.graph.balanced, self.world.team.reward
         self.total_reward = float(self.rewards.sum())
-        self.has_returns = of_kinds is not None and of_kinds.has_returns
-        self.is_plain = of_kinds is None
+        self.has_returns = self.world.returns is not None
+        self.is_plain = self.world.is_plain
+
+    def _new_world(self) -> World:
+        """Return the valid mission for kernels, with a layer of nodes and arcs for each kind."""
+        graph: Any = self.graph
+        kinds, n, index_of, base = self.kinds, len(self.nodes), self._index, self.base
+        arcs = sorted((index_of[u], index_of[v], arc) for u, v, arc in graph.edges(data=True))
+        tail, head = (np.array([arc[i] for arc in arcs], np.int64) for i in (0, 1))
+        by_kind = [rules.by_kind(arc["survival"], kinds) for *_, arc in arcs]
+        survival = np.array(by_kind, np.float64).reshape(-1, len(kinds))
+        length = np.array([arc.get("length", 1.0) for *_, arc in arcs], np.float64)
+        nodes = [node for _, node in graph.nodes(data=True)]
+        reward = np.array([node["reward"] for node in nodes], np.float64)
+        share = np.array([rules.by_kind(node.get("share", 1.0), kinds) for node in nodes])
+        ends = np.array([[index_of[label] for label in kind.ends(base)] for kind in kinds])
+        aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
+        taken = survival > 0.0
+        for k, (start, end) in enumerate(ends.tolist()):
+            open_arcs = tail[taken[:, k]], head[taken[:, k]]
+            is_open = leading(*open_arcs, [end], n) & leading(*open_arcs[::-1], [start], n)
+            taken[:, k] &= is_open[tail] & is_open[head]
+            is_open[aboard[k]] = True  # what robots carry may come from nodes that are closed now
+            share[~is_open, k] = 0.0
+            aboard[k] = [node for node in aboard[k] if node != start]  # which the trail visits
+
+        # Each kind has a layer of nodes, and of the arcs that it may take.
+        layer, arc = np.nonzero(taken.T)
+        of_arcs = tail[arc] + n * layer, head[arc] + n * layer, survival[arc, layer], length[arc]
+        ends += n * np.arange(len(kinds))[:, None]
+        kind_of = np.repeat(np.arange(len(kinds)), counts := [kind.robots for kind in kinds])
+        first = np.cumsum([0, *counts])
+        team = Team(
+            reward=reward,
+            origin=np.tile(np.arange(n), len(kinds)),
+            share=share.T.ravel(),
+            end=np.repeat(ends[:, 1], n),
+            start=ends[kind_of, 0],
+            first=first[kind_of],
+            stop=first[kind_of + 1],
+        )
+        on_return = [node.get("pays", self.pays) == "return" for node in nodes]
+        is_depot = [bool(node.get("depot")) for node in nodes]
+        credit = np.where(is_depot, AT_THIS_DEPOT, np.where(on_return, AT_NEXT_DEPOT, ON_ARRIVAL))
+        credit[index_of[base]] = AT_THIS_DEPOT
+        returns = None
+        if (reward[credit == AT_NEXT_DEPOT] > 0.0).any():
+            carried = np.array([node for nodes in aboard for node in nodes], np.int64)
+            first = np.cumsum([0, *map(len, aboard)])
+            of_layers = np.tile(credit, len(kinds))
+            returns = Returns(of_layers, carried, first[kind_of], first[kind_of + 1])
+        expected = (reward[:, None] * share).T.ravel()
+        return new_world(*of_arcs, expected, team, self.limits(), returns)
 
     def _derive(self, graph: nx.DiGraph[Any], kinds: Iterable[Kind]) -> Mission:
         """Return the mission on another graph with other kinds, without checking them.
@@ -184,10 +246,9 @@ class Mission:
             fault = f"it has {self.team}: expected no number of robots, got {quoted(robots)}"
             raise MissionError(fault, f"Mission {quoted(self.name)}")
         kinds = (replace(self.kinds[0], robots=check_integer("robots", robots, at_least=1)),)
-        if not self.is_plain:  # its arrays depend on the robots
-            return Mission(self.graph, base=self.base, kinds=kinds, pays=self.pays, name=self.name)
         other = copy.copy(self)
         other.robots, other.kinds = kinds[0].robots, kinds
+        other.world = other._new_world()
         return other
 
     def with_lengths_from_pos(self) -> Mission:
@@ -240,9 +301,11 @@ class Mission:
         own = [default if kind.max_length is None else kind.max_length for kind in self.kinds]
         budgets = [most if budget is None else min(most, budget) for budget in own]
         floors = [max(min_survival, kind.min_survival) for kind in self.kinds]
-        if self.is_plain:
-            return Limits(floors[0], budgets[0])
-        return limits_of_kinds(floors, budgets, len(self.nodes))
+        return new_limits(floors, budgets, [kind.robots for kind in self.kinds])
+
+    def limited(self, min_survival: float = 0.0, max_length: float | None = None) -> World:
+        """Return the mission as kernels know it, with limits as for ``limits``."""
+        return self.world.with_limits(self.limits(min_survival, max_length))
 
     def index(self, label: Hashable) -> int:
         """Return the index of a node in ``nodes``; a KeyError is raised for an unknown label."""
@@ -271,7 +334,7 @@ class Mission:
         self.evaluate([plan])
         return plan
 
-    def stay_home(self, limits: Limits | None = None) -> TrailPlan:
+    def stay_home(self, world: World | None = None) -> TrailPlan:
         """Return the plan in which every robot stays where it starts.
 
         A robot whose trail ends elsewhere takes the safest way there, or the shortest one if that
@@ -279,9 +342,9 @@ class Mission:
 
         Parameters
         ----------
-        limits
-            The travel budgets that decide which ways are too long; default: those of the mission
-            and its kinds.
+        world
+            The mission with the travel budgets that decide which ways are too long; default: those
+            of the mission and its kinds.
 
         Examples
         --------
@@ -290,10 +353,8 @@ class Mission:
         >>> toy.labels(toy.stay_home())
         ((1,), (1,))
         """
-        if self.is_plain:
-            return TrailPlan([[self.arrays.base]] * self.robots)
-        limits = self.limits() if limits is None else limits
-        return TrailPlan([way.nodes for way in ways.ways_to_ends(self.arrays, limits)])
+        ways = worlds.ways_to_ends(self.world if world is None else world)
+        return TrailPlan([way.nodes for way in ways])
 
     def after(self, plan: TrailPlan, events: Iterable[Event], **limits: Any) -> Mission:
         """Return the mission that is left after some events.
@@ -313,18 +374,18 @@ class Mission:
         rest: Mission = under_way(self, plan, events, **limits).mission
         return rest
 
-    def check_ways(self, limits: Limits) -> None:
+    def check_ways(self, world: World) -> None:
         """Refuse, by a ValueError, limits that neither the safest nor the shortest way keeps.
 
         Ways that compromise between the two are not tried. The error names the first kind of robots
         that cannot keep the limits.
         """
-        for fault in self._way_faults(limits):
+        for fault in self._way_faults(world):
             raise ValueError(f"Mission {quoted(self.name)}: {fault}.")
 
-    def _way_faults(self, limits: Limits) -> Iterator[str]:
+    def _way_faults(self, world: World) -> Iterator[str]:
         """List the kinds whose robots cannot keep limits on their way to their end."""
-        for robot, (way, least, longest) in ways.failing_ways(self.arrays, limits).items():
+        for robot, (way, least, longest) in worlds.failing_ways(world).items():
             kind = self.kind_of[robot]
             start, end = map(quoted, kind.ends(self.base))
             who, there = f"robots of kind {quoted(kind.name)}", f"way from {start} to {end}"
@@ -344,7 +405,7 @@ class Mission:
     def trails(self, plan: TrailPlan) -> tuple[tuple[int, ...], ...]:
         """Return the trails of a plan as indices of ``nodes``, robot by robot.
 
-        In ``plan.trails`` and ``arrays`` each kind has nodes of its own: of n nodes, node v of kind
+        In ``plan.trails`` and ``world`` each kind has nodes of its own: of n nodes, node v of kind
         k, counted from 0, is ``k * n + v``.
         """
         if not isinstance(plan, TrailPlan):
@@ -399,7 +460,7 @@ class Mission:
     def _values(self, plans: Plans, *, strict: bool) -> kernels.Values:
         batch = self.batch(plans)
         values = kernels.new_values(len(batch), batch.n_robots)
-        fault = kernels.evaluate(self.arrays, *batch.arrays, batch.n_robots, strict, values)
+        fault = kernels.evaluate(self.world, *batch.arrays, strict, values)
         if fault[0] != kernels.VALID:
             raise PlanError(_fault_text(self, batch, fault))
         return values
@@ -428,7 +489,7 @@ class Mission:
         return self is other or _identity(self) == _identity(other)
 
     def __hash__(self) -> int:
-        return hash((self.nodes, self.base, self.robots, self.arrays.survival.tobytes()))
+        return hash((self.nodes, self.base, self.robots, self.world.graph.survival.tobytes()))
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self  # immutable, and pymoo deep-copies algorithms together with their problem
@@ -476,58 +537,6 @@ def _freeze(graph: nx.DiGraph[Any]) -> nx.DiGraph[Any]:
     return nx.freeze(graph)  # type: ignore[no-any-return]
 
 
-def _graph_of_kinds(graph: Any, base: Hashable, kinds: Sequence[Kind], pays: str) -> Graph:
-    """Return the graph of a valid mission for kernels: with a layer for each kind, or a plain one.
-
-    A mission is plain if its robots are alike and start and end at the base, nodes pay on arrival,
-    and there are neither shares nor closed arcs.
-    """
-    index_of = {node: i for i, node in enumerate(graph)}
-    arcs = sorted((index_of[u], index_of[v], arc) for u, v, arc in graph.edges(data=True))
-    tail, head = (np.array([arc[i] for arc in arcs], np.int64) for i in (0, 1))
-    survival = np.array([rules.by_kind(a["survival"], kinds) for *_, a in arcs]).reshape(
-        -1, len(kinds)
-    )
-    length = np.array([a.get("length", 1.0) for *_, a in arcs], np.float64)
-    nodes, n = [node for _, node in graph.nodes(data=True)], len(graph)
-    reward = np.array([node["reward"] for node in nodes], np.float64)
-    share = np.array([rules.by_kind(node.get("share", 1.0), kinds) for node in nodes])
-    on_return = [node.get("pays", pays) == "return" for node in nodes]
-    is_depot = [bool(node.get("depot")) for node in nodes]
-    credit = np.where(is_depot, AT_THIS_DEPOT, np.where(on_return, AT_NEXT_DEPOT, ON_ARRIVAL))
-    credit[index_of[base]] = AT_THIS_DEPOT
-    has_returns = bool((reward[credit == AT_NEXT_DEPOT] > 0.0).any())
-    ends = np.array([[index_of[label] for label in kind.ends(base)] for kind in kinds])
-    is_plain = len(kinds) == 1 and (ends == index_of[base]).all() and not has_returns
-    if is_plain and (share == 1.0).all() and (survival > 0.0).all():
-        return new_graph(tail, head, survival[:, 0], length, reward, index_of[base])
-
-    aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
-    taken = survival > 0.0
-    for k, (start, end) in enumerate(ends.tolist()):
-        open_arcs = tail[taken[:, k]], head[taken[:, k]]
-        is_open = ways.leading(*open_arcs, [end], n) & ways.leading(*open_arcs[::-1], [start], n)
-        taken[:, k] &= is_open[tail] & is_open[head]
-        is_open[aboard[k]] = True  # what robots carry may come from nodes that are closed now
-        share[~is_open, k] = 0.0
-        aboard[k] = [node for node in aboard[k] if node != start]  # which the trail visits
-
-    # Each kind has a layer of nodes, and of the arcs that it may take.
-    layer, arc = np.nonzero(taken.T)
-    of_arcs = tail[arc] + n * layer, head[arc] + n * layer, survival[arc, layer], length[arc]
-    ends += n * np.arange(len(kinds))[:, None]
-    origin, end = np.tile(np.arange(n), len(kinds)), np.repeat(ends[:, 1], n)
-    of_nodes = origin, share.T.ravel(), np.tile(credit, len(kinds)), end
-    counts = [kind.robots for kind in kinds]
-    kind_of, first = np.repeat(np.arange(len(kinds)), counts), np.cumsum([0, *counts])
-    of_robots = ends[kind_of, 0], first[kind_of], first[kind_of + 1]
-    carried = np.array([node for nodes in aboard for node in nodes], np.int64)
-    first = np.cumsum([0, *map(len, aboard)])
-    of_aboard = carried, first[kind_of], first[kind_of + 1]
-    described = Kinds(*of_nodes, reward, *of_robots, *of_aboard, has_returns)
-    return new_graph(*of_arcs, (reward[:, None] * share).T.ravel(), int(ends[0, 1]), described)
-
-
 def check_mission(value: object) -> Mission:
     """Return ``value`` if it is a mission; the TypeError for anything else says how to get one."""
     if isinstance(value, Mission):
@@ -548,10 +557,10 @@ def numbers_digest(mission: Mission, *labels: object) -> str:
     """
     of_kinds = [[kind.min_survival, kind.max_length] for kind in mission.kinds]
     limits = [x for x in (mission.max_length, of_kinds) if x not in (None, [[0.0, None]])]
-    first = labels or [mission.arrays.base]
+    first = labels or [mission.index(mission.base)]
     text = json.dumps([*first, mission.robots, *limits], separators=(",", ":"))
     hashed = hashlib.sha256(text.encode())
-    for values in mission.arrays.numbers:
+    for values in mission.world.numbers:
         hashed.update(np.ascontiguousarray(values, f"<{values.dtype.kind}8").tobytes())
     return hashed.hexdigest()[:16]
 
@@ -559,7 +568,7 @@ def numbers_digest(mission: Mission, *labels: object) -> str:
 def _identity(mission: Mission) -> list[object]:
     """Return what equal missions share: not names of missions, nor positions."""
     own: list[object] = [mission.nodes, mission.base, mission.kinds, mission.max_length]
-    return own + [values.tolist() for values in mission.arrays.numbers]
+    return own + [values.tolist() for values in mission.world.numbers]
 
 
 def _fault_text(mission: Mission, batch: PlanBatch, fault: Sequence[int]) -> str:
@@ -572,7 +581,7 @@ def _fault_text(mission: Mission, batch: PlanBatch, fault: Sequence[int]) -> str
     at = int(batch.offsets[plan * batch.n_robots + robot]) + position
     before, node = batch.nodes[[at - 1, at]].tolist()
     if what == kernels.UNKNOWN_NODE:
-        return f"{where}: node index {node} is unknown, {name} has {mission.arrays.n_nodes} nodes."
+        return f"{where}: node index {node} is unknown, {name} has {mission.world.graph.n_nodes} nodes."
     kind, n = mission.kind_of[robot], len(mission.nodes)
     tail, head = mission.nodes[before % n], mission.nodes[node % n]
     if what in (kernels.NOT_FROM_BASE, kernels.NOT_BACK_AT_BASE):

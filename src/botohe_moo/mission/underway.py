@@ -11,11 +11,10 @@ from typing import Any, NamedTuple
 import networkx as nx
 
 from botohe_moo._base.checks import quoted
-from botohe_moo.core.graph import Limits, limit_at
+from botohe_moo.core.world import CHECKING, Limits
 from botohe_moo.mission.rules import Kind, MissionError, PlanError, by_kind
 from botohe_moo.trails import TrailPlan
 
-ROUNDING = 1e-12  # relative, of survivals and lengths
 _STATES = {"reached": "out", "lost": "lost", "home": "home"}  # of a robot after each event
 _PLACES = {"reached": "", "lost": " on the way to", "home": " at"}  # before the node of an event
 
@@ -96,12 +95,11 @@ def robots_at_start(mission: Any, plan: TrailPlan, limits: Limits) -> list[Robot
     [survivals], [lengths] = mission.robot_survival([plan]), mission.trail_lengths([plan])
     robots, labels = [], mission.labels(plan)
     for robot, trail in enumerate(plan.trails):
-        least = limit_at(limits.min_survival, limits.floors, trail[0])
-        longest = limit_at(limits.max_length, limits.budgets, trail[0])
+        least, longest = float(limits.floors[robot]), float(limits.budgets[robot])
         expected = f"Robot {robot}: expected a trail"
-        if survivals[robot] < least * (1.0 - ROUNDING):
+        if survivals[robot] < least * (1.0 - CHECKING):
             raise PlanError(f"{expected} with survival >= {least:g}, got {survivals[robot]:.4g}.")
-        if lengths[robot] > longest * (1.0 + ROUNDING):
+        if lengths[robot] > longest * (1.0 + CHECKING):
             raise PlanError(f"{expected} of length <= {longest:g}, got {lengths[robot]:g}.")
         budget = None if longest == math.inf else longest
         kind = replace(mission.kind_of[robot], min_survival=least, max_length=budget)
