@@ -261,8 +261,7 @@ def _search_and_write(
                 if how["record"]["algorithm"] == "pareto-local-search":
                     from botohe_moo.algorithms.ahead import compile_ahead
 
-                    limits = problem.planning_limits
-                    compile_ahead(problem.mission, limits, how["evaluations"])
+                    compile_ahead(problem.mission, problem.world, how["evaluations"])
                 solution = search(
                     problem, algorithm, progress=progress, stop=stop, started=_STARTED, **how
                 )

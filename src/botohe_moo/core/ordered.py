@@ -16,6 +16,7 @@ from botohe_moo.core.compile import helper, inlined
 from botohe_moo.core.rng import below
 
 BLOCK = 64
+_NEAR = 48  # plans on either side that ``draw_near`` draws from
 
 _COUNTS = np.dtype([(name, np.int64) for name in ("blocks", "plans", "entered", "free", "spare")])
 _PLACE = np.dtype([("slot", np.int64), ("reward", np.float64), ("survivors", np.float64)])
@@ -37,11 +38,15 @@ class OrderedFront(NamedTuple):
     spare_slots: OffsetArray
     # The plan in each slot: numbers of its trails, in lexicographic order (n_slots, n_robots).
     plan: IntArray
-    # How many plans had entered before that in each slot; how many turns as a parent it has had,
-    # and how many of these since other lanes were told of them (n_slots).
+    # How many plans had entered before that in each slot, how often it has been a parent, and its
+    # E[S] (n_slots).
     serial: OffsetArray
     tried: OffsetArray
-    untold: OffsetArray
+    survivors: FloatArray
+    # The slots in use, in an order that depends on what entered and left alone, and where each of
+    # them is in it (n_slots).
+    members: OffsetArray
+    member: OffsetArray
 
 
 def new_front(n_slots: int, n_robots: int) -> OrderedFront:
@@ -57,7 +62,9 @@ def new_front(n_slots: int, n_robots: int) -> OrderedFront:
         plan=np.zeros((n_slots, n_robots), np.int32),
         serial=np.zeros(n_slots, np.int64),
         tried=np.zeros(n_slots, np.int64),
-        untold=np.zeros(n_slots, np.int64),
+        survivors=np.zeros(n_slots),
+        members=np.zeros(n_slots, np.int64),
+        member=np.zeros(n_slots, np.int64),
     )
     front: OrderedFront = apart(parts)
     front.n.free, front.n.spare = n_blocks, n_slots
@@ -84,8 +91,10 @@ def copy_front(front: OrderedFront, kept: OffsetArray, n_slots: int) -> OrderedF
     copy.places["slot"][at, place] = np.arange(n)
     copy.places["reward"][at, place] = objectives[rows, 0]
     copy.places["survivors"][at, place] = objectives[rows, 1]
-    for name in ("plan", "serial", "tried", "untold"):
+    for name in ("plan", "serial", "tried", "survivors"):
         getattr(copy, name)[:n] = getattr(front, name)[kept]
+    by_member = np.argsort(front.member[kept])
+    copy.members[:n], copy.member[by_member] = by_member, np.arange(n)
     counts = copy.n
     counts.blocks, counts.plans, counts.entered = n_blocks, n, front.n.entered
     counts.free -= n_blocks
@@ -172,21 +181,29 @@ def insert(front: OrderedFront, reward: float, survivors: float) -> int:
 
 @inlined
 def draw_place(front: OrderedFront, states: SeedArray) -> tuple[int, int]:
-    """Draw a plan uniformly: a block and a place there, both again where that place is free."""
-    n = front.n.blocks
-    while True:
-        at = below(states, n)
-        size = front.size[front.directory[at]]
-        place = below(states, BLOCK if n > 1 else size)
-        if place < size:
-            return at, place
+    """Draw a plan uniformly: a block and a place there."""
+    slot = front.members[below(states, front.n.plans)]
+    return find_place(front, front.survivors[slot])
 
 
 @inlined
-def count_turn(front: OrderedFront, slot: int) -> None:
-    """Count a plan's turn as a parent."""
-    front.tried[slot] += 1
-    front.untold[slot] += 1
+def draw_near(front: OrderedFront, states: SeedArray, survivors: float) -> int:
+    """Draw a plan among the ``_NEAR`` on either side of an E[S], and the next one; return its slot.
+
+    Beyond an end of the front it is the last plan there.
+    """
+    at, place = find_place(front, survivors)
+    if at == front.n.blocks:
+        at, place = place_before(front, at, place)
+    place += below(states, 2 * _NEAR + 1) - _NEAR
+    while place < 0 and at > 0:
+        at -= 1
+        place += front.size[front.directory[at]]
+    while place >= front.size[front.directory[at]] and at < front.n.blocks - 1:
+        place -= front.size[front.directory[at]]
+        at += 1
+    block = front.directory[at]
+    return int(front.places[block, min(max(place, 0), front.size[block] - 1)].slot)
 
 
 @inlined
@@ -251,6 +268,8 @@ def remove_place(front: OrderedFront, at: int, place: int) -> int:
     front.spare_slots[n.spare] = slot
     n.spare += 1
     n.plans -= 1
+    last = front.members[n.plans]
+    front.members[front.member[slot]], front.member[last] = last, front.member[slot]
     if front.size[block] == 0:
         _drop_block(front, at)
     else:
@@ -316,7 +335,8 @@ def add_place(front: OrderedFront, reward: float, survivors: float) -> int:
     slot = front.spare_slots[n.spare]
     new = front.places[block, place]
     new.slot, new.reward, new.survivors = slot, reward, survivors
-    front.serial[slot], front.tried[slot], front.untold[slot] = n.entered, 0, 0
+    front.serial[slot], front.tried[slot], front.survivors[slot] = n.entered, 0, survivors
+    front.members[n.plans], front.member[slot] = slot, n.plans
     n.entered += 1
     n.plans += 1
     return int(slot)
