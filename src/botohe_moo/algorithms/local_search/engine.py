@@ -95,7 +95,7 @@ class LocalSearch:
         self._weights: FloatArray = np.cumsum(given)
         self._states: SeedArray = draw_state(random_state)
         # An array, since numpy writes to a copy of a record alone, once it is unpickled.
-        self._memory = np.array([(-1.0, 0, 0, QUEUE)], MEMORY).view(np.recarray)
+        self._memory = np.array([(-1.0, 0, 0, QUEUE, 0)], MEMORY).view(np.recarray)
         self._waiting = np.zeros(QUEUE)
         self._tallies: RecordArray = np.zeros(len(MOVES) + 1, TALLY).view(np.recarray)
         self._seconds = np.zeros(len(MOVES) + 1)
@@ -236,7 +236,7 @@ class LocalSearch:
         """
         front, store = self._front, self._store
         slots, objectives = read_front(front)
-        is_new = front.serial[slots] >= since
+        is_new = front.slots["serial"][slots] >= since
         slots, objectives = slots[is_new], objectives[is_new]
         trails = store.trails[front.plan[slots].ravel()]
         offsets = np.append(0, np.cumsum(trails["n_arcs"] + 1))
@@ -246,7 +246,7 @@ class LocalSearch:
         arcs = store.arc[ragged(trails["first_arc"], trails["n_arcs"])]
         nodes[is_head] = self.world.graph.head[arcs]
         batch = PlanBatch._wrap(nodes, offsets, self.mission.robots)
-        return batch, objectives, front.serial[slots]
+        return batch, objectives, front.slots["serial"][slots]
 
     def _trim(self) -> None:
         """Keep only as many plans as the front may have."""

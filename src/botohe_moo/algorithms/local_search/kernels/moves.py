@@ -20,7 +20,7 @@ from botohe_moo.algorithms.local_search.kernels.state import (
     Workspace,
 )
 from botohe_moo.core.compile import helper, inlined
-from botohe_moo.core.ordered import draw_near, draw_place
+from botohe_moo.core.ordered import draw_near, draw_slot
 from botohe_moo.core.rng import below, uniform
 from botohe_moo.core.world import Returns
 
@@ -120,10 +120,9 @@ def draw_trail(search: Search, robot: int) -> int:
     """Draw a trail that a robot may take, of a plan near the parent or of any plan."""
     front, team, states = search.front, search.world.team, search.work.states
     if uniform(states, 0) < _P_NEIGHBOUR:
-        slot = draw_near(front, states, search.work.draft.place)
+        slot = draw_near(front, states, search.work.draft.block, search.work.draft.place)
     else:
-        block, place = draw_place(front, states)
-        slot = front.places[front.directory[block], place].slot
+        slot = draw_slot(front, states)
     donor = team.first[robot] + below(states, team.stop[robot] - team.first[robot])
     return int(np.int64(front.plan[slot, donor]))
 

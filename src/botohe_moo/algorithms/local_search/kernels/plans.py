@@ -25,8 +25,7 @@ from botohe_moo.core.ordered import (
     add_place,
     best_reward,
     find_dominated,
-    find_place,
-    place_before,
+    nearest_place,
     remove_place,
 )
 from botohe_moo.core.rng import below, uniform
@@ -48,13 +47,6 @@ P_NEWEST = 0.9
 # The search is stuck when no plan has entered the front within as many evaluations; and the same
 # with rewards on return, where more fronts are small.
 PATIENCE, PATIENCE_ON_RETURN = 2_000, 500
-
-
-@helper
-def find_plan(front: OrderedFront, survivors: float) -> tuple[int, int]:
-    """Find the plan with an E[S]; where it has left, the next safer one, or else the safest."""
-    block, place = find_place(front, survivors)
-    return (block, place) if block < front.n.blocks else place_before(front, block, place)
 
 
 @helper
@@ -80,7 +72,7 @@ def acquire_parent(search: Search, block: int, place: int) -> None:
     for k in range(parent.shape[0]):
         parent[k] = front.plan[found.slot, k]
         store.trails[parent[k]].n_users += 1
-    draft.place, draft.n_chosen = found.survivors, 0
+    draft.block, draft.place, draft.at, draft.n_chosen = block, place, found.survivors, 0
     draft.robot = below(work.states, parent.shape[0])
 
 
@@ -322,4 +314,5 @@ def insert_trails(search: Search, tolerance: float) -> bool:
     entered = _insert(store, search.front, work.trails, reward, survivors, tolerance)
     if entered:
         work.memory.newest, work.memory.idle = survivors, 0
+        work.draft.block, work.draft.place = nearest_place(search.front, work.draft.at)
     return entered

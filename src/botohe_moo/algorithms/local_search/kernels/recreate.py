@@ -20,7 +20,6 @@ from botohe_moo.algorithms.local_search.kernels.plans import (
     clear_others,
     evaluate_others,
     evaluate_trails,
-    find_plan,
     insert_trails,
     is_stuck,
     pop_newest,
@@ -38,7 +37,7 @@ from botohe_moo.algorithms.local_search.kernels.state import (
 )
 from botohe_moo.core.clock import ticks
 from botohe_moo.core.compile import helper, kernel
-from botohe_moo.core.ordered import slope_at
+from botohe_moo.core.ordered import nearest_place, slope_at
 from botohe_moo.core.rng import below, uniform
 from botohe_moo.core.sharing import shared
 from botohe_moo.core.world import (
@@ -104,11 +103,12 @@ def _select_robots(search: Search, survivors: float) -> None:
     only E[R] counts.
     """
     front, work, draft = search.front, search.work, search.work.draft
-    block, place = find_plan(front, survivors)
+    block, place = nearest_place(front, survivors)
     acquire_parent(search, block, place)
-    found = front.places[front.directory[block], place]
-    front.tried[found.slot] += 1
-    draft.slope = slope_at(front, block, place) if block > 0 or place > 0 else 0.0
+    slot = front.places[front.directory[block], place].slot
+    found = front.slots[slot]
+    found.tried += 1
+    draft.slope = slope_at(front, slot) if found.before >= 0 else 0.0
     draft.value = found.reward + draft.slope * found.survivors
     _draw_robots(search)
     evaluate_others(search.world, search.store, work)

@@ -15,7 +15,6 @@ from botohe_moo.algorithms.local_search.kernels.plans import (
     clear_others,
     clear_trail,
     evaluate_others,
-    find_plan,
     insert_trails,
     is_stuck,
     lay_out,
@@ -30,6 +29,7 @@ from botohe_moo.algorithms.local_search.kernels.state import (
     N_DRAWN,
     N_DRAWN_BUSY,
     NOT_STORED,
+    TIMED_EVERY,
     Search,
     Workspace,
     has_room,
@@ -37,7 +37,7 @@ from botohe_moo.algorithms.local_search.kernels.state import (
 )
 from botohe_moo.core.clock import ticks
 from botohe_moo.core.compile import helper, kernel
-from botohe_moo.core.ordered import contribution, draw_place
+from botohe_moo.core.ordered import contribution, draw_slot, find_place, nearest_place
 from botohe_moo.core.rng import below, uniform
 from botohe_moo.core.sharing import shared
 from botohe_moo.core.trails import Trails
@@ -115,10 +115,10 @@ def _waits(search: Search, block: int, place: int) -> bool:
     1 / 2 or more divided by the number of plans in the front.
     """
     front, memory, p_recreate = search.front, search.work.memory, search.p_recreate
-    parent = front.places[front.directory[block], place]
-    front.tried[parent.slot] += 1
+    parent = front.slots[front.places[front.directory[block], place].slot]
+    parent.tried += 1
     if p_recreate > 0.0:  # plans of a small front, which has few trails to combine, more often
-        n_tried = front.tried[parent.slot]
+        n_tried = parent.tried
         p_recreate = max(p_recreate, 0.5 / front.n.plans, 1.0 / (n_tried * n_tried))
     if uniform(search.work.states, 0) >= p_recreate:
         return False
@@ -203,18 +203,17 @@ def _draw_parent(search: Search) -> tuple[int, int]:
     front, work = search.front, search.work
     newest = pop_newest(work)
     if newest >= 0.0:
-        return find_plan(front, newest)
+        return nearest_place(front, newest)
     survivors, n_robots = front.places[front.directory[0], 0].survivors, work.parent.shape[0]
     if uniform(work.states, 0) < max(P_END, _P_SAFE_END * survivors / n_robots):
         return 0, 0
-    best, best_place, highest = 0, 0, -1.0
+    best, highest = 0, -1.0
     for _ in range(N_DRAWN_BUSY if work.memory.idle <= BUSY else N_DRAWN):
-        block, place = draw_place(front, work.states)
-        n_tried = front.tried[front.places[front.directory[block], place].slot]
-        score = contribution(front, block, place) / (1.0 + n_tried)
+        slot = draw_slot(front, work.states)
+        score = contribution(front, slot) / (1.0 + front.slots[slot].tried)
         if score > highest:
-            best, best_place, highest = block, place, score
-    return best, best_place
+            best, highest = slot, score
+    return find_place(front, front.slots[best].survivors)
 
 
 @helper
@@ -234,7 +233,10 @@ def _make_children(search: Search, n_most: int) -> int:
     world, store, work = search.world, search.store, search.work
     changed, memory = work.parent[work.draft.robot], work.memory
     lay_out(world, world.returns, store, work, changed)
-    n, before = 0, ticks()
+    n = 0
+    is_timed = memory.n_parents % TIMED_EVERY == 0
+    memory.n_parents += 1
+    before = ticks() if is_timed else 0
     for _ in range(N_CHILDREN_BUSY if memory.idle <= BUSY else N_CHILDREN):
         if n == n_most:
             break
@@ -245,9 +247,10 @@ def _make_children(search: Search, n_most: int) -> int:
             memory.idle += 1
             tally.tried += 1
             tally.entered += _insert_child(search)
-        now = ticks()
-        tally.ticks += now - before
-        before = now
+        if is_timed:
+            now = ticks()
+            tally.ticks += TIMED_EVERY * (now - before)
+            before = now
     clear_trail(world, world.returns, work)
     return n
 

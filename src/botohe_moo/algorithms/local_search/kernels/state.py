@@ -37,6 +37,8 @@ N_TRAILS = N_CHILDREN + MOST_SHAKEN + 1
 # How many plans wait for ruin and recreate, one after another: a short run does not compile it.
 QUEUE = 32
 
+TIMED_EVERY = 8  # the time of moves is taken of every so many parents, since taking it costs some
+
 MOST_GOALS = 64  # how many nodes a move visits at most
 
 _STORE = np.dtype([(name, np.int64) for name in ("arcs", "visits", "spare")])
@@ -51,14 +53,14 @@ _TRAIL = np.dtype(
         ("alive", np.float64),
     ]
 )
-_MEMORY = ("idle", "n_waiting", "most_waiting")
+_MEMORY = ("idle", "n_waiting", "most_waiting", "n_parents")
 MEMORY = np.dtype([("newest", np.float64), *((name, np.int64) for name in _MEMORY)])
-_PARENT = ("robot", "n_chosen", "n_touched", "layer")
+_PARENT = ("block", "place", "robot", "n_chosen", "n_touched", "layer")
 _CHILD = ("length", "prefix", "n_middle", "suffix", "n_goals", "n_piece", "n_legs", "mark")
 _MOVE = ("n_steps", "adopted")
 _DRAFT = np.dtype(
     [(name, np.int64) for name in (*_PARENT, *_CHILD, *_MOVE)]
-    + [(name, np.float64) for name in ("place", "others", "survivors", "value", "slope")]
+    + [(name, np.float64) for name in ("at", "others", "survivors", "value", "slope")]
 )
 _STEP = np.dtype(
     [(name, np.int64) for name in ("arc", "node")]
@@ -99,7 +101,8 @@ class Workspace(NamedTuple):
 
     # E[S] of the plan that entered the front last, −1 once it has been a parent (``newest``); how
     # many plans have been evaluated since one entered (``idle``); how many wait for ruin and
-    # recreate (``n_waiting``), and how many may (``most_waiting``).
+    # recreate (``n_waiting``), and how many may (``most_waiting``); and how many parents there were
+    # (``n_parents``).
     memory: Record
     waiting: FloatArray  # E[S] of each plan that waits (QUEUE)
     states: SeedArray  # the search's random numbers (1, 2)
@@ -107,7 +110,8 @@ class Workspace(NamedTuple):
     # Of each move, and last of ruin and recreate, how many children were ``tried``, how many plans
     # ``entered`` the front, and how many ticks of the processor's counter it took (n_moves + 1).
     tallies: RecordArray
-    # Of the parent: its E[S], which is its ``place`` in the front; the ``robot`` that changes, and
+    # Of the parent: its ``block`` and ``place`` in the front, or those next to its E[S] (``at``)
+    # once it has left; the ``robot`` that changes, and
     # the first node of its kind's layer (``layer``); how many nodes the others reach
     # (``n_touched``), and E[R] and E[S] of these (``others`` and ``survivors``). Of the trail: how
     # many arcs it has (``length``). Of the child: how many arcs are kept from the trail's start
