@@ -47,7 +47,7 @@ RUIN_AND_RECREATE = "ruin-and-recreate"  # its row among the statistics of moves
 # On its n-th turn as a parent a plan is ruined and recreated with probability 1 / n², but never
 # less than this.
 _P_RECREATE = 0.02
-# Nodes times robots: with more, ruin and recreate takes more time than it brings (results/refills).
+# Nodes times robots: with more, ruin and recreate takes more time than it brings (results/recreate).
 _RECREATED_UP_TO = 1_000
 
 # The most that the length of the longest arc costs, and the least budget to divide by.
