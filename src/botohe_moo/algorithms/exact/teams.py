@@ -14,20 +14,10 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.core.compile import helper, kernel
-from botohe_moo.core.ordered import (
-    OrderedFront,
-    best_reward,
-    find_place,
-    insert,
-    place_before,
-)
+from botohe_moo.core.ordered import OrderedFront, best_reward, find_place, insert, place_before
 
-TURN = np.dtype(
-    [
-        ("robot", np.int64),  # whose turn it is to choose, −1 before the search
-        ("n_looks", np.int64),  # how many trails have been looked at as choices
-    ]
-)
+# Whose turn it is to choose, −1 before the search; and how many choices have been looked at.
+TURN = np.dtype([("robot", np.int64), ("n_looks", np.int64)])
 FINISHED, FULL, PAUSED = 0, 1, 2
 
 
