@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from functools import cache
+from functools import cache, cached_property
 from typing import Annotated, TypeAlias
 
 import numpy as np
@@ -155,7 +155,6 @@ class FrontSearch:
         self.memory_limit = memory_limit
         self.plans: PlanBatch | None = None
         self._without_base = without_base_reward(world)
-        self._trails: TrailSearch | None = None
         self._choices: teams.Choices | None = None
         self._spent = 0.0
 
@@ -166,20 +165,17 @@ class FrontSearch:
 
     def _advance(self) -> None:
         begun = time.perf_counter()
-        if self._trails is None:
-            self._guides, self._figures = self._guiding_plans()
-            known = sorted({trail for plan in self._guides for trail in plan.trails})
-            self._trails = TrailSearch(self._without_base, known)
         if self._choices is None:
-            self._advance_trails(self._trails)
+            self._advance_trails()
         else:
-            self._advance_teams(self._trails, self._choices)
+            self._advance_teams(self._choices)
         self._spent += time.perf_counter() - begun
         if self.plans is None and self._spent > self.time_limit:
             raise self._limit_error(f"time_limit = {self.time_limit:g} seconds")
 
-    def _guiding_plans(self) -> tuple[list[TrailPlan], FloatArray]:
-        """Return good plans, within the limits, with E[R] and E[S] (n_plans, 2).
+    @cached_property
+    def _guides(self) -> tuple[list[TrailPlan], FloatArray]:
+        """Good plans within the limits, and their E[R] and E[S] (n_plans, 2).
 
         The search leaves out what they dominate.
         """
@@ -200,45 +196,50 @@ class FrontSearch:
         kept = np.flatnonzero(keeps.all(axis=1))
         return [plans[i] for i in kept.tolist()], values.objectives[kept]
 
-    def _advance_trails(self, trails: TrailSearch) -> None:
+    @cached_property
+    def _trails(self) -> TrailSearch:
+        known = {trail for plan in self._guides[0] for trail in plan.trails}
+        return TrailSearch(self._without_base, sorted(known))
+
+    def _advance_trails(self) -> None:
+        graph, trails = self.world.graph, self._trails
         self._require(0)
-        graph = self.world.graph
         n_looks = _LOOKS_A_PORTION // (graph.n_nodes + graph.n_arcs)
         if trails.advance(min(max(1, n_looks), _LABELS_A_PORTION), self._require):
-            self._begin_teams(trails)
+            self._choices = self._new_choices()
 
-    def _begin_teams(self, trails: TrailSearch) -> None:
-        n_robots, reward = self.mission.robots, trails.reward
-        self._require(trails.progress.n_trails * n_robots * 32)
-        self._choices = teams.new_choices(
-            *trails.found(), reward, _SLACK * np.array([reward.sum(), n_robots]), n_robots
-        )
-        self._front = new_front(max(_FRONT_ROWS, len(self._guides)), n_robots)
-        for i, (expected, survivors) in enumerate(self._figures.tolist()):
+    def _new_choices(self) -> teams.Choices:
+        """Begin the search for teams, with the guides as the front."""
+        (guides, figures), n_robots = self._guides, self.mission.robots
+        self._require(self._trails.progress.n_trails * n_robots * 32)
+        self._front = new_front(max(_FRONT_ROWS, len(guides)), n_robots)
+        for i, (expected, survivors) in enumerate(figures.tolist()):
             if best_reward(self._front, survivors) < expected:
                 self._front.plan[insert(self._front, expected, survivors)] = -1 - i
+        reward = self._trails.reward
+        slack = _SLACK * np.array([reward.sum(), n_robots])
+        return teams.new_choices(*self._trails.found(), reward, slack, n_robots)
 
-    def _advance_teams(self, trails: TrailSearch, choices: teams.Choices) -> None:
+    def _advance_teams(self, choices: teams.Choices) -> None:
         state = teams.choose_teams(choices, self._front, _CHOICES_A_PORTION, most_reward=False)
         if state == teams.FULL:
             self._require(2 * n_bytes(self._front))
             slots, _ = read_front(self._front)
             self._front = copy_front(self._front, slots, 2 * len(slots))
         elif state == teams.FINISHED:
-            self.plans = self._plans(trails)
+            self.plans = self._plans()
 
-    def _plans(self, trails: TrailSearch) -> PlanBatch:
+    def _plans(self) -> PlanBatch:
         """Return the plans of the front; of points that differ by rounding only, one."""
-        slots, _ = read_front(self._front)
-        rows = self._front.plan[slots].tolist()
+        mission, trails = self.mission, self._trails
         found = [
-            self._guides[-1 - row[0]] if row[0] < 0 else TrailPlan([trails.trail(t) for t in row])
-            for row in rows
+            self._guides[0][-1 - row[0]] if row[0] < 0 else TrailPlan(map(trails.trail, row))
+            for row in self._front.plan[read_front(self._front)[0]].tolist()
         ]
-        objectives = self.mission.evaluate(found)
+        objectives = mission.evaluate(found)
         # E[R] is rounded in shares of a sum that has the base's reward in it.
-        same_reward = CHECKING * trails.reward.sum() + 1e-15 * self.mission.total_reward
-        same_survivors = CHECKING * self.mission.robots
+        same_reward = CHECKING * trails.reward.sum() + 1e-15 * mission.total_reward
+        same_survivors = CHECKING * mission.robots
         kept: list[int] = []
         for i in np.lexsort((-objectives[:, 1], -objectives[:, 0])).tolist():
             reward, survivors = objectives[i]
@@ -247,26 +248,24 @@ class FrontSearch:
             while kept and objectives[kept[-1], 0] <= reward + same_reward:
                 kept.pop()
             kept.append(i)
-        return self.mission.batch([found[i] for i in kept])
+        return mission.batch([found[i] for i in kept])
 
     def _require(self, more: int) -> None:
         """Raise a TooLargeError where there is no room for so many bytes more."""
-        taken = 0 if self._trails is None else self._trails.n_bytes
+        taken = self._trails.n_bytes
         if self._choices is not None:
             taken += n_bytes(self._choices, self._front)
         if taken + more > self.memory_limit * _MIB:
             raise self._limit_error(f"memory_limit = {self.memory_limit:g} MiB")
 
     def _limit_error(self, limit: str) -> TooLargeError:
-        n_done, n, what = 0, 0, "partial trails found so far"
+        mission, graph, progress = self.mission, self.world.graph, self._trails.progress
+        tried = f"{progress.next} of {progress.n_labels} partial trails found so far"
         if self._choices is not None:
-            n_done, n = int(self._choices.at[0]), int(self._choices.n_listed[0])
-            what = "trails for the first robot of a team"
-        elif self._trails is not None:
-            n_done, n = self._trails.progress.next, self._trails.progress.n_labels
-        mission, graph = self.mission, self.world.graph
+            robot = self._choices.robots[0]
+            tried = f"{robot.at} of {robot.n_listed} trails for the first robot of a team"
         size = f"{graph.n_nodes} nodes, {graph.n_arcs} arcs, {counted(mission.robots, 'robot')}"
         return TooLargeError(
             f"Mission {mission.name!r} ({size}): the exact front was not found within {limit}. The "
-            f"search had tried {n_done} of {n} {what}. {_REMEDY}"
+            f"search had tried {tried}. {_REMEDY}"
         )

@@ -213,8 +213,7 @@ def has(bits: SeedArray, i: int) -> bool:
 def grow(search: LabelSearch, n_looks: int) -> bool:
     """Extend at most ``n_looks`` labels in the order in which they were found.
 
-    Labels are left out that a label or a trail found since then dominates. Returns whether there
-    may be no room for the extensions of the next label.
+    Returns whether there may be no room for the extensions of the next label.
     """
     search = shared(search)
     graph, labels, state = search.world.graph, search.labels, search.progress[0]
@@ -228,8 +227,6 @@ def grow(search: LabelSearch, n_looks: int) -> bool:
         if min(labels.rows.shape[0] - state.n_labels, n_free) < degree:
             return True
         state.next += 1
-        if _has_become_needless(search, parent):
-            continue
         for arc in range(graph.first[node], graph.first[node + 1]):
             if not has(labels.used[parent], arc):
                 _extend(search, parent, arc)
@@ -264,7 +261,7 @@ def _extend(search: LabelSearch, parent: int, arc: int) -> None:
     if is_fresh:
         current.reached[goal] = row.alive
     survives = _look_ahead(search)
-    if _is_dominated(search, -1):
+    if _is_dominated(search):
         return
     floor = world.limits.floors[0]
     if is_fresh or (node == base and world.ways.shortest is not None):
@@ -276,19 +273,6 @@ def _extend(search: LabelSearch, parent: int, arc: int) -> None:
     as_column(search, current.prospect, current.column)
     if not _is_covered(search, current.column, survives):
         _add_label(search)
-
-
-@helper
-def _has_become_needless(search: LabelSearch, label: int) -> bool:
-    """Return whether another label dominates this one, or a trail is as good as it can become."""
-    _copy_label(search, label)
-    look_around(search)
-    survives = _look_ahead(search)
-    if _is_dominated(search, label):
-        return True
-    current = search.current
-    as_column(search, current.prospect, current.column)
-    return _is_covered(search, current.column, survives)
 
 
 @helper
@@ -423,14 +407,14 @@ def as_column(search: LabelSearch, reached: FloatArray, column: FloatArray) -> N
 
 
 @helper
-def _is_dominated(search: LabelSearch, itself: int) -> bool:
-    """Return whether some label of the table, except ``itself``, dominates the current one."""
+def _is_dominated(search: LabelSearch) -> bool:
+    """Return whether some label of the table dominates the current one."""
     labels, current = search.labels, search.current.row[0]
     has_budget, key = search.world.ways.shortest is not None, _key_of(search)
     label = labels.last[np.int64(key & np.uint64(labels.last.shape[0] - 1))]
     while label >= 0:
         row = labels.rows[label]
-        same = label != itself and row.key == key and row.node == current.node
+        same = row.key == key and row.node == current.node
         same = same and not (has_budget and row.length > current.length)
         if same and row.alive >= current.alive and _dominates(search, label):
             return True

@@ -36,18 +36,12 @@ class TrailSearch:
         self._visits = new_visits(world.graph.n_nodes)
         stay = (int(world.team.start[0]),)
         self._known = list(dict.fromkeys([stay, *known]))[:_ROWS]
-        self._add_known()
-        self._n_tidy = self.progress.n_trails
-
-    def _add_known(self) -> None:
-        """Put known trails into the table; their labels are −1, −2, ... in the order given."""
-        search, n = self._search, len(self._known)
-        others = labels.new_trails(_ROWS, len(search.current.column))
+        others = labels.new_trails(_ROWS, len(self._search.current.column))
         for row, trail in enumerate(self._known):
             survives, reached = self.follow(trail)
             others.rows[row] = -1 - row, -1, survives
-            labels.as_column(search, reached, others.reached[row])
-        labels.add_trails(search, others, np.arange(n))
+            labels.as_column(self._search, reached, others.reached[row])
+        labels.add_trails(self._search, others, np.arange(len(self._known)))
 
     @property
     def progress(self) -> Record:
@@ -84,12 +78,9 @@ class TrailSearch:
         """
         search, progress = self._search, self.progress
         is_full = labels.grow(search, n_looks)
-        if progress.n_trails > 1.5 * self._n_tidy + 64:
-            self._tidy()
         if is_full:
-            require(labels.n_bytes(search.labels))
+            require(self.n_bytes)
             larger = labels.chained_again(labels.doubled(search.labels), progress.n_labels)
-            require(labels.n_bytes(search.trails))
             self._search = search._replace(labels=larger, trails=labels.doubled(search.trails))
         ended = bool(progress.next == progress.n_labels)
         if ended:
@@ -104,7 +95,6 @@ class TrailSearch:
         progress.n_trails = 0
         # Of trails that survive alike, one that another is as good as comes after it.
         labels.add_trails(self._search, others, np.lexsort((-total, -others.rows["survives"][:n])))
-        self._n_tidy = progress.n_trails
 
     def trail(self, row: int) -> list[int]:
         """Return a trail of the table as nodes."""
