@@ -396,7 +396,7 @@ class _Arcs:
 
     def of(self, mission):
         if mission is not self.mission:
-            arrays = mission.arrays
+            arrays = mission.world.graph
             arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
             self.survival = dict(zip(arcs, arrays.survival.tolist(), strict=True))
             self.length = dict(zip(arcs, arrays.length.tolist(), strict=True))

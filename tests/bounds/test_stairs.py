@@ -14,7 +14,7 @@ from botohe_moo.bounds.envelopes import add_stairs, falling, least_total
 from botohe_moo.bounds.schedule import Schedule
 from botohe_moo.bounds.stairs import StairsMaster, TeamStairs
 from tests.examples import seeds
-from tests.search.test_bounds import bounded_at_all_stages, random_mission
+from tests.bounds.test_bound import bounded_at_all_stages, random_mission
 
 heights = st.lists(st.floats(0, 10), min_size=4, max_size=7)
 

@@ -11,7 +11,6 @@ from botohe_moo import FrontBound, Kind, Mission, bound_front, load_mission
 from botohe_moo.bounds import proof, schedule
 from botohe_moo.bounds.plain import NOTE, relaxed_to_plain
 from botohe_moo.bounds.proof import Proof
-from botohe_moo.core.graph import Limits
 from botohe_moo.trails import TrailPlan
 from tests.examples import examples
 from tests.strategies import missions, small_team_missions, team_missions_with_plans
@@ -28,9 +27,9 @@ def all_objectives(mission, trails):
         for own, kind in zip(trails, mission.kinds, strict=True)
     )
     found = [TrailPlan(sum(team, ())) for team in product(*teams)]
-    limits, starts = mission.limits(), mission.arrays.kinds.start
-    keeps = (mission.robot_survival(found) >= limits.floors[starts]).all(axis=1)
-    keeps &= (mission.trail_lengths(found) <= limits.budgets[starts]).all(axis=1)
+    limits = mission.limits()
+    keeps = (mission.robot_survival(found) >= limits.floors).all(axis=1)
+    keeps &= (mission.trail_lengths(found) <= limits.budgets).all(axis=1)
     return mission.evaluate(found)[keeps]
 
 
@@ -61,8 +60,8 @@ class TestByHand:
     @pytest.mark.filterwarnings("ignore:.*no kind of robots can collect")
     def test_the_best_of_all_kinds(self, graph):
         graph.graph["max_length"] = 5
-        plain, limits = relaxed(Mission(graph, base="gate", kinds=self.KINDS))
-        assert limits == Limits(0.125, 7.0)
+        plain = relaxed(Mission(graph, base="gate", kinds=self.KINDS))
+        assert plain.kinds == (Kind("robot", 3, min_survival=0.125, max_length=7.0),)
         assert (plain.base, plain.robots, plain.is_plain) == ("gate", 3, True)
         assert dict(plain.graph.nodes(data="reward")) == {"gate": 0, "lab": 8, "roof": 0}
         assert sorted(plain.graph.edges(data="survival")) == [
@@ -77,8 +76,8 @@ class TestByHand:
     @pytest.mark.filterwarnings("ignore:.*no kind of robots can collect")
     def test_one_start_for_all(self, graph):
         kinds = [Kind("drone", 1, start="roof", end="gate"), Kind("rover", 1)]
-        plain, limits = relaxed(Mission(graph, base="gate", kinds=kinds))
-        assert limits == Limits()
+        plain = relaxed(Mission(graph, base="gate", kinds=kinds))
+        assert plain.kinds == (Kind("robot", 2),)
         start = plain.base
         assert start not in graph
         assert {*plain.graph[start]} == {"roof", "gate"}
@@ -129,7 +128,7 @@ class TestByHand:
         bound.save(tmp_path / "bound.json")
         assert FrontBound.load(tmp_path / "bound.json", mission) == bound
         with pytest.raises(ValueError, match="bounds another mission"):
-            FrontBound.load(tmp_path / "bound.json", relaxed(mission)[0])
+            FrontBound.load(tmp_path / "bound.json", relaxed(mission))
 
     def test_what_robots_carry_is_refused(self):
         toy = load_mission("toy")
@@ -146,7 +145,7 @@ class TestByHand:
 @given(team_missions_with_plans(max_nodes=6, aboard=False))
 def test_each_plan_is_one_of_the_relaxation(drawn):
     mission, plan = drawn
-    plain, limits = relaxed(mission)
+    plain = relaxed(mission)
     trails = mission.labels(plan)
     if plain.base != mission.base:
         trails = [(plain.base, *trail, plain.base) for trail in trails]
@@ -154,9 +153,10 @@ def test_each_plan_is_one_of_the_relaxation(drawn):
     assert (plain.evaluate([same]) >= mission.evaluate([plan]) * (1 - 1e-12)).all()
     assert (plain.robot_survival([same]) >= mission.robot_survival([plan])).all()
     assert plain.trail_lengths([same]) == pytest.approx(mission.trail_lengths([plan]))
+    limits = plain.limits()
     for kind in mission.kinds:
-        assert limits.min_survival <= kind.min_survival
-        assert limits.max_length >= (np.inf if kind.max_length is None else kind.max_length)
+        assert limits.floors[0] <= kind.min_survival
+        assert limits.budgets[0] >= (np.inf if kind.max_length is None else kind.max_length)
 
 
 @pytest.mark.parametrize("true_front", [True, pytest.param(False, marks=pytest.mark.slow)])
@@ -184,4 +184,4 @@ def test_kinds_that_are_alike(plain):
         arc["survival"] = {"one": arc["survival"], "other": arc["survival"]}
     kinds = [Kind("one", 1, max_length=9), Kind("other", plain.robots)]
     mission = Mission(graph, base=plain.base, kinds=kinds)
-    assert relaxed(mission) == (plain.with_robots(plain.robots + 1), Limits())
+    assert relaxed(mission) == plain.with_robots(plain.robots + 1)

@@ -28,7 +28,6 @@ from botohe_moo.bounds.prices import PricedTeam, most_levels, refine
 from botohe_moo.bounds.record import Line, Step
 from botohe_moo.bounds.relaxation import Relaxation
 from botohe_moo.bounds.schedule import Schedule
-from botohe_moo.core.graph import Limits
 from tests.examples import examples, seeds
 from tests.strategies import missions
 
@@ -410,7 +409,7 @@ def test_nodes_beyond_the_limits_pay_nothing():
     graph = nx.DiGraph([(0, 1), (1, 0), (1, 2), (2, 1)])
     nx.set_node_attributes(graph, {0: 0.0, 1: 1.0, 2: 100.0}, "reward")
     nx.set_edge_attributes(graph, 0.9, "survival")
-    net = new_net(Mission(graph, base=0, robots=1).arrays, Limits(0.0, 3.0))
+    net = new_net(Mission(graph, base=0, robots=1).limited(0.0, 3.0))
     assert net.graph.reward.tolist() == [0.0, 1.0, 0.0]
 
 
@@ -480,14 +479,14 @@ def drawn_prices(team, seed):
 @given(missions(max_robots=4), st.integers(1, 4), st.integers(1, 5), st.integers(0, 99))
 def test_what_a_node_gives_beside_prices(mission, n_robots, n_levels, seed):
     """In fractions: nothing that any levels give is above, without a tolerance."""
-    team = PricedTeam(new_net(mission.arrays, Limits()), n_robots, n_levels)
+    team = PricedTeam(new_net(mission.world), n_robots, n_levels)
     prices = drawn_prices(team, seed)
     for paid in (prices, team.tidy(prices)):
         assert (paid == 0)[:, :1].all()
         assert (np.diff(paid, 2) >= -1e-12).all()
         most = team.most(paid)
         for row, node in enumerate(team.nodes.tolist()):
-            reward = Fraction(float(mission.arrays.reward[node]))
+            reward = Fraction(float(mission.rewards[node]))
             reach = Fraction(float(team.alive[row, -1]))
             exact = max(
                 reward * (1 - prod(1 - reach * level / n_levels for level in levels))

@@ -1,7 +1,7 @@
-"""The kernels of the exact search against twins: all trails worth having, all teams of them."""
+"""All trails worth having, found by kernels, against all trails there are."""
 
-from itertools import combinations_with_replacement, pairwise
-from math import inf, prod
+from itertools import pairwise
+from math import inf
 
 import networkx as nx
 import numpy as np
@@ -9,29 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.algorithms.exact.kernels import labels as labelling
-from botohe_moo.algorithms.exact.kernels import tables, teams
-from botohe_moo.algorithms.exact.trails import TrailSearch
+from botohe_moo.algorithms.exact import labels as labelling
+from botohe_moo.algorithms.exact.trails import TrailSearch, without_base_reward
 from botohe_moo.core.compile import kernel
-from botohe_moo.core.graph import NO_LIMITS, Limits
-from botohe_moo.core.ordered import (
-    best_reward,
-    copy_front,
-    insert,
-    new_front,
-    read_front,
-)
+from botohe_moo.core.world import CHECKING
 from botohe_moo.mission import Mission
 from tests.examples import examples
 from tests.strategies import lengths, missions, small_missions, trails
 from tests.twins import all_trails, arc_survivals, length_of, survival_of, within
 
-ROUNDING = 1e-12
-
 
 def goals_of(mission):
-    arrays = mission.arrays
-    return [v for v in range(arrays.n_nodes) if arrays.reward[v] > 0 and v != arrays.base]
+    reward, base = mission.rewards, mission.index(mission.base)
+    return [v for v in range(len(reward)) if reward[v] > 0 and v != base]
 
 
 def figures_of(mission, trail):
@@ -45,7 +35,7 @@ def figures_of(mission, trail):
 
 def search_for(mission, least=0.0, longest=inf):
     """A search that knows no trail but the one that stays at base."""
-    return TrailSearch(mission, Limits(least, longest))
+    return TrailSearch(without_base_reward(mission.limited(least, longest)))
 
 
 def found_trails(search):
@@ -63,7 +53,7 @@ def look_around(search):
 
 def covers(some, others):
     """Whether each row of ``others`` is one of ``some`` to rounding, or worse."""
-    return (some[:, None] + ROUNDING >= others).all(axis=2).any(axis=0).all()
+    return (some[:, None] + CHECKING >= others).all(axis=2).any(axis=0).all()
 
 
 class TestLookingAround:
@@ -73,24 +63,25 @@ class TestLookingAround:
         trail = data.draw(trails(mission))
         partial = trail[: data.draw(st.integers(1, len(trail)))]
         search = search_for(mission, longest=longest)
-        arrays, current = mission.arrays, search._search.current
-        arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
+        graph, current = mission.world.graph, search._search.current
+        arcs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
         used = set(pairwise(partial))
         current.used[:] = [ends in used for ends in arcs]
         current.row["length"], current.row["node"] = length_of(mission, partial), partial[-1]
         look_around(search._search)
         left = nx.DiGraph(arc for arc in arcs if arc not in used)
-        left.add_nodes_from(range(arrays.n_nodes))
+        left.add_nodes_from(range(graph.n_nodes))
         if longest < inf:
             left.remove_edges_from(list(arcs_too_far(mission, left, partial, longest)))
         survival = arc_survivals(mission)
         for u, v in left.edges:
             left.edges[u, v]["cost"] = -np.log(survival[u, v])
         costs = nx.single_source_dijkstra_path_length(left, partial[-1], weight="cost")
-        for node in range(arrays.n_nodes):
+        for node in range(graph.n_nodes):
             expected = np.exp(-costs[node]) if node in costs else 0.0
             assert current.reach[node] == pytest.approx(expected, rel=1e-9)
-        homeward = {arrays.base, *nx.ancestors(left, arrays.base)}
+        base = mission.index(mission.base)
+        homeward = {base, *nx.ancestors(left, base)}
         for arc, (tail, head) in enumerate(arcs):
             useful = (tail, head) in left.edges and tail in costs and head in homeward
             assert labelling.has(current.bits, arc) == current.used[arc] == (not useful)
@@ -100,10 +91,10 @@ def arcs_too_far(mission, left, partial, longest):
     """The arcs that are left over which a partial trail cannot get home within a budget."""
     every = nx.DiGraph()
     every.add_nodes_from(left)
-    arrays = mission.arrays
-    for tail, head, length in zip(arrays.tail, arrays.head, arrays.length, strict=True):
+    graph, base = mission.world.graph, mission.index(mission.base)
+    for tail, head, length in zip(graph.tail, graph.head, graph.length, strict=True):
         every.add_edge(int(tail), int(head), length=length)
-    home = nx.single_source_dijkstra_path_length(every.reverse(), arrays.base, weight="length")
+    home = nx.single_source_dijkstra_path_length(every.reverse(), base, weight="length")
     ahead = nx.DiGraph()
     ahead.add_nodes_from(left)
     ahead.add_edges_from((arc[0], arc[1], every.edges[arc]) for arc in left.edges)
@@ -111,7 +102,7 @@ def arcs_too_far(mission, left, partial, longest):
     for tail, head in left.edges:
         onward = every.edges[tail, head]["length"] + home[head]
         least = length_of(mission, partial) + to.get(tail, inf) + onward
-        if least > longest * (1 + ROUNDING):
+        if least > longest * (1 + CHECKING):
             yield tail, head
 
 
@@ -134,7 +125,7 @@ def forked_missions(draw):
     mission = Mission(graph)
     every = all_trails(mission)
     length = length_of(mission, draw(st.sampled_from(every)))
-    return mission, every, length * (1 + ROUNDING)
+    return mission, every, length * (1 + CHECKING)
 
 
 class TestTrails:
@@ -153,7 +144,7 @@ class TestTrails:
         assert covers(found, rows)
         assert covers(rows, found)
         better = (found[:, None] >= found).all(axis=2)
-        assert not (better & (found[:, None] > found + ROUNDING).any(axis=2)).any()
+        assert not (better & (found[:, None] > found + CHECKING).any(axis=2)).any()
         assert (np.diff(found[:, -1]) <= 0).all()
 
     @examples(150)
@@ -205,7 +196,7 @@ class TestTrails:
         found = found_trails(search_for(mission, least, longest))
         kept = within(mission, every, least, longest)
         rows = np.array([figures_of(mission, trail) for trail in kept])
-        reward = mission.arrays.reward[goals_of(mission)]
+        reward = mission.rewards[goals_of(mission)]
         share = rows[:, :-1] @ reward / (reward.sum() or 1.0)
         rows = np.column_stack([share, rows[:, -1]])
         assert covers(found, rows)
@@ -240,9 +231,9 @@ class TestTrails:
 class TestChains:
     def test_they_are_made_again_with_more_room(self):
         """Each label is in the chain of its key's place, and before those that came later."""
-        labels = tables.new_labels(8, 1, 1)
+        labels = labelling.new_labels(8, 1, 1)
         labels.rows["key"] = [3, 11, 4, 3, 19, 0, 0, 0]
-        larger = tables.chained_again(tables.doubled(labels), 5)
+        larger = labelling.chained_again(labelling.doubled(labels), 5)
         assert len(larger.last) == 16
         assert {place: label for place, label in enumerate(larger.last) if label >= 0} == {
             3: 4,
@@ -252,31 +243,6 @@ class TestChains:
         assert larger.rows["before"][:5].tolist() == [-1, -1, -1, 0, 3]
 
 
-class TestEstimate:
-    def dive(self, search, n, n_rows=256):
-        probe, rng = search._probe(n_rows), np.random.default_rng(1)
-        return [probe._dive(rng) for _ in range(n)]
-
-    def test_without_a_choice_it_is_exact(self):
-        graph = nx.path_graph(4).to_directed()
-        nx.set_node_attributes(graph, 1.0, "reward")
-        nx.set_edge_attributes(graph, 0.5, "survival")
-        search = search_for(Mission(graph, base=0, robots=2))
-        assert self.dive(search, 1) == [3]  # at the last goal nothing is left
-        assert 2 <= search.estimate(10**6) <= 3  # later descents know the trails of those before
-        found_trails(search)
-        assert search.progress.n_labels == 3
-
-    @pytest.mark.compiled_only
-    def test_it_is_above_the_number_of_labels(self):
-        search = search_for(generated(7))
-        estimate = np.mean(self.dive(search, 1_000, 1_024))
-        assert search.progress.n_labels == 0
-        found_trails(search)
-        n_labels = search.progress.n_labels
-        assert n_labels < estimate < 10_000 * n_labels
-
-
 class TestKnownTrails:
     @examples(50)
     @given(small_missions(max_trails=50))
@@ -284,7 +250,7 @@ class TestKnownTrails:
         mission, every = case
         mission = mission.with_robots(2)
         found = found_trails(search_for(mission))
-        knowing = TrailSearch(mission, NO_LIMITS, every)
+        knowing = TrailSearch(without_base_reward(mission.world), every)
         assert knowing.progress.n_trails >= len(found)
         again = found_trails(knowing)
         assert covers(again, found)
@@ -300,7 +266,7 @@ class TestKnownTrails:
     )
     def test_trails_are_what_the_table_says(self, case, robots, longest):
         mission, every = case
-        every = within(mission, every, 0.0, longest * (1 + ROUNDING))
+        every = within(mission, every, 0.0, longest * (1 + CHECKING))
         search = search_for(mission.with_robots(robots), longest=longest)
         found = found_trails(search)
         for row, figures in enumerate(found):
@@ -310,77 +276,3 @@ class TestKnownTrails:
             assert survives == pytest.approx(figures[-1])
             if robots == 2:
                 assert reached == pytest.approx(figures[:-1])
-
-
-def generated(n_nodes):
-    graph = nx.complete_graph(n_nodes, nx.DiGraph)
-    rng = np.random.default_rng(5)
-    for node in graph:
-        graph.nodes[node]["reward"] = rng.uniform(0, 1)
-    for arc in graph.edges:
-        graph.edges[arc]["survival"] = rng.uniform(0.5, 1)
-    return Mission(graph, base=0, robots=2)
-
-
-@st.composite
-def pools(draw):
-    """Trails as a table by descending survival, rewards, and a team size."""
-    n_goals = draw(st.integers(1, 4))
-    share = st.one_of(st.just(0.0), st.just(1.0), st.sampled_from([0.5, 0.25]), st.floats(0, 1))
-    row = st.lists(share, min_size=n_goals + 1, max_size=n_goals + 1)
-    rows = np.array([[0.0] * n_goals + [1.0], *draw(st.lists(row, max_size=8))])
-    rows = rows[np.argsort(-rows[:, -1], kind="stable")]
-    reward = [draw(st.floats(0.01, 10.0)) for _ in range(n_goals)]
-    return rows[:, :-1].copy(), rows[:, -1].copy(), np.array(reward), draw(st.integers(1, 4))
-
-
-def team_figures(reached, survives, reward):
-    """E[R] and E[S] of the robots in the rows."""
-    missed = [prod(1 - p for p in column) for column in reached.T]
-    return sum(r * (1 - m) for r, m in zip(reward, missed, strict=True)), sum(survives)
-
-
-def every_team(reached, survives, reward, n_robots):
-    for team in combinations_with_replacement(range(len(survives)), n_robots):
-        yield team_figures(reached[list(team)], survives[list(team)], reward)
-
-
-class TestTeams:
-    @examples(200)
-    @given(pools(), st.integers(1, 40))
-    def test_every_team_is_covered(self, pool, n_looks):
-        reached, survives, reward, n_robots = pool
-        slack = 1e-13 * np.array([reward.sum(), n_robots])
-        choices = teams.new_choices(survives, reached, reward, slack, n_robots)
-        front, state = new_front(1, n_robots), teams.PAUSED
-        while state != teams.FINISHED:
-            state = teams.choose_teams(choices, front, n_looks, most_reward=False)
-            if state == teams.FULL:
-                front = copy_front(front, read_front(front)[0], 2 * len(front.plan))
-        slots, found = read_front(front)
-        every = np.array(list(every_team(*pool)))
-        near = ROUNDING * np.array([reward.sum(), n_robots])
-        assert (found[:, None] + near >= every).all(axis=2).any(axis=0).all()
-        assert (np.diff(found[:, 0]) < 0).all()
-        assert (np.diff(found[:, 1]) > 0).all()
-        for row, team in zip(found, front.plan[slots], strict=True):  # teams are what they say
-            own = team_figures(reached[team], survives[team], reward)
-            assert row == pytest.approx(own, rel=1e-9, abs=1e-12)
-
-    @examples(200)
-    @given(pools(), st.floats(0, 4), st.floats(0, 1))
-    def test_the_most_rewarding_team_that_survives_well_enough(self, pool, least, share):
-        """Beyond what a front covers that holds one reward for all, and all rewards for few."""
-        reached, survives, reward, n_robots = pool
-        least = min(least, n_robots * survives[-1])
-        height = share * reward.sum()
-        choices = teams.new_choices(survives, reached, reward, np.zeros(2), n_robots)
-        front = new_front(3, n_robots)
-        insert(front, inf, least * (1 - ROUNDING) - 1e-300)
-        insert(front, height, inf)
-        assert teams.choose_teams(choices, front, 10**6, most_reward=True) == teams.FINISHED
-        every = np.array(list(every_team(*pool)))
-        best = every[every[:, 1] >= least * (1 - 1e-11), 0].max(initial=height)
-        strict = every[every[:, 1] >= least, 0].max(initial=height)
-        rounded = 1e-15 * reward.sum()  # 1 − (1 − p) for a small p
-        assert strict * (1 - 1e-12) <= best_reward(front, inf) <= best * (1 + 1e-12) + rounded

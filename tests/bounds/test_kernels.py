@@ -20,7 +20,6 @@ from botohe_moo.bounds.kernels.trails import (
 )
 from botohe_moo.bounds.memory import Remembered
 from botohe_moo.bounds.net import new_net, pieces_of
-from botohe_moo.core.graph import NO_LIMITS, Limits
 from tests import twins
 from tests.examples import examples
 from tests.strategies import missions
@@ -47,7 +46,7 @@ def value_of(net, trail, prices, mu):
     """What a trail of nodes is worth."""
     graph = net.graph
     arcs = {pair: arc for arc, pair in enumerate(zip(graph.tail, graph.head, strict=True))}
-    alive, worth, seen = 1.0, 0.0, {graph.base}
+    alive, worth, seen = 1.0, 0.0, {net.base}
     for pair in pairwise(trail):
         alive *= graph.survival[arcs[pair]]
         if pair[1] not in seen:
@@ -60,9 +59,9 @@ def states_by_dictionary(net, remembered):
     """What ``find_states`` finds: states as (node, set of bits), and their links."""
     graph, n = net.graph, net.graph.n_nodes
     backs = (
-        {piece.back: piece.arc for piece in pieces_of(graph)[1:]} if any(remembered.bits) else {}
+        {piece.back: piece.arc for piece in pieces_of(net.world)[1:]} if any(remembered.bits) else {}
     )
-    found, todo = {}, [(graph.base, frozenset())]
+    found, todo = {}, [(net.base, frozenset())]
     while todo:
         state = todo.pop()
         if state in found:
@@ -90,7 +89,7 @@ def values_by_dictionary(net, states, prices, mu):
     for _ in range(3_000):
         change = 0.0
         for (node, bits), links in states.items():
-            best = mu * levels / N_LEVELS if node == net.graph.base else np.zeros(N_LEVELS + 1)
+            best = mu * levels / N_LEVELS if node == net.base else np.zeros(N_LEVELS + 1)
             for arc, (to, pays) in links.items():
                 there = net.ratio[arc] * levels
                 value = np.interp(there, levels, values[to])
@@ -106,7 +105,7 @@ def shortfall(net, states, prices, mu, cap, values):
     """The most by which a value falls short of the best that one step leads to."""
     levels, most = np.arange(N_LEVELS + 1), 0.0
     for state, node in enumerate(states.node):
-        best = mu * levels / N_LEVELS if node == net.graph.base else np.zeros(N_LEVELS + 1)
+        best = mu * levels / N_LEVELS if node == net.base else np.zeros(N_LEVELS + 1)
         for link in range(states.first[state], states.first[state + 1]):
             arc = states.arc[link]
             there = net.ratio[arc] * levels
@@ -117,8 +116,8 @@ def shortfall(net, states, prices, mu, cap, values):
     return most
 
 
-def prepared(mission, nearest, n_bits, limits=NO_LIMITS):
-    net = new_net(mission.arrays, limits)
+def prepared(mission, nearest, n_bits, least=0.0):
+    net = new_net(mission.limited(least))
     remembered = Remembered(net, nearest, n_bits, 100)
     return net, remembered, find_states(net, remembered.pack(), 100_000)
 
@@ -140,7 +139,7 @@ def test_what_lies_ahead_is_that_of_value_iteration(mission, memory, seed):
     cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
     short, n_looks = relax(net, states, Worth(prices, mu), cap, 1e-13, values)
     expected = values_by_dictionary(net, twin, prices, mu)
-    start = expected[net.graph.base, frozenset()]
+    start = expected[net.base, frozenset()]
     assert values[0] == pytest.approx(start, rel=1e-9, abs=1e-9)
     assert np.sort(values.sum(axis=1)) == pytest.approx(
         np.sort([value.sum() for value in expected.values()]), rel=1e-9, abs=1e-9
@@ -175,7 +174,7 @@ def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
 
     Arcs that lead to no reward are not on any of them.
     """
-    net, _, states = prepared(mission, *memory, Limits(floor))
+    net, _, states = prepared(mission, *memory, floor)
     prices, mu = drawn_prices(net, seed)
     values = np.zeros((len(states.node), N_LEVELS + 1))
     cap = np.full((net.graph.n_nodes, N_LEVELS + 1), 2 * prices[:, -1].sum() + mu)
@@ -207,7 +206,7 @@ def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
     if depths.found.n_trails:
         last = min(depths.found.n_trails, 2) - 1
         arcs = depths.arcs[last, : depths.n_arcs[last]]
-        trail = [net.graph.base, *net.graph.head[arcs].tolist()]
+        trail = [net.base, *net.graph.head[arcs].tolist()]
         assert value_of(net, trail, prices, mu) == pytest.approx(stairs[0], rel=1e-12)
     if n > 1:
         stairs[:] = 0.0
@@ -304,7 +303,7 @@ def test_the_best_relaxed_trail_is_followed(mission, memory, seed, turn):
 
 
 def test_too_many_states_are_none():
-    net = new_net(_complete(5).arrays, NO_LIMITS)
+    net = new_net(_complete(5).world)
     memory = Remembered(net, 4, 4, 100).pack()
     n = len(find_states(net, memory, 10_000).node)
     # At each node itself is remembered, and any of the other three; at the base any of the four.
@@ -326,8 +325,8 @@ def test_parts_that_hang_on_bridges():
     graph = nx.DiGraph([*both, *((b, a) for a, b in both)])
     nx.set_node_attributes(graph, {n: float(n in (2, 5)) for n in graph}, "reward")
     nx.set_edge_attributes(graph, 0.9, "survival")
-    net_graph = Mission(graph, base=0, robots=1).arrays
-    base, *pieces = pieces_of(net_graph)
+    world = Mission(graph, base=0, robots=1).world
+    base, *pieces = pieces_of(world)
     assert (base.nodes, base.above, base.arc, base.back) == ((0,), -1, -1, -1)
     assert [(piece.gate, sorted(piece.nodes)) for piece in pieces] == [
         (0, [1]),
@@ -336,8 +335,8 @@ def test_parts_that_hang_on_bridges():
     ]
     assert [piece.above for piece in pieces] == [0, 1, 1]
     for piece in pieces:
-        assert net_graph.tail[piece.arc] == net_graph.head[piece.back] == piece.gate
-        assert net_graph.head[piece.arc] == net_graph.tail[piece.back] == min(piece.nodes)
+        assert world.graph.tail[piece.arc] == world.graph.head[piece.back] == piece.gate
+        assert world.graph.head[piece.arc] == world.graph.tail[piece.back] == min(piece.nodes)
 
 
 def test_arcs_without_any_use_are_left_out():
@@ -346,11 +345,11 @@ def test_arcs_without_any_use_are_left_out():
     nx.set_node_attributes(graph, {n: float(n in (1, 3)) for n in graph}, "reward")
     nx.set_edge_attributes(graph, 0.9, "survival")
     graph.edges[0, 3]["survival"] = 0.3
-    arrays = Mission(graph, base=0, robots=1).arrays
-    kept = new_net(arrays, Limits(0.5)).graph
+    mission = Mission(graph, base=0, robots=1)
+    kept = new_net(mission.limited(0.5)).graph
     assert list(zip(kept.tail.tolist(), kept.head.tolist(), strict=True)) == [(0, 1), (1, 0)]
-    assert new_net(arrays, NO_LIMITS).graph.n_arcs == 4
-    assert new_net(arrays, Limits(0.0, 1.5)).graph.n_arcs == 0  # two hops are a length of 2
+    assert new_net(mission.world).graph.n_arcs == 4
+    assert new_net(mission.limited(0.0, 1.5)).graph.n_arcs == 0  # two hops are a length of 2
 
 
 def test_no_arc_leads_to_more_than_the_best():
@@ -360,6 +359,6 @@ def test_no_arc_leads_to_more_than_the_best():
     nx.set_node_attributes(graph, 1.0, "reward")
     for arc in graph.edges:
         graph.edges[arc]["survival"] = float(rng.choice([0.9, 0.95, 0.97]))
-    net = new_net(Mission(graph, base=(0, 0), robots=1).arrays, NO_LIMITS)
+    net = new_net(Mission(graph, base=(0, 0), robots=1).world)
     there = net.reach[net.graph.tail] * net.graph.survival
     assert (there <= net.reach[net.graph.head]).all()

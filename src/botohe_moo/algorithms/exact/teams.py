@@ -14,19 +14,17 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.core.compile import helper, kernel
-from botohe_moo.core.ordered import (
-    OrderedFront,
-    best_reward,
-    find_place,
-    insert,
-    place_before,
-)
+from botohe_moo.core.ordered import OrderedFront, best_reward, find_place, insert, place_before
+from botohe_moo.core.sharing import shared
 
-TURN = np.dtype(
-    [
-        ("robot", np.int64),  # whose turn it is to choose, −1 before the search
-        ("n_looks", np.int64),  # how many trails have been looked at as choices
-    ]
+# The state of a search: whose turn it is to choose, −1 before it begins; and how many choices have
+# been looked at.
+TURN = np.dtype([("robot", np.int64), ("n_looks", np.int64)])
+# A robot: how many trails it may choose from, the position of the one that it has chosen or tries
+# next, and how many are on the hull of its choices; E[R] and E[S] of the robots before it.
+ROBOT = np.dtype(
+    [(name, np.int64) for name in ("n_listed", "at", "n_hull")]
+    + [(name, np.float64) for name in ("reward", "survivors")]
 )
 FINISHED, FULL, PAUSED = 0, 1, 2
 
@@ -40,23 +38,17 @@ class Choices(NamedTuple):
     reached: FloatArray
     # By how much of reward and of survivors a team must be better to count as better (2).
     slack: FloatArray
-    # For each robot the trails that it may choose and what each adds to the robots before it
-    # (n_robots, n_trails); how many there are, and the position of the one that it has chosen or
-    # tries next (n_robots).
+    turn: RecordArray  # a ``TURN`` (1)
+    robots: RecordArray  # as ``ROBOT`` (n_robots)
+    # For each robot the trails that it may choose and what each adds to the robots before it, and
+    # the upper concave hull of these choices, by ascending gain (n_robots, n_trails).
     listed: OffsetArray
     gain: FloatArray
-    n_listed: OffsetArray
-    at: OffsetArray
-    # For each robot the upper concave hull of its choices, by ascending gain (n_robots, n_trails),
-    # and its size (n_robots).
     hull_gain: FloatArray
     hull_survives: FloatArray
-    n_hull: OffsetArray
     # For each robot the reward of each goal, times the probability that none before it gets there
     # (n_robots, n_goals).
     left: FloatArray
-    objectives: FloatArray  # for each robot E[R] and E[S] of those before it (n_robots, 2)
-    turn: RecordArray  # the state of the search, a ``TURN`` (1)
 
 
 def new_choices(
@@ -64,23 +56,21 @@ def new_choices(
 ) -> Choices:
     """Return room for a search in which no robot has chosen."""
     shape = (n_robots, len(survives))
-    left = np.zeros((n_robots, len(reward)))
-    left[0] = reward
-    return Choices(
+    choices = Choices(
         survives=survives,
         reached=reached,
         slack=slack,
+        turn=np.array([(-1, 0)], TURN).view(np.recarray),
+        robots=np.zeros(n_robots, ROBOT).view(np.recarray),
         listed=np.zeros(shape, np.int64),
         gain=np.zeros(shape),
-        n_listed=np.zeros(n_robots, np.int64),
-        at=np.zeros(n_robots, np.int64),
         hull_gain=np.zeros(shape),
         hull_survives=np.zeros(shape),
-        n_hull=np.zeros(n_robots, np.int64),
-        left=left,
-        objectives=np.zeros((n_robots, 2)),
-        turn=np.array([(-1, 0)], TURN).view(np.recarray),
+        left=np.zeros((n_robots, len(reward))),
     )
+    choices.listed[0], choices.left[0] = np.arange(len(survives)), reward
+    choices.robots["n_listed"][0] = len(survives)
+    return choices
 
 
 @helper
@@ -88,7 +78,7 @@ def _make_hull(choices: Choices, robot: int) -> None:
     """Find the upper concave hull of a robot's choices, which come by descending survival."""
     xs, ys = choices.hull_gain[robot], choices.hull_survives[robot]
     n = 0
-    for i in range(choices.n_listed[robot]):
+    for i in range(choices.robots[robot].n_listed):
         x, y = choices.gain[robot, i], choices.survives[choices.listed[robot, i]]
         if n > 0 and x <= xs[n - 1]:
             continue
@@ -100,7 +90,7 @@ def _make_hull(choices: Choices, robot: int) -> None:
             n -= 1
         xs[n], ys[n] = x, y
         n += 1
-    choices.n_hull[robot] = n
+    choices.robots[robot].n_hull = n
 
 
 @helper
@@ -111,13 +101,13 @@ def _is_hopeful(
 
     They choose from the hull of that robot.
     """
-    n_more = choices.at.shape[0] - robot - 1
+    n_more = choices.robots.shape[0] - robot - 1
     reward -= choices.slack[0]
     survivors -= choices.slack[1]
     if n_more == 0:
         return best_reward(front, survivors) < reward
     gain, alive = choices.hull_gain[robot], choices.hull_survives[robot]
-    last = choices.n_hull[robot] - 1
+    last = choices.robots[robot].n_hull - 1
     most_reward, most_survivors = reward + n_more * gain[last], survivors + n_more * alive[0]
     # The front is a staircase: the bound gets beyond it where it gets beyond an inner corner.
     at, place = find_place(front, most_survivors)
@@ -145,28 +135,24 @@ def _is_hopeful(
 @helper
 def _list_choices(choices: Choices, front: OrderedFront, robot: int) -> None:
     """List the trails that a robot may choose, given those before it."""
-    start, stop = 0, choices.survives.shape[0]
-    if robot > 0:
-        start, stop = choices.at[robot - 1], choices.n_listed[robot - 1]
-    n = stop - start
+    before, own = choices.robots[max(0, robot - 1)], choices.robots[robot]
+    start, n = before.at, before.n_listed - before.at
     for i in range(n):
-        trail = i if robot == 0 else choices.listed[robot - 1, start + i]
-        gain = 0.0
+        trail, gain = choices.listed[max(0, robot - 1), start + i], 0.0
         for goal in range(choices.left.shape[1]):
             gain += choices.left[robot, goal] * choices.reached[trail, goal]
         choices.listed[robot, i], choices.gain[robot, i] = trail, gain
-    choices.n_listed[robot], choices.at[robot] = n, 0
-    if robot + 1 < choices.at.shape[0]:
+    own.n_listed, own.at = n, 0
+    if robot + 1 < choices.robots.shape[0]:
         _make_hull(choices, robot)
     n_kept = 0
-    reward, survivors = choices.objectives[robot, 0], choices.objectives[robot, 1]
     for i in range(n):
         trail, gain = choices.listed[robot, i], choices.gain[robot, i]
-        alive = survivors + choices.survives[trail]
-        if _is_hopeful(choices, front, robot, reward + gain, alive):
+        reward, survivors = own.reward + gain, own.survivors + choices.survives[trail]
+        if _is_hopeful(choices, front, robot, reward, survivors):
             choices.listed[robot, n_kept], choices.gain[robot, n_kept] = trail, gain
             n_kept += 1
-    choices.n_listed[robot] = n_kept
+    own.n_listed = n_kept
 
 
 @kernel
@@ -177,32 +163,33 @@ def choose_teams(choices: Choices, front: OrderedFront, n_looks: int, most_rewar
     if all robots survived for sure. Returns ``FINISHED``, ``FULL`` where the front has no room, or
     ``PAUSED``.
     """
-    state, n_robots = choices.turn[0], choices.at.shape[0]
+    choices, front = shared(choices), shared(front)
+    state, n_robots = choices.turn[0], choices.robots.shape[0]
     limit = state.n_looks + n_looks
     if state.robot < 0:
         state.robot = 0
         _list_choices(choices, front, 0)
     while state.n_looks < limit:
-        robot = state.robot
-        at = choices.at[robot]
-        if at == choices.n_listed[robot]:
+        robot, own = state.robot, choices.robots[state.robot]
+        if own.at == own.n_listed:
             if robot == 0:
                 return FINISHED
             state.robot -= 1
-            choices.at[robot - 1] += 1
+            choices.robots[robot - 1].at += 1
             continue
         if front.n.spare == 0:
             return FULL
         state.n_looks += 1
-        trail = choices.listed[robot, at]
-        reward = choices.objectives[robot, 0] + choices.gain[robot, at]
-        survivors = choices.objectives[robot, 1] + choices.survives[trail]
+        trail = choices.listed[robot, own.at]
+        reward = own.reward + choices.gain[robot, own.at]
+        survivors = own.survivors + choices.survives[trail]
         if not _is_hopeful(choices, front, robot, reward, survivors):
-            choices.at[robot] += 1
+            own.at += 1
         elif robot + 1 < n_robots:
             state.robot += 1
-            state.n_looks += choices.n_listed[robot] - at
-            choices.objectives[robot + 1, 0], choices.objectives[robot + 1, 1] = reward, survivors
+            state.n_looks += own.n_listed - own.at
+            after = choices.robots[robot + 1]
+            after.reward, after.survivors = reward, survivors
             for goal in range(choices.left.shape[1]):
                 missed = 1.0 - choices.reached[trail, goal]
                 choices.left[robot + 1, goal] = choices.left[robot, goal] * missed
@@ -210,6 +197,6 @@ def choose_teams(choices: Choices, front: OrderedFront, n_looks: int, most_rewar
         else:
             slot = insert(front, reward, np.inf if most_reward else survivors)
             for i in range(n_robots):
-                front.plan[slot, i] = choices.listed[i, choices.at[i]]
-            choices.at[robot] += 1
+                front.plan[slot, i] = choices.listed[i, choices.robots[i].at]
+            own.at += 1
     return PAUSED

@@ -27,10 +27,9 @@ from botohe_moo.bounds.schedule import Schedule
 from botohe_moo.bounds.steps import Steps
 from botohe_moo.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.bounds.turns import Turns
-from botohe_moo.core.graph import NO_LIMITS
 from tests import twins
 from tests.examples import seeds
-from tests.search.test_bounds import random_mission
+from tests.bounds.test_bound import random_mission
 
 worths = st.lists(st.tuples(st.floats(0, 10), st.floats(0, 1)), min_size=1, max_size=6)
 
@@ -174,22 +173,22 @@ def test_a_step_is_judged_as_it_was_taken(known):
 MOST_TEAMS = 20_000
 
 
-def new_proof(mission, limits=NO_LIMITS):
+def new_proof(mission, **limits):
     """A proof that has time."""
-    return Proof(mission, limits, seed=1, memory=1_024, clock=Clock(1_000), turns=Turns(1))
+    world = mission.limited(**limits)
+    return Proof(mission, world, seed=1, memory=1_024, clock=Clock(1_000), turns=Turns(1))
 
 
 def all_teams(mission, trails, n_robots):
     """The E[R], and the sums of survivals, of all teams of these trails."""
-    graph = mission.arrays
-    missed, survival = np.ones((len(trails), graph.n_nodes)), np.empty(len(trails))
+    missed, survival = np.ones((len(trails), len(mission.nodes))), np.empty(len(trails))
     for i, trail in enumerate(trails):
         for node, alive in twins.reach_of(mission, trail).items():
             missed[i, node] = 1.0 - alive
         survival[i] = twins.survival_of(mission, trail)
-    missed[:, graph.base] = 0.0
+    missed[:, mission.index(mission.base)] = 0.0
     teams = np.array(list(combinations_with_replacement(range(len(trails)), n_robots)))
-    return (1.0 - missed[teams].prod(axis=1)) @ graph.reward, survival[teams].sum(axis=1)
+    return (1.0 - missed[teams].prod(axis=1)) @ mission.rewards, survival[teams].sum(axis=1)
 
 
 def set_sizes(monkeypatch, n_steps, n_heights):
@@ -205,13 +204,13 @@ def test_no_team_of_all_trails_exceeds_a_step(short_search, monkeypatch, seeds):
     n_steps = n_tight = 0
     for seed in seeds:
         mission, given = random_mission(seed)
-        limits, rng = mission.limits(**given), np.random.default_rng(seed)
+        rng, limits = np.random.default_rng(seed), mission.limits(**given)
         every = twins.all_trails(mission, 2_000)
         if every is None or len(every) ** mission.robots > MOST_TEAMS:
             continue
         leaving = [trail for trail in every if len(trail) > 1]
-        trails = twins.within(mission, leaving, limits.min_survival, limits.max_length)
-        proof = new_proof(mission, limits)
+        trails = twins.within(mission, leaving, limits.floors[0], limits.budgets[0])
+        proof = new_proof(mission, **given)
         nearest, n_bits = [(8, 10), (0, 0), (2, 2)][seed % 3]
         monkeypatch.setattr(proof_module, "_NEAREST", nearest)
         proof._prepare(n_bits, int(rng.integers(1, 7)))
