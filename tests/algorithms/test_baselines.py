@@ -7,7 +7,7 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, Exact, Greedy, area_indicator, load_mission
 from botohe_moo.algorithms.exact.front import TooLargeError, exact_front
-from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner
+from botohe_moo.algorithms.greedy.planner import MAX_BEAM_WIDTH, SequentialPlanner
 from tests.examples import examples
 from tests.strategies import small_missions
 from tests.twins import all_objectives, worth

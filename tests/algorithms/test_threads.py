@@ -8,11 +8,11 @@ import pytest
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm, solve
 from botohe_moo._base import cpus
+from botohe_moo.algorithms.bo_aco import colony
 from botohe_moo.algorithms.local_search import islands as lanes
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
+from botohe_moo.core.threads import mapping
 from botohe_moo.operators import repair
-from botohe_moo.search import colony
-from botohe_moo.search.threads import mapping
 from botohe_moo.study import run_study
 
 NAMES = [

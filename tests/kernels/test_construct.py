@@ -8,11 +8,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from botohe_moo.algorithms.bo_aco import colony as search
+from botohe_moo.algorithms.bo_aco.colony import Colony, ColonyRule, _new_weights
 from botohe_moo.core.graph import Limits
 from botohe_moo.mission import Kind, Mission, load_mission
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search import colony as search
-from botohe_moo.search.colony import Colony, ColonyRule, _new_weights
 from tests import twins
 from tests.examples import examples
 from tests.strategies import lengths, missions, team_missions

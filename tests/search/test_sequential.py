@@ -6,7 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, load_mission
-from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner, plan_sequentially
+from botohe_moo.algorithms.greedy.planner import (
+    MAX_BEAM_WIDTH,
+    SequentialPlanner,
+    plan_sequentially,
+)
 from tests.examples import examples
 from tests.strategies import lengths, missions, small_missions
 from tests.twins import all_objectives, worth

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from botohe_moo._base.cpus import n_cpus
+from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.algorithms.local_search.engine import LocalSearch
 from botohe_moo.algorithms.local_search.islands import FIRST_ALONE
 from botohe_moo.algorithms.local_search.kernels.refill import refill
 from botohe_moo.algorithms.local_search.kernels.search import improve
 from botohe_moo.core.graph import Limits
 from botohe_moo.mission.model import Mission
-from botohe_moo.search.sequential import SequentialPlanner
 
 
 def compile_ahead(mission: Mission, limits: Limits, n_evaluations: int) -> None:

@@ -16,11 +16,11 @@ from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Positive, Probability, TravelBudget
 from botohe_moo.algorithms.exact.kernels import tables, teams
 from botohe_moo.algorithms.exact.trails import TrailSearch
+from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.core.evaluate import either
 from botohe_moo.core.graph import NO_LIMITS, Limits
 from botohe_moo.core.ordered import best_reward, copy_front, insert, new_front, read_front
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 TIME_LIMIT = 60.0

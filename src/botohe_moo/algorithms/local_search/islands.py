@@ -10,8 +10,8 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.algorithms.local_search.engine import LocalSearch
 from botohe_moo.algorithms.local_search.kernels.exchange import News, join_news
 from botohe_moo.core.graph import Limits
+from botohe_moo.core.threads import mapping
 from botohe_moo.mission.model import Mission
-from botohe_moo.search.threads import mapping
 from botohe_moo.trails import PlanBatch
 
 # Lanes begin after this many evaluations. Until then, one search alone finds more.

@@ -12,14 +12,21 @@ from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, NotNegative, Positive, Probability
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, Threads, settings_of
+from botohe_moo.algorithms.bo_aco.colony import (
+    JOURNAL,
+    PAPER,
+    Colony,
+    ColonySettings,
+    tabulate_pheromone,
+)
 from botohe_moo.algorithms.iteration import IterationSearch
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.colony import Allocation, Colony, ColonyRule, tabulate_pheromone
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
     import pandas as pd
 
+Allocation: TypeAlias = Literal["sequential", "concurrent"]
 Evaporation: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
 InitialPheromone: TypeAlias = Positive | Literal["bounds"]
 
@@ -123,19 +130,19 @@ class BOACO(ArchiveAlgorithm):
         self,
         *,
         n_ants: Count = 100,
-        evaporation: Evaporation = 0.04,
-        heuristic: bool = True,
-        pheromone: bool = True,
-        allocation: Allocation = "sequential",
+        evaporation: Evaporation = PAPER.evaporation,
+        heuristic: bool = PAPER.heuristic,
+        pheromone: bool = PAPER.pheromone,
+        allocation: Allocation = PAPER.allocation,
         local_search: Probability = 0.0,
         local_search_evaluations: Annotated[int, Field(ge=1, le=10_000)] = 30,
-        pheromone_per_robot: bool = False,
-        initial_pheromone: InitialPheromone = 1.0,
-        reward_epsilon: Positive = 0.05,
-        survival_epsilon: Positive = 0.01,
-        unvisited_bonus: NotNegative = 0.0,
-        exploration: NotNegative = 0.0,
-        pooled_deposit: bool = True,
+        pheromone_per_robot: bool = PAPER.pheromone_per_robot,
+        initial_pheromone: InitialPheromone = PAPER.initial_pheromone,
+        reward_epsilon: Positive = PAPER.reward_epsilon,
+        survival_epsilon: Positive = PAPER.survival_epsilon,
+        unvisited_bonus: NotNegative = PAPER.unvisited_bonus,
+        exploration: NotNegative = PAPER.exploration,
+        pooled_deposit: bool = PAPER.pooled_deposit,
         max_ties: MaxTies = 1_000,
         n_threads: Threads = 1,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
@@ -163,11 +170,11 @@ class BOACO(ArchiveAlgorithm):
     def journal(
         cls,
         *,
-        evaporation: Evaporation = 0.1,
-        initial_pheromone: InitialPheromone = "bounds",
-        unvisited_bonus: NotNegative = 0.05,
-        exploration: NotNegative = 0.01,
-        pooled_deposit: bool = False,
+        evaporation: Evaporation = JOURNAL.evaporation,
+        initial_pheromone: InitialPheromone = JOURNAL.initial_pheromone,
+        unvisited_bonus: NotNegative = JOURNAL.unvisited_bonus,
+        exploration: NotNegative = JOURNAL.exploration,
+        pooled_deposit: bool = JOURNAL.pooled_deposit,
         **parameters: Any,
     ) -> Self:
         """Return the colony that made the curves published in PeerJ Computer Science, 2025.
@@ -201,30 +208,21 @@ class BOACO(ArchiveAlgorithm):
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        mission = problem.mission
-        reward, survival = mission.total_reward or 1.0, float(mission.robots)
-        if self.initial_pheromone != "bounds":
-            reward = survival = float(self.initial_pheromone)
-        rule = ColonyRule(
-            initial_reward_pheromone=reward,
-            initial_survival_pheromone=survival,
-            **settings_of(self, ColonyRule),
-        )
         self._improver: IterationSearch | None = None
         if self.local_search > 0:
             self._improver = IterationSearch(
-                mission,
+                problem.mission,
+                problem.world,
                 share=self.local_search,
                 evaluations_each=self.local_search_evaluations,
-                limits=problem.planning_limits,
                 random_state=self.random_state,
             )
         self.colony = Colony(
-            mission,
-            rule,
+            problem.mission,
+            problem.world,
+            ColonySettings(**settings_of(self, ColonySettings)),
             n_ants=self.n_ants,
             n_threads=self.n_threads,
-            limits=problem.planning_limits,
             random_state=self.random_state,
         )
 
@@ -251,3 +249,46 @@ class BOACO(ArchiveAlgorithm):
         whole = PlanBatch.concatenate([batch, improved])
         objectives = np.vstack([objectives, gained])
         return whole, objectives, self.archive.insert(whole, objectives)
+
+
+class RandomTrails(BOACO):
+    """Ants without heuristics and pheromone: every unused arc is equally likely.
+
+    Parameters
+    ----------
+    n_ants
+        Plans per iteration.
+    n_threads
+        Threads that build plans; the result does not depend on it.
+    sampling
+        Trail plans to start from, as for :class:`BOACO`.
+    **options
+        pymoo's own, as for :class:`BOACO`.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOTOHE, RandomTrails, area_indicator, load_mission
+    >>> toy = load_mission("toy")
+    >>> algorithm = RandomTrails(n_ants=50)
+    >>> result = minimize(BOTOHE(toy), algorithm, ("n_eval", 200), seed=1)
+    >>> result.algorithm.evaluator.n_eval
+    200
+    """
+
+    def __init__(
+        self,
+        *,
+        n_ants: Count = 100,
+        n_threads: Threads = 1,
+        sampling: Iterable[TrailPlan] | ObjectArray | None = None,
+        **options: Any,
+    ) -> None:
+        super().__init__(
+            n_ants=n_ants,
+            heuristic=False,
+            pheromone=False,
+            n_threads=n_threads,
+            sampling=sampling,
+            **options,
+        )
