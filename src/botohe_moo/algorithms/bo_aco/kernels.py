@@ -16,6 +16,7 @@ from botohe_moo.core.rng import uniform
 from botohe_moo.core.sharing import shared
 from botohe_moo.core.world import (
     AT_NEXT_DEPOT,
+    Graph,
     Returns,
     Shortest,
     World,
@@ -116,7 +117,7 @@ class Scratch(NamedTuple):
     length: FloatArray
     n_hops: OffsetArray
     trail: IntArray
-    unreached: FloatArray  # probability that no robot reaches each node of the mission
+    unreached: FloatArray  # probability that no robot collects at each node, by layer (n_nodes)
     cumulated: FloatArray  # weights of the candidates, summed up (n_arcs + n_kinds)
     rejected: OffsetArray  # arcs that were drawn, but leave no way home (n_arcs + n_kinds)
     states: SeedArray  # state of each ant's random numbers (n_ants, 2)
@@ -142,7 +143,7 @@ def new_scratch(
         length=np.empty(n_robots),
         n_hops=np.empty(n_robots, np.int64),
         trail=np.empty((n_robots, world.graph.n_arcs + 1), np.int32),
-        unreached=np.empty(len(world.team.reward)),
+        unreached=np.empty(n_nodes),
         cumulated=np.empty(n_arcs),
         rejected=np.empty(n_arcs, np.int64),
         states=states,
@@ -156,6 +157,8 @@ class Ant(NamedTuple):
     trail: int  # its number among the trails of all ants
     robot: int
     power: float  # 1 − λ
+    end: int  # where the trail ends, by the self-loop
+    loop: int
     # Rows of the scratch.
     used: OffsetArray
     visited: OffsetArray
@@ -211,7 +214,7 @@ def _weigh(
 
     Returns how many arcs there are to choose from, the sum of their weights, and the last of them.
     """
-    graph, team = world.graph, world.team
+    graph, gain = world.graph, heuristic.gain
     low, high = graph.first[node], graph.first[node + 1]
     unreached, cumulated, head = scratch.unreached, scratch.cumulated, graph.head
     n = 0
@@ -223,15 +226,15 @@ def _weigh(
             n += 1
             arc = a
             visited = ant.visited[head[a]] == ant.trail
-            left = 0.0 if visited else unreached[team.origin[head[a]]]
+            left = 0.0 if visited else unreached[head[a]]
             weight = ant.fresh[a] if left == 1.0 else ant.seen[a]
             if 0.0 < left < 1.0:
-                weight *= math.exp(ant.power * math.log(1.0 + heuristic.gain[a] * left))
+                weight *= math.exp(ant.power * math.log(1.0 + gain[a] * left))
         total += weight
         cumulated[a - low] = total
-    if node == team.end[node]:
+    if node == ant.end:
         n += 1
-        arc = loop_at(graph, team, node)
+        arc = ant.loop
         total += float(ant.seen[arc])
         cumulated[high - low] = total
     return n, total, arc
@@ -239,7 +242,7 @@ def _weigh(
 
 @inlined
 def _draw(
-    world: World,
+    graph: Graph,
     exploration: float,
     cumulated: FloatArray,
     ant: Ant,
@@ -253,9 +256,8 @@ def _draw(
     ``drawn`` is a random number from 0 to 1 + exploration / n. From 1 on it chooses uniformly: this
     is what exploration adds to every weight.
     """
-    graph, team = world.graph, world.team
     low, n_arcs = graph.first[node], graph.first[node + 1] - graph.first[node]
-    n_listed = n_arcs + 1 if node == team.end[node] else n_arcs
+    n_listed = n_arcs + 1 if node == ant.end else n_arcs
     place = 0
     if drawn < 1.0:
         drawn *= total
@@ -270,7 +272,7 @@ def _draw(
         while place < n_arcs and (ant.used[low + place] == ant.trail or skip > 0):
             skip -= ant.used[low + place] != ant.trail
             place += 1
-    return low + place if place < n_arcs else loop_at(graph, team, node)
+    return low + place if place < n_arcs else ant.loop
 
 
 @inlined
@@ -282,6 +284,7 @@ def _choose(
     paths: Paths | None,
     ant: Ant,
     node: int,
+    alive: float,
 ) -> int:
     """Choose the next arc of a robot, after which a way home is left; return the arc.
 
@@ -290,16 +293,16 @@ def _choose(
     if the whole trail could not keep the robot's survival floor, or if ``way_within`` finds no way
     home within its travel budget.
     """
-    n_arcs, n_rejected = world.graph.head.shape[0], 0
+    graph, n_rejected = world.graph, 0
     while True:
         n, total, arc = _weigh(world, heuristic, scratch, ant, node)
         if n > 1:
             drawn = uniform(scratch.states, ant.number) * (1.0 + rule.exploration / n)
-            arc = _draw(world, rule.exploration, scratch.cumulated, ant, node, n, total, drawn)
+            arc = _draw(graph, rule.exploration, scratch.cumulated, ant, node, n, total, drawn)
         ant.used[arc] = ant.trail
-        if arc >= n_arcs or n == 1:
+        if arc == ant.loop or n == 1:
             break
-        alive, length = scratch.alive[ant.robot], scratch.length[ant.robot]
+        length = scratch.length[ant.robot]
         if _leads_home(world, world.ways.shortest, paths, ant, arc, alive, length):
             break
         scratch.rejected[n_rejected] = arc
@@ -360,7 +363,9 @@ def _visit(
     chance = alive * world.team.share[node]
     if credit_of(returns, node) == AT_NEXT_DEPOT:
         chance *= world.ways.home[node]
-    scratch.unreached[world.team.origin[node]] *= 1.0 - chance
+    n_origins = world.team.reward.shape[0]
+    for copy in range(world.team.origin[node], scratch.unreached.shape[0], n_origins):
+        scratch.unreached[copy] *= 1.0 - chance
 
 
 @inlined
@@ -397,37 +402,41 @@ def _walk(
     graph, n_robots = world.graph, world.team.start.shape[0]
     number, robot = trail // n_robots, trail % n_robots
     row, which = robot if rule.concurrent else 0, robot if levels.shape[0] > 1 else 0
-    block = number // BLOCK
+    block, end = number // BLOCK, world.team.end[world.team.start[robot]]
     ant = Ant(
         number,
         trail,
         robot,
         1.0 - (number * (1.0 / (rule.n_ants - 1)) if rule.n_ants > 1 else 0.5),
+        end,
+        loop_at(graph, world.team, end),
         scratch.used[row],
         scratch.visited[row],
         scratch.onward[row],
         scratch.seen[which, number - block * BLOCK],
         scratch.fresh[which, number - block * BLOCK],
     )
-    node = scratch.node[robot]
-    if scratch.n_hops[robot] == 0:
+    node, alive, n_hops = scratch.node[robot], scratch.alive[robot], scratch.n_hops[robot]
+    if n_hops == 0:
         _begin_trail(world, world.returns, scratch, ant, node)
     while True:
         if scratch.tabulated[which, node] != block:
             _tabulate(world, heuristic, levels, rule, scratch, block, which, node)
-        arc = _choose(world, heuristic, rule, scratch, paths, ant, node)
-        scratch.trail[robot, scratch.n_hops[robot]] = node
-        scratch.n_hops[robot] += 1
-        if arc >= graph.head.shape[0]:
-            scratch.node[robot] = -1
-            return True
+        arc = _choose(world, heuristic, rule, scratch, paths, ant, node, alive)
+        scratch.trail[robot, n_hops] = node
+        n_hops += 1
+        if arc == ant.loop:
+            node = -1
+            break
         node = graph.head[arc]
-        scratch.alive[robot] *= graph.survival[arc]
-        scratch.length[robot] += graph.length[arc]
-        _visit(world, world.returns, scratch, ant, node, scratch.alive[robot])
+        alive *= graph.survival[arc]
+        if paths is not None:
+            scratch.length[robot] += graph.length[arc]
+        _visit(world, world.returns, scratch, ant, node, alive)
         if rule.concurrent:
-            scratch.node[robot] = node
-            return False
+            break
+    scratch.node[robot], scratch.alive[robot], scratch.n_hops[robot] = node, alive, n_hops
+    return bool(node < 0)
 
 
 @kernel
@@ -475,7 +484,8 @@ def construct(
             n_hops = scratch.n_hops[robot]
             if n + n_hops > nodes.shape[0]:
                 larger = np.empty(2 * (n + n_hops), np.int32)
-                larger[:n] = nodes[:n]
+                for i in range(n):  # assigning slices takes two seconds to compile
+                    larger[i] = nodes[i]
                 nodes = larger
             for i in range(n_hops):
                 nodes[n + i] = scratch.trail[robot, i]
