@@ -81,7 +81,7 @@ class TestGreedy:
 
     def test_area(self, museum):
         """In fewer than a hundred evaluations what took the colony thousands."""
-        base = (museum.arrays.base,)
+        base = (museum.index(museum.base),)
         result = minimize(BOTOHE(museum), Greedy(beam_width=30), PLENTY)
         assert area_indicator(-result.F, museum) > 0.48
         assert result.algorithm.evaluator.n_eval < 100

@@ -105,8 +105,7 @@ def _walk(problem: BOTOHE, n_samples: int, rng: Rng, *, heuristic: bool) -> Plan
     colony = Colony(
         problem.mission,
         problem.world,
-        replace(JOURNAL, heuristic=heuristic, pheromone=False),
-        n_ants=n_samples,
+        replace(JOURNAL, n_ants=n_samples, heuristic=heuristic, pheromone=False),
         random_state=rng,
     )
     return colony.construct(n_samples)

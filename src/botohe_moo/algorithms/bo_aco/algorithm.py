@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field
 
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Count, NotNegative, Positive, Probability
-from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, Threads, settings_of
+from botohe_moo._plugins.types import Count, NotNegative, Probability
+from botohe_moo.algorithms.base import (
+    ArchiveAlgorithm,
+    MaxTies,
+    Threads,
+    settings_of,
+    tuned_by,
+)
 from botohe_moo.algorithms.bo_aco.colony import (
     JOURNAL,
-    PAPER,
     Colony,
     ColonySettings,
+    Evaporation,
+    InitialPheromone,
     tabulate_pheromone,
 )
 from botohe_moo.algorithms.iteration import IterationSearch
@@ -25,10 +31,6 @@ from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Allocation: TypeAlias = Literal["sequential", "concurrent"]
-Evaporation: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
-InitialPheromone: TypeAlias = Positive | Literal["bounds"]
 
 
 class BOACO(ArchiveAlgorithm):
@@ -125,45 +127,21 @@ class BOACO(ArchiveAlgorithm):
     True
     """
 
-    @checked
+    @tuned_by(ColonySettings)
     def __init__(
         self,
         *,
-        n_ants: Count = 100,
-        evaporation: Evaporation = PAPER.evaporation,
-        heuristic: bool = PAPER.heuristic,
-        pheromone: bool = PAPER.pheromone,
-        allocation: Allocation = PAPER.allocation,
         local_search: Probability = 0.0,
         local_search_evaluations: Annotated[int, Field(ge=1, le=10_000)] = 30,
-        pheromone_per_robot: bool = PAPER.pheromone_per_robot,
-        initial_pheromone: InitialPheromone = PAPER.initial_pheromone,
-        reward_epsilon: Positive = PAPER.reward_epsilon,
-        survival_epsilon: Positive = PAPER.survival_epsilon,
-        unvisited_bonus: NotNegative = PAPER.unvisited_bonus,
-        exploration: NotNegative = PAPER.exploration,
-        pooled_deposit: bool = PAPER.pooled_deposit,
         max_ties: MaxTies = 1_000,
         n_threads: Threads = 1,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
         super().__init__(max_ties=max_ties, sampling=sampling, **options)
-        self.n_ants = n_ants
-        self.evaporation = evaporation
-        self.heuristic = heuristic
-        self.pheromone = pheromone
-        self.allocation = allocation
         self.local_search = local_search
-        self.evaluates_in_kernels = local_search > 0
         self.local_search_evaluations = local_search_evaluations
-        self.pheromone_per_robot = pheromone_per_robot
-        self.initial_pheromone = initial_pheromone
-        self.reward_epsilon = reward_epsilon
-        self.survival_epsilon = survival_epsilon
-        self.unvisited_bonus = unvisited_bonus
-        self.exploration = exploration
-        self.pooled_deposit = pooled_deposit
+        self.evaluates_in_kernels = local_search > 0
         self.n_threads = n_threads
 
     @classmethod
@@ -221,7 +199,6 @@ class BOACO(ArchiveAlgorithm):
             problem.mission,
             problem.world,
             ColonySettings(**settings_of(self, ColonySettings)),
-            n_ants=self.n_ants,
             n_threads=self.n_threads,
             random_state=self.random_state,
         )

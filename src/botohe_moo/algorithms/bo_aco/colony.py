@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import numpy as np
+from pydantic import Field
 
 from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo._plugins.types import Count, NotNegative, Positive
 from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.bo_aco.kernels import (
     LEAST,
@@ -37,27 +39,31 @@ if TYPE_CHECKING:
 _MUCH = 50_000
 
 
-@dataclass(frozen=True)
-class ColonySettings:
-    """The rule by which ants weigh arcs and pheromone changes.
+Evaporation: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
+InitialPheromone: TypeAlias = Positive | Literal["bounds"]
 
-    :class:`BOACO` documents the parameters. Defaults are the first settings of the paper.
+
+@dataclass(frozen=True, kw_only=True)
+class ColonySettings:
+    """How ants weigh arcs and pheromone changes; :class:`BOACO` documents the parameters.
+
+    Defaults are the first settings of the paper.
     """
 
-    evaporation: float = 0.04
+    n_ants: Count = 100
+    evaporation: Evaporation = 0.04
     heuristic: bool = True
     pheromone: bool = True
     allocation: Literal["sequential", "concurrent"] = "sequential"
     pheromone_per_robot: bool = False
-    initial_pheromone: float | Literal["bounds"] = 1.0
-    reward_epsilon: float = 0.05
-    survival_epsilon: float = 0.01
-    unvisited_bonus: float = 0.0
-    exploration: float = 0.0
+    initial_pheromone: InitialPheromone = 1.0
+    reward_epsilon: Positive = 0.05
+    survival_epsilon: Positive = 0.01
+    unvisited_bonus: NotNegative = 0.0
+    exploration: NotNegative = 0.0
     pooled_deposit: bool = True
 
 
-PAPER = ColonySettings()
 # What made the curves published in PeerJ Computer Science, 2025.
 JOURNAL = ColonySettings(
     evaporation=0.1,
@@ -79,9 +85,8 @@ class Colony:
         self,
         mission: Mission,
         world: World,
-        settings: ColonySettings = PAPER,
+        settings: ColonySettings,
         *,
-        n_ants: int,
         n_threads: int = 1,
         random_state: np.random.Generator,
     ) -> None:
@@ -90,7 +95,7 @@ class Colony:
         self._world = world
         self._is_careful = not world.graph.balanced or world.limits.bind
         self._first_way = _first_way(world)
-        self._states = seed_states(random_state, n_ants)
+        self._states = seed_states(random_state, settings.n_ants)
         self._heuristic = _new_heuristic(world, settings)
         self._pheromone = _new_pheromone(mission, settings)
         self._scratch: dict[int, tuple[Paths | None, Scratch]] = {}  # of each thread
@@ -110,9 +115,9 @@ class Colony:
         return self._pheromone.levels
 
     def construct(self, n_ants: int) -> PlanBatch:
-        """Build a plan for each of ``n_ants`` ants, whose weights on the objectives are even.
+        """Build a plan for each of ``n_ants`` ants, at most those of the settings.
 
-        Robots are in the order of planning.
+        The ants' weights on the objectives are spread evenly. Robots are in the order of planning.
         """
         self._catch_up()
         is_much = n_ants * self._world.n_robots * self._world.graph.n_arcs > _MUCH

@@ -251,8 +251,13 @@ class _Found:
     """What robots that have been planned collect."""
 
     def __init__(self, world: World) -> None:
-        self.world = world
-        self.unreached = np.ones(len(world.team.reward))  # that no robot collects each node
+        self.world, team = world, world.team
+        self.unreached = np.ones(len(team.reward))  # that no robot collects each node
+        # What robots collect where they start is the same on all trails, and may be large.
+        starts = team.start[team.share[team.start] == 1.0]
+        if world.returns is not None:
+            starts = starts[world.returns.credit[starts] != AT_NEXT_DEPOT]
+        self.unreached[team.origin[starts]] = 0.0
         self._visits: Visits = new_visits(world.graph.n_nodes)
 
     def add(self, robot: int, trail: Sequence[int]) -> None:
