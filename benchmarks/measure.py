@@ -17,7 +17,7 @@ from botohe_moo.core import evaluate as evaluate_module
 KERNELS = {
     "construct": (colony_module, "construct"),
     "evaluate": (evaluate_module, "evaluate"),
-    "insert": (archive_module, "insert"),
+    "sift": (archive_module, "sift"),
     "learn": (colony_module, "learn"),
 }
 

@@ -207,7 +207,8 @@ class SequentialPlanner:
 
     def _trails(self, weight: float, order: Sequence[int], until: float) -> Trails:
         """Plan the robots, kind by kind, each given by its first robot."""
-        team, found, trails = self.world.team, _Found(self.world), []
+        team, found = self.world.team, _Found(self.world)
+        trails: Trails = []
         beam = new_beam(self.world, self.beam_width, self.max_labels)
         for first in order:
             stop = int(team.stop[first])
