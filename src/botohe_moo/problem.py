@@ -11,13 +11,14 @@ from pymoo.core.problem import Problem
 from pymoo.util.display.column import Column
 from pymoo.util.display.output import Output
 
+from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability, TravelBudget
-from botohe_moo.core.world import CHECKING, PLANNING
+from botohe_moo.core.world import CHECKING
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.trails import PlanBatch
+from botohe_moo.trails import PlanBatch, Plans
 
 __all__ = ["BOTOHE", "FrontOutput"]
 
@@ -85,7 +86,7 @@ class BOTOHE(Problem):
         self.allow_invalid = allow_invalid
         # What plans are checked with, and what searches plan with.
         self.limits = limits.loosened(CHECKING)
-        self.world = mission.world.with_limits(limits.loosened(PLANNING))
+        self.world = mission.limited(min_survival, max_length)
         mission.check_ways(self.world)
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
@@ -127,6 +128,26 @@ class BOTOHE(Problem):
                 beyond = (self.mission.trail_lengths(batch) - budgets) / unit
             columns.append(np.nan_to_num(beyond.max(axis=1)))
         return np.column_stack(columns) if columns else np.empty((len(batch), 0))
+
+    def check_limits(self, plans: Plans) -> None:
+        """Refuse, by a ValueError that names one of them, robots that do not keep their limits.
+
+        Parameters
+        ----------
+        plans
+            As for :meth:`Mission.evaluate`.
+        """
+        mission, (floors, budgets, _) = self.mission, self.limits
+        alive, lengths = mission.robot_survival(plans), mission.trail_lengths(plans)
+        for broken, values, limits, kept in (
+            (alive < floors, alive, floors, "a survival of at least"),
+            (lengths > budgets, lengths, budgets, "a length of at most"),
+        ):
+            for plan, robot in np.argwhere(broken)[:1].tolist():
+                raise ValueError(
+                    f"Plan {plan}, robot {robot}: expected {kept} {limits[robot]:g} in mission "
+                    f"{quoted(mission.name)}, got {values[plan, robot]:g}."
+                )
 
     @property
     def objective_bounds(self) -> tuple[float, float]:

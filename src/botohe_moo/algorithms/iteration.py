@@ -4,7 +4,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.algorithms.local_search.engine import LocalSearch
-from botohe_moo.core.graph import Limits
+from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
@@ -19,15 +19,15 @@ class IterationSearch:
     def __init__(
         self,
         mission: Mission,
+        world: World,
         *,
         share: float,
         evaluations_each: int,
-        limits: Limits,
         random_state: np.random.Generator,
     ) -> None:
         self.share = share
         self.evaluations_each = evaluations_each
-        self._search = LocalSearch(mission, limits, random_state=random_state)
+        self._search = LocalSearch(mission, world, random_state=random_state)
 
     def improve(
         self, batch: PlanBatch, members: OffsetArray, random_state: np.random.Generator, n_left: int

@@ -96,7 +96,7 @@ def show_mission(
 
 def _describe(mission: Mission) -> str:
     """Describe a mission, a line for each of its traits."""
-    arrays, n_arcs = mission.arrays, len(mission.graph.edges)
+    graph, n_arcs = mission.world.graph, len(mission.graph.edges)
     lines = [
         f"{mission.name}: {mission.title}",
         f"  nodes         {len(mission.nodes)} ({(mission.rewards > 0).sum()} with a reward)",
@@ -104,25 +104,24 @@ def _describe(mission: Mission) -> str:
         f"  team          {mission.team} at base {mission.base!r}",
         f"  total reward  {mission.total_reward:g}",
     ]
-    if arrays.kinds is not None:
-        lines += _describe_kinds(mission, arrays.kinds.credit.tolist())
-    if arrays.n_arcs:
-        lines.append(f"  survival      {arrays.survival.min():g} to {arrays.survival.max():g}")
+    lines += _describe_kinds(mission)
+    if graph.n_arcs:
+        lines.append(f"  survival      {graph.survival.min():g} to {graph.survival.max():g}")
         if any("length" in arc for *_, arc in mission.graph.edges(data=True)):
-            lines.append(f"  length        {arrays.length.min():g} to {arrays.length.max():g}")
+            lines.append(f"  length        {graph.length.min():g} to {graph.length.max():g}")
     if mission.max_length is not None:
         lines.append(f"  max_length    {mission.max_length:g}, the travel budget of every robot")
     return "\n".join(lines)
 
 
-def _describe_kinds(mission: Mission, credit: list[int]) -> list[str]:
+def _describe_kinds(mission: Mission) -> list[str]:
     """Describe each kind of robots in a line, and what is credited on return, and where."""
-    from botohe_moo.core.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
+    from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT
     from botohe_moo.mission.rules import ONLY_KIND, Kind
 
     n, paying = len(mission.nodes), (mission.rewards > 0).tolist()
-    arcs = (mission.arrays.tail // n).tolist()
-    collects = (mission.arrays.reward > 0).reshape(-1, n)
+    arcs = (mission.world.graph.tail // n).tolist()
+    collects = (mission.world.graph.reward > 0).reshape(-1, n)
     lines = []
     for k, kind in enumerate(mission.kinds):
         if kind == Kind(ONLY_KIND, kind.robots):
@@ -138,8 +137,9 @@ def _describe_kinds(mission: Mission, credit: list[int]) -> list[str]:
         if kind.max_length is not None:
             traits.append(f"max_length {kind.max_length:g}")
         lines.append(f"  {kind.name:12}  {', '.join(traits)}")
-    of_nodes = list(zip(mission.nodes, credit, paying, strict=False))
-    if on_return := sum(pays and when == AT_NEXT_DEPOT for _, when, pays in of_nodes):
+    if (returns := mission.world.returns) is not None:
+        of_nodes = list(zip(mission.nodes, returns.credit.tolist(), paying, strict=False))
+        on_return = sum(pays and when == AT_NEXT_DEPOT for _, when, pays in of_nodes)
         depots = [repr(node) for node, when, _ in of_nodes if when == AT_THIS_DEPOT]
         lines.append(f"  on return     {on_return} of {sum(paying)} paying nodes")
         lines.append(f"  depots        {', '.join(depots)}")

@@ -16,9 +16,14 @@ from botohe_moo.core.compile import helper, inlined
 from botohe_moo.core.rng import below
 
 BLOCK = 64
+_NEAR = 48  # plans on either side that ``draw_near`` draws from
 
 _COUNTS = np.dtype([(name, np.int64) for name in ("blocks", "plans", "entered", "free", "spare")])
 _PLACE = np.dtype([("slot", np.int64), ("reward", np.float64), ("survivors", np.float64)])
+_SLOT = np.dtype(
+    [(name, np.float64) for name in ("reward", "survivors")]
+    + [(name, np.int64) for name in ("before", "after", "member", "serial", "tried")]
+)
 
 
 class OrderedFront(NamedTuple):
@@ -37,11 +42,12 @@ class OrderedFront(NamedTuple):
     spare_slots: OffsetArray
     # The plan in each slot: numbers of its trails, in lexicographic order (n_slots, n_robots).
     plan: IntArray
-    # How many plans had entered before that in each slot; how many turns as a parent it has had,
-    # and how many of these since other lanes were told of them (n_slots).
-    serial: OffsetArray
-    tried: OffsetArray
-    untold: OffsetArray
+    # Of the plan in each slot: E[R] and E[S] (``reward`` and ``survivors``); the slots of its
+    # neighbours, −1 at an end of the front (``before`` and ``after``); where it is in ``members``
+    # (``member``); how many plans had entered before it (``serial``); and how often it has been a
+    # parent (``tried``; n_slots).
+    slots: RecordArray
+    members: OffsetArray  # slots in use, in an order that follows from what entered and left
 
 
 def new_front(n_slots: int, n_robots: int) -> OrderedFront:
@@ -55,9 +61,8 @@ def new_front(n_slots: int, n_robots: int) -> OrderedFront:
         free_blocks=np.arange(n_blocks)[::-1].copy(),
         spare_slots=np.arange(n_slots)[::-1].copy(),
         plan=np.zeros((n_slots, n_robots), np.int32),
-        serial=np.zeros(n_slots, np.int64),
-        tried=np.zeros(n_slots, np.int64),
-        untold=np.zeros(n_slots, np.int64),
+        slots=np.zeros(n_slots, _SLOT).view(np.recarray),
+        members=np.zeros(n_slots, np.int64),
     )
     front: OrderedFront = apart(parts)
     front.n.free, front.n.spare = n_blocks, n_slots
@@ -84,8 +89,12 @@ def copy_front(front: OrderedFront, kept: OffsetArray, n_slots: int) -> OrderedF
     copy.places["slot"][at, place] = np.arange(n)
     copy.places["reward"][at, place] = objectives[rows, 0]
     copy.places["survivors"][at, place] = objectives[rows, 1]
-    for name in ("plan", "serial", "tried", "untold"):
-        getattr(copy, name)[:n] = getattr(front, name)[kept]
+    copy.plan[:n], copied = front.plan[kept], copy.slots[:n]
+    copied[:] = front.slots[kept]
+    copied["before"], copied["after"] = np.arange(n) - 1, np.arange(n) + 1
+    copied["after"][n - 1 :] = -1
+    by_member = np.argsort(copied["member"])
+    copy.members[:n], copied["member"][by_member] = by_member, np.arange(n)
     counts = copy.n
     counts.blocks, counts.plans, counts.entered = n_blocks, n, front.n.entered
     counts.free -= n_blocks
@@ -132,6 +141,13 @@ def best_reward(front: OrderedFront, survivors: float) -> float:
 
 
 @inlined
+def nearest_place(front: OrderedFront, survivors: float) -> tuple[int, int]:
+    """Find the plan with an E[S]; where it has left, the next safer one, or else the safest."""
+    at, place = find_place(front, survivors)
+    return (at, place) if at < front.n.blocks else place_before(front, at, place)
+
+
+@inlined
 def place_before(front: OrderedFront, at: int, place: int) -> tuple[int, int]:
     """Return the place before another one, which may be behind the last block; −1 for none."""
     place -= 1
@@ -171,67 +187,66 @@ def insert(front: OrderedFront, reward: float, survivors: float) -> int:
 
 
 @inlined
-def draw_place(front: OrderedFront, states: SeedArray) -> tuple[int, int]:
-    """Draw a plan uniformly: a block and a place there, both again where that place is free."""
-    n = front.n.blocks
-    while True:
-        at = below(states, n)
-        size = front.size[front.directory[at]]
-        place = below(states, BLOCK if n > 1 else size)
-        if place < size:
-            return at, place
+def draw_slot(front: OrderedFront, states: SeedArray) -> int:
+    """Draw a plan uniformly; return its slot."""
+    return int(front.members[below(states, front.n.plans)])
 
 
 @inlined
-def count_turn(front: OrderedFront, slot: int) -> None:
-    """Count a plan's turn as a parent."""
-    front.tried[slot] += 1
-    front.untold[slot] += 1
+def draw_near(front: OrderedFront, states: SeedArray, at: int, place: int) -> int:
+    """Draw a plan among the ``_NEAR`` on either side of a place, and there; return its slot.
 
-
-@inlined
-def _beside(front: OrderedFront, at: int, place: int) -> tuple[Record, Record]:
-    """Return the neighbours of a place; at an end of the front it is a neighbour of itself."""
+    Beyond an end of the front it is the last plan there.
+    """
+    place += below(states, 2 * _NEAR + 1) - _NEAR
+    while place < 0 and at > 0:
+        at -= 1
+        place += front.size[front.directory[at]]
+    while place >= front.size[front.directory[at]] and at < front.n.blocks - 1:
+        place -= front.size[front.directory[at]]
+        at += 1
     block = front.directory[at]
-    left = right = front.places[block, place]
-    if place > 0:
-        left = front.places[block, place - 1]
-    elif at > 0:
-        before = front.directory[at - 1]
-        left = front.places[before, front.size[before] - 1]
-    if place < front.size[block] - 1:
-        right = front.places[block, place + 1]
-    elif at < front.n.blocks - 1:
-        right = front.places[front.directory[at + 1], 0]
-    return left, right
+    return int(front.places[block, min(max(place, 0), front.size[block] - 1)].slot)
 
 
 @helper
-def contribution(front: OrderedFront, at: int, place: int) -> float:
+def contribution(front: OrderedFront, slot: int) -> float:
     """Return the area of the rectangle between the two neighbours of a plan.
 
     Plans at the ends get the area that each would have if the plans were evenly spaced.
     """
-    n = front.n.blocks
-    is_first = at == 0 and place == 0
-    is_last = at == n - 1 and place == front.size[front.directory[at]] - 1
-    if is_first or is_last:
-        last_block = front.directory[n - 1]
+    found = front.slots[slot]
+    if found.before < 0 or found.after < 0:
+        last_block = front.directory[front.n.blocks - 1]
         first = front.places[front.directory[0], 0]
         last = front.places[last_block, front.size[last_block] - 1]
         gap = 2.0 / front.n.plans
         width, height = first.reward - last.reward, last.survivors - first.survivors
         return float(gap * width * gap * height)
-    left, right = _beside(front, at, place)
+    left, right = front.slots[found.before], front.slots[found.after]
     return float((left.reward - right.reward) * (right.survivors - left.survivors))
 
 
 @helper
-def slope_at(front: OrderedFront, at: int, place: int) -> float:
-    """Return how much E[R] the front loses for each survivor more, between a plan's neighbours."""
-    left, right = _beside(front, at, place)
+def slope_at(front: OrderedFront, slot: int) -> float:
+    """Return how much E[R] the front loses for each survivor more, between a plan's neighbours.
+
+    At an end of the front the plan is a neighbour of itself.
+    """
+    before, after = front.slots[slot].before, front.slots[slot].after
+    left = front.slots[before if before >= 0 else slot]
+    right = front.slots[after if after >= 0 else slot]
     more = right.survivors - left.survivors
     return float((left.reward - right.reward) / more) if more > 0.0 else 0.0
+
+
+@inlined
+def _link(front: OrderedFront, before: int, after: int) -> None:
+    """Make two slots, of which one may be −1, neighbours."""
+    if before >= 0:
+        front.slots[before].after = after
+    if after >= 0:
+        front.slots[after].before = before
 
 
 @inlined
@@ -251,6 +266,9 @@ def remove_place(front: OrderedFront, at: int, place: int) -> int:
     front.spare_slots[n.spare] = slot
     n.spare += 1
     n.plans -= 1
+    left, last = front.slots[slot], front.members[n.plans]
+    _link(front, left.before, left.after)
+    front.members[left.member], front.slots[last].member = last, left.member
     if front.size[block] == 0:
         _drop_block(front, at)
     else:
@@ -300,6 +318,9 @@ def add_place(front: OrderedFront, reward: float, survivors: float) -> int:
         at -= 1
         place = front.size[front.directory[at]]
     block = front.directory[at]
+    n.spare -= 1
+    slot = front.spare_slots[n.spare]
+    _fill(front, slot, at, place)
     if front.size[block] == BLOCK:
         _open_block(front, at + 1)
         after = front.directory[at + 1]
@@ -312,14 +333,29 @@ def add_place(front: OrderedFront, reward: float, survivors: float) -> int:
     for i in range(front.size[block], place, -1):
         _move(front.places[block, i - 1], front.places[block, i])
     front.size[block] += 1
-    n.spare -= 1
-    slot = front.spare_slots[n.spare]
     new = front.places[block, place]
     new.slot, new.reward, new.survivors = slot, reward, survivors
-    front.serial[slot], front.tried[slot], front.untold[slot] = n.entered, 0, 0
+    front.slots[slot].reward, front.slots[slot].survivors = reward, survivors
     n.entered += 1
     n.plans += 1
     return int(slot)
+
+
+@helper
+def _fill(front: OrderedFront, slot: int, at: int, place: int) -> None:
+    """Put a slot between the plans before and at a place, and among the members."""
+    n, block, new = front.n, front.directory[at], front.slots[slot]
+    new.before = new.after = -1
+    if place < front.size[block]:
+        new.after = front.places[block, place].slot
+        new.before = front.slots[new.after].before
+    elif n.plans > 0:
+        new.before = front.places[block, place - 1].slot
+        new.after = front.slots[new.before].after
+    _link(front, new.before, slot)
+    _link(front, slot, new.after)
+    new.member, new.serial, new.tried = n.plans, n.entered, 0
+    front.members[n.plans] = slot
 
 
 @helper

@@ -241,9 +241,7 @@ def new_world(
     return World(graph, team, limits, Ways(homeward, home, None), returns).with_limits(limits)
 
 
-def cheapest_ways(
-    graph: Graph, end: OffsetArray
-) -> tuple[OffsetArray, FloatArray, FloatArray]:
+def cheapest_ways(graph: Graph, end: OffsetArray) -> tuple[OffsetArray, FloatArray, FloatArray]:
     """Find the cheapest way to its end from every node by Dijkstra's algorithm, backwards.
 
     Returns the first arc of each way, its cost and its survival. In Python, since it runs once for
@@ -320,7 +318,7 @@ def credit_of(returns: Returns | None, node: int) -> int:
 
 @inlined
 def aboard_of(returns: Returns | None, robot: int) -> tuple[int, int]:
-    """Return the first place of what a robot carries from the start, and the one behind the last."""
+    """Return where the list of what a robot carries from the start begins and ends."""
     if returns is None:
         return 0, 0
     return int(returns.first[robot]), int(returns.stop[robot])
@@ -349,7 +347,7 @@ class Way(NamedTuple):
 
 
 def ways_to_ends(world: World) -> list[Way]:
-    """Return each robot's safest way from its start to its end, or the shortest if it is too long."""
+    """Return each robot's safest way from start to end, or the shortest if that is too long."""
     ways: dict[int, Way] = {}
     starts = world.team.start.tolist()
     for start, budget in zip(starts, world.limits.budgets.tolist(), strict=True):

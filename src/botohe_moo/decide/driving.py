@@ -88,9 +88,9 @@ def nav2_files(mission: Mission, plan: TrailPlan) -> dict[str, str]:
 
 def _alive(mission: Mission, plan: TrailPlan) -> list[list[float]]:
     """Return how likely each robot is still there after each of its arcs."""
-    arrays = mission.arrays
-    arcs = zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True)
-    survival = dict(zip(arcs, arrays.survival.tolist(), strict=True))
+    graph = mission.world.graph
+    arcs = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
+    survival = dict(zip(arcs, graph.survival.tolist(), strict=True))
     return [[*accumulate((survival[arc] for arc in pairwise(t)), mul)] for t in plan.trails]
 
 

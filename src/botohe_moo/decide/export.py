@@ -157,7 +157,7 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
             "reward": float(mission.graph.nodes[node]["reward"]),
             "reached": float(reached[mission.index(node)]),
         }
-        if mission.arrays.kinds is not None:
+        if not mission.is_plain:
             known["collected"] = float(collected[mission.index(node)])
         features.append(_feature("Point", places[node], known))
     content = {"type": "FeatureCollection", "features": features}
@@ -279,7 +279,7 @@ def _texts(
 
 def _more_of_robots(mission: Mission, plan: TrailPlan) -> list[dict[str, Any]]:
     """Return what is written of each robot only if there are kinds, or rewards on return."""
-    if mission.arrays.kinds is None:
+    if mission.is_plain:
         return [{}] * mission.robots
     names = ["kind", "length", "reward"][len(mission.kinds) == 1 :]
     return [{name: row[name] for name in names} for row in robot_rows(mission, plan)]

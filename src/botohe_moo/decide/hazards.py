@@ -95,7 +95,7 @@ def robustness(
     low, high = front.objectives.copy(), front.objectives.copy()
     regret = _regrets(front.objectives)
     for exponent in exponents:
-        objectives = _evaluate(mission, front.batch, mission.arrays.survival**exponent)
+        objectives = _evaluate(mission, front.batch, mission.world.graph.survival**exponent)
         low, high = np.minimum(low, objectives), np.maximum(high, objectives)
         regret = np.maximum(regret, _regrets(objectives))
     columns: dict[str, Any] = {"plan_id": np.arange(len(front.plans))}
@@ -107,8 +107,9 @@ def robustness(
 
 
 def _mission_arcs(mission: Mission) -> OffsetArray:
-    """Return for each arc of ``mission.arrays`` which arc of the mission it is, of all kinds."""
-    n, (tail, head) = len(mission.nodes), np.array([mission.arrays.tail, mission.arrays.head])
+    """Return for each arc of ``mission.world`` which arc of the mission it is, of all kinds."""
+    n, graph = len(mission.nodes), mission.world.graph
+    tail, head = np.array([graph.tail, graph.head])
     arcs = sorted(mission.index(u) * n + mission.index(v) for u, v in mission.graph.edges)
     found: OffsetArray = np.searchsorted(arcs, tail % n * n + head % n)
     return found
@@ -118,8 +119,9 @@ def _evaluate(mission: Mission, batch: PlanBatch, survival: FloatArray) -> Float
     """Compute the objectives (n_plans, 2) with other survivals of the arcs."""
     survival.setflags(write=False)  # as numba has compiled it
     values = kernels.new_values(len(batch), batch.n_robots)
-    graph = mission.arrays._replace(survival=survival)
-    kernels.evaluate(graph, *batch.arrays, batch.n_robots, True, values)
+    world = mission.world
+    world = world._replace(graph=world.graph._replace(survival=survival))
+    kernels.evaluate(world, *batch.arrays, True, values)
     return values.objectives
 
 

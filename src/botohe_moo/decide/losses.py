@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.core.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
+from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, layer_of
 from botohe_moo.mission.model import Mission
 from botohe_moo.outcomes import collect_probabilities
 from botohe_moo.trails import TrailPlan
@@ -86,15 +86,15 @@ def _worst_bound(
 
 def _collected_at_start(mission: Mission) -> FloatArray:
     """Compute with what probability robots that never leave collect rewards (robots, n_nodes)."""
-    collected, kinds = np.zeros((mission.robots, len(mission.nodes))), mission.arrays.kinds
-    if kinds is None:
-        collected[:, mission.arrays.base] = 1.0
-    else:
-        paid = kinds.credit[kinds.start] != AT_NEXT_DEPOT
-        where = np.arange(mission.robots), kinds.origin[kinds.start]
-        collected[where] = kinds.share[kinds.start] * paid
-        for robot in np.flatnonzero(kinds.credit[kinds.start] == AT_THIS_DEPOT):
-            aboard = kinds.aboard[kinds.aboard_first[robot] : kinds.aboard_stop[robot]]
-            layer = kinds.start[robot] - kinds.origin[kinds.start[robot]]
-            collected[robot, aboard] = kinds.share[layer + aboard]
+    world, collected = mission.world, np.zeros((mission.robots, len(mission.nodes)))
+    team, returns = world.team, world.returns
+    paid = np.ones(mission.robots, bool)
+    if returns is not None:
+        paid = returns.credit[team.start] != AT_NEXT_DEPOT
+    where = np.arange(mission.robots), team.origin[team.start]
+    collected[where] = team.share[team.start] * paid
+    if returns is not None:
+        for robot in np.flatnonzero(returns.credit[team.start] == AT_THIS_DEPOT):
+            aboard = returns.aboard[returns.first[robot] : returns.stop[robot]]
+            collected[robot, aboard] = team.share[layer_of(team, team.start[robot]) + aboard]
     return collected

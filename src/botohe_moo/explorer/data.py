@@ -120,7 +120,7 @@ def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
     length = dict(zip(trails, mission.trail_lengths(plans).ravel().tolist(), strict=True))
     number, n = {trail: i for i, trail in enumerate(survival)}, len(mission.nodes)
     rewards: list[float] = []  # of each robot alone, where a plan's files have it
-    if mission.arrays.kinds is not None:
+    if not mission.is_plain:
         alone = [collect_probabilities(mission, plan) @ mission.rewards for plan in plans]
         rewards = [*dict(zip(trails, np.concatenate(alone).tolist(), strict=True)).values()]
     return {
@@ -149,7 +149,7 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
         [team_reach(chances(mission, p))[v] for p, v in zip(plans, visited, strict=True)]
         for chances in (reach_probabilities, collect_probabilities)
     )
-    if mission.arrays.kinds is None:  # it is what is reached
+    if mission.is_plain:  # it is what is reached
         collected = []
     texts = objective_texts(objectives)
     decimals = len(texts[0][0].partition(".")[2])

@@ -87,8 +87,7 @@ def _kinds(mission: Mission, site: Site) -> dict[str, Any]:
 
 def _node_notes(mission: Mission, site: Site) -> list[str]:
     """Write when each node pays, and for whom not always; nothing for a plain mission."""
-    kinds = mission.arrays.kinds
-    if kinds is None:
+    if mission.is_plain:
         return []
     notes: list[list[str]] = [[] for _ in mission.nodes]
     for node in site.depots:
@@ -96,7 +95,7 @@ def _node_notes(mission: Mission, site: Site) -> list[str]:
     for node in site.returning:
         notes[node].append("pays on return")
     names = [kind.name if len(mission.kinds) > 1 else "a robot" for kind in mission.kinds]
-    for name, share in zip(names, kinds.share.reshape(len(names), -1), strict=True):
+    for name, share in zip(names, mission.world.team.share.reshape(len(names), -1), strict=True):
         for node in np.flatnonzero((share < 1) & site.collects.any(axis=0)):
             chance = f"collects it with {share[node]:g}" if share[node] > 0 else "cannot collect it"
             notes[node].append(f"{name} {chance}")

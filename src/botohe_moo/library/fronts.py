@@ -158,28 +158,13 @@ class BestKnown:
         batch = self.mission.batch(plans)
         if not len(batch):
             return self
-        self._check_limits(batch)
+        BOTOHE(self.mission).check_limits(batch)
         objectives = self.mission.evaluate(batch).tolist()
         found = [
             _Found(_rounded(reward), _rounded(survivors), finder, self._canonical(plan))
             for (reward, survivors), plan in zip(objectives, batch, strict=True)
         ]
         return BestKnown(self.mission, _non_dominated([*self._found, *found]))
-
-    def _check_limits(self, plans: PlanBatch) -> None:
-        problem = BOTOHE(self.mission)
-        lengths, alive = self.mission.trail_lengths(plans), self.mission.robot_survival(plans)
-        budgets, floors = problem.travel_budgets, problem.survival_floors
-        for broken, kept, values in (
-            (lengths > budgets, "a length of at most {:g}", lengths),
-            (alive < floors, "a survival of at least {:g}", alive),
-        ):
-            for plan, robot in np.argwhere(broken)[:1].tolist():
-                limit = budgets[robot] if values is lengths else floors[robot]
-                raise ValueError(
-                    f"Plan {plan}, robot {robot}: expected {kept.format(limit)} in mission "
-                    f"{self.mission.name!r}, got {values[plan, robot]:g}."
-                )
 
     def _canonical(self, plan: TrailPlan) -> _Trails:
         """Return the trails with those of robots of a kind, which are alike, in ascending order."""
@@ -194,7 +179,7 @@ class BestKnown:
         other objectives, or says that one is dominated or its robots are in another order.
         """
         evaluated = self.mission.evaluate(self.plans)
-        self._check_limits(self.plans)
+        BOTOHE(self.mission).check_limits(self.plans)
         near = np.isclose(self.objectives, evaluated, rtol=_AGREES, atol=0.0).all(axis=1)
         if (wrong := np.flatnonzero(~near)).size:
             i = wrong[0]

@@ -23,8 +23,8 @@ from botohe_moo.core import world as worlds
 from botohe_moo.core.world import (
     AT_NEXT_DEPOT,
     AT_THIS_DEPOT,
-    CHECKING,
     ON_ARRIVAL,
+    PLANNING,
     Limits,
     Returns,
     Team,
@@ -150,7 +150,7 @@ class Mission:
         if not (faults := faults or rules.graph_faults(graph, team, own)):
             team = team or (Kind(rules.ONLY_KIND, own["robots"]),)
             self._set_up(graph.copy(), team, own | {"name": str(name or "mission")})
-            limits = self.limits().loosened(CHECKING)
+            limits = self.limits().loosened(PLANNING)
             floors = limits._replace(budgets=np.full(self.robots, math.inf), has_budgets=False)
             budgets = limits._replace(floors=np.zeros(self.robots))
             worlds_of = map(self.world.with_limits, (floors, budgets))
@@ -304,8 +304,8 @@ class Mission:
         return new_limits(floors, budgets, [kind.robots for kind in self.kinds])
 
     def limited(self, min_survival: float = 0.0, max_length: float | None = None) -> World:
-        """Return the mission as kernels know it, with limits as for ``limits``."""
-        return self.world.with_limits(self.limits(min_survival, max_length))
+        """Return the mission to plan with, within ``limits``, but for rounding."""
+        return self.world.with_limits(self.limits(min_survival, max_length).loosened(PLANNING))
 
     def index(self, label: Hashable) -> int:
         """Return the index of a node in ``nodes``; a KeyError is raised for an unknown label."""

@@ -94,7 +94,7 @@ def robots_at_start(mission: Any, plan: TrailPlan, limits: Limits) -> list[Robot
     """
     [survivals], [lengths] = mission.robot_survival([plan]), mission.trail_lengths([plan])
     robots, labels = [], mission.labels(plan)
-    for robot, trail in enumerate(plan.trails):
+    for robot in range(mission.robots):
         least, longest = float(limits.floors[robot]), float(limits.budgets[robot])
         expected = f"Robot {robot}: expected a trail"
         if survivals[robot] < least * (1.0 - CHECKING):

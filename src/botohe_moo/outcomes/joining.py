@@ -7,7 +7,7 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.core.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT, Kinds
+from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, Returns, Team
 from botohe_moo.mission import Mission
 from botohe_moo.outcomes.distribution import ROUNDING
 from botohe_moo.trails import TrailPlan
@@ -28,41 +28,39 @@ class Followed(NamedTuple):
 
 def follow(mission: Mission, plan: TrailPlan) -> Followed:
     """Follow the trails of a valid plan."""
-    graph, nodes = mission.arrays, plan.nodes.astype(np.int64)
+    graph, team, returns = mission.world.graph, mission.world.team, mission.world.returns
+    nodes = plan.nodes.astype(np.int64)
     arcs, alive = graph.tail * graph.n_nodes + graph.head, np.ones(len(nodes))
     for start, stop in pairwise(plan.offsets.tolist()):
         hops = nodes[start : stop - 1] * graph.n_nodes + nodes[start + 1 : stop]
         alive[start + 1 : stop] = np.cumprod(graph.survival[np.searchsorted(arcs, hops)])
-    offsets = plan.offsets
-    if graph.kinds is not None:  # what robots carry comes first
-        nodes, alive, offsets = _with_aboard(graph.kinds, nodes, alive, offsets)
+    offsets, credited = plan.offsets, alive
+    if returns is not None:  # what robots carry comes first
+        nodes, alive, offsets = _with_aboard(team, returns, nodes, alive, offsets)
+        credited = _credited(alive, returns.credit[nodes], offsets)
     robots = np.repeat(np.arange(plan.n_robots), np.diff(offsets))
     first = np.unique(robots * graph.n_nodes + nodes, return_index=True)[1]
-    pays, credited, share = np.zeros(len(nodes)), alive, np.ones(len(nodes))
-    if graph.kinds is not None:
-        share, credit = graph.kinds.share[nodes], graph.kinds.credit[nodes]
-        credited = _credited(alive, credit, offsets)
-        nodes = graph.kinds.origin[nodes]
+    pays, share, nodes = np.zeros(len(nodes)), team.share[nodes], team.origin[nodes]
     pays[first] = mission.rewards[nodes[first]]
     return Followed(nodes, offsets, alive, pays, credited, share)
 
 
 def _with_aboard(
-    kinds: Kinds, nodes: OffsetArray, alive: FloatArray, offsets: OffsetArray
+    team: Team, returns: Returns, nodes: OffsetArray, alive: FloatArray, offsets: OffsetArray
 ) -> tuple[OffsetArray, FloatArray, OffsetArray]:
     """Put the nodes whose rewards a robot carries before the trail of each.
 
     Trails may be of any number of robots; all robots of a kind carry the same.
     """
-    n, sources = len(kinds.reward), nodes[offsets[:-1]]
-    robots = np.searchsorted(kinds.start // n, sources // n)  # the first of the kind
-    first, stop = kinds.aboard_first[robots], kinds.aboard_stop[robots]
+    n, sources = len(team.reward), nodes[offsets[:-1]]
+    robots = np.searchsorted(team.start // n, sources // n)  # the first of the kind
+    first, stop = returns.first[robots], returns.stop[robots]
     n_aboard = stop - first
     if not n_aboard.any():
         return nodes, alive, offsets
     starts = np.repeat(offsets[:-1], n_aboard)
-    places = [kinds.aboard[i:j] for i, j in zip(first, stop, strict=True)]
-    layers = nodes[starts] - kinds.origin[nodes[starts]]
+    places = [returns.aboard[i:j] for i, j in zip(first, stop, strict=True)]
+    layers = nodes[starts] - team.origin[nodes[starts]]
     added = np.concatenate(places) + layers
     offsets = offsets + np.cumsum([0, *n_aboard])
     return np.insert(nodes, starts, added), np.insert(alive, starts, 1.0), offsets

@@ -123,7 +123,7 @@ def _colour_site(
 ) -> tuple[FloatArray, FloatArray]:
     """Add both colour bars, and return the colours of nodes and of arcs (n, 4)."""
     # The same scales on the maps of all kinds.
-    most, survival = mission.rewards.max(), mission.arrays.survival
+    most, survival = mission.rewards.max(), mission.world.graph.survival
     span = survival.min(initial=1.0), survival.max(initial=0.0)
     paid, fills = site.reward > 0, np.ones((len(site.reward), 4))
     fills[paid] = colour_by_value(ax, site.reward[paid], REWARD, "reward", slot=0, span=(0.0, most))

@@ -191,12 +191,7 @@ def survival_floor(subject: Subject) -> None:
     """A survival floor is kept, also one that nothing but staying home satisfies."""
     for floor in (0.5, 1.0):
         problem = BOTOHE(streets(), min_survival=floor)
-        found = _true_run(subject, problem)
-        least = problem.mission.robot_survival(found.plans).min(initial=1.0)
-        expect(
-            least >= problem.survival_floor,
-            f"with a floor of {floor:g} a robot survives with {least:.6g}",
-        )
+        _expect_limits(problem, _true_run(subject, problem))
 
 
 @RULES.add(
@@ -206,17 +201,12 @@ def travel_budget(subject: Subject) -> None:
     """A travel budget is kept."""
     for budget in (0.0, 4.0):
         problem = BOTOHE(measured(), max_length=budget)
-        found = _true_run(subject, problem)
-        longest = problem.mission.trail_lengths(found.plans).max(initial=0.0)
-        expect(
-            longest <= problem.travel_budget,
-            f"with a budget of {budget:g} a trail is {longest:.6g} long",
-        )
+        _expect_limits(problem, _true_run(subject, problem))
 
 
 @RULES.add(
-    "Plan with `mission.arrays`, in which each kind has nodes of its own, from "
-    "`arrays.kinds.start` to `arrays.kinds.end`; or let `supports(mission)` be `mission.is_plain`."
+    "Plan with `problem.world`, in which each kind has nodes of its own, from `team.start` to "
+    "`team.end`; or let `supports(mission)` be `mission.is_plain`."
 )
 def kinds(subject: Subject) -> None:
     """Each kind of robots keeps its start, end and limits, unless `supports` says it cannot."""
@@ -227,12 +217,15 @@ def kinds(subject: Subject) -> None:
     problem = BOTOHE(mission)
     found = _true_run(subject, problem)
     expect(found.plans, "its result holds no plan for kinds of robots")
-    too_long = mission.trail_lengths(found.plans) > problem.travel_budgets
-    in_danger = mission.robot_survival(found.plans) < problem.survival_floors
-    beyond = np.flatnonzero((too_long | in_danger).any(axis=0))
-    if len(beyond):
-        kind = mission.kind_of[int(beyond[0])]
-        expect(False, f"a robot of kind {kind.name} does not keep the limits of its kind")
+    _expect_limits(problem, found)
+
+
+def _expect_limits(problem: BOTOHE, found: Run) -> None:
+    """Expect that every robot keeps its limits."""
+    try:
+        problem.check_limits(found.plans)
+    except ValueError as error:
+        expect(False, f"a limit is broken: {error}")
 
 
 def _run(subject: Subject, problem: BOTOHE, evaluations: int = _EVALUATIONS, **how: int) -> Run:

@@ -122,7 +122,7 @@ def policies_of(
     evaluations = check_integer("evaluations", evaluations, at_least=0)
     limits = check_mission(mission).limits(min_survival, max_length)
     robots = tuple(robots_at_start(mission, plan, limits))
-    price = check_price(mission, plan, price, limits)
+    price = check_price(mission, plan, price, mission.limited(min_survival, max_length))
     return [Policy(name, price, evaluations, robots) for name in names]
 
 

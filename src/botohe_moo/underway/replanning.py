@@ -10,7 +10,7 @@ import numpy as np
 from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.local_search.engine import LocalSearch
-from botohe_moo.core.graph import Limits
+from botohe_moo.core.world import World
 from botohe_moo.decide.fronts import (
     PlansOrObjectives,
     check_row,
@@ -100,7 +100,7 @@ def robot_price(mission: Mission, plans: PlansOrObjectives, index: int) -> float
     return _slope(objectives, objectives[check_row("index", index, len(objectives)), 1])
 
 
-def check_price(mission: Mission, plan: TrailPlan, price: float | None, limits: Limits) -> float:
+def check_price(mission: Mission, plan: TrailPlan, price: float | None, world: World) -> float:
     """Check the price of a survivor; if there is none, compute what a plan implies.
 
     That is the slope of the front near the plan, which a short local search finds, always with the
@@ -108,7 +108,7 @@ def check_price(mission: Mission, plan: TrailPlan, price: float | None, limits: 
     """
     if price is not None:
         return check_number("price", price, at_least=0)
-    search = LocalSearch(mission, limits, random_state=np.random.default_rng(1))
+    search = LocalSearch(mission, world, random_state=np.random.default_rng(1))
     search.insert(mission.batch([plan, mission.stay_home()]))
     search.run(_EVALUATIONS_OF_A_PRICE)
     return _slope(search.plans()[1], mission.evaluate([plan])[0, 1])
@@ -187,8 +187,7 @@ def replan(
     left = under_way(
         check_mission(mission), plan, events, min_survival=min_survival, max_length=max_length
     )
-    limits = mission.limits(min_survival, max_length)
-    price = check_price(mission, plan, price, limits)
+    price = check_price(mission, plan, price, mission.limited(min_survival, max_length))
     return replan_left(left, price, evaluations, generator)
 
 
@@ -197,7 +196,7 @@ def replan_left(
 ) -> Replan:
     """Make a plan anew for what is left of a mission, as `replan` does."""
     rest = left.mission
-    search = LocalSearch(rest, rest.limits(), random_state=random_state)
+    search = LocalSearch(rest, rest.limited(), random_state=random_state)
     search.insert(rest.batch([left.plan, rest.stay_home()]))
     search.run(evaluations)
     batch, objectives, _ = search.plans()

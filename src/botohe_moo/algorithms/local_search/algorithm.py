@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 from pymoo.core.population import Population
@@ -15,11 +15,14 @@ from botohe_moo._plugins.types import Probability
 from botohe_moo.algorithms.base import ArchiveAlgorithm, Threads
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.algorithms.individuals import PopulationArchive
-from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, MOVES
-from botohe_moo.algorithms.local_search.islands import Lanes
+from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, LocalSearchSettings
+from botohe_moo.algorithms.local_search.islands import Islands
 from botohe_moo.core.archive import Archive
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Partial trails that the search for the first plans keeps. Wider ones take longer, and the search
 # itself soon makes up for what they miss; on large missions narrow ones take a second or two.
@@ -42,7 +45,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     Parameters
     ----------
     evaluations_per_generation
-        Evaluations of each lane in one pymoo generation. The first generations are shorter: 100,
+        Evaluations of each island in one pymoo generation. The first generations are shorter: 100,
         and then a tenth of what has been evaluated.
     moves
         How likely each move is to be drawn, relative, by name; those left out are not drawn.
@@ -51,14 +54,14 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         ``graft``: replace a segment by one of another plan's trail. ``adopt``: take over a whole
         trail. ``swap-loops``: walk the loops at a node in another order. ``reverse``: walk a
         segment in the other direction. Default: ``DEFAULT_MOVES``.
-    prob_refill
-        How likely a parent is refilled instead, at least: stops of one robot or several are
-        removed, and the nodes inserted that gain most for their danger. On a plan's n-th turn as a
-        parent it is refilled with probability 1 / n² or more. Plans wait for this until there are
-        32, or 8 in each of several lanes. When no plan has entered the front for long, some refills
-        go on from plans that are a little worse. With 0, and on more than 1 000 nodes, nothing is
-        refilled. Default: 0.02 if nodes times robots are at most 1 000, else 0, since refills take
-        long then.
+    prob_recreate
+        How likely a parent is ruined and recreated instead, at least: stops of one robot or several
+        are removed, and the nodes inserted that gain most for their danger. On a plan's n-th turn
+        as a parent this happens with probability 1 / n² or more. Plans wait for it until there are
+        32, or 8 on each of several islands. When no plan has entered the front for long, some walks
+        go on from plans that are a little worse. With 0, and on more than 1 000 nodes, no plan is
+        ruined. Default: 0.02 if nodes times robots are at most 1 000, else 0, since it takes long
+        then.
     greedy_start
         Whether to begin with plans that
         :func:`~botohe_moo.algorithms.greedy.plan_sequentially` makes for reward alone, for
@@ -67,12 +70,12 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     max_size
         Plans that the front keeps after each generation; None keeps all. While there are more, the
         plan that contributes the least area is removed.
-    n_lanes
+    n_islands
         Searches that go on side by side after 20 000 evaluations, once the front has 50 plans.
-        Whenever about 50 plans have entered their fronts, they tell each other which ones. The
+        Whenever about 50 plans have entered their fronts, they exchange these (migration). The
         result depends on their number.
     n_threads
-        Threads that run the lanes; the result does not depend on their number.
+        Threads that run the islands; the result does not depend on their number.
     sampling
         Trail plans to start from, evaluated first: an iterable of plans, or ``X`` of another
         result.
@@ -90,6 +93,9 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     archive : PlanArchive
         All non-dominated plans found so far (``plans``, ``objectives``): one for each pair of
         objectives, to 1e-12 of either.
+    statistics : pandas.DataFrame
+        What each move brought: a row a move, and one for ruin and recreate, with the children
+        ``tried``, the plans that ``entered`` the front, and the ``seconds`` spent on it.
 
     Notes
     -----
@@ -104,7 +110,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     A child counts as an evaluation also when an upper bound of its E[R], computed before its trail
     has been walked to the end, shows that it cannot enter.
 
-    Lanes are a cooperative parallel search in which all processes share one archive: Crainic and
+    Islands are a cooperative parallel search in which all processes share one archive: Crainic and
     Toulouse, "Parallel meta-heuristics", in Handbook of Metaheuristics, 2010.
 
     Examples
@@ -125,10 +131,10 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         *,
         evaluations_per_generation: Annotated[int, Field(ge=1, le=1_000_000_000)] = 20_000,
         moves: Mapping[str, float] | None = None,
-        prob_refill: Probability | None = None,
+        prob_recreate: Probability | None = None,
         greedy_start: bool = True,
         max_size: Annotated[int, Field(ge=10, le=1_000_000_000)] | None = None,
-        n_lanes: Annotated[int, Field(ge=1, le=1_024)] = 1,
+        n_islands: Annotated[int, Field(ge=1, le=1_024)] = 1,
         n_threads: Threads = 1,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
@@ -136,24 +142,23 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         super().__init__(max_ties=1, sampling=sampling, **options)
         self.evaluations_per_generation = evaluations_per_generation
         given = DEFAULT_MOVES if moves is None else moves
-        self.moves = check_weights("moves", given, MOVES, needed="move")
-        self.prob_refill = prob_refill
+        self.settings = LocalSearchSettings(
+            moves=check_weights("moves", given, DEFAULT_MOVES, needed="move"),
+            prob_recreate=prob_recreate,
+            max_size=max_size,
+            n_islands=n_islands,
+        )
         self.greedy_start = greedy_start
-        self.max_size = max_size
-        self.n_lanes = n_lanes
         self.n_threads = n_threads
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        self._search = Lanes(
+        self._search = Islands(
             problem.mission,
-            problem.planning_limits,
-            n_lanes=self.n_lanes,
+            problem.world,
             n_threads=self.n_threads,
             random_state=self.random_state,
-            moves=self.moves,
-            p_refill=self.prob_refill,
-            max_size=self.max_size,
+            settings=self.settings,
         )
         constrain = problem.constrain_batch if problem.n_ieq_constr else None
         self.archive = _SearchArchive(self._search, problem.mission.robots, constrain)
@@ -163,12 +168,12 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         mission = problem.mission
         if self.sampling:
             mission.evaluate(self.sampling)  # names what is wrong with plans from elsewhere
-        plans = [*self.sampling, mission.stay_home(problem.planning_limits)]
+        plans = [*self.sampling, mission.stay_home(problem.world)]
         if self.greedy_start and not mission.has_returns and len(plans) < self._n_left():
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
             planner = SequentialPlanner(
                 mission,
-                problem.planning_limits,
+                problem.world,
                 beam_width=_WIDE_BEAM if wide else _NARROW_BEAM,
             )
             plans += planner.plans(1.0)
@@ -178,6 +183,11 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             batch = batch.take((problem.constrain_batch(batch) <= 0).all(axis=1))
         self._search.insert(batch)
         self._advance()
+
+    @property
+    def statistics(self) -> pd.DataFrame:
+        """What each move brought; the class describes it."""
+        return self._search.statistics
 
     def _advance(self, **_: Any) -> None:
         n = max(_FIRST_GENERATION, self.evaluator.n_eval // 10)
@@ -200,7 +210,7 @@ class _SearchArchive(PopulationArchive):
 
     def __init__(
         self,
-        search: Lanes,
+        search: Islands,
         n_robots: int,
         constrain: Callable[[PlanBatch], FloatArray] | None,
     ) -> None:

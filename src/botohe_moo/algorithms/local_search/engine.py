@@ -3,57 +3,52 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterable, Mapping
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.algorithms.local_search.kernels.exchange import News, gather_news, take_over
-from botohe_moo.algorithms.local_search.kernels.refill import refill
+from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArray
+from botohe_moo.algorithms.local_search.kernels.moves import MOVES
+from botohe_moo.algorithms.local_search.kernels.recreate import recreate
 from botohe_moo.algorithms.local_search.kernels.routes import FULL_UP_TO, new_routes, search_all
-from botohe_moo.algorithms.local_search.kernels.search import has_room, improve
-from botohe_moo.algorithms.local_search.kernels.trail_store import (
-    TrailStore,
-    copy_trails,
-    new_store,
-    ragged,
-)
-from botohe_moo.algorithms.local_search.kernels.workspace import (
+from botohe_moo.algorithms.local_search.kernels.search import improve
+from botohe_moo.algorithms.local_search.kernels.state import (
     MEMORY,
     N_CHILDREN,
-    REFILLED_AT_ONCE,
-    REFILLED_IN_LANES,
+    N_TRAILS,
+    QUEUE,
+    TALLY,
     Search,
+    TrailStore,
+    copy_trails,
+    has_room,
+    new_store,
     new_workspace,
+    ragged,
 )
 from botohe_moo.core.apart import apart
-from botohe_moo.core.graph import Graph, Limits, with_costs
 from botohe_moo.core.ordered import copy_front, new_front, read_front
 from botohe_moo.core.rng import draw_state
 from botohe_moo.core.trails import read_trails
+from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
-# Names of the moves, in the order in which the kernels number them.
-MOVES = ("shortcut", "visit", "visit-two", "splice", "graft", "swap-loops", "reverse", "adopt")
+if TYPE_CHECKING:
+    import pandas as pd
 
-# How likely each move is to be drawn; `make bench` shows what each is good for.
-DEFAULT_MOVES: Mapping[str, float] = {
-    "shortcut": 0.07,
-    "visit": 0.18,
-    "visit-two": 0.11,
-    "splice": 0.25,
-    "graft": 0.25,
-    "swap-loops": 0.02,
-    "reverse": 0.06,
-    "adopt": 0.1,
-}
+# How likely each move is to be drawn, relative, by name.
+DEFAULT_MOVES: Mapping[str, float] = {move.name: move.weight for move in MOVES}
+RUIN_AND_RECREATE = "ruin-and-recreate"  # its row among the statistics of moves
 
-# On its n-th turn as a parent a plan is refilled with probability 1 / n², but never less than this.
-_P_REFILL = 0.02
-# Nodes times robots: with more, refills take more time than they bring (results/refills).
-_REFILLED_UP_TO = 1_000
+# On its n-th turn as a parent a plan is ruined and recreated with probability 1 / n², but never
+# less than this.
+_P_RECREATE = 0.02
+# Nodes times robots: with more, ruin and recreate takes more time than it brings (results/recreate).
+_RECREATED_UP_TO = 1_000
 
 # The most that the length of the longest arc costs, and the least budget to divide by.
 _MOST_COST, _LEAST_LENGTH = 1e12, 1e-300
@@ -62,74 +57,88 @@ _MOST_COST, _LEAST_LENGTH = 1e12, 1e-300
 _FIRST_PLANS, _N_ADDED = 256, N_CHILDREN + 1
 
 
+@dataclass(frozen=True)
+class LocalSearchSettings:
+    """What a Pareto local search can be tuned by; :class:`ParetoLocalSearch` documents it."""
+
+    moves: Mapping[str, float] = field(default_factory=lambda: DEFAULT_MOVES)
+    prob_recreate: float | None = None
+    max_size: int | None = None
+    n_islands: int = 1
+
+
 class LocalSearch:
     """A front, and the search that improves it.
 
-    Every robot keeps the ``limits``. On missions of up to ``FULL_UP_TO`` nodes a parent is refilled
-    with at least probability ``p_refill``, whose default depends on the mission. ``moves`` says how
-    likely each move is to be drawn, by its name in ``MOVES``; those left out never are. The
-    search's own generator takes its seed from ``random_state``. After each call the front keeps at
-    most ``max_size`` plans, 2 or more; None keeps all.
+    Every robot keeps the limits of ``world``. The search's own generator takes its seed from
+    ``random_state``. ``n_islands`` of the settings is for :class:`Islands`.
     """
 
     def __init__(
         self,
         mission: Mission,
-        limits: Limits,
+        world: World,
         *,
         random_state: np.random.Generator,
-        moves: Mapping[str, float] = DEFAULT_MOVES,
-        p_refill: float | None = None,
-        max_size: int | None = None,
+        settings: LocalSearchSettings | None = None,
     ) -> None:
         self.mission = mission
-        self.limits = limits
-        self.max_size = max_size
-        n_nodes = mission.arrays.n_nodes
-        if p_refill is None:
+        self.world = world
+        settings = settings or LocalSearchSettings()
+        self.max_size = settings.max_size
+        p_recreate = settings.prob_recreate
+        if p_recreate is None:
             size = len(mission.nodes) * mission.robots
-            p_refill = _P_REFILL if size <= _REFILLED_UP_TO else 0.0
-        self._p_refill = p_refill if n_nodes <= FULL_UP_TO else 0.0
-        self._weights: FloatArray = np.cumsum([float(moves.get(name, 0.0)) for name in MOVES])
+            p_recreate = _P_RECREATE if size <= _RECREATED_UP_TO else 0.0
+        self._p_recreate = p_recreate if world.graph.n_nodes <= FULL_UP_TO else 0.0
+        given = [float(settings.moves.get(move.name, 0.0)) for move in MOVES]
+        self._weights: FloatArray = np.cumsum(given)
         self._states: SeedArray = draw_state(random_state)
         # An array, since numpy writes to a copy of a record alone, once it is unpickled.
-        self._memory = np.array([(-1.0, 0, 0, REFILLED_AT_ONCE)], MEMORY).view(np.recarray)
-        self._waiting = np.zeros(REFILLED_AT_ONCE)
+        self._memory = np.array([(-1.0, 0, 0, QUEUE, 0)], MEMORY).view(np.recarray)
+        self._waiting = np.zeros(QUEUE)
+        self._tallies: RecordArray = np.zeros(len(MOVES) + 1, TALLY).view(np.recarray)
+        self._seconds = np.zeros(len(MOVES) + 1)
         self._front = new_front(_FIRST_PLANS, mission.robots)
         self._store = self._new_store(0, 0, 0)
         self._prepare()
 
     def _prepare(self) -> None:
         """Compute what is not pickled: what follows from the mission, and scratch."""
-        kept = self._memory, self._waiting, self._states, self._front, self._store
-        self._memory, self._waiting, self._states, self._front, self._store = apart(kept)
-        self._graph, per_length = _priced(self.mission.arrays, self.limits)
-        self._routes = new_routes(self._graph, per_length)
+        kept = self._memory, self._waiting, self._states, self._tallies, self._front, self._store
+        kept = apart(kept)
+        self._memory, self._waiting, self._states, self._tallies, self._front, self._store = kept
+        self._priced, per_length = _priced(self.world)
+        self._routes = new_routes(self._priced, per_length)
         self._work = new_workspace(
-            self._graph,
-            self.mission.robots,
+            self._priced,
             memory=self._memory[0],
             waiting=self._waiting,
             states=self._states,
             weights=self._weights,
+            tallies=self._tallies,
         )
 
     @property
     def parts(self) -> Search:
         """What the kernels work with."""
         return Search(
-            graph=self._graph,
+            world=self._priced,
             routes=self._routes,
             store=self._store,
             front=self._front,
             work=self._work,
-            limits=self.limits,
-            p_refill=self._p_refill,
+            p_recreate=self._p_recreate,
         )
 
-    def refill_sooner(self) -> None:
-        """Let fewer plans wait until they are refilled, as it is best for searches side by side."""
-        self._memory[0].most_waiting = REFILLED_IN_LANES
+    @property
+    def is_recreating(self) -> bool:
+        """Whether plans are ruined and recreated."""
+        return self._p_recreate > 0.0
+
+    def let_wait(self, n_plans: int) -> None:
+        """Let at most ``n_plans`` wait for ruin and recreate before it is their turn."""
+        self._memory[0].most_waiting = n_plans
 
     def restart(self) -> None:
         """Forget all plans, but not the random numbers."""
@@ -144,13 +153,16 @@ class LocalSearch:
 
         Then these stay in the caches of processors, and in memory once.
         """
-        search_all(self._graph, self._routes, self._p_refill > 0.0)
+        search_all(self._priced.graph, self._routes, self.is_recreating)
         for other in others:
             own = other._routes.paths
             other._routes = self._routes._replace(paths=own)
 
     def insert(self, batch: PlanBatch) -> None:
-        """Insert valid plans for the mission's team into the front, unless it dominates them."""
+        """Insert valid plans for the mission's team into the front, unless it dominates them.
+
+        Plans that do not keep the limits are left out.
+        """
         self._search(batch, len(batch))
 
     def run(self, n_evaluations: int) -> int:
@@ -159,7 +171,7 @@ class LocalSearch:
         Returns how many plans were evaluated: fewer than ``n_evaluations`` where no move makes any
         other plan.
         """
-        if self.mission.arrays.n_arcs == 0:  # the kernels rely on arcs to draw from
+        if self.world.graph.n_arcs == 0:  # the kernels rely on arcs to draw from
             return 0
         return self._search(None, n_evaluations)
 
@@ -170,10 +182,10 @@ class LocalSearch:
         while n < n_evaluations:
             if batch is not None:
                 given = read_trails(batch.nodes, batch.offsets[n * n_robots :].copy())
-            found = improve(self.parts, given, n_evaluations - n)
+            found = self._timed(improve, given, n_evaluations - n)
             are_waiting = batch is None and self.n_waiting >= self._memory[0].most_waiting
             if are_waiting:
-                found += refill(self.parts, n_evaluations - n - found)
+                found += self._timed(recreate, n_evaluations - n - found)
             n += found
             if found == 0 and not has_room(self.parts):
                 self._keep(read_front(self._front)[0])
@@ -182,9 +194,26 @@ class LocalSearch:
         self._trim()
         return n
 
+    def _timed(self, kernel: Any, *arguments: Any) -> int:
+        """Call a kernel, and divide the time that it takes among the moves."""
+        before, started = self._tallies["ticks"].copy(), time.perf_counter()
+        found: int = kernel(self.parts, *arguments)
+        ticks = self._tallies["ticks"] - before
+        self._seconds += (time.perf_counter() - started) * ticks / max(1, ticks.sum())
+        return found
+
+    @property
+    def statistics(self) -> pd.DataFrame:
+        """What each move brought, by name, as :attr:`ParetoLocalSearch.statistics`."""
+        import pandas as pd  # here, since importing it takes as long as importing all else
+
+        names = pd.Index([*(move.name for move in MOVES), RUIN_AND_RECREATE], name="move")
+        counts = {name: self._tallies[name].copy() for name in ("tried", "entered")}
+        return pd.DataFrame(counts | {"seconds": self._seconds.copy()}, index=names)
+
     @property
     def n_waiting(self) -> int:
-        """How many plans wait to be refilled."""
+        """How many plans wait for ruin and recreate."""
         return int(self._memory[0].n_waiting)
 
     def __len__(self) -> int:
@@ -199,41 +228,25 @@ class LocalSearch:
         """Return E[R] and E[S] of the front, by descending E[R] (n_plans, 2), without its plans."""
         return read_front(self._front)[1]
 
-    def plans(self) -> tuple[PlanBatch, FloatArray, OffsetArray]:
+    def plans(self, since: int = 0) -> tuple[PlanBatch, FloatArray, OffsetArray]:
         """Return the front by descending E[R].
 
         Its plans, their E[R] and E[S] (n_plans, 2), and how many plans had entered before each.
+        Plans before which fewer than ``since`` had entered are left out.
         """
-        front, store, graph = self._front, self._store, self.mission.arrays
+        front, store = self._front, self._store
         slots, objectives = read_front(front)
+        is_new = front.slots["serial"][slots] >= since
+        slots, objectives = slots[is_new], objectives[is_new]
         trails = store.trails[front.plan[slots].ravel()]
         offsets = np.append(0, np.cumsum(trails["n_arcs"] + 1))
-        nodes = np.full(offsets[-1], graph.base, np.int32)
-        is_head = np.ones(len(nodes), bool)
+        nodes, is_head = np.empty(offsets[-1], np.int32), np.ones(offsets[-1], bool)
         is_head[offsets[:-1]] = False
-        if graph.kinds is not None:
-            nodes[offsets[:-1]] = np.tile(graph.kinds.start, len(slots))
-        nodes[is_head] = graph.head[store.arc[ragged(trails["first_arc"], trails["n_arcs"])]]
+        nodes[offsets[:-1]] = np.tile(self.world.team.start, len(slots))
+        arcs = store.arc[ragged(trails["first_arc"], trails["n_arcs"])]
+        nodes[is_head] = self.world.graph.head[arcs]
         batch = PlanBatch._wrap(nodes, offsets, self.mission.robots)
-        return batch, objectives, front.serial[slots]
-
-    def news(self, since: int) -> News:
-        """Return those plans of the front before which ``since`` plans or more had entered.
-
-        Beside them are turns of other plans as parents, which are taken away here: they count again
-        once :meth:`take_over` is called with the same news.
-        """
-        return gather_news(self.parts, since)
-
-    def take_over(self, news: News) -> None:
-        """Insert what searches for the same mission, within the same limits, have found.
-
-        This search's own news have to be among them.
-        """
-        n = 0
-        while (n := take_over(self.parts, news, n)) < len(news.reward):
-            self._keep(read_front(self._front)[0])
-        self._trim()
+        return batch, objectives, front.slots["serial"][slots]
 
     def _trim(self) -> None:
         """Keep only as many plans as the front may have."""
@@ -255,8 +268,7 @@ class LocalSearch:
 
     def _new_store(self, n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
         """Return a store with this room, and room for the trails of a few parents' children."""
-        graph = self.mission.arrays
-        n_new = 2 * max(_N_ADDED, self.mission.robots)
+        graph, n_new = self.world.graph, 2 * max(N_TRAILS, self.mission.robots + 1)
         return new_store(
             n_trails + 4 * n_new + 1_000,
             n_arcs + n_new * graph.n_arcs,
@@ -264,7 +276,7 @@ class LocalSearch:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = ("_graph", "_routes", "_work")
+        derived = ("_priced", "_routes", "_work")
         return {key: value for key, value in vars(self).items() if key not in derived}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -272,21 +284,27 @@ class LocalSearch:
         self._prepare()
 
 
-def _priced(graph: Graph, limits: Limits) -> tuple[Graph, float]:
-    """Return the graph with costs of arcs, and what a unit of length adds to these.
+def _priced(world: World) -> tuple[World, FloatArray]:
+    """Return the world with lengths in its costs, and what a unit of length costs in each layer.
 
-    Without a travel budget, costs are dangers: −log of survivals. With one, lengths cost as well,
-    so that the cheapest paths compromise between the safest and the shortest ones. The whole budget
-    costs as much as all the danger that the survival floor allows, or as a survival of 1 / e
+    Without travel budgets, costs are dangers: −log of survivals. With one, lengths cost as well, so
+    that the cheapest paths compromise between the safest and the shortest ones. The whole budget of
+    a kind costs as much as all the danger that its survival floor allows, or as a survival of 1 / e
     without a floor. A budget that is far shorter than the longest arc costs less, so that all costs
-    are finite.
+    are finite. The second array is by node (n_nodes).
     """
-    if limits.max_length == math.inf:
-        return graph, 0.0
-    danger = -math.log(limits.min_survival) if 0.0 < limits.min_survival < 1.0 else 1.0
+    graph, team, limits = world.graph, world.team, world.limits
+    prices = np.zeros(team.n_kinds)
     longest = float(graph.length.max(initial=0.0)) or 1.0
-    per_length = min(danger / max(limits.max_length, _LEAST_LENGTH), _MOST_COST / longest)
-    return with_costs(graph, graph.cost + per_length * graph.length), per_length
+    for robot in np.unique(team.first).tolist():
+        floor, budget = float(limits.floors[robot]), float(limits.budgets[robot])
+        danger = -math.log(floor) if 0.0 < floor < 1.0 else 1.0
+        price = min(danger / max(budget, _LEAST_LENGTH), _MOST_COST / longest)
+        prices[team.start[robot] // len(team.reward)] = price
+    per_length = np.repeat(prices, len(team.reward))
+    if not limits.has_budgets:
+        return world, per_length
+    return world.with_costs(graph.cost + per_length[graph.tail] * graph.length), per_length
 
 
 def _most_contributing(objectives: FloatArray, n_most: int) -> OffsetArray:

@@ -1,61 +1,68 @@
-"""Local searches side by side, which give each other what they find."""
+"""Local searches side by side that exchange plans: the island model of parallel search."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.algorithms.local_search.engine import LocalSearch
-from botohe_moo.algorithms.local_search.kernels.exchange import News, join_news
-from botohe_moo.core.graph import Limits
+from botohe_moo.algorithms.local_search.engine import LocalSearch, LocalSearchSettings
 from botohe_moo.core.threads import mapping
+from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
-# Lanes begin after this many evaluations. Until then, one search alone finds more.
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Islands begin after this many evaluations. Until then, one search alone finds more.
 FIRST_ALONE = 20_000
-# About how many plans enter the fronts until the lanes tell each other. With more, they find much
-# twice; with fewer, telling takes longer than it brings. Nor do lanes begin before the front has as
-# many plans: with `max_size` 10, eight lanes found worse fronts than one, in twice the time.
-N_NEWS = 50
+# About how many plans enter the fronts until the islands exchange them. With more, they find much
+# twice; with fewer, migration takes longer than it brings. Nor do islands begin before the front
+# has as many plans: with `max_size` 10, eight islands found worse fronts than one, in twice the
+# time.
+N_MIGRANTS = 50
+# How many plans of an island wait for ruin and recreate: few, so that none takes much longer than
+# the others.
+_QUEUE = 8
 
 
-class Lanes:
-    """A local search that goes on as ``n_lanes`` searches, by ``n_threads``, once that pays.
+class Islands:
+    """A local search that goes on as ``n_islands`` searches, by ``n_threads``, once that pays.
 
-    The first lane holds the front of all after each call; the others are told when they go on.
-    Results do not depend on ``n_threads``. Other arguments are those of :class:`LocalSearch`.
+    The first island holds the front of all after each call; the others take over its migrants when
+    they go on. Results do not depend on ``n_threads``. Other arguments are those of
+    :class:`LocalSearch`.
     """
 
     def __init__(
         self,
         mission: Mission,
-        limits: Limits,
+        world: World,
         *,
-        n_lanes: int,
         n_threads: int,
         random_state: np.random.Generator,
-        **options: Any,
+        settings: LocalSearchSettings,
     ) -> None:
-        self.n_lanes = n_lanes
+        self.n_islands = settings.n_islands
         self.n_threads = n_threads
-        self._how = {"mission": mission, "limits": limits, "random_state": random_state, **options}
-        self._lanes = [LocalSearch(**self._how)]
+        self._how = mission, world
+        self._options = {"random_state": random_state, "settings": settings}
+        self._islands = [LocalSearch(*self._how, **self._options)]
         self._n_evaluated = 0
         self._rate = 1.0  # of the last evaluations, the share that has entered a front
-        self._untold: list[News | None] = [None]  # what each lane has still to be told
+        self._migrants: list[PlanBatch | None] = [None]  # what each island has still to take over
 
     @property
     def n_running(self) -> int:
-        """How many lanes there are by now."""
-        return len(self._lanes)
+        """How many islands there are by now."""
+        return len(self._islands)
 
     def insert(self, batch: PlanBatch) -> None:
         """Insert valid plans for the mission's team into the front, unless it dominates them."""
-        for lane in self._lanes:
-            lane.insert(batch)
+        for island in self._islands:
+            island.insert(batch)
 
     def run(self, n_evaluations: int) -> int:
         """Search from the plans of the front, of which there must be one.
@@ -63,79 +70,88 @@ class Lanes:
         Returns how many plans were evaluated: fewer than ``n_evaluations`` where no move makes any
         other plan.
         """
-        is_time = self._n_evaluated >= FIRST_ALONE and len(self) >= N_NEWS
-        if self.n_running < self.n_lanes and is_time:
+        is_time = self._n_evaluated >= FIRST_ALONE and len(self) >= N_MIGRANTS
+        if self.n_running < self.n_islands and is_time:
             self._split()
         if self.n_running == 1:
-            n = self._lanes[0].run(n_evaluations)
+            n = self._islands[0].run(n_evaluations)
         else:
-            n = self._run_lanes(n_evaluations)
+            n = self._run_islands(n_evaluations)
         self._n_evaluated += n
         return n
 
-    def _run_lanes(self, n_evaluations: int) -> int:
-        """Let all lanes search, in rounds, after each of which they tell each other."""
-        lanes, n_lanes, n = self._lanes, self.n_running, 0
-        with mapping(min(self.n_threads, n_lanes)) as map_:
+    def _run_islands(self, n_evaluations: int) -> int:
+        """Let all islands search, in rounds, each of which ends with a migration."""
+        islands, n_islands, n = self._islands, self.n_running, 0
+        with mapping(min(self.n_threads, n_islands)) as map_:
             while n < n_evaluations:
-                n_round = min(n_evaluations - n, max(n_lanes, int(N_NEWS / self._rate)))
-                shares = [(n_round + lane) // n_lanes for lane in range(n_lanes)]
-                turns = list(zip(lanes, self._untold, shares, strict=True))
-                # Lanes that refill plans take longest: they go first, so that no thread is left
+                n_round = min(n_evaluations - n, max(n_islands, int(N_MIGRANTS / self._rate)))
+                shares = [(n_round + island) // n_islands for island in range(n_islands)]
+                turns = list(zip(islands, self._migrants, shares, strict=True))
+                # Islands that recreate plans take longest: they go first, so that no thread is left
                 # with one when the others have finished.
-                order = np.argsort([-lane.n_waiting for lane in lanes], kind="stable")
-                found = map_(_run_lane, *zip(*(turns[i] for i in order), strict=True))
+                order = np.argsort([-island.n_waiting for island in islands], kind="stable")
+                found = map_(_run_island, *zip(*(turns[i] for i in order), strict=True))
                 spent, parts = zip(*(found[i] for i in np.argsort(order)), strict=True)
-                news = join_news(parts)
-                self._untold = [news] * n_lanes
-                self._rate = (1 + len(news.reward)) / (n_round + 1)
+                migrants = PlanBatch.concatenate(parts)
+                self._migrants = [migrants] * n_islands
+                self._rate = (1 + len(migrants)) / (n_round + 1)
                 n += sum(spent)
-                if sum(spent) == 0:  # no move makes another plan, in no lane
+                if sum(spent) == 0:  # no move makes another plan, on no island
                     break
-        _take_over(lanes[0], self._untold[0])
-        self._untold[0] = None
+        _take_over(islands[0], self._migrants[0])
+        self._migrants[0] = None
         return n
 
     def _split(self) -> None:
         """Let the one search go on as several, which begin with its front."""
-        [first] = self._lanes
-        self._lanes += [LocalSearch(**self._how) for _ in range(self.n_lanes - 1)]
-        for lane in self._lanes:
-            lane.refill_sooner()
-        news = join_news([first.news(0)])
-        first.share_routes(self._lanes[1:])
-        first.take_over(news)
-        self._untold = [None, *[news] * (self.n_lanes - 1)]
+        [first] = self._islands
+        others = [LocalSearch(*self._how, **self._options) for _ in range(self.n_islands - 1)]
+        self._islands += others
+        for island in self._islands:
+            island.let_wait(_QUEUE)
+        first.share_routes(others)
+        self._migrants = [None, *[first.plans()[0]] * len(others)]
 
     def __len__(self) -> int:
-        return len(self._lanes[0])
+        return len(self._islands[0])
 
     @property
     def version(self) -> int:
         """How many plans ever entered the front: changes whenever the front does."""
-        return self._lanes[0].version
+        return self._islands[0].version
+
+    @property
+    def statistics(self) -> pd.DataFrame:
+        """What each move brought, on all islands, as :attr:`LocalSearch.statistics`."""
+        return sum((island.statistics for island in self._islands[1:]), self._islands[0].statistics)
 
     def objectives(self) -> FloatArray:
         """Return E[R] and E[S] of the front, by descending E[R] (n_plans, 2), without its plans."""
-        return self._lanes[0].objectives()
+        return self._islands[0].objectives()
 
     def plans(self) -> tuple[PlanBatch, FloatArray, OffsetArray]:
         """Return the front by descending E[R], as :meth:`LocalSearch.plans` does."""
-        return self._lanes[0].plans()
+        return self._islands[0].plans()
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         if self.n_running > 1:
-            self._lanes[0].share_routes(self._lanes[1:])
+            self._islands[0].share_routes(self._islands[1:])
 
 
-def _run_lane(lane: LocalSearch, news: News | None, n_evaluations: int) -> tuple[int, News]:
-    """Tell a lane the news, and let it search; return how many plans it evaluated, and its news."""
-    _take_over(lane, news)
-    known = lane.version
-    return lane.run(n_evaluations), lane.news(known)
+def _run_island(
+    island: LocalSearch, migrants: PlanBatch | None, n_evaluations: int
+) -> tuple[int, PlanBatch]:
+    """Let an island take over migrants and search.
+
+    Returns how many plans it evaluated, and its own migrants: the plans that entered meanwhile.
+    """
+    _take_over(island, migrants)
+    known = island.version
+    return island.run(n_evaluations), island.plans(known)[0]
 
 
-def _take_over(lane: LocalSearch, news: News | None) -> None:
-    if news is not None:
-        lane.take_over(news)
+def _take_over(island: LocalSearch, migrants: PlanBatch | None) -> None:
+    if migrants is not None:
+        island.insert(migrants)

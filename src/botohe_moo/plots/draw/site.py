@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
-from botohe_moo.core.kinds import AT_NEXT_DEPOT, AT_THIS_DEPOT
+from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT
 from botohe_moo.mission import Mission
 
 
@@ -53,10 +53,10 @@ class Site:
 
 def site_of(mission: Mission, kind: str | None = None) -> Site:
     """Return a mission's site for all its kinds, or for the one of a name."""
-    graph, n, base = mission.arrays, len(mission.nodes), mission.index(mission.base)
+    graph, n, base = mission.world.graph, len(mission.nodes), mission.index(mission.base)
     kinds = tuple(k for k, one in enumerate(mission.kinds) if kind in (None, one.name))
     ends = [tuple(map(mission.index, one.ends(mission.base))) for one in mission.kinds]
-    # In arrays each kind has nodes of its own.
+    # For kernels each kind has nodes of its own.
     layer, tail = np.divmod(graph.tail, n)
     arcs, place = np.unique(tail * n + graph.head % n, return_inverse=True)
     survival = np.zeros((len(mission.kinds), len(arcs)))
@@ -71,8 +71,8 @@ def site_of(mission: Mission, kind: str | None = None) -> Site:
     found = np.minimum(np.searchsorted(arcs, back), max(0, len(arcs) - 1))
     expected = graph.reward.reshape(-1, n)[list(kinds)]
     returning = depots = np.empty(0, np.int64)
-    if graph.kinds is not None and (graph.kinds.credit == AT_NEXT_DEPOT).any():
-        credit = graph.kinds.credit[:n]
+    if (returns := mission.world.returns) is not None:
+        credit = returns.credit[:n]
         returning = np.flatnonzero((credit == AT_NEXT_DEPOT) & (expected > 0).any(axis=0))
         depots = np.setdiff1d(np.flatnonzero(credit == AT_THIS_DEPOT), [base])
     return Site(

@@ -20,7 +20,6 @@ from botohe_moo.algorithms.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.rules import Kind
 from botohe_moo.problem import BOTOHE
 from botohe_moo.study.file.code import check_objectives, problem_on
 from botohe_moo.study.file.config import Budget
@@ -30,7 +29,7 @@ from botohe_moo.study.run.task import Outcome, Record, failure
 from botohe_moo.trails import PlanBatch
 
 # A run that only compiles kernels, and limits that do not limit its plans. Evaluations in kernels
-# are fast, and after so many a local search in one lane has called all of its kernels.
+# are fast, and after so many a local search in one island has called all of its kernels.
 _WARM_UP_EVALUATIONS = 250
 _WARM_UP_IN_KERNELS = 2_000
 _WARM_UP_SURVIVAL = 1e-9
@@ -198,20 +197,7 @@ def verify(run: Run, plans: PlanBatch, claimed: FloatArray) -> None:
             f"plan {plan} of the final front is claimed to bring {claimed[plan]}, and brings "
             f"{objectives[plan]}"
         )
-    alive, floors = mission.robot_survival(plans), problem.survival_floors
-    if (below := alive < floors).any():
-        plan, robot = np.argwhere(below)[0]
-        raise ValueError(
-            f"a robot of the final front survives with {alive[plan, robot]:g}, below "
-            f"{floors[robot]:g}"
-        )
-    lengths, budgets = mission.trail_lengths(plans), problem.travel_budgets
-    if (beyond := lengths > budgets).any():
-        plan, robot = np.argwhere(beyond)[0]
-        raise ValueError(
-            f"a trail of the final front is {lengths[plan, robot]:g} long, beyond "
-            f"{budgets[robot]:g}"
-        )
+    problem.check_limits(plans)
 
 
 def _own_objectives(problem: BOTOHE, plans: PlanBatch) -> FloatArray:
@@ -235,9 +221,9 @@ def warm_up(run: Run) -> None:
     mission, algorithm = run.mission, run.algorithm
     made = make_algorithm(algorithm.algorithm, **algorithm.parameters)
     in_kernels = getattr(made, "evaluates_in_kernels", False)
-    toy, (is_plain, has_floors, has_budgets) = load_mission("toy"), special_kernels(run)
-    if not is_plain:
-        toy = Mission(toy.graph, base=toy.base, kinds=[Kind("one", 1), Kind("other", 1)])
+    toy, (has_returns, has_floors, has_budgets) = load_mission("toy"), special_kernels(run)
+    if has_returns:
+        toy = Mission(toy.graph, base=toy.base, pays="return")
     small = replace(
         mission,
         mission=toy,
@@ -252,11 +238,11 @@ def warm_up(run: Run) -> None:
 
 
 def special_kernels(run: Run) -> tuple[bool, bool, bool]:
-    """Return whether a mission is plain, and has survival floors and travel budgets.
+    """Return whether rewards count on return, and there are survival floors and travel budgets.
 
     Each needs further kernels.
     """
     own = run.mission
     most = math.inf if own.max_length is None else own.max_length
     limits = own.mission.limits(own.min_survival, most)
-    return own.mission.is_plain, limits.min_survival > 0, limits.max_length < math.inf
+    return own.mission.has_returns, limits.has_floors, limits.has_budgets

@@ -12,19 +12,11 @@ from botohe_moo.algorithms.local_search.kernels.routes import (
     route_entry,
     search_routes,
 )
-from botohe_moo.algorithms.local_search.kernels.workspace import TOLERANCE, Search, Workspace
+from botohe_moo.algorithms.local_search.kernels.state import TOLERANCE, Search, Workspace
 from botohe_moo.core.compile import helper
-from botohe_moo.core.graph import Graph, limit_at
-from botohe_moo.core.kinds import (
-    AT_NEXT_DEPOT,
-    AT_THIS_DEPOT,
-    credit_of,
-    end_of,
-    has_kinds,
-    reward_at,
-)
 from botohe_moo.core.ordered import best_reward
 from botohe_moo.core.rng import uniform
+from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, Graph, Returns, credit_of
 
 # The weight of a step to a node with something to collect, beside 1 for a step to another.
 _FRESH = 4.0
@@ -80,21 +72,19 @@ def _append_path(search: Search, node: int, goal: int, n_detours: int) -> bool:
     Where an arc is used already it leaves that path, up to ``n_detours`` times. On large missions
     there are no detours on the way to the base: these ways are stored apart from other paths.
     """
-    graph, routes, work = search.graph, search.routes, search.work
-    is_end, n_entries = goal == end_of(graph.kinds, graph.base, goal), routes.entries.shape[1]
+    graph, routes, work = search.world.graph, search.routes, search.work
+    is_end, n_entries = goal == search.world.team.end[goal], routes.entries.shape[1]
     is_homeward = is_end and n_entries < routes.entries.shape[0]
     entry = 0
     if not is_homeward:
         if routes.n_known[goal] == 0:
             search_routes(graph, routes, goal)
         entry = route_entry(routes, goal, node)
-        if entry == UNKNOWN:
-            return False
-        if has_kinds(graph.kinds) and routes.entries[goal, entry].cost == np.inf:
+        if entry == UNKNOWN or routes.entries[goal, entry].cost == np.inf:
             return False
     while node != goal:
         if is_homeward:
-            arc = graph.homeward[node]
+            arc = search.world.ways.homeward[node]
         else:
             arc = routes.entries[goal, entry].arc
             entry = routes.entries[goal, entry].onward
@@ -122,7 +112,7 @@ def _append_steps(graph: Graph, work: Workspace, node: int, n_steps: int) -> int
             if _is_used(work, arc):
                 continue
             head = work.nodes[graph.head[arc]]
-            weight = _FRESH if head.left > 0.0 and head.met > work.draft.prefix else 1.0
+            weight = _FRESH if head.marginal > 0.0 and head.met > work.draft.prefix else 1.0
             total += weight
             if uniform(work.states, 0) * total < weight:
                 drawn = arc
@@ -134,19 +124,19 @@ def _append_steps(graph: Graph, work: Workspace, node: int, n_steps: int) -> int
 
 
 @helper
-def connect_child(search: Search, n_steps: int, n_detours: int) -> bool:
+def connect_child(search: Search, n_detours: int) -> bool:
     """Write the child's new arcs; return whether there is a child that differs from the trail.
 
-    From the prefix it takes ``n_steps`` steps, visits the goals, takes the piece, and goes on to
-    the suffix.
+    From the prefix it takes ``n_steps`` random steps, visits the goals, takes the piece, and goes
+    on to the suffix.
     """
-    graph, work = search.graph, search.work
+    graph, work = search.world.graph, search.work
     draft = work.draft
     draft.n_middle = 0
     draft.mark += 1
     node, end = work.steps[draft.prefix].node, work.steps[draft.suffix].node
-    if n_steps > 0:
-        node = _append_steps(graph, work, node, n_steps)
+    if draft.n_steps > 0:
+        node = _append_steps(graph, work, node, draft.n_steps)
     for i in range(draft.n_goals + 1):
         goal = work.goals[i] if i < draft.n_goals else end
         if not _append_path(search, node, goal, n_detours):
@@ -199,55 +189,54 @@ def write_child(work: Workspace) -> int:
 
 
 @helper
-def evaluate_child(search: Search) -> float:
+def evaluate_child(search: Search, returns: Returns | None) -> float:
     """Return what the robot collects by the child; −1 if the child cannot enter the front."""
-    graph, front, work, limits = search.graph, search.front, search.work, search.limits
+    graph, limits, front, work = search.world.graph, search.world.limits, search.front, search.work
     draft, steps, nodes = work.draft, work.steps, work.nodes
     draft.mark += 1
     mark, prefix, suffix, length = draft.mark, draft.prefix, draft.suffix, draft.length
-    kinds, loads, carried = graph.kinds, work.loads, 0.0
+    carried = 0.0
     alive, gained = steps[prefix].alive, steps[prefix].gained
-    if has_kinds(kinds):
-        carried = loads[prefix].carried
+    if returns is not None:
+        carried = work.loads[prefix].carried
     for i in range(draft.n_middle):
         arc = work.middle[i]
         alive *= graph.survival[arc]
-        node, credit = nodes[graph.head[arc]], credit_of(kinds, graph.head[arc])
+        node, credit = nodes[graph.head[arc]], credit_of(returns, graph.head[arc])
         if node.met > prefix and node.seen != mark:
             node.seen = mark
             if credit == AT_NEXT_DEPOT:
-                carried += node.left
+                carried += node.marginal
             else:
-                gained += node.left * alive
+                gained += node.marginal * alive
         if credit == AT_THIS_DEPOT:
             gained += carried * alive
             carried = 0.0
     ratio = alive / steps[suffix].alive
     home = steps[length].alive * ratio
-    source = steps[0].node
-    if home < limit_at(limits.min_survival, limits.floors, source):
+    if home < limits.floors[draft.robot]:
         return -1.0
-    if limits.max_length < np.inf:
+    if limits.has_budgets:
         walked = steps[prefix].walked + steps[length].walked - steps[suffix].walked
         for i in range(draft.n_middle):
             walked += graph.length[work.middle[i]]
-        if walked > limit_at(limits.max_length, limits.budgets, source):
+        if walked > limits.budgets[draft.robot]:
             return -1.0
     needed = best_reward(front, (draft.survivors + home) * (1.0 - TOLERANCE))
     ahead = steps[suffix].ahead
-    if has_kinds(kinds):
-        ahead += carried * loads[suffix].to_depot
+    if returns is not None:
+        ahead += carried * work.loads[suffix].to_depot
     bound = (draft.others + gained + alive * ahead) * (1.0 + TOLERANCE)
     if needed >= bound:
         return -1.0
     for i in range(suffix + 1, length + 1):
-        node, credit = nodes[steps[i].node], credit_of(kinds, steps[i].node)
+        node, credit = nodes[steps[i].node], credit_of(returns, steps[i].node)
         if node.met > prefix and node.seen != mark:
             node.seen = mark
             if credit == AT_NEXT_DEPOT:
-                carried += node.left
+                carried += node.marginal
             else:
-                gained += node.left * steps[i].alive * ratio
+                gained += node.marginal * steps[i].alive * ratio
         if credit == AT_THIS_DEPOT:
             gained += carried * steps[i].alive * ratio
             carried = 0.0
@@ -257,12 +246,11 @@ def evaluate_child(search: Search) -> float:
 @helper
 def evaluate_trail(search: Search, trail: int) -> float:
     """Return what the robot collects by a stored trail; −1 if that child cannot enter the front."""
-    graph, store, work = search.graph, search.store, search.work
+    reward, store, work = search.world.team.reward, search.store, search.work
     draft, nodes, taken = work.draft, work.nodes, store.trails[trail]
     gained = 0.0
     for i in range(taken.first_visit, taken.first_visit + taken.n_visits):
         node = np.int64(store.node[i])  # of the mission: the share is part of the reach
-        left = reward_at(graph.kinds, graph.reward, int(node)) * abs(nodes[node].unreached)
-        gained += left * store.reach[i]
+        gained += reward[node] * abs(nodes[node].unreached) * store.reach[i]
     needed = best_reward(search.front, (draft.survivors + taken.alive) * (1.0 - TOLERANCE))
     return gained if (draft.others + gained) * (1.0 - TOLERANCE) > needed else -1.0

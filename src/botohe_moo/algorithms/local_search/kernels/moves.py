@@ -1,30 +1,28 @@
 """Moves of the Pareto local search: each cuts a trail somewhere and reconnects it.
 
-A move chooses a prefix and a suffix of the trail, nodes to visit between them, and a piece of arcs
-to take after these.
+A move is a function of the search that chooses a prefix and a suffix of the trail, nodes to visit
+between them, and a piece of arcs to take after these, or a stored trail to take instead; it returns
+whether it found any. ``MOVES`` declares all moves: adding one there is all that it takes.
 """
+
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from botohe_moo.algorithms.local_search.kernels.children import connect_child
-from botohe_moo.algorithms.local_search.kernels.routes import Routes, search_near
-from botohe_moo.algorithms.local_search.kernels.workspace import MOST_GOALS, Search, Workspace
-from botohe_moo.core.compile import helper
-from botohe_moo.core.graph import Graph
-from botohe_moo.core.kinds import behind_kind, first_of_kind, n_origins
-from botohe_moo.core.ordered import draw_place
+from botohe_moo.algorithms.local_search.kernels.plans import is_stuck
+from botohe_moo.algorithms.local_search.kernels.routes import search_near
+from botohe_moo.algorithms.local_search.kernels.state import (
+    MOST_GOALS,
+    NOT_STORED,
+    Search,
+    Workspace,
+)
+from botohe_moo.core.compile import helper, inlined
+from botohe_moo.core.ordered import draw_near, draw_slot
 from botohe_moo.core.rng import below, uniform
-
-# The kinds of moves, as indices into their weights; the first are numbers of nodes to visit.
-SHORTCUT = 0
-VISIT = 1
-VISIT_TWO = 2
-SPLICE = 3
-GRAFT = 4
-SWAP_LOOPS = 5
-REVERSE = 6
-ADOPT = 7
-N_KINDS = 8
+from botohe_moo.core.world import Returns
 
 # A node to visit is the best of one, two or three nodes nearby.
 _MOST_COMPARED = 3
@@ -33,7 +31,7 @@ _MOST_COMPARED = 3
 P_DETOUR, _MAX_DETOURS = 0.3, 4
 
 # Probabilities:
-# that the other plan of a move is near the parent, in its block of the front or one beside it;
+# that the other plan of a move is near the parent in the front;
 _P_NEIGHBOUR = 0.5
 # that a segment that is cut out is short, and how many arcs it has at most then;
 _P_SHORT, _N_SHORT = 0.6, 4
@@ -43,33 +41,11 @@ _P_NEAR = 0.8
 _P_STEP = 0.3
 # that two visits are followed by a third, that by a fourth, and so on;
 _P_MORE = 0.6
-# that two trails are joined at the node drawn if they meet there.
+# that two trails are joined at the node drawn if they meet there;
 _P_MEET = 0.9
-
-
-@helper
-def make_child(search: Search, kind: int) -> bool:
-    """Make a child by a move; return whether there is one that differs from the trail."""
-    draft, states = search.work.draft, search.work.states
-    n_detours = _MAX_DETOURS if uniform(states, 0) < P_DETOUR else 0
-    n_steps = draft.n_goals = draft.n_piece = 0
-    made = True
-    if kind <= VISIT_TWO:
-        _draw_segment(search.work, _N_SHORT)
-        n_visits = kind
-        while 1 < n_visits < MOST_GOALS and uniform(states, 0) < _P_MORE:
-            n_visits += 1
-        if n_visits > 0 and uniform(states, 0) < _P_STEP:
-            n_steps = n_visits
-        else:
-            _draw_visits(search.graph, search.routes, search.work, n_visits)
-    elif kind == SWAP_LOOPS:
-        made = _draw_loops(search.work)
-    elif kind == REVERSE:
-        made = _draw_reversed(search.graph, search.work)
-    else:
-        made = _draw_piece(search, kind == SPLICE)
-    return made and connect_child(search, n_steps, n_detours)
+# once the search is stuck, with rewards on return, that the trail of another robot of the same
+# plan is adopted.
+P_FOLLOW = 0.5
 
 
 @helper
@@ -85,22 +61,36 @@ def _draw_segment(work: Workspace, n_short: int) -> None:
 
 
 @helper
-def _draw_visits(graph: Graph, routes: Routes, work: Workspace, n_visits: int) -> None:
-    """Draw nodes to visit: any node, or one nearby where the other robots leave much reward."""
-    states, near = work.states, routes.near
+def _visit(search: Search, n_visits: int) -> bool:
+    """Replace a segment by paths over a number of nodes, or by as many random steps."""
+    draft, states = search.work.draft, search.work.states
+    _draw_segment(search.work, _N_SHORT)
+    while 1 < n_visits < MOST_GOALS and uniform(states, 0) < _P_MORE:
+        n_visits += 1
+    if n_visits > 0 and uniform(states, 0) < _P_STEP:
+        draft.n_steps = n_visits
+    else:
+        _draw_visits(search, n_visits)
+    return True
+
+
+@helper
+def _draw_visits(search: Search, n_visits: int) -> None:
+    """Draw nodes to visit: any node, or one nearby of much marginal reward."""
+    world, work = search.world, search.work
+    states, near, nodes = work.states, search.routes.near, work.nodes
     node = work.steps[work.draft.prefix].node
     n_near = near.shape[1]
     for i in range(n_visits):
         if uniform(states, 0) >= _P_NEAR:
-            n_nodes = n_origins(graph.kinds, graph.reward.shape[0])
-            node = work.draft.layer + below(states, n_nodes)
+            node = work.draft.layer + below(states, world.team.reward.shape[0])
         else:
             if near[node, 0] < 0:
-                search_near(graph, routes, node)
+                search_near(world.graph, search.routes, node)
             best = near[node, below(states, n_near)]
             for _ in range(below(states, _MOST_COMPARED)):
                 other = near[node, below(states, n_near)]
-                if work.nodes[other].left > work.nodes[best].left:
+                if nodes[other].marginal > nodes[best].marginal:
                     best = other
             node = best
         work.goals[i] = node
@@ -108,18 +98,32 @@ def _draw_visits(graph: Graph, routes: Routes, work: Workspace, n_visits: int) -
 
 
 @helper
+def _shortcut(search: Search) -> bool:
+    """Cut out a segment, and reconnect the trail by a safest path."""
+    return _visit(search, 0)
+
+
+@helper
+def _visit_one(search: Search) -> bool:
+    """Replace a segment by paths over one node."""
+    return _visit(search, 1)
+
+
+@helper
+def _visit_more(search: Search) -> bool:
+    """Replace a segment by paths over two nodes or more."""
+    return _visit(search, 2)
+
+
+@helper
 def draw_trail(search: Search, robot: int) -> int:
     """Draw a trail that a robot may take, of a plan near the parent or of any plan."""
-    front, work, kinds = search.front, search.work, search.graph.kinds
-    states, n_robots = work.states, search.front.plan.shape[1]
+    front, team, states = search.front, search.world.team, search.work.states
     if uniform(states, 0) < _P_NEIGHBOUR:
-        block = min(front.n.blocks - 1, max(0, work.draft.block + below(states, 3) - 1))
-        place = below(states, front.size[front.directory[block]])
+        slot = draw_near(front, states, search.work.draft.block, search.work.draft.place)
     else:
-        block, place = draw_place(front, states)
-    slot = front.places[front.directory[block], place].slot
-    first = first_of_kind(kinds, robot)
-    donor = first + below(states, behind_kind(kinds, n_robots, robot) - first)
+        slot = draw_slot(front, states)
+    donor = team.first[robot] + below(states, team.stop[robot] - team.first[robot])
     return int(np.int64(front.plan[slot, donor]))
 
 
@@ -130,7 +134,7 @@ def _draw_piece(search: Search, to_end: bool) -> bool:
     With ``to_end`` it reaches to the end of that trail. Where the trails meet at an end of the
     piece, they are mostly joined there.
     """
-    graph, store, work = search.graph, search.store, search.work
+    graph, store, work = search.world.graph, search.store, search.work
     draft, states, nodes = work.draft, work.states, work.nodes
     donor = store.trails[draw_trail(search, draft.robot)]
     start, n_arcs, length = donor.first_arc, donor.n_arcs, draft.length
@@ -157,11 +161,24 @@ def _draw_piece(search: Search, to_end: bool) -> bool:
 
 
 @helper
-def _draw_reversed(graph: Graph, work: Workspace) -> bool:
+def _splice(search: Search) -> bool:
+    """Go on along the trail of another plan to its end."""
+    return _draw_piece(search, True)
+
+
+@helper
+def _graft(search: Search) -> bool:
+    """Replace a segment by one of a trail of another plan."""
+    return _draw_piece(search, False)
+
+
+@helper
+def _reverse(search: Search) -> bool:
     """Draw a segment to walk in the other direction; a segment that is a loop stays one.
 
     Croes, "A method for solving traveling-salesman problems", Operations Research 6(6), 1958.
     """
+    work = search.work
     draft, steps = work.draft, work.steps
     _draw_segment(work, _N_SHORT + 2)
     low, high = draft.prefix, draft.suffix
@@ -169,7 +186,7 @@ def _draw_reversed(graph: Graph, work: Workspace) -> bool:
         return False
     work.goals[0], draft.n_goals = steps[high - 1].node, 1
     for i in range(high - 2, low, -1):
-        arc = graph.reverse[steps[i].arc]
+        arc = search.world.graph.reverse[steps[i].arc]
         if arc < 0:
             return False
         work.piece[high - 2 - i] = arc
@@ -178,8 +195,9 @@ def _draw_reversed(graph: Graph, work: Workspace) -> bool:
 
 
 @helper
-def _draw_loops(work: Workspace) -> bool:
+def _swap_loops(search: Search) -> bool:
     """Draw two loops, one after the other at a node, to swap: survival stays as it is."""
+    work = search.work
     draft, steps = work.draft, work.steps
     low = below(work.states, draft.length + 1)
     middle = high = -1
@@ -198,3 +216,75 @@ def _draw_loops(work: Workspace) -> bool:
         later = i - low + high - middle if i < middle else i - middle
         work.piece[later] = steps[i].arc
     return True
+
+
+@helper
+def _adopt(search: Search) -> bool:
+    """Take over a whole trail of another plan."""
+    work, team = search.work, search.world.team
+    draft, robot = work.draft, work.draft.robot
+    if _follows(search, search.world.returns):
+        other = team.first[robot] + below(work.states, team.stop[robot] - team.first[robot])
+        draft.adopted = work.parent[other]
+    else:
+        draft.adopted = draw_trail(search, robot)
+    return True
+
+
+@helper
+def _follows(search: Search, returns: Returns | None) -> bool:
+    """Draw whether the trail of another robot of the same plan is adopted instead."""
+    if returns is None:
+        return False
+    return is_stuck(search.work, returns) and uniform(search.work.states, 0) < P_FOLLOW
+
+
+class Move(NamedTuple):
+    """A move: its name, how likely it is to be drawn by default, relative, and what draws it."""
+
+    name: str
+    weight: float
+    draw: Callable[[Search], bool]
+
+
+# Weights were measured: results/local-search/moves.csv shows what each move brings.
+MOVES = (
+    Move("shortcut", 0.07, _shortcut),
+    Move("visit", 0.18, _visit_one),
+    Move("visit-two", 0.11, _visit_more),
+    Move("splice", 0.25, _splice),
+    Move("graft", 0.25, _graft),
+    Move("swap-loops", 0.02, _swap_loops),
+    Move("reverse", 0.06, _reverse),
+    Move("adopt", 0.1, _adopt),
+)
+N_MOVES = len(MOVES)
+
+
+def _chained(number: int) -> Callable[[Search, int], bool]:
+    """Return a function that calls a move by its number, from this one on."""
+    draw = MOVES[number].draw
+    if number == N_MOVES - 1:
+        return inlined(lambda search, _: draw(search))
+    draw_later = _chained(number + 1)
+
+    @inlined
+    def draw_move(search: Search, move: int) -> bool:
+        return draw(search) if move == number else draw_later(search, move)
+
+    return draw_move
+
+
+_draw_move = _chained(0)
+
+
+@helper
+def make_child(search: Search, move: int) -> bool:
+    """Make a child by a move; return whether there is one that differs from the trail."""
+    draft, states = search.work.draft, search.work.states
+    n_detours = _MAX_DETOURS if uniform(states, 0) < P_DETOUR else 0
+    draft.n_steps = draft.n_goals = draft.n_piece = 0
+    draft.adopted = NOT_STORED
+    if not _draw_move(search, move):
+        return False
+    return draft.adopted != NOT_STORED or connect_child(search, n_detours)

@@ -11,10 +11,9 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.core.compile import helper, kernel
-from botohe_moo.core.graph import Graph
-from botohe_moo.core.kinds import has_kinds
 from botohe_moo.core.paths import ANYWHERE, Paths, new_paths, search_paths
 from botohe_moo.core.sharing import shared
+from botohe_moo.core.world import Graph, World
 
 FULL_UP_TO = 1_000
 NEAR = 200
@@ -45,22 +44,22 @@ class Routes(NamedTuple):
     is_known: OffsetArray
     leaving: FloatArray
     coming: FloatArray
-    # With a travel budget also the lengths of these paths; and what a unit of length costs, 0
-    # without a budget.
+    # With travel budgets also the lengths of these paths; what a unit of length costs in the layer
+    # of each node (n_nodes); and whether lengths cost anything.
     leaving_length: FloatArray
     coming_length: FloatArray
-    per_length: float
+    per_length: FloatArray
+    prices_length: bool
     used: OffsetArray  # 0 for all arcs: every search may take all of them (n_arcs)
     paths: Paths  # scratch of the search
 
 
-def new_routes(graph: Graph, per_length: float) -> Routes:
-    """Return room for cheapest paths, of which none is searched yet.
+def new_routes(world: World, per_length: FloatArray) -> Routes:
+    """Return room for cheapest paths; none of them is searched yet.
 
-    ``per_length`` is what a unit of length adds to the costs of ``graph``; 0 without a travel
-    budget.
+    ``per_length`` is what a unit of length adds to the costs of arcs in the layer of each node.
     """
-    n_nodes = graph.n_nodes
+    n_nodes, prices_length = world.graph.n_nodes, world.limits.has_budgets
     n_entries = n_nodes if n_nodes <= FULL_UP_TO else NEAR
     n_costs = n_nodes if n_nodes <= FULL_UP_TO else 0
     return Routes(
@@ -70,11 +69,12 @@ def new_routes(graph: Graph, per_length: float) -> Routes:
         is_known=np.zeros(n_nodes, np.int64),
         leaving=np.empty((n_costs, n_costs)),
         coming=np.empty((n_costs, n_costs)),
-        leaving_length=np.zeros((n_costs, n_costs) if per_length > 0.0 else (0, 0)),
-        coming_length=np.zeros((n_costs, n_costs) if per_length > 0.0 else (0, 0)),
+        leaving_length=np.zeros((n_costs, n_costs) if prices_length else (0, 0)),
+        coming_length=np.zeros((n_costs, n_costs) if prices_length else (0, 0)),
         per_length=per_length,
-        used=np.zeros(graph.n_arcs, np.int64),
-        paths=new_paths(graph),
+        prices_length=prices_length,
+        used=np.zeros(world.graph.n_arcs, np.int64),
+        paths=new_paths(world),
     )
 
 
@@ -114,7 +114,7 @@ def search_costs(graph: Graph, routes: Routes, node: int) -> None:
         n = search_paths(graph, paths, routes.used, 1, node, ANYWHERE, n_nodes, backwards)
         for i in range(n):
             costs[paths.order[i]] = paths.distance[paths.order[i]]
-        if routes.per_length == 0.0:
+        if not routes.prices_length:
             continue
         lengths = routes.coming_length[node] if backwards else routes.leaving_length[node]
         lengths[node] = 0.0
@@ -144,7 +144,7 @@ def search_routes(graph: Graph, routes: Routes, goal: int) -> None:
             entry.cost, entry.source, entry.arc = paths.distance[node], node, arc
             following = graph.head[arc] if arc >= 0 else node
             entry.onward = following if n_entries == routes.entries.shape[0] else place[following]
-    if has_kinds(graph.kinds) and n_entries == routes.entries.shape[0]:
+    if n_entries == routes.entries.shape[0]:  # from other layers there is none
         for node in range(n_entries):
             if paths.met[node] != found:
                 routes.entries[goal, node].cost = np.inf

@@ -8,39 +8,40 @@ from botohe_moo.algorithms.local_search.kernels.children import (
     evaluate_trail,
     write_child,
 )
-from botohe_moo.algorithms.local_search.kernels.moves import ADOPT, N_KINDS, draw_trail, make_child
+from botohe_moo.algorithms.local_search.kernels.moves import N_MOVES, draw_trail, make_child
 from botohe_moo.algorithms.local_search.kernels.plans import (
-    NOT_STORED,
     acquire_parent,
     add_trail,
-    add_within_limits,
     clear_others,
     clear_trail,
     evaluate_others,
-    find_plan,
     insert_trails,
     is_stuck,
     lay_out,
     pop_newest,
     release_parent,
 )
-from botohe_moo.algorithms.local_search.kernels.trail_store import fits, release
-from botohe_moo.algorithms.local_search.kernels.workspace import (
+from botohe_moo.algorithms.local_search.kernels.state import (
     BUSY,
+    MOST_SHAKEN,
     N_CHILDREN,
     N_CHILDREN_BUSY,
     N_DRAWN,
     N_DRAWN_BUSY,
+    NOT_STORED,
+    TIMED_EVERY,
     Search,
     Workspace,
+    has_room,
+    release,
 )
+from botohe_moo.core.clock import ticks
 from botohe_moo.core.compile import helper, kernel
-from botohe_moo.core.graph import find_arc
-from botohe_moo.core.kinds import Kinds, has_kinds
-from botohe_moo.core.ordered import contribution, count_turn, draw_place
+from botohe_moo.core.ordered import contribution, draw_slot, find_place, nearest_place
 from botohe_moo.core.rng import below, uniform
 from botohe_moo.core.sharing import shared
 from botohe_moo.core.trails import Trails
+from botohe_moo.core.world import Returns, find_arc
 
 # After this many parents in a row without any child there is nothing left to try.
 MAX_FRUITLESS = 10_000
@@ -51,19 +52,9 @@ P_END, _P_SAFE_END = 0.1, 0.4
 # Once the search is stuck, the probability that another robot of a parent takes a trail of another
 # plan, so that two trails change. Without this, a mission of six nodes was not solved.
 P_OTHER = 0.5
-# With kinds, the probability that it takes a child of its own trail instead, and that a robot
-# adopts the trail of another robot of its plan. Without these, where rewards are paid on return,
-# one of fifty missions of five nodes was not solved.
-P_SHAKE, MOST_SHAKEN, P_FOLLOW = 0.7, 3, 0.5
-
-
-@helper
-def has_room(search: Search) -> bool:
-    """Return whether there is room for the children of a parent, or for a plan of new trails."""
-    n_robots, n_children = search.work.parent.shape[0], N_CHILDREN + 1
-    n_trails = n_children + MOST_SHAKEN if has_kinds(search.graph.kinds) else n_children
-    stored = fits(search.graph, search.store, max(n_trails, n_robots))
-    return bool(stored and search.front.n.spare >= n_children)
+# With rewards on return, the probability that it takes a child of its own trail instead. Without
+# this, one of fifty missions of five nodes was not solved.
+P_SHAKE = 0.7
 
 
 @kernel
@@ -71,8 +62,8 @@ def improve(search: Search, given: Trails, n_evaluations: int) -> int:
     """Evaluate the given plans, which are valid, insert them into the front, and search from there.
 
     Returns how many plans have been evaluated, the given ones among them. These are fewer than
-    ``n_evaluations`` where there is no room for more, where plans wait to be refilled, or where no
-    move makes another plan.
+    ``n_evaluations`` where there is no room for more, where plans wait for ruin and recreate, or
+    where no move makes another plan.
     """
     search, given = shared(search), shared(given)
     memory = search.work.memory
@@ -86,7 +77,7 @@ def improve(search: Search, given: Trails, n_evaluations: int) -> int:
         if memory.n_waiting >= memory.most_waiting:
             break
         block, place = _draw_parent(search)
-        if _waits_for_refill(search, block, place):
+        if _waits(search, block, place):
             continue
         _select_robot(search, block, place)
         n_children = _make_children(search, n_evaluations - n)
@@ -98,34 +89,38 @@ def improve(search: Search, given: Trails, n_evaluations: int) -> int:
 
 @helper
 def _insert_given(search: Search, given: Trails, plan: int) -> None:
-    """Insert a given plan into the front, unless that has one as good."""
-    graph, store, work = search.graph, search.store, search.work
-    n_robots = work.trails.shape[0]
-    for k in range(n_robots):
-        start = given.offsets[plan * n_robots + k]
-        length = given.offsets[plan * n_robots + k + 1] - start - 1
+    """Insert a given plan that keeps the limits into the front, unless that has one as good."""
+    graph, store, work = search.world.graph, search.store, search.work
+    n_robots, n = work.trails.shape[0], 0
+    while n < n_robots:
+        start = given.offsets[plan * n_robots + n]
+        length = given.offsets[plan * n_robots + n + 1] - start - 1
         for i in range(start, start + length):
             work.child[i - start] = find_arc(graph, given.nodes[i], given.nodes[i + 1])
-        work.trails[k] = add_trail(graph, store, work, k, length)
-    insert_trails(search, 0.0)
-    for k in range(n_robots):
+        work.trails[n] = add_trail(search, n, length)
+        if work.trails[n] == NOT_STORED:
+            break
+        n += 1
+    if n == n_robots:
+        insert_trails(search, 0.0)
+    for k in range(n):
         release(store, work.trails[k])
 
 
 @helper
-def _waits_for_refill(search: Search, block: int, place: int) -> bool:
-    """Count a plan's turn as a parent, and draw whether it waits to be refilled instead.
+def _waits(search: Search, block: int, place: int) -> bool:
+    """Count a plan's turn as a parent, and draw whether it waits for ruin and recreate instead.
 
-    On its n-th turn this happens with probability 1 / n², but with ``p_refill`` or more, and with
+    On its n-th turn this happens with probability 1 / n², but with ``p_recreate`` or more, and with
     1 / 2 or more divided by the number of plans in the front.
     """
-    front, memory, p_refill = search.front, search.work.memory, search.p_refill
-    parent = front.places[front.directory[block], place]
-    count_turn(front, parent.slot)
-    if p_refill > 0.0:  # plans of a small front, which has few trails to combine, more often
-        n_tried = front.tried[parent.slot]
-        p_refill = max(p_refill, 0.5 / front.n.plans, 1.0 / (n_tried * n_tried))
-    if uniform(search.work.states, 0) >= p_refill:
+    front, memory, p_recreate = search.front, search.work.memory, search.p_recreate
+    parent = front.slots[front.places[front.directory[block], place].slot]
+    parent.tried += 1
+    if p_recreate > 0.0:  # plans of a small front, which has few trails to combine, more often
+        n_tried = parent.tried
+        p_recreate = max(p_recreate, 0.5 / front.n.plans, 1.0 / (n_tried * n_tried))
+    if uniform(search.work.states, 0) >= p_recreate:
         return False
     search.work.waiting[memory.n_waiting] = parent.survivors
     memory.n_waiting += 1
@@ -143,20 +138,20 @@ def _select_robot(search: Search, block: int, place: int) -> None:
     acquire_parent(search, block, place)
     if store.trails[parent[draft.robot]].n_arcs == 0:
         draft.robot = below(work.states, parent.shape[0])
-    if is_stuck(search) and uniform(work.states, 0) < P_OTHER:
+    if is_stuck(work, search.world.returns) and uniform(work.states, 0) < P_OTHER:
         _change_another(search)
-    evaluate_others(search.graph, store, work)
+    evaluate_others(search.world, store, work)
 
 
 @helper
 def _change_another(search: Search) -> None:
     """Replace the trail of another robot, if there is one, by a trail of another plan.
 
-    With kinds, trails of a few robots are mostly replaced by children of them, instead.
+    With rewards on return, trails of a few robots are mostly replaced by children of them, instead.
     """
     store, work = search.store, search.work
     n_robots = work.parent.shape[0]
-    if _change_some(search, search.graph.kinds) or n_robots == 1:
+    if _change_some(search, search.world.returns) or n_robots == 1:
         return
     other = (work.draft.robot + 1 + below(work.states, n_robots - 1)) % n_robots
     trail = draw_trail(search, other)
@@ -166,9 +161,9 @@ def _change_another(search: Search) -> None:
 
 
 @helper
-def _change_some(search: Search, kinds: Kinds | None) -> bool:
+def _change_some(search: Search, returns: Returns | None) -> bool:
     """Replace trails of a few robots by children of them; return whether this was drawn."""
-    if kinds is None:  # of an argument: then numba compiles nothing of what follows
+    if returns is None:  # of an argument: then numba compiles nothing of what follows
         return False
     work = search.work
     if uniform(work.states, 0) >= P_SHAKE:
@@ -185,28 +180,17 @@ def _change_some(search: Search, kinds: Kinds | None) -> bool:
 @helper
 def _shake(search: Search, robot: int) -> int:
     """Store a child of a robot's trail, whatever it is worth; ``NOT_STORED`` if none is made."""
-    graph, store, work, draft = search.graph, search.store, search.work, search.work.draft
+    world, store, work, draft = search.world, search.store, search.work, search.work.draft
     changed, draft.robot = draft.robot, robot
-    evaluate_others(graph, store, work)
-    lay_out(graph, store, work, work.parent[robot])
-    trail, kind = NOT_STORED, _draw_kind(work)
-    if kind != ADOPT and make_child(search, kind):
-        trail = add_within_limits(search, robot, write_child(work))
-    clear_trail(graph, work)
-    clear_others(graph, work)
+    evaluate_others(world, store, work)
+    lay_out(world, world.returns, store, work, work.parent[robot])
+    trail = NOT_STORED
+    if make_child(search, _draw_move(work)) and draft.adopted == NOT_STORED:
+        trail = add_trail(search, robot, write_child(work))
+    clear_trail(world, world.returns, work)
+    clear_others(world, work)
     draft.robot = changed
     return trail
-
-
-@helper
-def _draw_adopted(search: Search, kinds: Kinds | None) -> int:
-    """Draw a trail that the robot may adopt: of another plan, or with kinds of its own plan."""
-    if kinds is not None:
-        work, robot = search.work, search.work.draft.robot
-        if is_stuck(search) and uniform(work.states, 0) < P_FOLLOW:
-            first, stop = kinds.first[robot], kinds.stop[robot]
-            return int(work.parent[first + below(work.states, stop - first)])
-    return draw_trail(search, search.work.draft.robot)
 
 
 @helper
@@ -219,63 +203,77 @@ def _draw_parent(search: Search) -> tuple[int, int]:
     front, work = search.front, search.work
     newest = pop_newest(work)
     if newest >= 0.0:
-        return find_plan(front, newest)
+        return nearest_place(front, newest)
     survivors, n_robots = front.places[front.directory[0], 0].survivors, work.parent.shape[0]
     if uniform(work.states, 0) < max(P_END, _P_SAFE_END * survivors / n_robots):
         return 0, 0
-    best, best_place, highest = 0, 0, -1.0
+    best, highest = 0, -1.0
     for _ in range(N_DRAWN_BUSY if work.memory.idle <= BUSY else N_DRAWN):
-        block, place = draw_place(front, work.states)
-        n_tried = front.tried[front.places[front.directory[block], place].slot]
-        score = contribution(front, block, place) / (1.0 + n_tried)
+        slot = draw_slot(front, work.states)
+        score = contribution(front, slot) / (1.0 + front.slots[slot].tried)
         if score > highest:
-            best, best_place, highest = block, place, score
-    return best, best_place
+            best, highest = slot, score
+    return find_place(front, front.slots[best].survivors)
 
 
 @helper
-def _draw_kind(work: Workspace) -> int:
-    """Draw a kind of move by its cumulated weight."""
+def _draw_move(work: Workspace) -> int:
+    """Draw a move by its cumulated weight."""
     weights = work.weights
-    drawn = uniform(work.states, 0) * weights[N_KINDS - 1]
-    kind = 0
-    while weights[kind] <= drawn and kind < N_KINDS - 1:
-        kind += 1
-    return kind
+    drawn = uniform(work.states, 0) * weights[N_MOVES - 1]
+    move = 0
+    while weights[move] <= drawn and move < N_MOVES - 1:
+        move += 1
+    return move
 
 
 @helper
 def _make_children(search: Search, n_most: int) -> int:
     """Make children of the parent, at most ``n_most``, insert them, and return how many."""
-    graph, store, work = search.graph, search.store, search.work
-    draft, memory, parent = work.draft, work.memory, work.parent
-    changed = parent[draft.robot]
-    lay_out(graph, store, work, changed)
+    world, store, work = search.world, search.store, search.work
+    changed, memory = work.parent[work.draft.robot], work.memory
+    lay_out(world, world.returns, store, work, changed)
     n = 0
+    is_timed = memory.n_parents % TIMED_EVERY == 0
+    memory.n_parents += 1
+    before = ticks() if is_timed else 0
     for _ in range(N_CHILDREN_BUSY if memory.idle <= BUSY else N_CHILDREN):
         if n == n_most:
             break
-        kind, trail = _draw_kind(work), NOT_STORED
-        if kind == ADOPT:
-            trail = _draw_adopted(search, graph.kinds)
-            if trail == changed:
-                continue
-            gained = evaluate_trail(search, trail)
-        elif make_child(search, kind):
-            gained = evaluate_child(search)
-        else:
-            continue
-        n += 1
-        memory.idle += 1
-        if gained < 0.0:
-            continue
-        if trail == NOT_STORED:
-            trail = add_trail(graph, store, work, draft.robot, write_child(work))
-        else:
-            store.trails[trail].n_users += 1
-        for k in range(parent.shape[0]):
-            work.trails[k] = trail if k == draft.robot else parent[k]
-        insert_trails(search, 0.0)
-        release(store, trail)
-    clear_trail(graph, work)
+        move = _draw_move(work)
+        tally = work.tallies[move]
+        if make_child(search, move) and work.draft.adopted != changed:
+            n += 1
+            memory.idle += 1
+            tally.tried += 1
+            tally.entered += _insert_child(search)
+        if is_timed:
+            now = ticks()
+            tally.ticks += TIMED_EVERY * (now - before)
+            before = now
+    clear_trail(world, world.returns, work)
     return n
+
+
+@helper
+def _insert_child(search: Search) -> bool:
+    """Insert the parent with the child into the front, if it may enter; return whether it has."""
+    store, work = search.store, search.work
+    draft, trail = work.draft, work.draft.adopted
+    if trail != NOT_STORED:
+        gained = evaluate_trail(search, trail)
+    else:
+        gained = evaluate_child(search, search.world.returns)
+    if gained < 0.0:
+        return False
+    if trail != NOT_STORED:
+        store.trails[trail].n_users += 1
+    else:
+        trail = add_trail(search, draft.robot, write_child(work))
+        if trail == NOT_STORED:  # by rounding
+            return False
+    for k in range(work.parent.shape[0]):
+        work.trails[k] = trail if k == draft.robot else work.parent[k]
+    entered = insert_trails(search, 0.0)
+    release(store, trail)
+    return entered

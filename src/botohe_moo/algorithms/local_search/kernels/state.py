@@ -1,0 +1,308 @@
+"""What a search works with: the mission, the front and its trails, what it remembers, scratch.
+
+Trails are shared by many plans: each is stored once, as long as some plan has it. A child differs
+from its parent in one trail, so that the memory and the time that it takes depend on the length of
+that trail, not on the size of the team.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
+from botohe_moo.algorithms.local_search.kernels.routes import Routes
+from botohe_moo.core.apart import apart
+from botohe_moo.core.compile import helper
+from botohe_moo.core.evaluate import Reached, new_reached
+from botohe_moo.core.ordered import OrderedFront
+from botohe_moo.core.walk import Visits, new_visits
+from botohe_moo.core.world import CHECKING, World
+
+# A plan that gains less than this, relative, counts as one that the front has already: the
+# objectives of children are computed in another order of operations than those of the front.
+TOLERANCE = CHECKING
+
+NEVER = np.int64(1) << 40  # the position of a node that a trail does not visit
+NOT_STORED = -1  # instead of the number of a trail
+
+# How many children a parent has, and how many plans are drawn for it to be chosen among.
+N_CHILDREN, N_DRAWN = 24, 2
+# The same while the search is busy: a plan has entered the front within ``BUSY`` evaluations.
+N_CHILDREN_BUSY, N_DRAWN_BUSY, BUSY = 8, 8, 100
+# Once the search is stuck, how many other trails of a parent may be replaced at most.
+MOST_SHAKEN = 3
+# How many trails a parent may need, beside those of a whole new plan.
+N_TRAILS = N_CHILDREN + MOST_SHAKEN + 1
+
+# How many plans wait for ruin and recreate, one after another: a short run does not compile it.
+QUEUE = 32
+
+TIMED_EVERY = 8  # the time of moves is taken of every so many parents, since taking it costs some
+
+MOST_GOALS = 64  # how many nodes a move visits at most
+
+_STORE = np.dtype([(name, np.int64) for name in ("arcs", "visits", "spare")])
+_TRAIL = np.dtype(
+    [
+        ("first_arc", np.int64),
+        ("end_arc", np.int64),
+        ("n_arcs", np.int64),
+        ("first_visit", np.int64),
+        ("n_visits", np.int64),
+        ("n_users", np.int64),
+        ("alive", np.float64),
+    ]
+)
+_MEMORY = ("idle", "n_waiting", "most_waiting", "n_parents")
+MEMORY = np.dtype([("newest", np.float64), *((name, np.int64) for name in _MEMORY)])
+_PARENT = ("block", "place", "robot", "n_chosen", "n_touched", "layer")
+_CHILD = ("length", "prefix", "n_middle", "suffix", "n_goals", "n_piece", "n_legs", "mark")
+_MOVE = ("n_steps", "adopted")
+_DRAFT = np.dtype(
+    [(name, np.int64) for name in (*_PARENT, *_CHILD, *_MOVE)]
+    + [(name, np.float64) for name in ("at", "others", "survivors", "value", "slope")]
+)
+_STEP = np.dtype(
+    [(name, np.int64) for name in ("arc", "node")]
+    + [(name, np.float64) for name in ("alive", "gained", "ahead", "walked")]
+)
+_LOAD = np.dtype([(name, np.float64) for name in ("carried", "to_depot")])
+_NODE = np.dtype(
+    [(name, np.int64) for name in ("met", "seen")]
+    + [(name, np.float64) for name in ("marginal", "unreached", "later")]
+)
+_ARC = np.dtype([(name, np.int64) for name in ("position", "mark", "place")])
+_LEG = np.dtype(
+    [(name, np.int64) for name in ("before", "after", "following", "tour")]
+    + [(name, np.float64) for name in ("cost", "length", "danger", "survival")]
+    + [(name, np.float64) for name in ("alive", "ahead")]
+)
+_SLACK = np.dtype([(name, np.float64) for name in ("danger", "length")])
+TALLY = np.dtype([(name, np.int64) for name in ("tried", "entered", "ticks")])
+
+
+class TrailStore(NamedTuple):
+    """Trails by number: their arcs, and what they reach."""
+
+    n: Record  # how many ``arcs`` and ``visits`` are in use, and how many trails are ``spare``
+    # Of each trail, where its arcs and visits begin, and its arcs end; how many there are; how many
+    # plans have it (``n_users``); and with what probability a robot survives it (``alive``).
+    trails: RecordArray
+    arc: IntArray  # the arcs of all trails, one trail after another
+    # What each trail visits, in order: nodes of the mission that may be worth something, and the
+    # probability that each is credited.
+    node: IntArray
+    reach: FloatArray
+    spare: OffsetArray  # numbers that are free, as a stack
+
+
+class Workspace(NamedTuple):
+    """What a search remembers, and scratch that holds nothing between two parents."""
+
+    # E[S] of the plan that entered the front last, −1 once it has been a parent (``newest``); how
+    # many plans have been evaluated since one entered (``idle``); how many wait for ruin and
+    # recreate (``n_waiting``), and how many may (``most_waiting``); and how many parents there were
+    # (``n_parents``).
+    memory: Record
+    waiting: FloatArray  # E[S] of each plan that waits (QUEUE)
+    states: SeedArray  # the search's random numbers (1, 2)
+    weights: FloatArray  # how likely each move is, relative, summed up to each (n_moves)
+    # Of each move, and last of ruin and recreate, how many children were ``tried``, how many plans
+    # ``entered`` the front, and how many ticks of the processor's counter it took (n_moves + 1).
+    tallies: RecordArray
+    # Of the parent: its ``block`` and ``place`` in the front, or those next to its E[S] (``at``)
+    # once it has left; the ``robot`` that changes, and
+    # the first node of its kind's layer (``layer``); how many nodes the others reach
+    # (``n_touched``), and E[R] and E[S] of these (``others`` and ``survivors``). Of the trail: how
+    # many arcs it has (``length``). Of the child: how many arcs are kept from the trail's start
+    # (``prefix``), how many are new (``n_middle``), from which position the trail is kept to its
+    # end (``suffix``), how many goals there are (``n_goals``), and arcs in the piece (``n_piece``).
+    # Of a move: how many random steps it begins with (``n_steps``), and which stored trail it takes
+    # as a whole, or ``NOT_STORED`` (``adopted``). Of ruin and recreate: how many robots are changed
+    # (``n_chosen``), how many legs their tours have (``n_legs``), and what the parent (``value``)
+    # and a survivor (``slope``) are worth to a walk. And the last ``mark``.
+    draft: Record
+    # At each position of the trail (n_arcs + 1) the ``node``, and the ``arc`` that leaves it; the
+    # probability to get there (``alive``); what was collected up to there (``gained``); what a
+    # robot that starts there would collect from there on (``ahead``); and how long the trail is up
+    # to there (``walked``).
+    steps: RecordArray
+    # At each position, with rewards on return, those that are ``carried``, and the probability to
+    # get from there to the next depot (``to_depot``).
+    loads: RecordArray
+    # Of each node: its ``marginal`` reward, given the other robots' trails; the probability that
+    # none of them collects it, −1 where none may (``unreached``); the position of the trail's first
+    # visit, or ``NEVER`` (``met``); and scratch: the last mark (``seen``), and what a later visit
+    # gains (``later``).
+    nodes: RecordArray
+    # Of each arc, its ``position`` on the trail or −1; the ``mark`` of the last child that took it,
+    # and its ``place`` among that child's new arcs.
+    arcs: RecordArray
+    # The child's new arcs, and all of them (n_arcs).
+    middle: OffsetArray
+    child: OffsetArray
+    # Nodes that a child visits between its prefix and its suffix, and arcs that it takes then.
+    goals: OffsetArray
+    piece: OffsetArray
+    touched: OffsetArray  # nodes of the mission that the other robots reach (n_nodes)
+    # Scratch of evaluations.
+    visits: Visits
+    reached: Reached
+    # Trails of the parent, and of the child, in lexicographic order (n_robots).
+    parent: OffsetArray
+    trails: OffsetArray
+    # Robots, those that are changed first (``chosen``); the trails of a recreated plan
+    # (``recreated``; n_robots); how much more danger, −log of a survival, and length each tour may
+    # take (``slacks``); and the first leg of each tour (``first``).
+    chosen: OffsetArray
+    recreated: OffsetArray
+    slacks: RecordArray
+    first: OffsetArray
+    # Legs of all tours: the stops ``before`` and ``after`` it; the leg that follows; its ``tour``;
+    # its ``cost``, ``length``, ``danger`` and ``survival``; with what probability it is begun
+    # (``alive``), and what a robot that begins it collects behind it (``ahead``).
+    legs: RecordArray
+    # With rewards on return, what a robot carries that begins each leg, and with what probability
+    # it gets to the next depot, as in ``loads``. Apart from ``legs``, which have to be small to be
+    # fast.
+    leg_loads: RecordArray
+    order: OffsetArray  # the legs of a tour in order (n_legs)
+    # Of each node, what it is ``worth``, what it costs to insert it where this is cheapest, and
+    # the leg where that is (n_nodes).
+    worth: FloatArray
+    insertion_cost: FloatArray
+    cheapest_leg: OffsetArray
+
+
+class Search(NamedTuple):
+    """A search: the mission, the front and its trails, and what the kernels need beside these."""
+
+    world: World  # with lengths in the costs of arcs, where there are travel budgets
+    routes: Routes
+    store: TrailStore
+    front: OrderedFront
+    work: Workspace
+    # The least probability with which a parent is ruined and recreated instead; 0 for never.
+    p_recreate: float
+
+
+def new_workspace(
+    world: World,
+    *,
+    memory: Record,
+    waiting: FloatArray,
+    states: SeedArray,
+    weights: FloatArray,
+    tallies: RecordArray,
+) -> Workspace:
+    """Return a workspace of what a search remembers, with new scratch."""
+    n_nodes, n_arcs, n_robots = world.graph.n_nodes, world.graph.n_arcs, world.n_robots
+    on_return = world.returns is not None
+    n_stops = 2 * n_nodes if on_return else n_nodes  # of a tour, depots among them
+    n_legs = (n_stops + 1) * (n_robots + 1)
+    nodes, arcs = np.zeros(n_nodes, _NODE), np.zeros(n_arcs, _ARC)
+    nodes["marginal"], nodes["unreached"], nodes["met"] = world.graph.reward, -1.0, NEVER
+    arcs["position"] = -1
+    work = Workspace(
+        memory=memory,
+        waiting=waiting,
+        states=states,
+        weights=weights,
+        tallies=tallies,
+        draft=np.zeros(1, _DRAFT).view(np.recarray)[0],
+        steps=np.zeros(max(2, n_arcs + 1), _STEP).view(np.recarray),  # two for ``store_tour``
+        loads=np.zeros(n_arcs + 1 if on_return else 0, _LOAD).view(np.recarray),
+        nodes=nodes.view(np.recarray),
+        arcs=arcs.view(np.recarray),
+        middle=np.empty(n_arcs, np.int64),
+        child=np.empty(n_arcs, np.int64),
+        goals=np.empty(max(MOST_GOALS, n_stops), np.int64),
+        piece=np.empty(n_arcs, np.int64),
+        touched=np.empty(len(world.team.reward), np.int64),
+        visits=new_visits(n_nodes),
+        reached=new_reached(len(world.team.reward)),
+        parent=np.empty(n_robots, np.int64),
+        trails=np.empty(n_robots, np.int64),
+        chosen=np.zeros(n_robots, np.int64),
+        recreated=np.zeros(n_robots, np.int64),
+        slacks=np.zeros(n_robots, _SLACK).view(np.recarray),
+        first=np.zeros(n_robots, np.int64),
+        legs=np.zeros(n_legs, _LEG).view(np.recarray),
+        leg_loads=np.zeros(n_legs if on_return else 0, _LOAD).view(np.recarray),
+        order=np.empty(n_legs, np.int64),
+        worth=np.empty(n_nodes),
+        insertion_cost=np.empty(n_nodes),
+        cheapest_leg=np.zeros(n_nodes, np.int64),
+    )
+    scratch: Workspace = apart(work)
+    return scratch._replace(memory=memory, waiting=waiting, states=states, tallies=tallies)
+
+
+def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
+    """Return a store with room for some trails, and for the arcs and visits of all of them."""
+    parts = TrailStore(
+        n=np.zeros(1, _STORE).view(np.recarray)[0],
+        trails=np.zeros(n_trails, _TRAIL).view(np.recarray),
+        arc=np.zeros(n_arcs, np.int32),
+        node=np.zeros(n_visits, np.int32),
+        reach=np.zeros(n_visits),
+        spare=np.arange(n_trails)[::-1].copy(),
+    )
+    store: TrailStore = apart(parts)
+    store.n.spare = n_trails
+    return store
+
+
+def copy_trails(store: TrailStore, into: TrailStore) -> None:
+    """Copy trails that some plan has into an empty store, without gaps; they keep their numbers."""
+    used = np.flatnonzero(store.trails["n_users"])
+    trails = into.trails[used] = store.trails[used]
+    arcs = ragged(trails["first_arc"], trails["n_arcs"])
+    visits = ragged(trails["first_visit"], trails["n_visits"])
+    into.arc[: len(arcs)] = store.arc[arcs]
+    into.node[: len(visits)], into.reach[: len(visits)] = store.node[visits], store.reach[visits]
+    into.trails["end_arc"][used] = np.cumsum(trails["n_arcs"])
+    into.trails["first_arc"][used] = into.trails["end_arc"][used] - trails["n_arcs"]
+    into.trails["first_visit"][used] = np.cumsum(trails["n_visits"]) - trails["n_visits"]
+    into.n.arcs, into.n.visits = len(arcs), len(visits)
+    free = np.flatnonzero(into.trails["n_users"] == 0)[::-1]
+    into.spare[: len(free)] = free
+    into.n.spare = len(free)
+
+
+def ragged(first: OffsetArray, lengths: OffsetArray) -> OffsetArray:
+    """Return the indices of stretches of an array, one stretch after another."""
+    before = np.cumsum(lengths) - lengths
+    return np.repeat(first - before, lengths) + np.arange(lengths.sum())
+
+
+@helper
+def has_room(search: Search) -> bool:
+    """Return whether there is room for what one parent needs, however long its trails are."""
+    store, graph = search.store, search.world.graph
+    n, n_trails = store.n, max(N_TRAILS, search.work.parent.shape[0] + 1)
+    return bool(
+        search.front.n.spare > N_CHILDREN
+        and n.spare >= n_trails
+        and n.arcs + n_trails * graph.head.shape[0] <= store.arc.shape[0]
+        and n.visits + n_trails * graph.reward.shape[0] <= store.node.shape[0]
+    )
+
+
+@helper
+def release(store: TrailStore, trail: int) -> None:
+    """Note that a trail has one user less; where none is left, its number is free."""
+    store.trails[trail].n_users -= 1
+    if store.trails[trail].n_users == 0:
+        store.spare[store.n.spare] = trail
+        store.n.spare += 1
+
+
+@helper
+def discard(store: TrailStore, trail: int) -> None:
+    """Release a trail; if it was stored last and has no user left, free its room, too."""
+    n, last = store.n, store.trails[trail]
+    release(store, trail)
+    ends = last.end_arc, last.first_visit + last.n_visits
+    if last.n_users == 0 and ends == (n.arcs, n.visits):
+        n.arcs, n.visits = last.first_arc, last.first_visit
