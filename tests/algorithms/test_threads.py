@@ -28,7 +28,7 @@ ISLANDS = {"pareto-local-search": {"n_islands": 4}}
 def shared(monkeypatch):
     """Work is shared from the first evaluations on; forked processes inherit this."""
     monkeypatch.setattr(islands, "FIRST_ALONE", 200)
-    monkeypatch.setattr(islands, "N_NEWS", 10)
+    monkeypatch.setattr(islands, "N_MIGRANTS", 10)
     monkeypatch.setattr(repair, "_MUCH", 0)
     monkeypatch.setattr(colony, "_MUCH", 0)
 
