@@ -15,6 +15,7 @@ from pymoo.optimize import minimize
 
 from benchmarks.measure import best
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission, make_algorithm
+from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.population import PopulationAlgorithm
 from botohe_moo.operators import (
     CornerSampling,
@@ -33,7 +34,6 @@ from botohe_moo.operators import (
     TruncateRepair,
 )
 from botohe_moo.operators.wiring import DEFAULT_CROSSOVER, DEFAULT_MUTATION
-from botohe_moo.search.archive import PlanArchive
 
 MISSIONS = ("art_museum", "power_plant")
 SEEDS = range(1, 11)

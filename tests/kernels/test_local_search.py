@@ -7,13 +7,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, load_mission
+from botohe_moo.algorithms.greedy.planner import plan_sequentially
 from botohe_moo.algorithms.local_search import engine as search_module
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, MOVES, LocalSearch
 from botohe_moo.algorithms.local_search.kernels import children, plans, routes
 from botohe_moo.algorithms.local_search.kernels import moves as kernels_of_moves
 from botohe_moo.algorithms.local_search.kernels import search as kernels
 from botohe_moo.core.ordered import best_reward
-from botohe_moo.search.sequential import plan_sequentially
 from botohe_moo.trails import PlanBatch
 from tests import twins
 from tests.examples import examples

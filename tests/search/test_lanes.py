@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from botohe_moo import Mission, load_mission
+from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.algorithms.local_search import islands as module
 from botohe_moo.algorithms.local_search.engine import LocalSearch
 from botohe_moo.algorithms.local_search.islands import Lanes
 from botohe_moo.algorithms.local_search.kernels.workspace import REFILLED_AT_ONCE, REFILLED_IN_LANES
-from botohe_moo.search.sequential import SequentialPlanner
 
 
 @pytest.fixture(autouse=True)

@@ -22,8 +22,8 @@ from hypothesis import strategies as st
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
+from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.local_search.kernels import recreate, search
-from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.run import perform as performing
 from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
@@ -292,7 +292,7 @@ class TestRecords:
         assert {tuple(p) for p in -result.F} == {tuple(p) for p in records[-1].objectives}
 
     def test_times_leave_recording_out(self, monkeypatch):
-        from botohe_moo.search.archive import PlanArchive
+        from botohe_moo.algorithms.archive import PlanArchive
 
         usual = PlanArchive.plans.fget
 

@@ -12,14 +12,14 @@ if TYPE_CHECKING:
     from botohe_moo.algorithms.annealing.algorithm import SimulatedAnnealing as SimulatedAnnealing
     from botohe_moo.algorithms.base import ArchiveAlgorithm as ArchiveAlgorithm
     from botohe_moo.algorithms.baselines import Exact as Exact
-    from botohe_moo.algorithms.baselines import Greedy as Greedy
-    from botohe_moo.algorithms.baselines import RandomTrails as RandomTrails
-    from botohe_moo.algorithms.bo_aco import BOACO as BOACO
+    from botohe_moo.algorithms.bo_aco.algorithm import BOACO as BOACO
+    from botohe_moo.algorithms.bo_aco.algorithm import RandomTrails as RandomTrails
     from botohe_moo.algorithms.exact.front import TooLargeError as TooLargeError
     from botohe_moo.algorithms.exact.front import exact_front as exact_front
     from botohe_moo.algorithms.genetic import PlanNSGA2 as PlanNSGA2
     from botohe_moo.algorithms.genetic import PlanSMSEMOA as PlanSMSEMOA
     from botohe_moo.algorithms.genetic import PlanSPEA2 as PlanSPEA2
+    from botohe_moo.algorithms.greedy.algorithm import Greedy as Greedy
     from botohe_moo.algorithms.local_search.algorithm import ParetoLocalSearch as ParetoLocalSearch
     from botohe_moo.algorithms.moead import PlanMOEAD as PlanMOEAD
     from botohe_moo.algorithms.population import PopulationAlgorithm as PopulationAlgorithm

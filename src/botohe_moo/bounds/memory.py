@@ -15,7 +15,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.kernels.states import NEVER, NONE, Memory, Net
 from botohe_moo.bounds.net import Piece, pieces_of
-from botohe_moo.kernels.beam.prospects import find_near
+from botohe_moo.core.paths import find_near
 
 _MOST_BRIDGES = 256  # that a node chooses from: more than it can remember
 # By what share survivals of ways are raised: paths are compared by sums of rounded logarithms.

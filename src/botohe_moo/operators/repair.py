@@ -13,11 +13,11 @@ from pymoo.core.repair import Repair
 
 from botohe_moo._base.types import ObjectArray, OffsetArray
 from botohe_moo.core.graph import Graph
+from botohe_moo.core.threads import mapping
 from botohe_moo.core.trails import read_trails
 from botohe_moo.mission.model import Mission
 from botohe_moo.operators.kernels.repair import SAFEST_PATH, TRUNCATE, repair
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.threads import mapping
 from botohe_moo.trails import PlanBatch
 
 # Trails times arcs: threads take longer to start than they save with less.

@@ -1,16 +1,17 @@
 """Samplings: plans to start from."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from pymoo.core.sampling import Sampling
 
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import ObjectArray, Rng
+from botohe_moo.algorithms.bo_aco.colony import JOURNAL, Colony
+from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.operators.base import Mixture, check_part
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.colony import Colony, ColonyRule
-from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 
@@ -103,9 +104,8 @@ def _walk(problem: BOTOHE, n_samples: int, rng: Rng, *, heuristic: bool) -> Plan
     """Let ants without pheromone build plans."""
     colony = Colony(
         problem.mission,
-        ColonyRule(heuristic=heuristic, pheromone=False),
-        n_ants=n_samples,
-        limits=problem.planning_limits,
+        problem.world,
+        replace(JOURNAL, n_ants=n_samples, heuristic=heuristic, pheromone=False),
         random_state=rng,
     )
     return colony.construct(n_samples)
@@ -146,9 +146,9 @@ class CornerSampling(_FilledSampling):
     """
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
-        mission, limits = problem.mission, problem.planning_limits
-        home = mission.stay_home(limits)
-        greedy = SequentialPlanner(mission, limits).plan(1.0)
+        mission, world = problem.mission, problem.world
+        home = mission.stay_home(world)
+        greedy = SequentialPlanner(mission, world).plan(1.0)
         corners = PlanBatch.from_plans([home, greedy], mission.robots)
         return self._fill(corners[:n_samples], problem, n_samples, rng)
 

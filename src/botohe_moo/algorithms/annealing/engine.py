@@ -17,12 +17,12 @@ from botohe_moo.algorithms.annealing.kernels import (
     new_state,
     score,
 )
+from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.core.graph import Limits
 from botohe_moo.core.rng import seed_states
 from botohe_moo.core.trails import read_trails
 from botohe_moo.mission.model import Mission
 from botohe_moo.operators.kernels.change import MoveRule
-from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 # How likely each kind of move is to be drawn: the published kinds, then our deletion of loops. Of

@@ -18,12 +18,12 @@ from botohe_moo._plugins.types import Positive, Probability, TravelBudget
 from botohe_moo.algorithms.exact import teams
 from botohe_moo.algorithms.exact.labels import n_bytes
 from botohe_moo.algorithms.exact.trails import TrailSearch, without_base_reward
+from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.core.evaluate import evaluate, new_values
 from botohe_moo.core.ordered import best_reward, copy_front, insert, new_front, read_front
 from botohe_moo.core.world import CHECKING, World
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 TIME_LIMIT = 60.0

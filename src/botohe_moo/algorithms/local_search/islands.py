@@ -10,9 +10,9 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.algorithms.local_search.engine import LocalSearch, LocalSearchSettings
 from botohe_moo.algorithms.local_search.kernels.state import Given
+from botohe_moo.core.threads import mapping
 from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
-from botohe_moo.search.threads import mapping
 from botohe_moo.trails import PlanBatch
 
 if TYPE_CHECKING:

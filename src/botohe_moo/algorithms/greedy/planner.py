@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from functools import cached_property, partial
-from itertools import permutations
+from itertools import pairwise, permutations
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
@@ -16,14 +16,17 @@ from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability, TravelBudget
-from botohe_moo.core.graph import NO_LIMITS, Limits
-from botohe_moo.core.kinds import AT_NEXT_DEPOT, kind_ranges
-from botohe_moo.core.paths import Budget, new_budget
-from botohe_moo.kernels.beam.labels import Beam, new_beam
-from botohe_moo.kernels.beam.prospects import BeamRule, Near, dangers, find_near
-from botohe_moo.kernels.beam.search import MAX_LABELS, best_trail
+from botohe_moo.algorithms.greedy.kernels import (
+    MAX_LABELS,
+    Beam,
+    BeamRule,
+    best_trail,
+    new_beam,
+)
+from botohe_moo.core.paths import Near, new_near
+from botohe_moo.core.walk import Visits, new_visits, walk
+from botohe_moo.core.world import AT_NEXT_DEPOT, PLANNING, World, find_arc
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes.reaching import collected
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["plan_sequentially"]
@@ -34,8 +37,6 @@ BeamWidth: TypeAlias = Annotated[int, Field(ge=1, le=MAX_BEAM_WIDTH)]
 
 # Nodes that the search looks ahead to from each node; on 200 nodes as good as all of them.
 _N_NEAR = 64
-
-_ROUNDING = 1e-12  # relative: what rounding may change in the product of survivals
 
 _ALL_ORDERS_UP_TO = 3  # kinds, of which all orders are tried
 
@@ -95,46 +96,70 @@ def plan_sequentially(
     Examples
     --------
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.search.sequential import plan_sequentially
+    >>> from botohe_moo.algorithms.greedy import plan_sequentially
     >>> mission = load_mission("art_museum")
     >>> plan = plan_sequentially(mission, 1.0)
     >>> reward, survivors = mission.evaluate([plan])[0]
     >>> bool(reward > 10)
     True
     """
-    longest = math.inf if max_length is None else max_length
-    limits = check_mission(mission).limits(min_survival, longest)
-    mission.check_ways(limits)
-    return SequentialPlanner(mission, limits, beam_width=beam_width).plan(weight)
+    world = check_mission(mission).limited(
+        min_survival, math.inf if max_length is None else max_length
+    )
+    mission.check_ways(world)
+    return SequentialPlanner(mission, world, beam_width=beam_width).plan(weight)
+
+
+Trails: TypeAlias = list[tuple[int, list[int]]]  # robots that leave, and their trails
 
 
 class SequentialPlanner:
-    """Plans of one mission for many weights; :func:`plan_sequentially` documents parameters."""
+    """Plans of one mission for many weights; :func:`plan_sequentially` documents parameters.
+
+    Robots keep the limits of ``world``, by default those of the mission.
+    """
 
     def __init__(
         self,
         mission: Mission,
-        limits: Limits = NO_LIMITS,
+        world: World | None = None,
         *,
         beam_width: int = BEAM_WIDTH,
         max_labels: int = MAX_LABELS,
     ) -> None:
         self.mission = check_mission(mission)
-        self.limits = limits
+        self.world = mission.world if world is None else world
         self.beam_width = beam_width
-        self._max_labels = max_labels
+        self.max_labels = max_labels
 
     @cached_property
     def _near(self) -> Near:
-        return find_near(self.mission.arrays, _N_NEAR)
+        return new_near(self.world.graph.n_nodes, _N_NEAR)
 
     @cached_property
     def _home(self) -> TrailPlan:
-        return self.mission.stay_home(self.limits)
+        return self.mission.stay_home(self.world)
 
     @cached_property
-    def _budget(self) -> Budget | None:
-        return new_budget(self.mission.arrays, self.limits)
+    def _safest(self) -> World:
+        """The mission in which only the safest trails keep the survival floor."""
+        limits = self.world.limits
+        floors = self.world.ways.home[self.world.team.start]
+        floors = np.where(floors < 1.0, floors * (1.0 - PLANNING), floors)
+        return self.world.with_limits(limits._replace(floors=np.maximum(floors, limits.floors)))
+
+    @cached_property
+    def _worth(self) -> FloatArray:
+        """What each node is worth as a share of the total reward, if nobody else reaches it.
+
+        Rewards that are paid on return count as far as the safest way home is survived.
+        """
+        world, total = self.world, self.mission.total_reward or 1.0
+        share: FloatArray = world.graph.reward / total
+        if world.returns is not None:
+            on_return = world.returns.credit == AT_NEXT_DEPOT
+            share = np.where(on_return, share * world.ways.home, share)
+        return share
 
     def plan(self, weight: float) -> TrailPlan:
         """Plan the whole team, for a weight on reward."""
@@ -156,95 +181,91 @@ class SequentialPlanner:
             return [self._team(trails[: n_moving[i]]) for i in chosen.tolist()]
         return [self._team(trails[:n]) for n in n_moving] or [self._team([])]
 
-    def _team(self, trails: list[tuple[int, list[int]]]) -> TrailPlan:
+    def _team(self, trails: Trails) -> TrailPlan:
         """Return the plan in which these robots take trails, and the others stay at base."""
         team = list(self._home.trails)
         for robot, trail in trails:
             team[robot] = tuple(trail)
         return TrailPlan(team)
 
-    def _best_trails(self, weight: float, until: float = math.inf) -> list[tuple[int, list[int]]]:
+    def _best_trails(self, weight: float, until: float = math.inf) -> Trails:
         """Plan the trails of those robots that leave, one kind after another.
 
         Kinds are planned in the order, of a few, that gives the best plan.
         """
         weight = check_number("weight", weight, at_least=0, at_most=1)
-        kinds = range(len(self.mission.kinds))
+        kinds = np.unique(self.world.team.first).tolist()  # the first robot of each
         orders = list(permutations(kinds)) if len(kinds) <= _ALL_ORDERS_UP_TO else [tuple(kinds)]
         found = [self._trails(weight, order, until) for order in orders]
-        return found[0] if len(found) == 1 else max(found, key=partial(self._worth, weight))
+        return found[0] if len(found) == 1 else max(found, key=partial(self._value, weight))
 
-    def _worth(self, weight: float, trails: list[tuple[int, list[int]]]) -> float:
+    def _value(self, weight: float, trails: Trails) -> float:
         """Return what a plan is worth; as a draft, since budgets count ``evaluate``."""
         objectives, _ = self.mission.evaluate_drafts([self._team(trails)])
         reward, survivors = objectives[0] / (self.mission.total_reward or 1.0, self.mission.robots)
         return float(weight * reward + (1.0 - weight) * survivors)
 
-    def _trails(
-        self, weight: float, kinds: Sequence[int], until: float
-    ) -> list[tuple[int, list[int]]]:
-        """Plan robots, kind by kind; return the number and the trail of each that leaves."""
-        mission, graph = self.mission, self.mission.arrays
-        unreached = np.ones(len(mission.nodes))
-        if graph.kinds is None:
-            unreached[graph.base] = 0.0  # every trail collects it, and it may be large
-        beam = new_beam(graph)
-        danger = dangers(graph, self._near, (1.0 - weight) / mission.robots if weight > 0 else 1.0)
-        trails: list[tuple[int, list[int]]] = []
-        firsts, stops = map(np.unique, kind_ranges(graph.kinds, mission.robots))
-        ranges = list(zip(firsts.tolist(), stops.tolist(), strict=True))
-        for first, stop in [ranges[kind] for kind in kinds]:
+    def _trails(self, weight: float, order: Sequence[int], until: float) -> Trails:
+        """Plan the robots, kind by kind, each given by its first robot."""
+        team, found = self.world.team, _Found(self.world)
+        trails: Trails = []
+        beam = new_beam(self.world, self.beam_width, self.max_labels)
+        for first in order:
+            stop = int(team.stop[first])
             for robot in range(first, stop):
                 if time.perf_counter() > until:
                     return trails
-                trail = self._trail(weight, robot, unreached, danger, beam)
-                if trail is None:  # nor will later robots of this kind leave
-                    home = TrailPlan([self._home.trails[robot]])
-                    unreached *= (1.0 - collected(mission, home)[0]) ** (stop - robot)
+                trail = self._trail(weight, robot, found.unreached, beam)
+                if len(trail) == 1:  # nor will later robots of this kind leave
+                    for other in range(robot, stop):
+                        found.add(other, self._home.trails[other])
                     break
                 trails.append((robot, trail))
-                unreached *= 1.0 - collected(mission, TrailPlan([trail]))[0]
+                found.add(robot, trail)
         return trails
 
-    def _trail(
-        self, weight: float, robot: int, unreached: FloatArray, danger: FloatArray, beam: Beam
-    ) -> list[int] | None:
-        """Plan one robot's trail; None if it is best where it is, or on the safest way to its end.
+    def _trail(self, weight: float, robot: int, unreached: FloatArray, beam: Beam) -> list[int]:
+        """Plan one robot's trail; only its start if it is best there, or on the safest way home.
 
         ``unreached`` is the probability that no robot has collected each node of the mission.
-        Rewards that are paid on return count as far as the safest way home is survived.
         """
-        mission, graph, budget = self.mission, self.mission.arrays, self._budget
-        share = graph.reward / (mission.total_reward or 1.0)
-        start, limits, left = graph.base, self.limits, unreached
-        if (kinds := graph.kinds) is not None:
-            start, n_nodes = int(kinds.start[robot]), len(mission.nodes)
-            left = np.zeros(graph.n_nodes)  # also in the layers of other kinds
-            layer = start - start % n_nodes
-            left[layer : layer + n_nodes] = unreached
-            share = np.where(kinds.credit == AT_NEXT_DEPOT, share * graph.home, share)
-        least = limits.min_survival if limits.floors is None else float(limits.floors[start])
-        survival_weight = (1.0 - weight) / mission.robots
-        if weight > 0:
-            share = weight * share
-        else:  # among the safest trails, the most reward decides
-            survival_weight, least = 1.0, float(graph.home[start])
-            least *= 1.0 if least == 1.0 else 1.0 - _ROUNDING
-            if budget is not None:
-                budget = budget._replace(limits=limits.with_floor(least))
+        world, team = self.world, self.world.team
+        worth, survival_weight = weight * self._worth, (1.0 - weight) / self.mission.robots
+        if weight == 0.0:  # among the safest trails, the most reward decides
+            world, worth, survival_weight = self._safest, self._worth, 1.0
         rule = BeamRule(
-            start=start,
-            worth=share * left,
-            danger=danger,
-            survival_weight=survival_weight,
-            least=least,
-            budget=budget,
-            width=self.beam_width,
-            max_labels=self._max_labels,
+            robot,
+            world.n_robots + robot,
+            worth * unreached[team.origin],
+            survival_weight,
+            self.beam_width,
         )
-        arcs, _, _ = best_trail(graph, self._near, rule, beam)
-        return [start, *graph.head[arcs].tolist()] if len(arcs) else None
+        n_arcs, _, _ = best_trail(world, self._near, rule, beam)
+        return [int(team.start[robot]), *world.graph.head[beam.trail[:n_arcs]].tolist()]
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = ("_near", "_home", "_budget")  # large, and soon computed
+        derived = ("_near", "_home", "_safest", "_worth")  # large, and soon computed
         return {key: value for key, value in vars(self).items() if key not in derived}
+
+
+class _Found:
+    """What robots that have been planned collect."""
+
+    def __init__(self, world: World) -> None:
+        self.world, team = world, world.team
+        self.unreached = np.ones(len(team.reward))  # that no robot collects each node
+        # What robots collect where they start is the same on all trails, and may be large.
+        starts = team.start[team.share[team.start] == 1.0]
+        if world.returns is not None:
+            starts = starts[world.returns.credit[starts] != AT_NEXT_DEPOT]
+        self.unreached[team.origin[starts]] = 0.0
+        self._visits: Visits = new_visits(world.graph.n_nodes)
+
+    def add(self, robot: int, trail: Sequence[int]) -> None:
+        """Add what a robot collects on a trail."""
+        world = self.world
+        arcs = [find_arc(world.graph, tail, head) for tail, head in pairwise(trail)]
+        n, _, _ = walk(
+            world, world.returns, np.array(arcs, np.int64), len(arcs), robot, self._visits
+        )
+        self.unreached[self._visits.node[:n]] *= 1.0 - self._visits.chance[:n]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.core.archive import Archive, Batch, insert, new_archive
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo.core.archive import Archive, Batch, new_archive, new_found, sift, survivors_of
 from botohe_moo.trails import PlanBatch
 
 
@@ -38,9 +40,11 @@ class PlanArchive:
     @property
     def plans(self) -> PlanBatch:
         """A copy of the plans, in the order of ``objectives``."""
-        return PlanBatch._wrap(
-            self._arrays.nodes.copy(), self._arrays.offsets.copy(), self.n_robots
-        )
+        return self._plans.take(np.arange(len(self._plans)))
+
+    @property
+    def _plans(self) -> PlanBatch:
+        return PlanBatch._wrap(self._arrays.nodes, self._arrays.offsets, self.n_robots)
 
     @property
     def version(self) -> int:
@@ -56,9 +60,27 @@ class PlanArchive:
 
     def _insert(self, batch: PlanBatch, objectives: FloatArray) -> tuple[OffsetArray, OffsetArray]:
         """Return the indices of the batch's own Pareto set, and of the plans that are inserted."""
-        new = Batch(objectives, *batch.arrays)
-        members, inserted, self._arrays = insert(
-            new, self.n_robots, self._arrays, self.max_ties, self._next_id
+        new, archive = Batch(objectives, *batch.arrays), self._arrays
+        found = new_found(new)
+        n_members, n_new = sift(
+            new, self.n_robots, archive.objectives, archive.hashes, self.max_ties, found
         )
-        self._next_id += len(inserted)
-        return members, inserted
+        members, newcomers = found.members[:n_members], found.newcomers[:n_new]
+        if n_new > 0:
+            self._merge(batch.take(newcomers), objectives[newcomers], found.hashes[newcomers])
+        return members, newcomers
+
+    def _merge(self, batch: PlanBatch, objectives: FloatArray, hashes: SeedArray) -> None:
+        """Insert newcomers, given by descending E[R], and drop what they dominate."""
+        archive, ids = self._arrays, self._next_id + np.arange(len(batch))
+        stays = survivors_of(archive.objectives, objectives)
+        both = np.concatenate([archive.objectives[stays], objectives])
+        order = np.argsort(-both[:, 0], kind="stable")
+        plans = PlanBatch.concatenate([self._plans.take(stays), batch]).take(order)
+        self._arrays = Archive(
+            both[order],
+            np.concatenate([archive.hashes[stays], hashes])[order],
+            np.concatenate([archive.ids[stays], ids])[order],
+            *plans.arrays,
+        )
+        self._next_id += len(batch)

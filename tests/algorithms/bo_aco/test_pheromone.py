@@ -1,6 +1,5 @@
 """Deposit and evaporation against a readable twin."""
 
-import math
 from itertools import pairwise
 
 import numpy as np
@@ -9,16 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Kind, Mission, load_mission
-from botohe_moo.kernels.colony.pheromone import (
-    LEAST,
-    Depositors,
-    Pheromone,
-    learn,
-)
-from botohe_moo.kernels.colony.weighing import Weights
+from botohe_moo.algorithms.bo_aco.kernels import LEAST, Depositors, Pheromone, learn
 
 N_ROBOTS = 2
-GRAPH = load_mission("complete", nodes=4).arrays
+WORLD = load_mission("complete", nodes=4, robots=N_ROBOTS).world
+GRAPH = WORLD.graph
 N_ARCS = GRAPH.n_arcs + 1  # the base's self-loop, which ends every trail, is the last
 
 
@@ -66,12 +60,8 @@ def depositors(plans, members=None):
     )
 
 
-def new_pheromone(levels, log_eta_reward=0.0, log_eta_survival=0.0):
-    n_maps = len(levels)
-    deposits, etas = np.zeros((2, *levels.shape)), np.zeros((2, N_ARCS))
-    etas[0], etas[1] = log_eta_reward, log_eta_survival
-    weights = Weights(*np.empty((2, n_maps, N_ARCS)), *np.zeros((2, N_ARCS)))
-    return Pheromone(levels, *deposits, *etas), weights
+def new_pheromone(levels):
+    return Pheromone(levels, *np.zeros((2, *levels.shape)))
 
 
 @given(
@@ -89,22 +79,20 @@ def test_learn(batch, chosen, archived, n_maps, evaporation, pooled, seed):
     before = {(m, a): levels[m, a].tolist() for m in range(n_maps) for a in range(N_ARCS)}
     expected = twin(before, evaporation, pooled, [batch[i] for i in members], archived)
     iteration, archive = depositors(batch, members), depositors(archived)
-    pheromone, weights = new_pheromone(levels, 0.5, -0.5)
+    pheromone = new_pheromone(levels)
     pheromone.deposits[:], pheromone.archive_deposits[:] = 7.0, 7.0  # of iterations before
-    learn(GRAPH, iteration, archive, True, evaporation, pooled, pheromone, weights)
+    learn(WORLD, iteration, archive, True, evaporation, pooled, pheromone)
     for (m, arc), levels_expected in expected.items():
         assert pheromone.levels[m, arc] == pytest.approx(levels_expected, rel=1e-12)
-    assert weights.log_reward == pytest.approx(np.log(pheromone.levels[..., 0]) + 0.5)
-    assert weights.log_survival == pytest.approx(np.log(pheromone.levels[..., 1]) - 0.5)
 
 
 def test_what_the_archive_deposits_is_kept_as_long_as_it_is_the_same():
     levels = np.random.default_rng(1).uniform(0.1, 5, (1, N_ARCS, 2))
     nobody = depositors([((0.0, 0.0), [[0], [0]])], np.empty(0, np.int64))
     archive = depositors([((2.0, 1.0), [[0], [0]])])
-    pheromone, weights = new_pheromone(levels.copy())
+    pheromone = new_pheromone(levels.copy())
     for is_new in (True, False, False):
-        learn(GRAPH, nobody, archive, is_new, 0.0, False, pheromone, weights)
+        learn(WORLD, nobody, archive, is_new, 0.0, False, pheromone)
         archive = archive._replace(objectives=np.full((1, 2), 9.0))
     assert np.array_equal(pheromone.levels[0, :-1], levels[0, :-1])
     assert pheromone.levels[0, -1] == pytest.approx(levels[0, -1] + 3 * 2 * np.array([2.0, 1.0]))
@@ -113,15 +101,13 @@ def test_what_the_archive_deposits_is_kept_as_long_as_it_is_the_same():
 def test_each_kind_has_a_loop_where_its_trails_end():
     graph = load_mission("complete", nodes=3).graph
     kinds = [Kind("drone", 1, end=1), Kind("rover", 2)]
-    arrays = Mission(graph, base=0, kinds=kinds).arrays
+    world = Mission(graph, base=0, kinds=kinds).world
     # Behind the drone's three nodes come the rovers'.
     plan = depositors([((2.0, 5.0), [[0, 2, 1], [3, 5, 3], [3]])])
-    levels = np.ones((1, arrays.n_arcs + 2, 2))
-    shape, etas = levels.shape, np.zeros(levels.shape[1])
-    pheromone = Pheromone(levels, np.zeros(shape), np.zeros(shape), etas, etas)
-    weights = Weights(*np.empty((2, *shape[:2])), etas, etas)
-    learn(arrays, plan, plan, True, 0.0, True, pheromone, weights)
-    arcs = [*zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True), "drone", "rover"]
+    levels = np.ones((1, world.graph.n_arcs + 2, 2))
+    learn(world, plan, plan, True, 0.0, True, new_pheromone(levels))
+    arcs = zip(world.graph.tail.tolist(), world.graph.head.tolist(), strict=True)
+    arcs = [*arcs, "drone", "rover"]
     deposits = dict(zip(arcs, (levels[0] - 1).tolist(), strict=True))
     once = {(0, 2), (2, 1), "drone", (3, 5), (5, 3)}
     assert {arc for arc, deposit in deposits.items() if deposit == [2.0, 5.0]} == once
@@ -132,10 +118,8 @@ def test_each_kind_has_a_loop_where_its_trails_end():
 def test_pheromone_never_vanishes():
     """Thousands of iterations without deposit underflow to 0 otherwise, and 0 has no logarithm."""
     plans = depositors([((1.0, 1.0), [[0], [0]])])
-    pheromone, weights = new_pheromone(np.full((1, N_ARCS, 2), 1e-249), -3.0, 0.5)
+    pheromone = new_pheromone(np.full((1, N_ARCS, 2), 1e-249))
     for _ in range(10_000):
-        learn(GRAPH, plans, plans, True, 0.5, False, pheromone, weights)
+        learn(WORLD, plans, plans, True, 0.5, False, pheromone)
     assert (pheromone.levels[0, :-1] == LEAST).all()
     assert (pheromone.levels[0, -1] > 1).all()
-    assert weights.log_reward[0, 0] == pytest.approx(math.log(LEAST) - 3)
-    assert weights.log_survival[0, 0] == pytest.approx(math.log(LEAST) + 0.5)

@@ -8,48 +8,23 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from botohe_moo.core.graph import Limits
+from botohe_moo.algorithms.bo_aco import colony as module
+from botohe_moo.algorithms.bo_aco.colony import Colony, ColonySettings
 from botohe_moo.mission import Kind, Mission, load_mission
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search import colony as search
-from botohe_moo.search.colony import Colony, ColonyRule, _new_weights
 from tests import twins
 from tests.examples import examples
 from tests.strategies import lengths, missions, team_missions
 
 
-def rule(**changes):
-    settings = {
-        "evaporation": 0.1,
-        "heuristic": True,
-        "pheromone": True,
-        "pheromone_per_robot": False,
-        "initial_reward_pheromone": 1.0,
-        "initial_survival_pheromone": 1.0,
-        "reward_epsilon": 0.05,
-        "survival_epsilon": 0.01,
-        "unvisited_bonus": 0.0,
-        "exploration": 0.0,
-        "pooled_deposit": True,
-    }
-    return ColonyRule(**{**settings, **changes})
-
-
-def colony(mission, *, n_ants, seed=0, n_threads=1, limits=None, **changes):
-    random_state = np.random.default_rng(seed)
+def colony(mission, *, n_ants, seed=0, n_threads=1, world=None, **changes):
     return Colony(
         mission,
-        rule(**changes),
-        n_ants=n_ants,
+        world or twins.alike(mission),
+        ColonySettings(n_ants=n_ants, **changes),
         n_threads=n_threads,
-        limits=limits or twins.alike(mission),
-        random_state=random_state,
+        random_state=np.random.default_rng(seed),
     )
-
-
-def lay_pheromone(ants, levels):
-    ants.pheromone[...] = levels
-    ants._weights = _new_weights(ants._graph, ants.rule, ants._pheromone)
 
 
 rules = st.fixed_dictionaries(
@@ -75,7 +50,7 @@ def test_no_dead_ends_on_one_way_missions(mission, changes, seed):
         objectives = mission.evaluate(batch)  # raises PlanError for any trail that is not valid
         assert len(batch) == 7
         exponents = np.random.default_rng(seed).uniform(-250, 1, ants.pheromone.shape)
-        lay_pheromone(ants, 10.0**exponents)
+        ants.pheromone[...] = 10.0**exponents
         assert (objectives <= [mission.total_reward + 1e-9, mission.robots]).all()
 
 
@@ -157,7 +132,7 @@ def crossing_of_kinds():
 
 def levels_of(mission, pheromone):
     """Pheromone of each robot, by arc."""
-    graph = mission.arrays
+    graph = mission.world.graph
     loops = dict.fromkeys(twins.ends_of(mission, robot)[1] for robot in range(mission.robots))
     arcs = [*zip(graph.tail.tolist(), graph.head.tolist(), strict=True), *((v, v) for v in loops)]
     levels = [dict(zip(arcs, map(tuple, one.tolist()), strict=True)) for one in pheromone]
@@ -169,11 +144,11 @@ def levels_of(mission, pheromone):
 @pytest.mark.parametrize("allocation", ALLOCATIONS)
 def test_ants_of_kinds_choose_by_what_each_kind_expects(allocation, has_limits):
     mission, twin = crossing_of_kinds(), ALLOCATIONS[allocation]
-    limits = mission.limits() if has_limits else twins.alike(mission)
-    ants = colony(mission, n_ants=3, seed=5, allocation=allocation, limits=limits, exploration=0.5)
-    lay_pheromone(ants, np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape))
+    world = mission.world if has_limits else twins.alike(mission)
+    ants = colony(mission, n_ants=3, seed=5, allocation=allocation, world=world, exploration=0.5)
+    ants.pheromone[...] = np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape)
     levels = levels_of(mission, ants.pheromone)
-    assert_frequencies(ants, lambda weight: twin(mission, ants.rule, levels, weight, limits))
+    assert_frequencies(ants, lambda weight: twin(mission, ants.settings, levels, weight, world))
 
 
 @pytest.mark.compiled_only
@@ -192,29 +167,30 @@ def test_ants_choose_as_the_paper_says(robots, changes, allocation):
     mission = crossing(robots)
     assert not mission.balanced
     ants = colony(mission, n_ants=3, seed=5, allocation=allocation, **changes)
-    lay_pheromone(ants, np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape))
+    ants.pheromone[...] = np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape)
     pheromone, twin = levels_of(mission, ants.pheromone), ALLOCATIONS[allocation]
-    assert_frequencies(ants, lambda weight: twin(mission, ants.rule, pheromone, weight))
+    assert_frequencies(ants, lambda weight: twin(mission, ants.settings, pheromone, weight))
 
 
 @pytest.mark.compiled_only
 @pytest.mark.parametrize(
     ("limits", "robots", "allocation"),
     [
-        (Limits(0.45), 1, "sequential"),
-        (Limits(0.3), 2, "concurrent"),
-        (Limits(0.0, 3.8), 2, "sequential"),
-        (Limits(0.35, 7.0), 2, "concurrent"),
+        ((0.45,), 1, "sequential"),
+        ((0.3,), 2, "concurrent"),
+        ((0.0, 3.8), 2, "sequential"),
+        ((0.35, 7.0), 2, "concurrent"),
     ],
 )
 def test_ants_keep_limits_and_choose_among_what_is_left(limits, robots, allocation):
     """Frequencies of whole plans under limits against their exact probabilities."""
     mission, twin = crossing(robots), ALLOCATIONS[allocation]
-    ants = colony(mission, n_ants=3, seed=5, limits=limits, exploration=0.5, allocation=allocation)
+    world = twins.alike(mission, *limits)
+    ants = colony(mission, n_ants=3, seed=5, world=world, exploration=0.5, allocation=allocation)
     levels = [dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))] * robots
-    free = twin(mission, ants.rule, levels, 0.5).plan_probabilities()
+    free = twin(mission, ants.settings, levels, 0.5).plan_probabilities()
     for possible in assert_frequencies(
-        ants, lambda weight: twin(mission, ants.rule, levels, weight, limits)
+        ants, lambda weight: twin(mission, ants.settings, levels, weight, world)
     ):
         assert len(possible) < len(free)
 
@@ -244,7 +220,7 @@ def test_what_the_first_robot_knows_of_the_second(allocation, ends):
     plan = ((0, 1, 0), (0, 2, 0))
     ants = colony(mission, n_ants=2, seed=4, allocation=allocation)
     levels = [dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))] * 2
-    twin = ALLOCATIONS[allocation](mission, ants.rule, levels, 0.0)
+    twin = ALLOCATIONS[allocation](mission, ants.settings, levels, 0.0)
     assert twin.plan_probabilities()[plan] == pytest.approx(probability, rel=1e-12)
     n_times = 40_000
     seen = sum(ants.construct(2)[0].trails == plan for _ in range(n_times))
@@ -266,12 +242,11 @@ def test_limits_are_kept_everywhere(mission, least, longest, allocation, seed):
         problem = BOTOHE(mission, min_survival=least, max_length=longest)
     except ValueError:  # a kind has no way to its end that is within them
         assume(False)
-    limits = problem.planning_limits
-    ants = colony(mission, n_ants=7, seed=seed, limits=limits, **changes)
+    ants = colony(mission, n_ants=7, seed=seed, world=problem.world, **changes)
     batch = ants.construct(7)
     mission.evaluate(batch)
-    assert (mission.robot_survival(batch) >= problem.survival_floors).all()
-    assert (mission.trail_lengths(batch) <= problem.travel_budgets).all()
+    assert (mission.robot_survival(batch) >= problem.limits.floors).all()
+    assert (mission.trail_lengths(batch) <= problem.limits.budgets).all()
 
 
 def tied_ways(seed):
@@ -291,8 +266,8 @@ def test_no_ant_gets_stuck_where_ways_home_tie():
     """With this seed an ant does that looks for the rest of its way home again."""
     seed = 1084
     mission = tied_ways(seed)
-    limits = Limits(0.3 * (1 - 5e-13), 14.0)
-    batch = colony(mission, n_ants=100, seed=seed, limits=limits, heuristic=False).construct(100)
+    world = twins.alike(mission, 0.3 * (1 - 5e-13), 14.0)
+    batch = colony(mission, n_ants=100, seed=seed, world=world, heuristic=False).construct(100)
     mission.evaluate(batch)
     assert (mission.robot_survival(batch) >= 0.3 * (1 - 1e-12)).all()
     assert (mission.trail_lengths(batch) <= 14).all()
@@ -302,7 +277,7 @@ def test_no_ant_gets_stuck_where_ways_home_tie():
     ("n_ants", "allocation"), [(1, "sequential"), (51, "concurrent"), (130, "sequential")]
 )
 def test_spans_do_not_change_what_ants_build(n_ants, allocation, monkeypatch):
-    monkeypatch.setattr(search, "_MUCH", 0)
+    monkeypatch.setattr(module, "_MUCH", 0)
     mission = load_mission("art_museum")
     built = []
     for n_threads in (1, 2, 3, 7):
@@ -313,7 +288,7 @@ def test_spans_do_not_change_what_ants_build(n_ants, allocation, monkeypatch):
     assert built[0][0] != built[0][1]
 
 
-def test_long_trails_outgrow_the_first_buffers():
+def test_long_trails_outgrow_the_first_room():
     mission = load_mission("terrain", nodes=300, seed=1)
     flat = {"heuristic": False, "pheromone": False, "allocation": "concurrent"}
     ants = colony(mission, n_ants=20, **flat)

@@ -6,7 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, load_mission
-from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner, plan_sequentially
+from botohe_moo.algorithms.greedy.planner import (
+    MAX_BEAM_WIDTH,
+    SequentialPlanner,
+    plan_sequentially,
+)
 from tests.examples import examples
 from tests.strategies import lengths, missions, small_missions
 from tests.twins import all_objectives, worth
@@ -47,7 +51,7 @@ class TestGuarantee:
     def test_each_robot_adds_most(self, case):
         """Robot after robot, no other trail in its place would have added more."""
         mission, trails = case
-        base = (mission.arrays.base,)
+        base = (mission.index(mission.base),)
         planned = plan_sequentially(mission, 0.7, beam_width=WIDE).trails
         for k in range(mission.robots):
             rest = [base] * (mission.robots - k - 1)
@@ -140,7 +144,7 @@ class TestCorners:
 class TestPlanner:
     def test_plans_with_the_last_robots_at_base(self):
         museum = load_mission("art_museum", robots=4)
-        base = (museum.arrays.base,)
+        base = (museum.index(museum.base),)
         planner = SequentialPlanner(museum, beam_width=30)
         team = planner.plan(0.8)
         away = [trail for trail in team.trails if trail != base]

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from numba import njit
 
-from botohe_moo.core.graph import Limits
-from botohe_moo.core.paths import new_budget
-from botohe_moo.kernels.beam import search as beam
-from botohe_moo.kernels.beam.labels import larger_beam, new_beam
-from botohe_moo.kernels.beam.prospects import BeamRule, dangers, find_near
+from botohe_moo.algorithms.greedy import kernels
+from botohe_moo.algorithms.greedy.kernels import BeamRule, new_beam
+from botohe_moo.core.paths import find_near, new_near
 from botohe_moo.mission import Kind, Mission, load_mission
 from tests.examples import examples
 from tests.strategies import lengths, missions, team_missions
@@ -31,23 +30,23 @@ def best_trail(
     *,
     longest=inf,
     n_near=64,
-    max_labels=beam.MAX_LABELS,
+    max_labels=kernels.MAX_LABELS,
     robot=0,
 ):
     """The trail as nodes, its value, and whether the beam was cut."""
-    graph, (start, end) = mission.arrays, ends_of(mission, robot)
-    near = find_near(graph, n_near)
-    danger, worth = dangers(graph, near, survival_weight), np.array(worth, np.float64)
-    budget = new_budget(graph, alike(mission, least, longest))
-    rule = BeamRule(start, worth, danger, survival_weight, least, budget, width, max_labels)
-    arcs, value, cut = beam.best_trail(graph, near, rule, new_beam(graph))
-    if len(arcs):
+    world, (start, end) = alike(mission, least, longest), ends_of(mission, robot)
+    graph, worth = world.graph, np.array(worth, np.float64)
+    rule = BeamRule(robot, world.n_robots + robot, worth, survival_weight, width)
+    beam = new_beam(world, width, max_labels)
+    n, value, cut = kernels.best_trail(world, new_near(graph.n_nodes, n_near), rule, beam)
+    if n > 0:
+        arcs = beam.trail[:n]
         assert graph.tail[arcs[0]] == start
         assert np.array_equal(graph.head[arcs[:-1]], graph.tail[arcs[1:]])
         return [start, *graph.head[arcs].tolist()], value, cut
     trail = [start]
     while trail[-1] != end:  # the safest way
-        trail.append(int(graph.head[graph.homeward[trail[-1]]]))
+        trail.append(int(graph.head[world.ways.homeward[trail[-1]]]))
     return trail, value, cut
 
 
@@ -86,7 +85,7 @@ def tasks_of_kinds(draw):
     found = all_trails(mission, robot=robot)
     assume(found is not None)
     values = st.one_of(st.just(0.0), st.floats(0.01, 1.0))
-    worth = [draw(values) for _ in range(mission.arrays.n_nodes)]
+    worth = [draw(values) for _ in range(mission.world.graph.n_nodes)]
     return mission, robot, found, worth, draw(st.sampled_from([0.0, 0.05, 0.3, 1.0]))
 
 
@@ -196,7 +195,7 @@ class TestCut:
 
     def test_whether_it_was_cut(self):
         museum = load_mission("art_museum")
-        worth = museum.arrays.reward / museum.total_reward
+        worth = museum.rewards / museum.total_reward
         assert best_trail(museum, worth, 0.1, width=10)[2]
         assert not best_trail(museum, 0 * worth, 0.1, width=1)[2]
         star = nx.DiGraph(nx.star_graph(3))
@@ -213,12 +212,12 @@ class TestCut:
     )
     def test_the_twin_finds_the_same(self, seed, least, longest):
         mission = random_mission(14, 45, seed)
-        worth = mission.arrays.reward / mission.total_reward
+        worth = mission.rewards / mission.total_reward
         cuts = 0
         for width in (1, 3, 10):
             for survival_weight in (0.0, 0.2):
-                limits = Limits(least, longest)
-                twin = Beam(mission, 5, worth, survival_weight, limits, width)
+                world = alike(mission, least, longest)
+                twin = Beam(mission, 5, worth, survival_weight, world, width)
                 trail, value, cut = best_trail(
                     mission, worth, survival_weight, least, width, longest=longest, n_near=5
                 )
@@ -230,7 +229,7 @@ class TestCut:
 
     def test_labels_come_to_an_end(self):
         museum = load_mission("art_museum")
-        worth = museum.arrays.reward / museum.total_reward
+        worth = museum.rewards / museum.total_reward
         _, value, _ = best_trail(museum, worth, 0.0, width=100)
         trail, less, cut = best_trail(museum, worth, 0.0, width=100, max_labels=300)
         assert cut
@@ -258,12 +257,12 @@ def random_mission(n_nodes, n_arcs, seed):
 class Beam:
     """The beam search, one rule a line; labels are trails as tuples of nodes."""
 
-    def __init__(self, mission, n_near, worth, survival_weight, limits, width):
-        self.mission, self.graph, self.worth = mission, mission.arrays, worth
-        self.near = find_near(mission.arrays, n_near)
-        self.survival_weight, self.limits, self.width = survival_weight, limits, width
-        self.budget = new_budget(mission.arrays, limits)
-        self.survival, self.base = arc_survivals(mission), mission.arrays.base
+    def __init__(self, mission, n_near, worth, survival_weight, world, width):
+        self.mission, self.graph, self.worth = mission, world.graph, worth
+        self.near, self.ways = find_near(world, n_near), world.ways
+        self.survival_weight, self.width = survival_weight, width
+        self.least, self.longest = world.limits.floors[0], world.limits.budgets[0]
+        self.survival, self.base = arc_survivals(mission), mission.index(mission.base)
         self.cut = False
         self.best, self.best_value = (self.base,), self.value((self.base,)) + survival_weight
 
@@ -275,7 +274,7 @@ class Beam:
 
     def stay(self, trail):
         """What surviving is worth if the robot turns home and every arc may be used."""
-        return self.survival_weight * self.alive(trail) * self.graph.home[trail[-1]]
+        return self.survival_weight * self.alive(trail) * self.ways.home[trail[-1]]
 
     def way_home(self, trail):
         """The trail gone home by the safest way over unused arcs, or else by the shortest one.
@@ -293,22 +292,22 @@ class Beam:
             return None
         for weight in ("cost", "length"):
             way = nx.dijkstra_path(graph, trail[-1], self.base, weight=weight)
-            if within(self.mission, [closed := trail + tuple(way[1:])], *self.limits[:2]):
+            if within(self.mission, [closed := trail + tuple(way[1:])], self.least, self.longest):
                 return closed
         return None
 
     def is_too_far(self, node, trail):
         """Whether no trail that begins like this keeps the budget if it goes to a node."""
-        if self.budget is None:
+        if self.ways.shortest is None:
             return False
-        longest = self.limits.max_length
-        return length_of(self.mission, trail) + self.budget.short.home[node] > longest
+        shortest = self.ways.shortest.length[node]
+        return length_of(self.mission, trail) + shortest > self.longest
 
     def is_blocked(self, trail):
         """Whether an arc of the safest way home with every arc free is used."""
         here, used = trail[-1], set(pairwise(trail))
         while here != self.base:
-            there = int(self.graph.head[self.graph.homeward[here]])
+            there = int(self.graph.head[self.ways.homeward[here]])
             if (here, there) in used:
                 return True
             here = there
@@ -334,7 +333,7 @@ class Beam:
     def rank(self, trail):
         promise = 0.0
         for reach, worth, node in self.ahead(trail):
-            detour = self.graph.home[trail[-1]] - reach * self.graph.home[node]
+            detour = self.ways.home[trail[-1]] - reach * self.ways.home[node]
             promise += max(0.0, reach * worth - self.survival_weight * detour)
         return self.value(trail) + self.stay(trail) + 0.5 * self.alive(trail) * promise
 
@@ -347,7 +346,7 @@ class Beam:
         if closed is None:
             return False
         promising = self.value(trail) + self.stay(trail) > self.best_value
-        if self.limits.bind or promising or not self.is_blocked(trail):
+        if self.least > 0 or self.longest < inf or promising or not self.is_blocked(trail):
             value = self.value(closed) + self.survival_weight * self.alive(closed)
             if value > self.best_value:
                 self.best, self.best_value = closed, value
@@ -391,7 +390,7 @@ class TestNearest:
     @examples(50)
     @given(missions(max_nodes=8), st.integers(1, 9))
     def test_it_gives_the_safest_to_reach(self, mission, n_near):
-        found = find_near(mission.arrays, n_near)
+        found = find_near(mission.world, n_near)
         graph = nx.DiGraph()
         for (tail, head), survival in arc_survivals(mission).items():
             graph.add_edge(tail, head, cost=-np.log(survival))
@@ -406,34 +405,24 @@ class TestNearest:
             assert reach == pytest.approx([np.exp(-costs[v]) for v in near], rel=1e-12)
 
 
-def test_a_search_gets_the_room_that_it_needs():
-    """One that begins with hardly any room finds the same, and keeps the labels it has."""
+def test_a_beam_can_be_used_again():
     museum = load_mission("art_museum")
-    worth, graph = museum.arrays.reward / museum.total_reward, museum.arrays
-    near = find_near(graph, 64)
-    danger = dangers(graph, near, 0.1)
-    rule = BeamRule(graph.base, worth, danger, 0.1, 0.0, None, 30, beam.MAX_LABELS)
-    usual, small = new_beam(graph), new_beam(graph)
-    small = small._replace(labels=small.labels[:2], children=small.children[:1])
-    arcs, value, cut = beam.best_trail(graph, near, rule, usual)
-    assert len(arcs) > 20
-    for again in (small, usual):  # the latter is used a second time
-        others = beam.best_trail(graph, near, rule, again)
-        assert others[0].tolist() == arcs.tolist()
-        assert others[1:] == (value, cut)
-    larger = larger_beam(usual, 5_000, 100_000)
-    assert len(larger.labels) >= 5_000
-    assert len(larger.children) == len(larger.order) == 100_000
-    assert len(larger.table) >= 200_000
-    kept = larger.labels[: len(usual.labels)]
-    assert kept.tobytes() == usual.labels.tobytes()  # also what has never been written
+    world, worth = museum.world, museum.rewards / museum.total_reward
+    near, beam = new_near(world.graph.n_nodes, 64), new_beam(world, 30)
+    rule = BeamRule(0, world.n_robots, worth, 0.1, 30)
+    n, *found = kernels.best_trail(world, near, rule, beam)
+    arcs = beam.trail[:n].tolist()
+    assert n > 20
+    kernels.best_trail(world, near, rule._replace(worth=worth[::-1].copy()), beam)
+    assert [n, *found] == [*kernels.best_trail(world, near, rule, beam)]
+    assert beam.trail[:n].tolist() == arcs
 
 
 @pytest.mark.compiled_only
 def test_a_large_mission():
     """Long trails, ended by reward running out."""
     mission = load_mission("terrain_200", robots=1)
-    worth = mission.arrays.reward / mission.total_reward
+    worth = mission.rewards / mission.total_reward
     trail, value, cut = best_trail(mission, worth, 0.0, width=10)
     reward, _ = mission.evaluate([mission.plan([[mission.nodes[node] for node in trail]])])[0]
     assert value == pytest.approx(reward / mission.total_reward)
@@ -453,3 +442,15 @@ def test_extreme_survivals_and_worths(survival, worth):
     assert value >= 0.5 + worth
     assert value < inf
     assert (len(trail) > 5) == (survival == 1.0 and 0.5 + worth > 0.5)
+
+
+sort_descending = njit(kernels._sort_descending)
+
+
+@given(st.lists(st.integers(0, 5).map(float), min_size=1, max_size=70), st.data())
+def test_the_first_numbers_are_sorted_and_equal_ones_stay_in_order(keys, data):
+    chosen = data.draw(st.lists(st.integers(0, len(keys) - 1), unique=True))
+    behind = [-1, -2]  # stays as it is
+    found, spare = np.array([*chosen, *behind]), np.empty(len(chosen), np.int64)
+    sort_descending(np.array(keys), found, spare, len(chosen))
+    assert found.tolist() == sorted(chosen, key=lambda i: -keys[i]) + behind

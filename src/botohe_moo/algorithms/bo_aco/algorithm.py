@@ -3,25 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field
 
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Count, NotNegative, Positive, Probability
-from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, Threads, settings_of
+from botohe_moo._plugins.types import Count, NotNegative, Probability
+from botohe_moo.algorithms.base import (
+    ArchiveAlgorithm,
+    MaxTies,
+    Threads,
+    settings_of,
+    tuned_by,
+)
+from botohe_moo.algorithms.bo_aco.colony import (
+    JOURNAL,
+    Colony,
+    ColonySettings,
+    Evaporation,
+    InitialPheromone,
+    tabulate_pheromone,
+)
 from botohe_moo.algorithms.iteration import IterationSearch
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.colony import Allocation, Colony, ColonyRule, tabulate_pheromone
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Evaporation: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
-InitialPheromone: TypeAlias = Positive | Literal["bounds"]
 
 
 class BOACO(ArchiveAlgorithm):
@@ -118,56 +127,32 @@ class BOACO(ArchiveAlgorithm):
     True
     """
 
-    @checked
+    @tuned_by(ColonySettings)
     def __init__(
         self,
         *,
-        n_ants: Count = 100,
-        evaporation: Evaporation = 0.04,
-        heuristic: bool = True,
-        pheromone: bool = True,
-        allocation: Allocation = "sequential",
         local_search: Probability = 0.0,
         local_search_evaluations: Annotated[int, Field(ge=1, le=10_000)] = 30,
-        pheromone_per_robot: bool = False,
-        initial_pheromone: InitialPheromone = 1.0,
-        reward_epsilon: Positive = 0.05,
-        survival_epsilon: Positive = 0.01,
-        unvisited_bonus: NotNegative = 0.0,
-        exploration: NotNegative = 0.0,
-        pooled_deposit: bool = True,
         max_ties: MaxTies = 1_000,
         n_threads: Threads = 1,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
         super().__init__(max_ties=max_ties, sampling=sampling, **options)
-        self.n_ants = n_ants
-        self.evaporation = evaporation
-        self.heuristic = heuristic
-        self.pheromone = pheromone
-        self.allocation = allocation
         self.local_search = local_search
-        self.evaluates_in_kernels = local_search > 0
         self.local_search_evaluations = local_search_evaluations
-        self.pheromone_per_robot = pheromone_per_robot
-        self.initial_pheromone = initial_pheromone
-        self.reward_epsilon = reward_epsilon
-        self.survival_epsilon = survival_epsilon
-        self.unvisited_bonus = unvisited_bonus
-        self.exploration = exploration
-        self.pooled_deposit = pooled_deposit
+        self.evaluates_in_kernels = local_search > 0
         self.n_threads = n_threads
 
     @classmethod
     def journal(
         cls,
         *,
-        evaporation: Evaporation = 0.1,
-        initial_pheromone: InitialPheromone = "bounds",
-        unvisited_bonus: NotNegative = 0.05,
-        exploration: NotNegative = 0.01,
-        pooled_deposit: bool = False,
+        evaporation: Evaporation = JOURNAL.evaporation,
+        initial_pheromone: InitialPheromone = JOURNAL.initial_pheromone,
+        unvisited_bonus: NotNegative = JOURNAL.unvisited_bonus,
+        exploration: NotNegative = JOURNAL.exploration,
+        pooled_deposit: bool = JOURNAL.pooled_deposit,
         **parameters: Any,
     ) -> Self:
         """Return the colony that made the curves published in PeerJ Computer Science, 2025.
@@ -201,30 +186,20 @@ class BOACO(ArchiveAlgorithm):
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        mission = problem.mission
-        reward, survival = mission.total_reward or 1.0, float(mission.robots)
-        if self.initial_pheromone != "bounds":
-            reward = survival = float(self.initial_pheromone)
-        rule = ColonyRule(
-            initial_reward_pheromone=reward,
-            initial_survival_pheromone=survival,
-            **settings_of(self, ColonyRule),
-        )
         self._improver: IterationSearch | None = None
         if self.local_search > 0:
             self._improver = IterationSearch(
-                mission,
+                problem.mission,
+                problem.world,
                 share=self.local_search,
                 evaluations_each=self.local_search_evaluations,
-                limits=problem.planning_limits,
                 random_state=self.random_state,
             )
         self.colony = Colony(
-            mission,
-            rule,
-            n_ants=self.n_ants,
+            problem.mission,
+            problem.world,
+            ColonySettings(**settings_of(self, ColonySettings)),
             n_threads=self.n_threads,
-            limits=problem.planning_limits,
             random_state=self.random_state,
         )
 
@@ -251,3 +226,46 @@ class BOACO(ArchiveAlgorithm):
         whole = PlanBatch.concatenate([batch, improved])
         objectives = np.vstack([objectives, gained])
         return whole, objectives, self.archive.insert(whole, objectives)
+
+
+class RandomTrails(BOACO):
+    """Ants without heuristics and pheromone: every unused arc is equally likely.
+
+    Parameters
+    ----------
+    n_ants
+        Plans per iteration.
+    n_threads
+        Threads that build plans; the result does not depend on it.
+    sampling
+        Trail plans to start from, as for :class:`BOACO`.
+    **options
+        pymoo's own, as for :class:`BOACO`.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOTOHE, RandomTrails, area_indicator, load_mission
+    >>> toy = load_mission("toy")
+    >>> algorithm = RandomTrails(n_ants=50)
+    >>> result = minimize(BOTOHE(toy), algorithm, ("n_eval", 200), seed=1)
+    >>> result.algorithm.evaluator.n_eval
+    200
+    """
+
+    def __init__(
+        self,
+        *,
+        n_ants: Count = 100,
+        n_threads: Threads = 1,
+        sampling: Iterable[TrailPlan] | ObjectArray | None = None,
+        **options: Any,
+    ) -> None:
+        super().__init__(
+            n_ants=n_ants,
+            heuristic=False,
+            pheromone=False,
+            n_threads=n_threads,
+            sampling=sampling,
+            **options,
+        )

@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
+from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.core import archive as kernels
-from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests.examples import examples
 
-plan_hash, sort_descending = njit(kernels.plan_hash), njit(kernels.sort_descending)
+plan_hash = njit(kernels.plan_hash)
 
 
 def as_batch(batch):
@@ -142,12 +142,3 @@ def test_plans_with_nan_objectives_are_left_out():
     batch, archive = PlanBatch.from_plans(PLANS[:3], 3), PlanArchive(3)
     assert archive.insert(batch, objectives).tolist() == [0, 2]
     assert list(archive.plans) == [PLANS[0], PLANS[2]]
-
-
-@given(st.lists(st.integers(0, 5).map(float), min_size=1, max_size=70), st.data())
-def test_the_first_numbers_are_sorted_and_equal_ones_stay_in_order(keys, data):
-    chosen = data.draw(st.lists(st.integers(0, len(keys) - 1), unique=True))
-    behind = [-1, -2]  # stays as it is
-    found, spare = np.array([*chosen, *behind]), np.empty(len(chosen), np.int64)
-    sort_descending(np.array(keys), found, spare, len(chosen))
-    assert found.tolist() == sorted(chosen, key=lambda i: -keys[i]) + behind

@@ -12,7 +12,7 @@ from pymoo.core.callback import Callback
 from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, Mission, RandomTrails, TrailPlan, area_indicator, load_mission
-from botohe_moo.search import colony
+from botohe_moo.algorithms.bo_aco import colony
 from tests.examples import examples
 from tests.strategies import missions
 
