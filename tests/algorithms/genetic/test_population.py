@@ -8,11 +8,10 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm, solve
-from botohe_moo.algorithms import PopulationAlgorithm
+from botohe_moo.algorithms import PopulationAlgorithm, RandomTrailSampling
 from botohe_moo.operators import (
     MixedMutation,
     PenaltyOnly,
-    RandomTrailSampling,
     RuinRecreate,
     SafestPathRepair,
     TrailSplice,
@@ -104,15 +103,19 @@ def test_operators_given_as_objects(museum):
     assert len(minimize(BOTOHE(museum), algorithm, ("n_eval", 50), seed=1).F) > 0
 
 
+class Deep(RuinRecreate):
+    pass
+
+
 def test_weights_of_operators(museum):
     algorithm = make_algorithm(
         "nsga2",
-        crossover={"splice": 3, "exchange": 1},
-        mutation={"ruin": 2, "moves": 0, "share": 1},
+        crossover={"splice": 3, "botohe_moo.operators:TrailSplice": 1},
+        mutation={"ruin": 2, "botohe_moo.operators:RuinRecreate": 0, f"{__name__}:Deep": 1},
         sampling={"random": 1, "guided": 1},
         corners=False,
     )
-    assert algorithm.mating.crossover.prob_splice == 0.75
+    assert algorithm.mating.crossover.mixture.weights.tolist() == [3, 1]
     assert algorithm.mating.mutation.mixture.weights.tolist() == [2, 1]
     without = make_algorithm("nsga2", crossover={}, pop_size=10)
     assert without.mating.crossover.prob.value == 0
