@@ -10,6 +10,7 @@ from pymoo.core.population import Population
 
 from botohe_moo import BOTOHE, TrailPlan, load_mission, operators
 from botohe_moo.operators import (
+    CopyTrail,
     MixedCrossover,
     MixedMutation,
     PlanCrossover,
@@ -35,12 +36,11 @@ CROSSOVERS = {  # names that no mutation has
     ),
 }
 MUTATIONS = {
+    "copy": CopyTrail,
     "ruin": RuinRecreate,
     "ruin without via": lambda **options: RuinRecreate(max_via=0, **options),
     "truncated": lambda **options: RuinRecreate(repair=TruncateRepair(), **options),
-    "mixed": lambda **options: MixedMutation(
-        {RuinRecreate(): 2, RuinRecreate(max_via=5): 1}, **options
-    ),
+    "mixed": lambda **options: MixedMutation({RuinRecreate(): 2, CopyTrail(): 1}, **options),
 }
 
 
@@ -160,7 +160,7 @@ def test_rates(name, crowd):
 
 
 def test_rates_of_mixtures():
-    parts = {RuinRecreate(): 1.0, RuinRecreate(max_via=5): 3.0, RuinRecreate(max_via=0): 0.5}
+    parts = {CopyTrail(): 1.0, RuinRecreate(): 3.0, RuinRecreate(max_via=0): 0.5}
     shares = MixedMutation(parts).mixture.draw(generator(1), N)
     assert sorted(np.concatenate([share for _, share in shares]).tolist()) == list(range(N))
     for (part, share), weight in zip(shares, parts.values(), strict=True):
@@ -216,5 +216,5 @@ def test_children_share_one_repair():
     home = [problem.mission.stay_home()] * 10
     pop = Population.new(X=PlanBatch.from_plans(home, 3).to_array())
     RuinRecreate(repair=repair)(problem, pop, random_state=generator(0))
-    RuinRecreate(repair=repair, max_via=0)(problem, pop, random_state=generator(0))
+    CopyTrail(repair=repair)(problem, pop, random_state=generator(0))
     assert repair.counts.plans == 20

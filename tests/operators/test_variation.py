@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import BOTOHE, TrailPlan, load_mission
 from botohe_moo.operators import (
+    CopyTrail,
     PenaltyOnly,
     PlanCrossover,
     PlanMutation,
@@ -121,6 +122,22 @@ class TestRuin:
     def test_a_robot_at_base_may_go_out(self, toy):
         found = mutated(RuinRecreate(), toy, [HOME, HOME], 500)
         assert any(len(trail) == 4 for draft in found for trail in draft)
+
+
+class TestCopy:
+    def test_copies(self, toy):
+        toy3 = toy.with_robots(3)
+        expected = {(A, A, B): 1 / 6, (A, A, C): 1 / 6, (A, B, B): 1 / 6}
+        expected |= {(B, B, C): 1 / 6, (A, C, C): 1 / 6, (B, C, C): 1 / 6}
+        found = mutated(CopyTrail(), toy3, [A, B, C])
+        assert_frequencies(found, {tuple(sorted(key)): p for key, p in expected.items()})
+
+    def test_who_is_out_is_copied(self, toy):
+        assert mutated(CopyTrail(), toy, [A, HOME], 50) == {(A, A): 50}
+        assert mutated(CopyTrail(), toy, [HOME, HOME], 50) == {(HOME, HOME): 50}
+
+    def test_a_single_robot_has_nobody_to_copy(self, toy):
+        assert mutated(CopyTrail(), toy.with_robots(1), [A], 10) == {(A,): 10}
 
 
 class Short(PlanMutation):

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from botohe_moo.operators.repair import RepairCounts as RepairCounts
     from botohe_moo.operators.repair import SafestPathRepair as SafestPathRepair
     from botohe_moo.operators.repair import TruncateRepair as TruncateRepair
+    from botohe_moo.operators.variation import CopyTrail as CopyTrail
     from botohe_moo.operators.variation import MixedCrossover as MixedCrossover
     from botohe_moo.operators.variation import MixedMutation as MixedMutation
     from botohe_moo.operators.variation import PlanCrossover as PlanCrossover

@@ -301,6 +301,35 @@ class RuinRecreate(PlanMutation):
         return PlanBatch._wrap(*drafts, plans.n_robots)
 
 
+class CopyTrail(PlanMutation):
+    """Let one robot do what another does.
+
+    It is copied from a robot that leaves the base, if there is any. With a single robot nothing
+    changes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.operators import CopyTrail
+    >>> toy = load_mission("toy")
+    >>> plans = toy.batch([toy.plan([[1, 2, 4, 2, 1], [1]])])
+    >>> toy.labels(CopyTrail().mutate_batch(toy, plans, np.random.default_rng(1))[0])
+    ((1, 2, 4, 2, 1), (1, 2, 4, 2, 1))
+    """
+
+    def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:  # noqa: ARG002
+        (nodes, offsets), n_robots = plans.arrays, plans.n_robots
+        if n_robots == 1:
+            return plans
+        pieces, first = whole_trails(offsets), n_robots * np.arange(len(plans))
+        is_out = np.diff(offsets).reshape(-1, n_robots) > 1
+        one = np.argmax(rng.random(is_out.shape) + is_out, axis=1)
+        other = (one + 1 + rng.integers(n_robots - 1, size=len(plans))) % n_robots
+        pieces[first + other] = pieces[first + one]
+        return PlanBatch._wrap(*join_pieces(nodes, pieces), n_robots)
+
+
 class MixedMutation(Mutation):
     """One of several mutations, drawn for each plan.
 
@@ -314,8 +343,8 @@ class MixedMutation(Mutation):
     Examples
     --------
     >>> from botohe_moo import solve
-    >>> from botohe_moo.operators import MixedMutation, RuinRecreate
-    >>> mutation = MixedMutation({RuinRecreate(): 2, RuinRecreate(max_via=5): 1})
+    >>> from botohe_moo.operators import CopyTrail, MixedMutation, RuinRecreate
+    >>> mutation = MixedMutation({RuinRecreate(): 2, CopyTrail(): 1})
     >>> solve("toy", "nsga2", mutation=mutation, pop_size=20, evaluations=200).evaluations
     200
     """

@@ -106,15 +106,11 @@ def test_operators_given_as_objects(museum):
     assert len(minimize(BOTOHE(museum), algorithm, ("n_eval", 50), seed=1).F) > 0
 
 
-class Deep(RuinRecreate):
-    pass
-
-
 def test_weights_of_operators(museum):
     algorithm = make_algorithm(
         "nsga2",
         crossover={"splice": 3, "botohe_moo.operators:TrailSplice": 1},
-        mutation={"ruin": 2, "botohe_moo.operators:RuinRecreate": 0, f"{__name__}:Deep": 1},
+        mutation={"ruin": 2, "botohe_moo.operators:RuinRecreate": 0, "copy": 1},
         sampling={"random": 1, "guided": 1},
         corners=False,
     )
