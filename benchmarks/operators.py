@@ -23,12 +23,12 @@ from botohe_moo.algorithms import (
 )
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.operators import (
-    CopyTrail,
     PlanCrossover,
     PlanDuplicates,
     PlanMutation,
     RuinRecreate,
     SafestPathRepair,
+    ShareTrails,
     TrailSplice,
     TruncateRepair,
 )
@@ -51,8 +51,8 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "sampling: no corners": {"corners": False},
     "sampling: random, no corners": {"sampling": "random", "corners": False},
     "crossover: none": {"crossover": {}},
-    "mutation: no ruin": {"mutation": "copy"},
-    "mutation: no copy": {"mutation": "ruin"},
+    "mutation: no ruin": {"mutation": "share"},
+    "mutation: no share": {"mutation": "ruin"},
     "mutation: none": {"prob_mutation": 0.0},
     "mutation: always": {"prob_mutation": 1.0},
     "repair: truncate": {"repair": "truncate"},
@@ -133,7 +133,7 @@ def _mission_costs(name: str) -> dict[str, float]:
     for sampling in (RandomTrailSampling(), GuidedTrailSampling()):
         call = functools.partial(sampling.sample_batch, problem, 100, rng)
         costs[type(sampling).__name__] = _micros(call) / 100
-    for operator, given in ((TrailSplice(), pairs), (RuinRecreate(), X), (CopyTrail(), X)):
+    for operator, given in ((TrailSplice(), pairs), (RuinRecreate(), X), (ShareTrails(), X)):
         call = functools.partial(operator._do, problem, given, random_state=rng)
         costs[f"{type(operator).__name__}, repaired"] = _micros(call) / 100
     for repair in (SafestPathRepair(), TruncateRepair()):

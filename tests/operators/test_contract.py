@@ -10,7 +10,6 @@ from pymoo.core.population import Population
 
 from botohe_moo import BOTOHE, TrailPlan, load_mission, operators
 from botohe_moo.operators import (
-    CopyTrail,
     MixedCrossover,
     MixedMutation,
     PlanCrossover,
@@ -18,6 +17,7 @@ from botohe_moo.operators import (
     PlanMutation,
     RuinRecreate,
     SafestPathRepair,
+    ShareTrails,
     TrailSplice,
     TruncateRepair,
 )
@@ -36,11 +36,11 @@ CROSSOVERS = {  # names that no mutation has
     ),
 }
 MUTATIONS = {
-    "copy": CopyTrail,
+    "share": ShareTrails,
     "ruin": RuinRecreate,
     "ruin without via": lambda **options: RuinRecreate(max_via=0, **options),
     "truncated": lambda **options: RuinRecreate(repair=TruncateRepair(), **options),
-    "mixed": lambda **options: MixedMutation({RuinRecreate(): 2, CopyTrail(): 1}, **options),
+    "mixed": lambda **options: MixedMutation({RuinRecreate(): 2, ShareTrails(): 1}, **options),
 }
 
 
@@ -160,12 +160,23 @@ def test_rates(name, crowd):
 
 
 def test_rates_of_mixtures():
-    parts = {CopyTrail(): 1.0, RuinRecreate(): 3.0, RuinRecreate(max_via=0): 0.5}
+    parts = {ShareTrails(): 1.0, RuinRecreate(): 3.0, RuinRecreate(max_via=0): 0.5}
     shares = MixedMutation(parts).mixture.draw(generator(1), N)
     assert sorted(np.concatenate([share for _, share in shares]).tolist()) == list(range(N))
     for (part, share), weight in zip(shares, parts.values(), strict=True):
         assert parts[part] == weight
         assert within(len(share), weight / 4.5, N)
+
+
+def test_rate_of_copies():
+    mission = load_mission("toy")
+    one, other = [1, 2, 1], [1, 3, 1]  # they share no node inside
+    plan = mission.plan([one, other])
+    batch = PlanBatch.from_plans([plan] * N, 2)
+    mutation = ShareTrails(prob_copy=0.3)
+    drafts = mutation._draft(mission, batch, generator(1))
+    copied = sum(len(set(draft.trails)) == 1 for draft in drafts)
+    assert within(copied, 0.3, N)
 
 
 def test_batches_are_checked():
@@ -216,5 +227,5 @@ def test_children_share_one_repair():
     home = [problem.mission.stay_home()] * 10
     pop = Population.new(X=PlanBatch.from_plans(home, 3).to_array())
     RuinRecreate(repair=repair)(problem, pop, random_state=generator(0))
-    CopyTrail(repair=repair)(problem, pop, random_state=generator(0))
+    ShareTrails(repair=repair)(problem, pop, random_state=generator(0))
     assert repair.counts.plans == 20

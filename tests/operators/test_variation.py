@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from botohe_moo import BOTOHE, TrailPlan, load_mission
 from botohe_moo.operators import (
-    CopyTrail,
     PenaltyOnly,
     PlanCrossover,
     PlanMutation,
     RuinRecreate,
+    ShareTrails,
     TrailSplice,
 )
 from botohe_moo.trails import PlanBatch
@@ -124,20 +124,34 @@ class TestRuin:
         assert any(len(trail) == 4 for draft in found for trail in draft)
 
 
-class TestCopy:
+class TestShare:
     def test_copies(self, toy):
-        toy3 = toy.with_robots(3)
-        expected = {(A, A, B): 1 / 6, (A, A, C): 1 / 6, (A, B, B): 1 / 6}
-        expected |= {(B, B, C): 1 / 6, (A, C, C): 1 / 6, (B, C, C): 1 / 6}
-        found = mutated(CopyTrail(), toy3, [A, B, C])
-        assert_frequencies(found, {tuple(sorted(key)): p for key, p in expected.items()})
+        found = mutated(ShareTrails(prob_copy=1), toy, [A, B])
+        assert_frequencies(found, {(A, A): 0.5, (B, B): 0.5})
 
     def test_who_is_out_is_copied(self, toy):
-        assert mutated(CopyTrail(), toy, [A, HOME], 50) == {(A, A): 50}
-        assert mutated(CopyTrail(), toy, [HOME, HOME], 50) == {(HOME, HOME): 50}
+        assert mutated(ShareTrails(prob_copy=1), toy, [A, HOME], 50) == {(A, A): 50}
 
-    def test_a_single_robot_has_nobody_to_copy(self, toy):
-        assert mutated(CopyTrail(), toy.with_robots(1), [A], 10) == {(A,): 10}
+    def test_swaps_at_a_shared_node(self, toy):
+        one, other = (1, 2, 4, 3, 1), (1, 3, 4, 2, 1)
+        # At 2, at 4, or at 3: what comes before in one, what comes after in the other.
+        swaps = [
+            tuple(sorted((one[:i] + other[j:], other[:j] + one[i:])))
+            for i, j in [(1, 3), (2, 2), (3, 1)]
+        ]
+        expected = Counter()
+        for swap in swaps:
+            expected[swap] += 1 / 3
+        assert_frequencies(mutated(ShareTrails(prob_copy=0), toy, [one, other]), expected)
+
+    def test_swaps_anywhere_where_nothing_is_shared(self, toy):
+        expected = Counter()
+        for i, j in product(range(3), repeat=2):
+            expected[tuple(sorted((A[:i] + B[j:], B[:j] + A[i:])))] += 1 / 9
+        assert_frequencies(mutated(ShareTrails(prob_copy=0), toy, [A, B]), expected)
+
+    def test_a_single_robot_has_nobody_to_share_with(self, toy):
+        assert mutated(ShareTrails(), toy.with_robots(1), [A], 10) == {(A,): 10}
 
 
 class Short(PlanMutation):

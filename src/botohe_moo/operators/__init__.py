@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from botohe_moo.operators.repair import RepairCounts as RepairCounts
     from botohe_moo.operators.repair import SafestPathRepair as SafestPathRepair
     from botohe_moo.operators.repair import TruncateRepair as TruncateRepair
-    from botohe_moo.operators.variation import CopyTrail as CopyTrail
     from botohe_moo.operators.variation import MixedCrossover as MixedCrossover
     from botohe_moo.operators.variation import MixedMutation as MixedMutation
     from botohe_moo.operators.variation import PlanCrossover as PlanCrossover
     from botohe_moo.operators.variation import PlanMutation as PlanMutation
     from botohe_moo.operators.variation import RuinRecreate as RuinRecreate
+    from botohe_moo.operators.variation import ShareTrails as ShareTrails
     from botohe_moo.operators.variation import TrailSplice as TrailSplice
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

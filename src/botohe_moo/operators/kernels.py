@@ -13,7 +13,7 @@ import numpy as np
 from botohe_moo._base.types import IntArray, OffsetArray, SeedArray
 from botohe_moo.core.compile import helper, kernel
 from botohe_moo.core.paths import Paths, leads_home, new_paths, safest_path, way_home
-from botohe_moo.core.rng import below
+from botohe_moo.core.rng import below, uniform
 from botohe_moo.core.sharing import shared
 from botohe_moo.core.trails import Trails, write_trails
 from botohe_moo.core.world import Graph, Team, World, find_arc, layer_of
@@ -171,6 +171,36 @@ def ruin(
         behind = trails.nodes.shape[0] + plan * max_via
         _continue_as(pieces, trail, start, low + 1, behind, behind + n_via)
         pieces[trail, 2, 0], pieces[trail, 2, 1] = high, stop
+
+
+@kernel
+def share(
+    trails: Trails,
+    n_robots: int,
+    prob_copy: float,
+    counts: OffsetArray,
+    states: SeedArray,
+    pieces: OffsetArray,
+) -> None:
+    """Let one robot of each plan copy another's trail, or two robots swap the ends of their trails.
+
+    They swap from a node that both visit; where there is none, from any place of each trail. There
+    are at least two robots. ``pieces`` are whole trails before.
+    """
+    offsets = trails.offsets
+    for plan in range(pieces.shape[0] // n_robots):
+        one = _draw_robot_out(offsets, plan * n_robots, (plan + 1) * n_robots, states)
+        other = plan * n_robots + below(states, n_robots - 1)
+        other += other >= one
+        if uniform(states, 0) < prob_copy:
+            pieces[other, 0, 0], pieces[other, 0, 1] = offsets[one], offsets[one + 1]
+            continue
+        p, q = _draw_shared_place(trails, one, other, counts, states)
+        if p < 0:
+            p = offsets[one] + below(states, offsets[one + 1] - offsets[one])
+            q = offsets[other] + below(states, offsets[other + 1] - offsets[other])
+        _continue_as(pieces, one, offsets[one], p, q, offsets[other + 1])
+        _continue_as(pieces, other, offsets[other], q, p, offsets[one + 1])
 
 
 class _Scratch(NamedTuple):

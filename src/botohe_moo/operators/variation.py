@@ -16,7 +16,7 @@ from botohe_moo.core.rng import draw_state
 from botohe_moo.core.trails import read_trails
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import PlanError
-from botohe_moo.operators.kernels import join_pieces, new_pieces, ruin, splice, whole_trails
+from botohe_moo.operators.kernels import join_pieces, new_pieces, ruin, share, splice, whole_trails
 from botohe_moo.operators.repair import PlanRepair, SafestPathRepair, check_part
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch
@@ -301,32 +301,42 @@ class RuinRecreate(PlanMutation):
         return PlanBatch._wrap(*drafts, plans.n_robots)
 
 
-class CopyTrail(PlanMutation):
-    """Let one robot do what another does.
+class ShareTrails(PlanMutation):
+    """Let one robot copy another's trail, or two robots swap the ends of their trails.
 
-    It is copied from a robot that leaves the base, if there is any. With a single robot nothing
-    changes.
+    They swap from a node that both visit. Where there is none, they swap from any place, and the
+    repair joins the parts. With a single robot nothing changes.
+
+    Parameters
+    ----------
+    prob_copy
+        Probability of copying rather than swapping.
+    **options
+        As for :class:`PlanMutation`: ``prob`` and ``repair``.
 
     Examples
     --------
     >>> import numpy as np
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.operators import CopyTrail
+    >>> from botohe_moo.operators import ShareTrails
     >>> toy = load_mission("toy")
     >>> plans = toy.batch([toy.plan([[1, 2, 4, 2, 1], [1]])])
-    >>> toy.labels(CopyTrail().mutate_batch(toy, plans, np.random.default_rng(1))[0])
+    >>> toy.labels(ShareTrails(prob_copy=1).mutate_batch(toy, plans, np.random.default_rng(1))[0])
     ((1, 2, 4, 2, 1), (1, 2, 4, 2, 1))
     """
 
-    def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:  # noqa: ARG002
+    @checked
+    def __init__(self, *, prob_copy: Probability = 0.5, **options: Any) -> None:
+        super().__init__(**options)
+        self.prob_copy = prob_copy
+
+    def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         (nodes, offsets), n_robots = plans.arrays, plans.n_robots
         if n_robots == 1:
             return plans
-        pieces, first = whole_trails(offsets), n_robots * np.arange(len(plans))
-        is_out = np.diff(offsets).reshape(-1, n_robots) > 1
-        one = np.argmax(rng.random(is_out.shape) + is_out, axis=1)
-        other = (one + 1 + rng.integers(n_robots - 1, size=len(plans))) % n_robots
-        pieces[first + other] = pieces[first + one]
+        pieces, counts = whole_trails(offsets), np.zeros(mission.world.graph.n_nodes, np.int64)
+        trails, states = read_trails(nodes, offsets), draw_state(rng)
+        share(trails, n_robots, self.prob_copy, counts, states, pieces)
         return PlanBatch._wrap(*join_pieces(nodes, pieces), n_robots)
 
 
@@ -343,8 +353,8 @@ class MixedMutation(Mutation):
     Examples
     --------
     >>> from botohe_moo import solve
-    >>> from botohe_moo.operators import CopyTrail, MixedMutation, RuinRecreate
-    >>> mutation = MixedMutation({RuinRecreate(): 2, CopyTrail(): 1})
+    >>> from botohe_moo.operators import MixedMutation, RuinRecreate, ShareTrails
+    >>> mutation = MixedMutation({RuinRecreate(): 2, ShareTrails(): 1})
     >>> solve("toy", "nsga2", mutation=mutation, pop_size=20, evaluations=200).evaluations
     200
     """

@@ -110,7 +110,7 @@ def test_weights_of_operators(museum):
     algorithm = make_algorithm(
         "nsga2",
         crossover={"splice": 3, "botohe_moo.operators:TrailSplice": 1},
-        mutation={"ruin": 2, "botohe_moo.operators:RuinRecreate": 0, "copy": 1},
+        mutation={"ruin": 2, "botohe_moo.operators:RuinRecreate": 0, "share": 1},
         sampling={"random": 1, "guided": 1},
         corners=False,
     )

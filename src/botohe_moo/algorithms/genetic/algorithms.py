@@ -99,7 +99,7 @@ class PlanSMSEMOA(PlanGeneticAlgorithm, SMSEMOA):
     >>> from botohe_moo import BOTOHE, area_indicator, load_mission
     >>> from botohe_moo.algorithms import PlanSMSEMOA
     >>> toy = load_mission("toy")
-    >>> algorithm = PlanSMSEMOA(pop_size=20, mutation={"ruin": 2, "copy": 1})
+    >>> algorithm = PlanSMSEMOA(pop_size=20, mutation={"ruin": 2, "share": 1})
     >>> result = minimize(BOTOHE(toy), algorithm, ("n_eval", 200), seed=1)
     >>> area_indicator(-result.F, toy) > 0.5
     True

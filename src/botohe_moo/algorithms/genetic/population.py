@@ -70,7 +70,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     crossover
         ``splice``, a mapping from names to weights, or a pymoo crossover.
     mutation
-        ``ruin``, ``copy``, a mapping from names to weights, or a pymoo mutation.
+        ``ruin``, ``share``, a mapping from names to weights, or a pymoo mutation.
     repair
         How drafts of operators become valid plans: ``safest-path``, ``truncate``, ``penalty`` (not
         at all; faults count as constraint violation), or a :class:`PlanRepair`. Operators that are

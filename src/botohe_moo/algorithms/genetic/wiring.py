@@ -35,7 +35,7 @@ Named: TypeAlias = str | Mapping[str, float]
 
 # Chosen from the ablation that `make bench` prints (results/operators/ablation.csv).
 DEFAULT_CROSSOVER = "splice"
-DEFAULT_MUTATION: Mapping[str, float] = {"ruin": 1.0, "copy": 0.2}
+DEFAULT_MUTATION: Mapping[str, float] = {"ruin": 1.0, "share": 0.2}
 
 # The kinds of operators, by the parameters of algorithms that take them.
 KINDS: Mapping[str, type] = {
@@ -191,7 +191,7 @@ def make_crossover(
 
 
 def make_mutation(given: Named | Mutation, *, prob: float, repair: PlanRepair) -> Mutation:
-    """Make a mutation of ``ruin``, ``copy`` and others; return a pymoo one as it is."""
+    """Make a mutation of ``ruin``, ``share`` and others; return a pymoo one as it is."""
     if isinstance(given, Mutation):
         return given
     offered = {"prob": prob, "repair": repair}
