@@ -17,10 +17,10 @@ from botohe_moo import (
     area_indicator,
     load_mission,
 )
+from botohe_moo.algorithms import RandomTrailSampling
 from botohe_moo.algorithms.exact.front import exact_front
 from botohe_moo.algorithms.local_search.engine import MOVES
 from botohe_moo.mission import PlanError
-from botohe_moo.operators import RandomTrailSampling
 
 
 @pytest.fixture(scope="module")

@@ -19,10 +19,10 @@ from botohe_moo import (
     load_mission,
     make_algorithm,
 )
+from botohe_moo.algorithms import RandomTrailSampling
 from botohe_moo.algorithms.local_search import engine as local_search
 from botohe_moo.algorithms.local_search.engine import LocalSearch
 from botohe_moo.core.graph import Limits
-from botohe_moo.operators import RandomTrailSampling
 from botohe_moo.trails import PlanBatch
 from tests import twins
 from tests.strategies import n_teams

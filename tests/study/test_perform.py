@@ -138,7 +138,8 @@ class TestBudgets:
     @pytest.mark.slow
     def test_nor_is_annealing_which_evaluates_in_its_kernel(self):
         # As plain Python, where somebody can watch the kernel.
-        budgets = [(s, n) for s in ("cooled", "journal") for n in (1, 97, 331)]
+        names = ("simulated-annealing", "botohe_moo:SimulatedAnnealing.journal")
+        budgets = [(name, n) for name in names for n in (1, 97, 331)]
         code = f"""
 from botohe_moo import Mission
 from botohe_moo.algorithms.annealing import kernels as anneal
@@ -153,10 +154,9 @@ def evaluated(mission, plans):
     n[0] += len(F)
     return F
 anneal._evaluate, Mission.evaluate = watched, evaluated
-for schedule, budget in {budgets!r}:
+for name, budget in {budgets!r}:
     n[0] = 0
-    parameters = {{"schedule": schedule}}
-    task = make_task("simulated-annealing", evaluations=budget, parameters=parameters)
+    task = make_task(name, evaluations=budget)
     outcome, records = performed(task)
     print(outcome.evaluations, n[0])
 """

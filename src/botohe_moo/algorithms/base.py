@@ -112,8 +112,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
     Examples
     --------
     >>> from botohe_moo import solve
-    >>> from botohe_moo.algorithms import ArchiveAlgorithm
-    >>> from botohe_moo.operators import RandomTrailSampling
+    >>> from botohe_moo.algorithms import ArchiveAlgorithm, RandomTrailSampling
     >>> class Draw(ArchiveAlgorithm):
     ...     '''Draw trails at random, a hundred plans at a time.'''
     ...     def _advance(self, **_):

@@ -224,10 +224,3 @@ def evaluate(
         values.objectives[plan, 1] = survivors
         values.faults[plan] = n_faults
     return VALID, 0, 0, 0
-
-
-class Team:  # TEMPORARY: until all users stand on World
-    pass
-
-
-new_team = begin_team = team_reward = None

@@ -341,10 +341,3 @@ def _is_free(
         paths.followed[node] = search
         node = graph.head[arc]
     return True
-
-
-class Budget:  # TEMPORARY: until all users stand on World
-    pass
-
-
-new_budget = None

@@ -12,13 +12,19 @@ from hypothesis import strategies as st
 
 from botohe_moo.algorithms.annealing.kernels import AnnealRule, anneal, new_records, new_state
 from botohe_moo.core.rng import seed_states
-from botohe_moo.core.trails import read_trails
 from botohe_moo.mission import load_mission
-from botohe_moo.operators.kernels.change import MoveRule
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests import twins
+from tests.algorithms.annealing.test_moves import (
+    PUBLISHED,
+    Moves,
+    agree,
+    crossroads,
+    items_of,
+    limited,
+    nodes_of,
+)
 from tests.examples import examples
-from tests.kernels.test_moves import PUBLISHED, Moves, agree, crossroads
 from tests.strategies import lengths, missions, team_missions
 
 COOLED = np.array([1, 1, 1, 1, 1, 1, 0.1, 0.1])
@@ -30,7 +36,7 @@ class Search:
     def __init__(self, mission, *, seed=0, temperature=0.02, weight=0.7, **options):
         self.mission, self.weight = mission, weight
         self.options = {
-            "limits": twins.alike(mission),
+            "world": limited(mission),
             "kinds": COOLED,
             "every_robot": False,
             "cooling": 1.0,
@@ -38,22 +44,19 @@ class Search:
             "record": True,
             **options,
         }
-        random = seed_states(np.random.default_rng(seed), 1)
-        home = mission.batch([mission.stay_home(self.options["limits"])])
-        objectives = mission.evaluate(home)[0]
-        plan = read_trails(*home.arrays)
-        self.state = new_state(mission.arrays, plan, objectives, random)
+        self.world = self.options["world"]
+        self.state = new_state(self.world, seed_states(np.random.default_rng(seed), 1))
         self.state.temperature[0] = temperature
-        self.state.best_score[0] = self.score(self.state.best_objectives)
+        self.start(mission.stay_home(self.world).trails)
         self.records = new_records(mission.robots, 2_000, 100_000)
 
     def start(self, trails):
-        state = self.state
-        for slot, trail in zip(state.best, trails, strict=True):
-            state.stops[slot] = state.starts[slot] + len(trail)
-            state.nodes[state.starts[slot] : state.stops[slot]] = trail
-        state.best_objectives[:] = self.mission.evaluate([TrailPlan(trails)])[0]
-        state.best_score[0] = self.score(state.best_objectives)
+        state, best = self.state, self.state.best
+        for robot, trail in enumerate(trails):
+            best.stops[robot] = best.starts[robot] + len(trail)
+            best.items[best.starts[robot] : best.stops[robot]] = items_of(self.world, trail)
+        best.objectives[:] = self.mission.evaluate([TrailPlan(trails)])[0]
+        state.best_score[0] = self.score(best.objectives)
         state.to_best[0] = 1
 
     def score(self, objectives):
@@ -66,14 +69,16 @@ class Search:
         """Let the kernel make steps; gives what it gives."""
         options = self.options
         rule = AnnealRule(
-            moves=MoveRule(options["kinds"], 200, options["every_robot"], options["limits"]),
-            record=options["record"],
+            moves=np.cumsum(options["kinds"]),
+            max_tries=200,
+            every_robot=options["every_robot"],
+            records=options["record"],
             total_reward=self.mission.total_reward or 1.0,
             weight=self.weight,
             cooling=options["cooling"],
             return_probability=options["returning"],
         )
-        return anneal(self.mission.arrays, rule, self.state, self.records, n_steps)
+        return anneal(self.world, rule, self.state, self.records, n_steps)
 
     def recorded(self):
         """Give the plans recorded so far, and forget them."""
@@ -90,19 +95,19 @@ class Search:
     @property
     def objectives(self):
         state = self.state
-        return state.best_objectives if state.to_best[0] else state.objectives
+        return (state.best if state.to_best[0] else state.current).objectives
 
     @property
     def trails(self):
-        return self.best_trails if self.state.to_best[0] else self.in_slots(self.state.current)
+        return self.best_trails if self.state.to_best[0] else self.trails_of(self.state.current)
 
     @property
     def best_trails(self):
-        return self.in_slots(self.state.best)
+        return self.trails_of(self.state.best)
 
-    def in_slots(self, slots):
-        ends = zip(self.state.starts[slots], self.state.stops[slots], strict=True)
-        return tuple(tuple(self.state.nodes[start:stop].tolist()) for start, stop in ends)
+    def trails_of(self, plan):
+        ends = zip(plan.starts, plan.stops, strict=True)
+        return tuple(nodes_of(self.world, plan.items[start:stop]) for start, stop in ends)
 
 
 class Annealing:
@@ -245,7 +250,7 @@ def test_figures_and_records_are_those_of_evaluate(mission, every_robot, weight,
         at_hand = PlanBatch.from_plans(
             [TrailPlan(search.trails), TrailPlan(search.best_trails)], mission.robots
         )
-        found = [search.objectives.tolist(), search.state.best_objectives.tolist()]
+        found = [search.objectives.tolist(), search.state.best.objectives.tolist()]
         assert found == mission.evaluate(at_hand).tolist()
 
 
@@ -268,13 +273,13 @@ def test_records_leave_out_only_what_is_dominated():
     """The plan the search is at, and its best, can always be found among what it recorded."""
     mission = load_mission("art_museum")
     search = Search(mission, seed=1, temperature=0.01)
-    recorded = {(mission.arrays.reward[0], 3.0)}
+    recorded = {(mission.rewards[0], 3.0)}
     n_recorded = 0
     for _ in range(400):
         _, objectives = search.run(1)
         recorded |= set(map(tuple, objectives.tolist()))
         n_recorded += len(objectives)
-        for pair in (search.objectives, search.state.best_objectives):
+        for pair in (search.objectives, search.state.best.objectives):
             assert any(r >= pair[0] and s >= pair[1] for r, s in recorded)
     assert 20 < n_recorded < 400
     searches = [
@@ -303,13 +308,13 @@ def test_rejected_plans_are_recorded_too():
     st.integers(0, 2**31),
 )
 def test_no_plan_leaves_the_limits(mission, least, longest, seed):
-    limits = mission.limits(least, longest)
+    world = mission.limited(least, longest)
     least = np.array([max(least, kind.min_survival) for kind in mission.kind_of])
     longest = np.array([min(longest, kind.max_length or np.inf) for kind in mission.kind_of])
-    home = mission.batch([mission.stay_home(limits)])
+    home = mission.batch([mission.stay_home(world)])
     assume((mission.robot_survival(home) >= least).all())
     assume((mission.trail_lengths(home) <= longest).all())
-    search = Search(mission, seed=seed, limits=limits, temperature=0.5, weight=0.9)
+    search = Search(mission, seed=seed, world=world, temperature=0.5, weight=0.9)
     batch, _ = search.run(60)
     current = mission.batch([TrailPlan(search.trails), TrailPlan(search.best_trails)])
     for plans in (batch, current):
@@ -322,7 +327,25 @@ def test_the_first_plan_evaluated_is_the_best_where_there_was_none():
     search.state.best_score[0] = -np.inf
     search.run(1)
     assert search.best_trails != ((0,),) * 3
-    assert search.state.best_objectives[1] < 3
+    assert search.state.best.objectives[1] < 3
+
+
+@pytest.mark.parametrize("every_robot", [False, True])
+def test_one_robot_drawn_uniformly_or_every_robot(every_robot):
+    mission = load_mission("art_museum").with_robots(4)
+    plan = mission.plan([[1, 2, 8, 2, 1], [1], [1, 2, 1], [1, 2, 3, 2, 1]])
+    kinds = np.array([0, 0, 0, 0, 1, 0, 0.0])  # every one of these trails can grab
+    search = Search(mission, temperature=1e9, kinds=kinds, every_robot=every_robot)
+    differs, n_times = np.zeros(4), 4_000
+    for _ in range(n_times):
+        search.start(plan.trails)
+        search.steps(1)
+        search.records.n_plans[0] = 0
+        changed = [now != then for now, then in zip(search.trails, plan.trails, strict=True)]
+        assert sum(changed) == (4 if every_robot else 1)
+        differs += changed
+    if not every_robot:
+        assert np.abs(differs / n_times - 0.25).max() < 5 * (0.25 * 0.75 / n_times) ** 0.5
 
 
 def test_a_search_stops_where_no_plan_can_be_recorded():

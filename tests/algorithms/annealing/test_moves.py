@@ -10,15 +10,23 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from botohe_moo.algorithms.annealing import kernels
+from botohe_moo.algorithms.annealing.kernels import (
+    CANNOT,
+    MOVES,
+    AnnealRule,
+    change_trail,
+    make_move,
+    mark_trail,
+    new_moves,
+    new_state,
+)
 from botohe_moo.core.compile import kernel
-from botohe_moo.core.graph import NO_LIMITS, Limits
 from botohe_moo.core.rng import seed_states
-from botohe_moo.core.trails import read_trails
+from botohe_moo.core.sharing import shared
+from botohe_moo.core.world import Limits, find_arc
 from botohe_moo.mission import Kind, Mission, load_mission
-from botohe_moo.operators.kernels import moves
-from botohe_moo.operators.kernels.change import MoveRule, _take_detour, change_plans
-from botohe_moo.operators.kernels.moves import DETOUR, mark_trail, move_trail, new_move_scratch
-from botohe_moo.trails import PlanBatch
+from botohe_moo.trails import TrailPlan
 from tests import twins
 from tests.examples import examples
 from tests.strategies import (
@@ -30,18 +38,12 @@ from tests.strategies import (
     team_missions_with_plans,
 )
 
-KINDS = {
-    "insert": moves.INSERT,
-    "delete": moves.DELETE,
-    "substitute": moves.SUBSTITUTE,
-    "swap": moves.SWAP,
-    "grab": moves.GRAB,
-    "delete segment": moves.DELETE_SEGMENT,
-    "reverse": moves.REVERSE,
-    "delete loop": moves.DELETE_LOOP,
-    "detour": moves.DETOUR,
-}
+NUMBERS = {name: getattr(kernels, name.upper().replace("-", "_")) for name in MOVES}
 PUBLISHED = np.array([1, 1, 1, 1, 1, 1, 0.1])
+
+
+def test_moves_are_numbered_in_the_order_in_which_they_are_declared():
+    assert [*NUMBERS.values()] == [*range(len(MOVES))]
 
 
 class Moves:
@@ -110,13 +112,13 @@ class Moves:
                     range(max(1, last)),
                     lambda i: [(*trail[: i + 1], v, trail[i], *trail[i + 1 :]) for v in others],
                 )
-            case "delete segment":
+            case "delete-segment":
                 return self.at_positions(pairs, lambda p: [trail[: p[0]] + trail[p[1] + 1 :]])
             case "reverse":
                 return self.at_positions([0] if inner else [], lambda _: [trail[::-1]])
             case "detour":
                 return self.detours(trail)
-            case "delete loop":
+            case "delete-loop":
                 return self.at_positions(
                     range(last + 1) if inner else [],
                     lambda i: [
@@ -161,7 +163,7 @@ class Moves:
     def drawn(self, weights, trail):
         """Outcomes of drawing kinds until a move can be made; empty where none ever can."""
         chances = defaultdict(float)
-        for kind, weight in zip(KINDS, weights, strict=False):
+        for kind, weight in zip(MOVES, weights, strict=False):
             for outcome, chance in self.outcomes(kind, trail).items():
                 chances[outcome] += weight * chance
         chances.pop(None, None)
@@ -199,10 +201,20 @@ TRAILS = [
 ]
 
 
-def buffer(mission, trail):
-    nodes = np.full(mission.arrays.n_arcs + 1, -7)
-    nodes[: len(trail)] = trail
-    return nodes
+def items_of(world, trail):
+    """A trail of nodes as kernels write it."""
+    return [trail[0], *(find_arc(world.graph, *hop) for hop in pairwise(trail))]
+
+
+def nodes_of(world, items):
+    """The nodes of a trail that a kernel has written."""
+    return (int(items[0]), *world.graph.head[items[1:]].tolist())
+
+
+def buffer(world, trail):
+    items = np.full(world.graph.n_arcs + 1, -7)
+    items[: len(trail)] = items_of(world, trail)
+    return items
 
 
 def agree(counted, expected, n_times):
@@ -213,10 +225,8 @@ def agree(counted, expected, n_times):
 
 
 @kernel
-def move(graph, scratch, nodes, length, kind, states):
-    if kind == DETOUR:
-        return _take_detour(graph, scratch, nodes, length, states)
-    return move_trail(graph, scratch, nodes, length, kind, states)
+def move(world, scratch, trail, n, number, states):
+    return make_move(world, scratch, trail, n, number, states)
 
 
 def crossroads_of_kinds():
@@ -232,73 +242,90 @@ ROVERS = [(5, 6, 8), (5, 7, 8, 6, 8), (5, 7, 6, 5, 9, 8), (5, 9, 8, 7, 5, 6, 8)]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", MOVES)
 @pytest.mark.parametrize(("robot", "trails"), [(0, TRAILS), (1, ROVERS)])
-def test_one_move_has_the_outcomes_of_the_twin(kind, robot, trails):
+def test_one_move_has_the_outcomes_of_the_twin(name, robot, trails):
     mission = crossroads_of_kinds() if robot else crossroads()
-    graph, n_times = mission.arrays, 3_000
+    world, n_times = mission.world, 3_000
     states = seed_states(np.random.default_rng(1), 1)
-    scratch = new_move_scratch(graph)
+    scratch = new_moves(world)
     makeable = 0
     for trail in trails:
-        expected = Moves(mission, robot).outcomes(kind, trail)
+        expected = Moves(mission, robot).outcomes(name, trail)
         assert sum(expected.values()) == pytest.approx(1)
         makeable += set(expected) != {None}
-        counted = Counter()
-        mark_trail(graph, scratch, buffer(mission, trail), len(trail))
+        counted, n = Counter(), len(trail) - 1
+        mark_trail(scratch, buffer(world, trail), n)
         marked = scratch.used == scratch.mark
-        assert marked.sum() == len(trail) - 1
+        assert marked.sum() == n
         for _ in range(n_times):
-            nodes = buffer(mission, trail)
-            length = move(graph, scratch, nodes, len(trail), KINDS[kind], states)
-            if length == moves.CANNOT:
-                assert nodes.tolist() == buffer(mission, trail).tolist()
-            counted[None if length == moves.CANNOT else tuple(nodes[:length].tolist())] += 1
+            items = buffer(world, trail)
+            changed = move(world, scratch, items, n, NUMBERS[name], states)
+            if changed == CANNOT:
+                assert items.tolist() == buffer(world, trail).tolist()
+            outcome = None if changed == CANNOT else nodes_of(world, items[: changed + 1])
+            counted[outcome] += 1
         assert np.array_equal(scratch.used == scratch.mark, marked)
         agree(counted, expected, n_times)
-    assert makeable >= (0 if robot and kind == "reverse" else 2)
+    assert makeable >= (0 if robot and name == "reverse" else 2)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("weights", [PUBLISHED, np.array([1, 0, 0.5, 2, 1, 1, 0, 3.0])])
 @pytest.mark.parametrize("trail", TRAILS)
 def test_moves_are_drawn_again_until_one_can_be_made(trail, weights):
-    mission = crossroads()
+    mission = crossroads().with_robots(1)
     n_times = 3_000
-    batch = PlanBatch(np.tile(np.int32(trail), n_times), np.arange(n_times + 1) * len(trail), 1)
-    changed = PlanBatch(*change(mission, batch, weights=weights), 1)
+    changed = change(mission, [TrailPlan([trail])] * n_times, weights=weights)
     counted = Counter(plan.trails[0] for plan in changed)
     agree(counted, Moves(mission).drawn(weights, trail), n_times)
 
 
-def change(
-    mission, batch, *, weights=PUBLISHED, every_robot=True, limits=NO_LIMITS, seed=0, tries=1_000
-):
-    states = seed_states(np.random.default_rng(seed), 1)
-    rule, given = MoveRule(weights, tries, every_robot, limits), read_trails(*batch.arrays)
-    before = [array.copy() for array in batch.arrays]
-    changed = change_plans(mission.arrays, rule, given, batch.n_robots, states)
-    assert all(map(np.array_equal, batch.arrays, before))
-    return changed
+@kernel
+def change_one(world, rule, state, robot):
+    world, rule, state = shared(world), shared(rule), shared(state)
+    change_trail(world, rule, state, robot)
+
+
+def limited(mission, least=0.0, longest=np.inf):
+    """The mission for kernels, with limits that are the same for each robot."""
+    floors, budgets = np.full(mission.robots, least), np.full(mission.robots, longest)
+    return mission.world.with_limits(Limits(floors, budgets, longest < np.inf))
+
+
+def rule_of(weights, tries=1_000):
+    return AnnealRule(np.cumsum(weights), tries, True, True, 1.0, 0.5, 1.0, 0.0)
+
+
+def change(mission, batch, *, weights=PUBLISHED, world=None, seed=0, tries=1_000):
+    """Change every trail of plans by a move."""
+    world, rule = limited(mission) if world is None else world, rule_of(weights, tries)
+    state = new_state(world, seed_states(np.random.default_rng(seed), 1))
+    plans = []
+    for plan in batch:
+        trails = []
+        for robot, trail in enumerate(plan.trails):
+            start, stop = state.tried.starts[robot], state.tried.starts[robot] + len(trail)
+            for each in (state.current, state.tried):
+                each.items[start:stop], each.stops[robot] = items_of(world, trail), stop
+            change_one(world, rule, state, robot)
+            assert nodes_of(world, state.current.items[start:stop]) == trail
+            trails.append(nodes_of(world, state.tried.items[start : state.tried.stops[robot]]))
+        plans.append(TrailPlan(trails))
+    return mission.batch(plans)
 
 
 @examples(150)
 @given(
     missions_with_plans(max_nodes=8, one_way=True) | team_missions_with_plans(),
-    st.booleans(),
     st.integers(0, 2**31),
 )
-def test_trails_stay_trails_on_one_way_missions(mission_and_plan, every_robot, seed):
+def test_trails_stay_trails_on_one_way_missions(mission_and_plan, seed):
     mission, plan = mission_and_plan
     batch = mission.batch([plan] * 20)
-    weights = np.ones(moves.N_KINDS)
+    weights = np.ones(len(MOVES))
     for i in range(5):
-        batch = PlanBatch(
-            *change(
-                mission, batch, weights=weights, every_robot=every_robot, seed=seed + i, tries=20
-            ),
-            mission.robots,
-        )
+        batch = change(mission, batch, weights=weights, seed=seed + i, tries=20)
         mission.evaluate(batch)  # raises PlanError for any trail that is not valid
 
 
@@ -311,8 +338,7 @@ def test_no_move_leaves_the_limits(mission_and_plan, floor, budget, data):
     least = float(mission.robot_survival(batch).min()) if floor else 0.0
     longest = float(mission.trail_lengths(batch).max()) if budget else np.inf
     for seed in range(3):
-        changed = change(mission, batch, limits=Limits(least, longest), seed=seed, tries=20)
-        batch = PlanBatch(*changed, mission.robots)
+        batch = change(mission, batch, world=limited(mission, least, longest), seed=seed, tries=20)
         assert (mission.robot_survival(batch) >= least).all()
         assert (mission.trail_lengths(batch) <= longest).all()
 
@@ -320,16 +346,13 @@ def test_no_move_leaves_the_limits(mission_and_plan, floor, budget, data):
 @examples(100)
 @given(team_missions(lengths=lengths), st.integers(0, 2**31))
 def test_no_move_leaves_the_limits_of_a_kind(mission, seed):
-    limits = mission.limits()
-    batch = mission.batch([mission.stay_home(limits)] * 30)
+    batch = mission.batch([mission.stay_home()] * 30)
     least, longest = np.transpose(
         [(k.min_survival, k.max_length or np.inf) for k in mission.kind_of]
     )
     assume((mission.robot_survival(batch) >= least).all())  # no way that compromises
     for _ in range(3):
-        batch = PlanBatch(
-            *change(mission, batch, limits=limits, seed=seed, tries=20), mission.robots
-        )
+        batch = change(mission, batch, world=mission.world, seed=seed, tries=20)
         mission.evaluate(batch)
         assert (mission.robot_survival(batch) >= least).all()
         assert (mission.trail_lengths(batch) <= longest).all()
@@ -339,32 +362,12 @@ def test_the_limits_bind_and_leave_room():
     mission = load_mission("art_museum")
     batch = mission.batch([mission.plan([[1]] * 3)] * 200)
     for seed in range(30):
-        free = PlanBatch(*change(mission, batch, seed=seed), 3)
-        batch = PlanBatch(*change(mission, batch, limits=Limits(0.5, 8.0), seed=seed), 3)
+        free = change(mission, batch, seed=seed)
+        batch = change(mission, batch, world=limited(mission, 0.5, 8.0), seed=seed)
     assert mission.robot_survival(free).min() < 0.5
     assert mission.trail_lengths(free).max() > 8
     assert 0.5 <= mission.robot_survival(batch).min() < 0.6
     assert max(len(trail) for plan in batch for trail in plan.trails) > 5
-
-
-@pytest.mark.parametrize("every_robot", [False, True])
-def test_one_robot_drawn_uniformly_or_every_robot(every_robot):
-    mission = load_mission("art_museum").with_robots(4)
-    plan = mission.plan([[1, 2, 8, 2, 1], [1], [1, 2, 1], [1, 2, 3, 2, 1]])
-    batch = mission.batch([plan] * 4_000)
-    weights = np.array([0, 0, 0, 0, 1, 0, 0.0])  # every one of these trails can grab
-    changed = PlanBatch(*change(mission, batch, weights=weights, every_robot=every_robot), 4)
-    differs = np.array(
-        [
-            [now != before for now, before in zip(new.trails, plan.trails, strict=True)]
-            for new in changed
-        ]
-    )
-    if every_robot:
-        assert differs.all()
-    else:
-        assert (differs.sum(axis=1) == 1).all()
-        assert np.abs(differs.mean(axis=0) - 0.25).max() < 5 * (0.25 * 0.75 / 4_000) ** 0.5
 
 
 def round_trip():
@@ -379,18 +382,17 @@ def test_where_no_move_drawn_can_be_made_there_are_detours():
     mission = round_trip()
     assert Moves(mission).drawn(PUBLISHED, (0,)) == {}
     batch = mission.batch([mission.plan([[0], [0]])] * 50)
-    out = PlanBatch(*change(mission, batch), 2)
+    out = change(mission, batch)
     assert {trail for plan in out for trail in plan.trails} == {(0, 1, 2, 0)}
-    back = PlanBatch(*change(mission, out), 2)
+    back = change(mission, out)
     assert {trail for plan in back for trail in plan.trails} == {(0, 1, 2, 0), (0,)}
 
 
 def test_a_trail_that_no_move_can_change_stays():
     mission = round_trip()
-    batch = mission.batch([mission.plan([[0], [0]])])
-    nodes, offsets = change(mission, batch, limits=Limits(0.73))  # one round survives with 0.729
-    assert nodes.tolist() == [0, 0]
-    assert offsets.tolist() == [0, 1, 2]
+    plan = mission.plan([[0], [0]])
+    (out,) = change(mission, [plan], world=limited(mission, 0.73))  # one round survives with 0.729
+    assert out.trails == plan.trails
 
 
 @examples(60)
@@ -400,7 +402,7 @@ def test_moves_lead_from_every_trail_to_every_other(drawn):
     mission, trails = drawn
     found, fresh = {(0,)}, [(0,)]
     twin = Moves(mission)
-    weights = np.ones(moves.N_KINDS)
+    weights = np.ones(len(MOVES))
     while fresh:
         following = set(twin.drawn(weights, fresh.pop())) - found
         found |= following
@@ -412,10 +414,3 @@ def test_moves_lead_from_every_trail_to_every_other(drawn):
             larger = home.union(*(twin.drawn(weights, one) for one in home))
             assert larger != home
             home = larger
-
-
-def test_no_plans():
-    mission = load_mission("toy")
-    nodes, offsets = change(mission, mission.batch([]))
-    assert nodes.tolist() == []
-    assert offsets.tolist() == [0]

@@ -10,7 +10,8 @@ from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import ObjectArray, Rng
 from botohe_moo.algorithms.bo_aco.colony import JOURNAL, Colony
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
-from botohe_moo.operators.base import Mixture, check_part
+from botohe_moo.operators.repair import check_part
+from botohe_moo.operators.variation import Mixture
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
@@ -21,7 +22,7 @@ class PlanSampling(Sampling):
     Examples
     --------
     >>> from botohe_moo import solve
-    >>> from botohe_moo.operators import PlanSampling
+    >>> from botohe_moo.algorithms import PlanSampling
     >>> from botohe_moo.trails import PlanBatch
     >>> class AtHome(PlanSampling):
     ...     '''Everybody stays at base.'''
@@ -71,7 +72,7 @@ class RandomTrailSampling(PlanSampling):
     --------
     >>> import numpy as np
     >>> from botohe_moo import BOTOHE, load_mission
-    >>> from botohe_moo.operators import RandomTrailSampling
+    >>> from botohe_moo.algorithms import RandomTrailSampling
     >>> problem = BOTOHE(load_mission("toy"))
     >>> len(RandomTrailSampling().sample_batch(problem, 5, np.random.default_rng(1)))
     5
@@ -90,7 +91,7 @@ class GuidedTrailSampling(PlanSampling):
     --------
     >>> import numpy as np
     >>> from botohe_moo import BOTOHE, load_mission
-    >>> from botohe_moo.operators import GuidedTrailSampling
+    >>> from botohe_moo.algorithms import GuidedTrailSampling
     >>> problem = BOTOHE(load_mission("toy"))
     >>> len(GuidedTrailSampling().sample_batch(problem, 5, np.random.default_rng(1)))
     5
@@ -138,7 +139,7 @@ class CornerSampling(_FilledSampling):
     --------
     >>> import numpy as np
     >>> from botohe_moo import BOTOHE, load_mission
-    >>> from botohe_moo.operators import CornerSampling
+    >>> from botohe_moo.algorithms import CornerSampling
     >>> problem = BOTOHE(load_mission("toy"))
     >>> corners = CornerSampling().sample_batch(problem, 2, np.random.default_rng(1))
     >>> problem.mission.evaluate(corners).round(2).tolist()  # all survive; most reward
@@ -170,7 +171,7 @@ class GivenSampling(_FilledSampling):
     --------
     >>> import numpy as np
     >>> from botohe_moo import BOTOHE, load_mission
-    >>> from botohe_moo.operators import GivenSampling
+    >>> from botohe_moo.algorithms import GivenSampling
     >>> problem = BOTOHE(load_mission("toy"))
     >>> plan = problem.mission.plan([[1, 2, 1], [1]])
     >>> batch = GivenSampling([plan]).sample_batch(problem, 5, np.random.default_rng(1))
@@ -203,7 +204,7 @@ class MixedSampling(PlanSampling):
     --------
     >>> import numpy as np
     >>> from botohe_moo import BOTOHE, load_mission
-    >>> from botohe_moo.operators import GuidedTrailSampling, MixedSampling, RandomTrailSampling
+    >>> from botohe_moo.algorithms import GuidedTrailSampling, MixedSampling, RandomTrailSampling
     >>> problem = BOTOHE(load_mission("toy"))
     >>> sampling = MixedSampling({GuidedTrailSampling(): 3, RandomTrailSampling(): 1})
     >>> len(sampling.sample_batch(problem, 20, np.random.default_rng(1)))

@@ -30,10 +30,7 @@ from botohe_moo.algorithms.base import (
     check_options,
     check_problem,
 )
-from botohe_moo.algorithms.individuals import ManyObjectiveArchive, PopulationArchive
-from botohe_moo.operators.base import Mixture
-from botohe_moo.operators.repair import PenaltyOnly, PlanDuplicates, PlanRepair
-from botohe_moo.operators.wiring import (
+from botohe_moo.algorithms.genetic.wiring import (
     DEFAULT_CROSSOVER,
     DEFAULT_MUTATION,
     Named,
@@ -42,6 +39,9 @@ from botohe_moo.operators.wiring import (
     make_repair,
     make_sampling,
 )
+from botohe_moo.algorithms.individuals import ManyObjectiveArchive, PopulationArchive
+from botohe_moo.operators.repair import PenaltyOnly, PlanDuplicates, PlanRepair
+from botohe_moo.operators.variation import Mixture
 from botohe_moo.problem import FrontOutput
 from botohe_moo.trails import TrailPlan
 
@@ -68,9 +68,9 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         Whether the corners of the front, everybody at home and the greedy plan for reward alone,
         are among the plans to start from.
     crossover
-        ``exchange``, ``splice``, a mapping from these to weights, or a pymoo crossover.
+        ``splice``, a mapping from names to weights, or a pymoo crossover.
     mutation
-        ``moves``, ``ruin``, ``share``, a mapping from these to weights, or a pymoo mutation.
+        ``ruin``, ``share``, a mapping from names to weights, or a pymoo mutation.
     repair
         How drafts of operators become valid plans: ``safest-path``, ``truncate``, ``penalty`` (not
         at all; faults count as constraint violation), or a :class:`PlanRepair`. Operators that are

@@ -6,14 +6,12 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeAlias
 
-import numpy as np
 from pymoo.core.crossover import Crossover
 from pymoo.core.mutation import Mutation
 from pymoo.core.repair import Repair
 from pymoo.core.sampling import Sampling
 
 from botohe_moo._base.checks import ParameterError, check_weights, nearest_first, quoted
-from botohe_moo._base.types import ObjectArray, Rng
 from botohe_moo._plugins.entry_points import (
     PluginError,
     PluginGroup,
@@ -21,26 +19,23 @@ from botohe_moo._plugins.entry_points import (
     is_path,
     says_it_makes,
 )
-from botohe_moo.operators.base import Mixture
-from botohe_moo.operators.crossover import MixedCrossover
-from botohe_moo.operators.mutation import MixedMutation, PlanMutation
-from botohe_moo.operators.repair import PlanRepair
-from botohe_moo.operators.sampling import (
+from botohe_moo.algorithms.genetic.sampling import (
     CornerSampling,
     GivenSampling,
     GuidedTrailSampling,
     MixedSampling,
     PlanSampling,
 )
-from botohe_moo.problem import BOTOHE
+from botohe_moo.operators.repair import PlanRepair
+from botohe_moo.operators.variation import MixedCrossover, MixedMutation, TrailSplice
 
 Factory: TypeAlias = Callable[..., Any]
 # The name of one operator, or of several with their weights.
 Named: TypeAlias = str | Mapping[str, float]
 
 # Chosen from the ablation that `make bench` prints (results/operators/ablation.csv).
-DEFAULT_CROSSOVER: Mapping[str, float] = {"exchange": 1.0, "splice": 3.0}
-DEFAULT_MUTATION: Mapping[str, float] = {"ruin": 1.0, "moves": 0.5, "share": 0.2}
+DEFAULT_CROSSOVER = "splice"
+DEFAULT_MUTATION: Mapping[str, float] = {"ruin": 1.0, "share": 0.2}
 
 # The kinds of operators, by the parameters of algorithms that take them.
 KINDS: Mapping[str, type] = {
@@ -151,14 +146,6 @@ def _weights(kind: str, given: Any, *, needed: str = "") -> dict[str, float]:
     return {name: weight for name, weight in weights.items() if weight}
 
 
-def _make_parts(
-    kind: str, weights: Mapping[str, float], mixable: type, **offered: Any
-) -> dict[Any, float]:
-    """Make one operator, or several of the class ``mixable``; return them with their weights."""
-    wanted = mixable if len(weights) > 1 else KINDS[kind]
-    return {make_operator(kind, name, wanted, **offered): w for name, w in weights.items()}
-
-
 def make_repair(given: str | PlanRepair) -> PlanRepair:
     """Make a repair: ``safest-path``, ``truncate``, ``penalty`` or that of another package."""
     if isinstance(given, PlanRepair):
@@ -178,7 +165,8 @@ def make_sampling(given: Named | Sampling | Any, *, corners: bool = True) -> Sam
         rest = GuidedTrailSampling()
         return GivenSampling(given, CornerSampling(rest) if corners else rest)
     weights = _weights("sampling", given, needed="sampling")
-    parts = _make_parts("sampling", weights, PlanSampling)
+    wanted = PlanSampling if len(weights) > 1 else Sampling
+    parts = {make_operator("sampling", name, wanted): w for name, w in weights.items()}
     first = next(iter(parts))
     if not isinstance(first, PlanSampling):  # a pymoo sampling, by itself
         return first
@@ -189,57 +177,24 @@ def make_sampling(given: Named | Sampling | Any, *, corners: bool = True) -> Sam
 def make_crossover(
     given: Named | Crossover, *, prob: float, repair: PlanRepair, n_offsprings: int = 2
 ) -> Crossover:
-    """Make a crossover of ``exchange``, ``splice`` and others; return a pymoo crossover as it is.
+    """Make a crossover of ``splice`` and others; return a pymoo crossover as it is.
 
     Without any weight above 0, no pair is crossed.
     """
     if isinstance(given, Crossover):
         return given
-    weights = _weights("crossover", given)
-    if not weights.keys() <= {"exchange", "splice"}:
-        offered = {"prob": prob, "repair": repair, "n_offsprings": n_offsprings}
-        parts = _make_parts("crossover", weights, Crossover, **offered)
-        return next(iter(parts)) if len(parts) == 1 else _CrossoverMixture(parts, prob=prob)
-    total = sum(weights.values())
-    return MixedCrossover(
-        prob_splice=weights.get("splice", 0.0) / total if total else 0.0,
-        prob=prob if total else 0.0,
-        n_offsprings=n_offsprings,
-        repair=repair,
-    )
+    if not (weights := _weights("crossover", given)):
+        return TrailSplice(prob=0.0, n_offsprings=n_offsprings)
+    offered = {"prob": prob, "repair": repair, "n_offsprings": n_offsprings}
+    parts = {make_operator("crossover", k, Crossover, **offered): w for k, w in weights.items()}
+    return MixedCrossover(parts, prob=prob)
 
 
 def make_mutation(given: Named | Mutation, *, prob: float, repair: PlanRepair) -> Mutation:
-    """Make a mutation of ``moves``, ``ruin`` and others; return a pymoo one as it is."""
+    """Make a mutation of ``ruin``, ``share`` and others; return a pymoo one as it is."""
     if isinstance(given, Mutation):
         return given
+    offered = {"prob": prob, "repair": repair}
     weights = _weights("mutation", given, needed="mutation")
-    parts = _make_parts("mutation", weights, PlanMutation, prob=prob, repair=repair)
-    first = next(iter(parts))
-    return MixedMutation(parts, prob=prob) if isinstance(first, PlanMutation) else first
-
-
-class _CrossoverMixture(Crossover):
-    """One of several crossovers, drawn for each pair; their own ``prob`` does not matter."""
-
-    def __init__(self, crossovers: Mapping[Crossover, float], *, prob: float) -> None:
-        self.mixture = Mixture("crossover", Crossover, crossovers)
-        shapes = {(part.n_parents, part.n_offsprings) for part in self.mixture.parts}
-        if len(shapes) > 1:
-            found = " and ".join(f"{parents} and {born}" for parents, born in sorted(shapes))
-            raise ParameterError(
-                "Expected crossovers that are mixed to have as many parents and children as each "
-                f"other, got {found}.",
-                "crossover",
-            )
-        super().__init__(*shapes.pop(), prob=prob)
-
-    def _do(
-        self, problem: BOTOHE, X: ObjectArray, *args: Any, random_state: Rng, **options: Any
-    ) -> ObjectArray:
-        children = np.empty((self.n_offsprings, *X.shape[1:]), dtype=object)
-        for part, chosen in self.mixture.draw(random_state, X.shape[1]):
-            children[:, chosen] = part._do(
-                problem, X[:, chosen], *args, random_state=random_state, **options
-            )
-        return children
+    parts = {make_operator("mutation", k, Mutation, **offered): w for k, w in weights.items()}
+    return MixedMutation(parts, prob=prob)
