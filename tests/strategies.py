@@ -124,14 +124,12 @@ def trails(draw, mission, max_hops=12, robot=0):
 
     Without kinds they are indices of the mission's nodes.
     """
-    arrays = mission.arrays
-    unused = {node: [] for node in range(arrays.n_nodes)}
-    for tail, head in zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True):
+    graph, team = mission.world.graph, mission.world.team
+    unused = {node: [] for node in range(graph.n_nodes)}
+    for tail, head in zip(graph.tail.tolist(), graph.head.tolist(), strict=True):
         unused[tail].append(head)
-    here = end = arrays.base
-    if arrays.kinds is not None:
-        here = int(arrays.kinds.start[robot])
-        end = int(arrays.kinds.end[here])
+    here = int(team.start[robot])
+    end = int(team.end[here])
     trail = [here]
     for _ in range(draw(st.integers(0, max_hops))):
         hops = [head for head in unused[here] if way_home(unused, (here, head), end)]

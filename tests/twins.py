@@ -396,10 +396,10 @@ class _Arcs:
 
     def of(self, mission):
         if mission is not self.mission:
-            arrays = mission.arrays
-            arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
-            self.survival = dict(zip(arcs, arrays.survival.tolist(), strict=True))
-            self.length = dict(zip(arcs, arrays.length.tolist(), strict=True))
+            graph = mission.world.graph
+            arcs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
+            self.survival = dict(zip(arcs, graph.survival.tolist(), strict=True))
+            self.length = dict(zip(arcs, graph.length.tolist(), strict=True))
             self.mission = mission
         return self
 
