@@ -66,7 +66,7 @@ def check(found, floor=0.0, budget=None):
     And nothing is left of a parent.
     """
     batch, objectives, serials = found.plans()
-    mission, front, store, work = found.mission, found._front, found._store, found._work
+    mission, front, store = found.mission, found._front, found._store
     assert len(found) == len(batch) == len(serials) == len(set(serials.tolist()))
     assert serials.max(initial=-1) < found.version
     assert np.array_equal(mission.evaluate(batch), objectives)
@@ -77,11 +77,27 @@ def check(found, floor=0.0, budget=None):
     assert store.trails["n_users"].tolist() == users.tolist()
     spare = store.spare[: store.n.spare].tolist()
     assert sorted([*spare, *np.flatnonzero(users).tolist()]) == list(range(len(users)))
+    check_clean(found)
+
+
+def check_clean(found):
+    """Whether the workspace holds nothing of a parent."""
+    work = found._work
     assert work.nodes["marginal"].tolist() == found.world.graph.reward.tolist()
     assert (work.nodes["unreached"] == -1.0).all()
     assert (work.nodes["met"] == NEVER).all()
     assert (work.nodes["later"] == 0.0).all()
     assert (work.arcs["position"] == -1).all()
+
+
+def front_of(objectives):
+    """The non-dominated of some points, each once, by descending reward."""
+    kept, most = [], -1.0
+    for reward, survivors in sorted(objectives.tolist(), reverse=True):
+        if survivors > most:
+            kept.append((reward, survivors))
+            most = survivors
+    return np.array(kept)
 
 
 def write_child(found, nodes):

@@ -1,8 +1,9 @@
 """Safest paths to a node against networkx, from all nodes or those that are safest to come from."""
 
-from math import log
+from math import inf, log
 
 import networkx as nx
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,31 +11,32 @@ from hypothesis import strategies as st
 from botohe_moo import load_mission
 from botohe_moo.algorithms.local_search.kernels import routes as kernels
 from botohe_moo.algorithms.local_search.kernels.routes import UNKNOWN
-from botohe_moo.core.graph import with_costs
+from tests.core.test_paths import whole_graph
 from tests.examples import examples
-from tests.strategies import missions
+from tests.strategies import missions, team_missions
 
 
 def distances_to(mission, goal):
-    """Cost of the safest path from each node."""
-    graph = nx.DiGraph()
-    graph.add_nodes_from(range(mission.arrays.n_nodes))
-    labelled = mission.graph.edges(data="survival")
-    graph.add_weighted_edges_from(
-        (mission.index(v), mission.index(u), -log(survival)) for u, v, survival in labelled
-    )
-    return nx.single_source_dijkstra_path_length(graph, goal)
+    """Cost of the safest path from each node from which there is one."""
+    backwards = whole_graph(mission).reverse()
+    return nx.single_source_dijkstra_path_length(backwards, goal, weight="cost")
+
+
+def new_routes(world, per_length=0.0):
+    return kernels.new_routes(world, np.full(world.graph.n_nodes, per_length))
 
 
 def assert_routes(mission, routes, goal, n_known):
     """Whether a row leads to its goal, as safely as possible, from the nodes nearest to it."""
-    arrays, safest = mission.arrays, distances_to(mission, goal)
+    graph, safest = mission.world.graph, distances_to(mission, goal)
     assert routes.n_known[goal] == n_known
-    sources = routes.entries["source"][goal, :n_known].tolist()
+    entries = routes.entries[goal, :n_known]
+    sources = entries["source"][np.isfinite(entries["cost"])].tolist()
     assert sources == sorted(set(sources))
+    assert set(sources) <= set(safest)
     known = max(safest[node] for node in sources)
     assert all(safest[node] >= known - 1e-9 for node in set(safest) - set(sources))
-    for node in range(arrays.n_nodes):
+    for node in range(graph.n_nodes):
         entry = kernels.route_entry(routes, goal, node)
         assert (entry == UNKNOWN) == (node not in sources)
         if entry == UNKNOWN:
@@ -43,9 +45,9 @@ def assert_routes(mission, routes, goal, n_known):
         cost, here = 0.0, node
         while here != goal:
             arc = routes.entries[goal, entry].arc
-            assert arrays.tail[arc] == here
-            cost -= log(arrays.survival[arc])
-            here, entry = arrays.head[arc], routes.entries[goal, entry].onward
+            assert graph.tail[arc] == here
+            cost -= log(graph.survival[arc])
+            here, entry = graph.head[arc], routes.entries[goal, entry].onward
             assert routes.entries[goal, entry].source == here
         assert routes.entries[goal, entry].arc == -1
         assert cost == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
@@ -104,7 +106,7 @@ def test_the_nearest_nodes_are_those_that_are_safest_to_reach(mission, n_near):
 @given(missions(min_nodes=1, max_nodes=9))
 def test_everywhere_the_way_home_is_known(mission):
     arrays, safest = mission.arrays, distances_to(mission, 0)
-    for node in range(arrays.n_nodes):
+    for node in range(graph.n_nodes):
         cost, here = 0.0, node
         while here != arrays.base:
             assert arrays.tail[arrays.homeward[here]] == here
