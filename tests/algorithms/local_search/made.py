@@ -38,6 +38,22 @@ def started(mission, start=(), **options):
     return found
 
 
+def random_plans(mission, n):
+    """Plans along any arcs of a mission where each has one back: there is no dead end but base."""
+    rng, graph, base = np.random.default_rng(3), mission.world.graph, mission.index(mission.base)
+    arcs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
+    trails = []
+    for _ in range(n * mission.robots):
+        trail, unused = [base], {}
+        for tail, head in rng.permutation(arcs).tolist():
+            unused.setdefault(tail, []).append(head)
+        while unused[trail[-1]] and (trail[-1] != base or rng.random() < 0.7):
+            trail.append(unused[trail[-1]].pop())
+        trails.append(trail)
+    plans = [trails[i : i + mission.robots] for i in range(0, len(trails), mission.robots)]
+    return mission.batch([TrailPlan(plan) for plan in plans])
+
+
 def outcome(found):
     """All that a search has found, to the bit, and all that it remembers but for times."""
     batch, objectives, serials = found.plans()

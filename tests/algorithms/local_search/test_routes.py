@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import load_mission
 from botohe_moo.algorithms.local_search.kernels import routes as kernels
-from botohe_moo.algorithms.local_search.kernels.routes import UNKNOWN
+from botohe_moo.algorithms.local_search.kernels.routes import FAR, UNKNOWN
 from tests.core.test_paths import whole_graph
 from tests.examples import examples
 from tests.strategies import missions, team_missions
@@ -30,17 +30,16 @@ def assert_routes(mission, routes, goal, n_known):
     """Whether a row leads to its goal, as safely as possible, from the nodes nearest to it."""
     graph, safest = mission.world.graph, distances_to(mission, goal)
     assert routes.n_known[goal] == n_known
-    entries = routes.entries[goal, :n_known]
-    sources = entries["source"][np.isfinite(entries["cost"])].tolist()
-    assert sources == sorted(set(sources))
-    assert set(sources) <= set(safest)
-    known = max(safest[node] for node in sources)
-    assert all(safest[node] >= known - 1e-9 for node in set(safest) - set(sources))
-    for node in range(graph.n_nodes):
-        entry = kernels.route_entry(routes, goal, node)
-        assert (entry == UNKNOWN) == (node not in sources)
-        if entry == UNKNOWN:
-            continue
+    entries = [kernels.route_entry(routes, goal, node) for node in range(graph.n_nodes)]
+    known = {
+        node: entry
+        for node, entry in enumerate(entries)
+        if entry != UNKNOWN and routes.entries[goal, entry].cost < inf
+    }
+    assert len(known) == min(n_known, len(safest))
+    farthest = max(safest[node] for node in known)
+    assert all(safest[node] >= farthest - 1e-9 for node in safest.keys() - known.keys())
+    for node, entry in known.items():
         assert routes.entries[goal, entry].cost == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
         cost, here = 0.0, node
         while here != goal:
@@ -53,66 +52,50 @@ def assert_routes(mission, routes, goal, n_known):
         assert cost == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
 
 
-def search(mission, routes, goal):
-    kernels.search_routes(mission.arrays, routes, goal)
-
-
 @examples(60)
-@given(missions(min_nodes=1, max_nodes=9), st.data())
+@given(missions(min_nodes=1, max_nodes=9) | team_missions(), st.data())
 def test_rows_hold_the_safest_paths_from_all_nodes(mission, data):
-    routes, n_nodes = kernels.new_routes(mission.arrays, 0.0), mission.arrays.n_nodes
+    graph, routes = mission.world.graph, new_routes(mission.world)
     assert not routes.n_known.any()  # nothing is searched before somebody asks
-    goals = data.draw(st.permutations(range(n_nodes)))
+    goals = data.draw(st.permutations(range(graph.n_nodes)))
     for i, goal in enumerate(goals):
-        search(mission, routes, goal)
+        kernels.search_routes(graph, routes, goal)
         assert (routes.n_known > 0).sum() == i + 1
     for goal in goals:
-        assert_routes(mission, routes, goal, n_nodes)
+        assert_routes(mission, routes, goal, graph.n_nodes)
 
 
 @examples(60)
 @given(missions(min_nodes=4, max_nodes=9), st.integers(1, 4))
 def test_on_larger_missions_rows_are_truncated(mission, near):
+    graph = mission.world.graph
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernels, "FULL_UP_TO", 3)
         patch.setattr(kernels, "NEAR", near)
-        routes = kernels.new_routes(mission.arrays, 0.0)
-    assert routes.entries.shape == (mission.arrays.n_nodes, near)
-    for goal in range(mission.arrays.n_nodes):
-        search(mission, routes, goal)
+        routes = new_routes(mission.world)
+    assert routes.entries.shape == (graph.n_nodes, near)
+    for goal in range(graph.n_nodes):
+        kernels.search_routes(graph, routes, goal)
         assert_routes(mission, routes, goal, near)
 
 
 @examples(40)
 @given(missions(min_nodes=2, max_nodes=9), st.integers(1, 8))
 def test_the_nearest_nodes_are_those_that_are_safest_to_reach(mission, n_near):
+    graph, n_nodes = mission.world.graph, mission.world.graph.n_nodes
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernels, "_N_NEIGHBOURS", n_near)
-        routes = kernels.new_routes(mission.arrays, 0.0)
-    n_nodes = mission.arrays.n_nodes
+        routes = new_routes(mission.world)
     assert routes.near.shape == (n_nodes, min(n_near, n_nodes - 1))
     safest = [distances_to(mission, goal) for goal in range(n_nodes)]
     for node in range(n_nodes):
         assert (routes.near[node] == -1).all()
-        kernels.search_near(mission.arrays, routes, node)
+        kernels.search_near(graph, routes, node)
         near = routes.near[node].tolist()
         assert len({*near, node}) == len(near) + 1
         found = [safest[goal][node] for goal in near]
         others = sorted(safest[goal][node] for goal in range(n_nodes) if goal != node)
         assert found == pytest.approx(others[: len(near)], rel=1e-12, abs=1e-12)
-
-
-@examples(40)
-@given(missions(min_nodes=1, max_nodes=9))
-def test_everywhere_the_way_home_is_known(mission):
-    arrays, safest = mission.arrays, distances_to(mission, 0)
-    for node in range(graph.n_nodes):
-        cost, here = 0.0, node
-        while here != arrays.base:
-            assert arrays.tail[arrays.homeward[here]] == here
-            cost -= log(arrays.survival[arrays.homeward[here]])
-            here = arrays.head[arrays.homeward[here]]
-        assert cost == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
 
 
 def ways(graph, source, target, limit):
@@ -130,43 +113,44 @@ def ways(graph, source, target, limit):
 
 @examples(60)
 @given(
-    missions(min_nodes=1, max_nodes=6), st.sampled_from([0.0, 0.0, 0.2, 1.0, 30.0]), st.randoms()
+    missions(min_nodes=1, max_nodes=6) | team_missions(max_nodes=4),
+    st.sampled_from([None, None, 0.2, 1.0, 30.0]),
+    st.randoms(),
 )
 def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_length, random):
-    arrays = mission.arrays
-    priced = with_costs(arrays, arrays.cost + per_length * arrays.length)
-    routes, n_nodes = kernels.new_routes(priced, per_length), arrays.n_nodes
-    graph = nx.DiGraph()
-    graph.add_nodes_from(range(n_nodes))
-    for arc in range(arrays.n_arcs):
-        ends = int(arrays.tail[arc]), int(arrays.head[arc])
-        cost = -log(arrays.survival[arc]) + per_length * arrays.length[arc]
-        graph.add_edge(*ends, cost=cost, length=arrays.length[arc])
+    """Without a travel budget lengths cost nothing, and are not known."""
+    world = mission.world.with_limits(mission.limits()._replace(has_budgets=per_length is not None))
+    price, graph = per_length or 0.0, whole_graph(mission)
+    for _, _, arc in graph.edges(data=True):
+        arc["cost"] += price * arc["length"]
+    priced = world.with_costs(world.graph.cost + price * world.graph.length)
+    routes, n_nodes = new_routes(priced, price), world.graph.n_nodes
+    assert routes.prices_length == (per_length is not None)
     costs = dict(nx.all_pairs_dijkstra_path_length(graph, weight="cost"))
     for node in random.sample(range(n_nodes), n_nodes):
         assert routes.is_known[node] == 0
         for _ in range(2):  # the second time it is known
-            kernels.search_costs(priced, routes, node)
+            kernels.search_costs(priced.graph, routes, node)
         for other in range(n_nodes):
             for there, found, lengths in (
                 ((node, other), routes.leaving, routes.leaving_length),
                 ((other, node), routes.coming, routes.coming_length),
             ):
-                least = costs[there[0]][there[1]]
+                least = costs[there[0]].get(there[1], FAR)
                 assert found[node, other] == pytest.approx(least, rel=1e-12, abs=1e-12)
-                if per_length == 0.0:
-                    assert routes.per_length == 0.0
-                    continue
-                possible = ways(graph, *there, least * (1 + 1e-9) + 1e-9)
-                length = pytest.approx(lengths[node, other], rel=1e-9, abs=1e-9)
-                assert any(way == length for way in possible)
+                if per_length is None:
+                    assert lengths.size == 0
+                elif least < FAR:
+                    possible = ways(graph, *there, least * (1 + 1e-9) + 1e-9)
+                    length = pytest.approx(lengths[node, other], rel=1e-9, abs=1e-9)
+                    assert any(way == length for way in possible)
 
 
 def test_a_named_mission():
     museum = load_mission("art_museum")
-    routes = kernels.new_routes(museum.arrays, 0.0)
+    routes = new_routes(museum.world)
     for goal in range(len(museum.nodes)):
-        search(museum, routes, goal)
+        kernels.search_routes(museum.world.graph, routes, goal)
         assert_routes(museum, routes, goal, len(museum.nodes))
 
 
@@ -175,9 +159,9 @@ def test_a_named_mission():
 def test_all_at_once_are_those_one_by_one(monkeypatch, full_up_to, with_costs):
     monkeypatch.setattr(kernels, "FULL_UP_TO", full_up_to)
     monkeypatch.setattr(kernels, "NEAR", 4)
-    graph = load_mission("art_museum").arrays
-    with_costs = with_costs and full_up_to == 100
-    whole, single = kernels.new_routes(graph, 0.0), kernels.new_routes(graph, 0.0)
+    world = load_mission("art_museum").world
+    graph, with_costs = world.graph, with_costs and full_up_to == 100
+    whole, single = new_routes(world), new_routes(world)
     kernels.search_routes(graph, whole, 7)  # some may be known
     if with_costs:
         kernels.search_costs(graph, whole, 5)
