@@ -106,11 +106,11 @@ def check_clean(found):
     assert (work.arcs["position"] == -1).all()
 
 
-def front_of(objectives):
-    """The non-dominated of some points, each once, by descending reward."""
+def front_of(objectives, apart=0.0):
+    """The non-dominated of some points by descending reward, as far as they are apart in E[S]."""
     kept, most = [], -1.0
     for reward, survivors in sorted(objectives.tolist(), reverse=True):
-        if survivors > most:
+        if survivors > most * (1 + apart):
             kept.append((reward, survivors))
             most = survivors
     return np.array(kept)

@@ -1,4 +1,4 @@
-"""Lanes: what they are told, the same result for any number of threads, and what they share."""
+"""Islands: what migrates, the same result for any number of threads, and what they share."""
 
 import copy
 import pickle
@@ -6,20 +6,26 @@ import pickle
 import networkx as nx
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission
 from botohe_moo.algorithms.local_search import islands as module
-from botohe_moo.algorithms.local_search.engine import LocalSearch
-from botohe_moo.algorithms.local_search.islands import Lanes
-from botohe_moo.algorithms.local_search.kernels.workspace import REFILLED_AT_ONCE, REFILLED_IN_LANES
-from botohe_moo.search.sequential import SequentialPlanner
+from botohe_moo.algorithms.local_search.engine import LocalSearchSettings
+from botohe_moo.algorithms.local_search.islands import Islands
+from botohe_moo.algorithms.local_search.kernels.state import QUEUE
+from botohe_moo.trails import PlanBatch
+from tests.algorithms.local_search.made import check, front_of, outcome, started
+from tests.examples import examples
+from tests.strategies import missions_with_plans, team_missions_with_plans
+from tests.twins import plain_local_search
 
 
 @pytest.fixture(autouse=True)
 def soon(monkeypatch):
-    """Lanes begin after few evaluations, with few plans."""
+    """Islands begin after few evaluations, with few plans."""
     monkeypatch.setattr(module, "FIRST_ALONE", 300)
-    monkeypatch.setattr(module, "N_NEWS", 10)
+    monkeypatch.setattr(module, "N_MIGRANTS", 10)
 
 
 @pytest.fixture(scope="module", params=["art_museum", "drones_and_rovers", "art_museum_return"])
@@ -27,123 +33,150 @@ def mission(request):
     return load_mission(request.param)
 
 
-def started(mission, *, n_lanes, n_threads=1, seed=0, **options):
-    search = Lanes(
+def begun(mission, *, n_threads=1, **settings):
+    """Islands that know one plan: everybody at home."""
+    islands = Islands(
         mission,
-        mission.limits(),
-        n_lanes=n_lanes,
+        mission.limited(),
         n_threads=n_threads,
-        random_state=np.random.default_rng(seed),
-        **options,
+        random_state=np.random.default_rng(0),
+        settings=LocalSearchSettings(**settings),
     )
-    search.insert(mission.batch([mission.stay_home()]))
-    return search
+    islands.insert(mission.batch([mission.stay_home()]))
+    return islands
 
 
-def same(one, other):
-    found, again = one.plans(), other.plans()
-    return [plan.trails for plan in found[0]] == [plan.trails for plan in again[0]] and all(
-        a.tobytes() == b.tobytes() for a, b in zip(found[1:], again[1:], strict=True)
-    )
+def outcomes(islands):
+    return [outcome(island) for island in islands._islands]
 
 
-def test_one_lane_is_the_search_alone(mission):
-    lanes, rng = started(mission, n_lanes=1), np.random.default_rng(0)
-    alone = LocalSearch(mission, mission.limits(), random_state=rng)
-    alone.insert(mission.batch([mission.stay_home()]))
+@examples(40)
+@given(missions_with_plans() | team_missions_with_plans(), st.integers(1, 3))
+def test_all_fronts_become_the_front_of_all(case, n):
+    """Of plans as good, but for rounding, any stays."""
+    mission, plan = case
+    with plain_local_search():
+        found = [started(mission, [plan], seed=seed) for seed in range(n)]
+        known = [search.version for search in found]
+        for search in found:
+            search.run(30)
+        expected = front_of(np.vstack([search.objectives() for search in found]), 1e-11)
+        migrants = [search.plans(n)[0] for search, n in zip(found, known, strict=True)]
+        migrants = PlanBatch.concatenate(migrants)
+        for search in found:
+            for _ in range(2):
+                search.insert(migrants)
+                check(search)
+            np.testing.assert_allclose(front_of(search.objectives(), 1e-11), expected, rtol=1e-10)
+
+
+def test_one_island_is_the_search_alone(mission):
+    islands, alone = begun(mission), started(mission)
     for n in (100, 400, 501):
-        assert lanes.run(n) == alone.run(n) == n
-    assert same(lanes, alone)
+        assert islands.run(n) == alone.run(n) == n
+    assert outcomes(islands) == [outcome(alone)]
+    assert islands.statistics[["tried", "entered"]].equals(alone.statistics[["tried", "entered"]])
 
 
 @pytest.mark.parametrize("n_threads", [2, 3, 8])
 def test_threads_do_not_change_results(mission, n_threads):
-    one, other = (started(mission, n_lanes=4, n_threads=n) for n in (1, n_threads))
+    one, other = (begun(mission, n_islands=4, n_threads=n) for n in (1, n_threads))
     for n in (300, 403, 5, 2, 900):
         assert one.run(n) == other.run(n) == n
-        assert same(one, other)
+        assert outcomes(one) == outcomes(other)
 
 
-def test_all_lanes_are_told_what_others_found(mission):
-    lanes = started(mission, n_lanes=3)
+def test_all_islands_take_over_what_others_found(mission):
+    islands = begun(mission, n_islands=3)
     for n in (300, 1, 400, 1_000):
-        version, before = lanes.version, lanes.objectives()
-        lanes.run(n)
-        assert (lanes.version > version) == (lanes.objectives().tobytes() != before.tobytes())
-        for lane in lanes._lanes:  # each was told before it went on
-            assert all((lane.objectives() >= point * (1 - 1e-11)).all(1).any() for point in before)
-        plans, objectives, numbers = lanes.plans()
-        assert np.array_equal(mission.evaluate(plans), objectives)
-        assert len(set(numbers.tolist())) == len(lanes)
-    assert len(lanes._lanes) == 3
-    assert lanes._untold[0] is None
-    for lane, news in zip(lanes._lanes[1:], lanes._untold[1:], strict=True):
-        lane.take_over(news)
-        np.testing.assert_allclose(lane.objectives(), lanes.objectives(), rtol=1e-11)
-    assert len({lane._states.tobytes() for lane in lanes._lanes}) == 3  # each draws for itself
+        version, before = islands.version, islands.objectives()
+        islands.run(n)
+        assert (islands.version > version) == (islands.objectives().tobytes() != before.tobytes())
+        for island in islands._islands:  # each took over before it went on
+            check(island)
+            for point in before:
+                assert (island.objectives() >= point * (1 - 1e-11)).all(1).any()
+    assert islands._migrants[0] is None
+    for island, migrants in zip(islands._islands[1:], islands._migrants[1:], strict=True):
+        island.insert(migrants)
+        np.testing.assert_allclose(island.objectives(), islands.objectives(), rtol=1e-11)
+    # Each draws for itself.
+    assert len({island._states.tobytes() for island in islands._islands}) == 3
 
 
-def test_lanes_begin_when_the_first_has_searched_for_long(mission):
-    lanes = started(mission, n_lanes=5)
-    numbers = []
+def test_what_each_move_brought_on_all_islands(mission):
+    islands = begun(mission, n_islands=3)
+    n = sum(islands.run(n) for n in (300, 1, 700))
+    found, parts = islands.statistics, [island.statistics for island in islands._islands]
+    assert len(parts) == 3
+    assert found.index.name == "move"
+    for name in found.columns:
+        assert found[name].tolist() == pytest.approx(sum(part[name] for part in parts).tolist())
+    assert found["tried"].sum() == n
+    assert min(part["tried"].sum() for part in parts) > 100
+    assert pickled(islands).statistics.equals(found)
+
+
+def test_islands_begin_when_the_first_has_searched_for_long(mission):
+    islands, numbers = begun(mission, n_islands=5), []
     for _ in range(4):
-        lanes.run(100)
-        numbers.append(len(lanes._lanes))
+        islands.run(100)
+        numbers.append(islands.n_running)
     assert numbers == [1, 1, 1, 5]
 
 
-def test_small_fronts_need_no_lanes(mission):
-    lanes = started(mission, n_lanes=3, max_size=9)
-    assert lanes.run(300) == 300
-    assert lanes.run(300) == 300
-    assert lanes.n_running == 1
+def test_small_fronts_need_no_islands(mission):
+    islands = begun(mission, n_islands=3, max_size=9)
+    assert islands.run(300) == 300
+    assert islands.run(300) == 300
+    assert islands.n_running == 1
 
 
-def test_lanes_that_find_no_move_leave_the_evaluations_to_others():
+def test_islands_that_find_no_move_leave_the_evaluations_to_others():
     museum = load_mission("art_museum")
-    lanes = started(museum, n_lanes=8, moves={"adopt": 1.0}, p_refill=0.0)
-    plans = SequentialPlanner(museum, museum.limits(), beam_width=20).plans(1.0)
-    lanes.insert(museum.batch(plans))
+    search = started(museum)
+    search.run(3_000)
+    islands = begun(museum, n_islands=8, moves={"adopt": 1.0}, prob_recreate=0.0)
+    islands.insert(search.plans()[0])
     for _ in range(3):
-        assert lanes.run(20_000) == 20_000
+        assert islands.run(20_000) == 20_000
 
 
 def pickled(search):
     return pickle.loads(pickle.dumps(search))
 
 
-def test_lanes_refill_fewer_plans_at_once(mission):
-    lanes = started(mission, n_lanes=3)
-    lanes.run(300)
-    assert [lane._memory[0].most_waiting for lane in lanes._lanes] == [REFILLED_AT_ONCE]
-    lanes.run(1)
-    for each in (lanes, pickled(lanes)):
-        most = [lane._memory[0].most_waiting for lane in each._lanes]
-        assert most == [REFILLED_IN_LANES] * 3
+def test_fewer_plans_wait_on_islands(mission):
+    islands = begun(mission, n_islands=3)
+    islands.run(300)
+    assert [island._memory[0].most_waiting for island in islands._islands] == [QUEUE]
+    islands.run(1)
+    for each in (islands, pickled(islands)):
+        most = [island._memory[0].most_waiting for island in each._islands]
+        assert most == [module._QUEUE] * 3
 
 
 @pytest.mark.parametrize("again", [copy.deepcopy, pickled])
 @pytest.mark.parametrize("n", [200, 700])
 def test_a_copy_goes_on_the_same_way(mission, again, n):
-    """Before there are lanes, and when there are."""
-    lanes = started(mission, n_lanes=3, n_threads=2)
-    lanes.run(300)
-    lanes.run(n - 100)
-    other = again(lanes)
-    assert other.run(800) == lanes.run(800)
-    assert same(lanes, other)
+    """Before there are islands, and when there are."""
+    islands = begun(mission, n_islands=3, n_threads=2)
+    islands.run(300)
+    islands.run(n - 100)
+    other = again(islands)
+    assert other.run(800) == islands.run(800)
+    assert outcomes(islands) == outcomes(other)
 
 
 def test_fronts_of_limited_size(mission):
-    lanes = started(mission, n_lanes=3, max_size=10)
+    islands = begun(mission, n_islands=3, max_size=10)
     for n in (300, 600, 900):
-        lanes.run(n)
-        assert all(len(lane) <= 10 for lane in lanes._lanes)
+        islands.run(n)
+        assert all(len(island) <= 10 for island in islands._islands)
 
 
 def test_a_mission_without_arcs():
     graph = nx.DiGraph()
     graph.add_node("base", reward=1.0)
-    mission = Mission(graph, base="base", robots=2)
-    lanes = started(mission, n_lanes=3)
-    assert lanes.run(500) == 0
+    islands = begun(Mission(graph, base="base", robots=2), n_islands=3)
+    assert islands.run(500) == 0
