@@ -8,7 +8,7 @@ READY_FOR_DOCS := $(VENV)/.ready-for-docs
 READY_FOR_DIST := $(VENV)/.ready-for-dist
 
 .PHONY: help demo test test-all test-long fuzz check docs dist coverage compatibility mutations format bench soak smoke \
-	paper state-of-the-art baselines clean clean-kernels
+	paper state-of-the-art baselines clean
 
 help:
 	@echo "make demo    plan the art museum and write tables and pictures to results/demo/"
@@ -135,10 +135,6 @@ paper: $(READY)
 	$(BIN)/botohe study run experiments/paper.yaml
 	$(BIN)/botohe study report results/paper
 	$(BIN)/python -m benchmarks.paper results/paper
-
-# Numba's cache does not see changes in helpers that a kernel inlines from another file.
-clean-kernels:
-	find src tests -name '*.nb[ci]' -delete
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache dist .coverage .coverage.* results/demo results/bench \

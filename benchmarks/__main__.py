@@ -2,7 +2,7 @@
 
 The names are curves, speed, growth, allocations (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, budgets, orienteering
-(results/local-search/), lanes, threads (results/lanes/), fronts, large (results/growth/), bounds
+(results/local-search/), islands, threads (results/islands/), fronts, large (results/growth/), bounds
 (results/bounds/), pictures (results/choosing/), gallery (results/gallery/), explorer,
 explorer_pictures (results/explorer/), teams (results/teams/), underway, learning
 (results/underway/), library (results/library/; two hours), ranks (results/algorithms/), start and
@@ -30,7 +30,7 @@ from benchmarks import (
     fronts,
     gallery,
     growth,
-    lanes,
+    islands,
     large,
     learning,
     library,
@@ -59,8 +59,8 @@ BENCHMARKS = {
     "search": (search.run, "local-search"),
     "budgets": (budgets.run, "local-search"),
     "orienteering": (orienteering.run, "local-search"),
-    "lanes": (lanes.run, "lanes"),
-    "threads": (threads.run, "lanes"),
+    "islands": (islands.run, "islands"),
+    "threads": (threads.run, "islands"),
     "fronts": (fronts.run, "growth"),
     "large": (large.run, "growth"),
     "bounds": (bounds.run, "bounds"),

@@ -69,7 +69,7 @@ def animate(page: Any) -> list[float]:
 def run(folder: Path) -> bool:
     """Print and write the table; whether the explorer's page is small enough."""
     mission = load_mission("terrain", nodes=1_000, robots=10)
-    solution = solve(mission, evaluations=100_000, seed=1, n_lanes=1)
+    solution = solve(mission, evaluations=100_000, seed=1, n_islands=1)
     data = page_data(solution)
     with tempfile.TemporaryDirectory(prefix="botohe-explorer-") as made:
         page = Path(made, "explorer.html")

@@ -107,6 +107,6 @@ def _best(name: str) -> tuple[float, float]:
     """Return what the best plan is worth, and the area of a front that takes as long to find."""
     parameters, price = SITES[name]
     mission = load_mission(name, **parameters)
-    values = solve(mission, evaluations=300_000, n_lanes=1).objectives @ [1, price]
-    front = solve(mission, evaluations=20_000, n_lanes=1)
+    values = solve(mission, evaluations=300_000, n_islands=1).objectives @ [1, price]
+    front = solve(mission, evaluations=20_000, n_islands=1)
     return float(values.max()), area_indicator(front.objectives, mission)

@@ -57,7 +57,7 @@ def searched(folder: Path) -> None:
 
 def _search(name: str, evaluations: int, seed: int) -> tuple[tuple[TrailPlan, ...], Finder]:
     found = solve(f"library:{name}", evaluations=evaluations, seed=seed, n_threads=1)
-    method = f"pareto-local-search (n_lanes=8), {evaluations:,} evaluations, seed {seed}"
+    method = f"pareto-local-search (n_islands=8), {evaluations:,} evaluations, seed {seed}"
     return found.plans, Finder(f"{datetime.now(UTC):%Y-%m-%d}", FINDER, method)
 
 

@@ -39,7 +39,7 @@ STUDY = {
 def run(out: Path) -> bool:
     """Draw the museum, and the front of a million evaluations."""
     mission = load_mission("art_museum")
-    solution = solve(mission, evaluations=1_000_000, seed=1, n_lanes=1)
+    solution = solve(mission, evaluations=1_000_000, seed=1, n_islands=1)
     plans, objectives = solution.plans, solution.objectives
     MUSEUM.mkdir(exist_ok=True)
     save_plot(plot_mission(mission), MUSEUM / "mission.png")

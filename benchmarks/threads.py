@@ -1,7 +1,7 @@
 """What threads bring: the clock of whole searches in one process.
 
 ``clock-N.csv``, of a machine with N processors, has seconds and their shares of those of one thread
-with as many lanes: medians of five repeats, in turn.
+with as many islands: medians of five repeats, in turn.
 """
 
 import statistics
@@ -20,12 +20,12 @@ COMPILING = 30_000  # evaluations of a search that is not timed
 
 
 class Case(NamedTuple):
-    """A mission, an algorithm, evaluations, and lanes where it has these."""
+    """A mission, an algorithm, evaluations, and islands where it has these."""
 
     mission: str
     algorithm: str
     evaluations: int
-    lanes: int | None = None
+    islands: int | None = None
 
 
 CASES = (
@@ -43,13 +43,13 @@ def run(out: Path) -> bool:
     """Print and keep the table; nothing is judged."""
     rows = []
     for case in CASES:
-        mission, most = _mission(case.mission), case.lanes or THREADS[-1]
-        lanes = {"n_lanes": case.lanes} if case.lanes else {}
+        mission, most = _mission(case.mission), case.islands or THREADS[-1]
+        islands = {"n_islands": case.islands} if case.islands else {}
         seconds: dict[int, list[float]] = {n: [] for n in THREADS if n <= min(n_cpus(), most)}
-        search(mission, make_algorithm(case.algorithm, **lanes), min(case.evaluations, COMPILING))
+        search(mission, make_algorithm(case.algorithm, **islands), min(case.evaluations, COMPILING))
         for _ in range(REPEATS):
             for n, found in seconds.items():
-                algorithm = make_algorithm(case.algorithm, **lanes, n_threads=n)
+                algorithm = make_algorithm(case.algorithm, **islands, n_threads=n)
                 started = time.perf_counter()
                 search(mission, algorithm, case.evaluations)
                 found.append(time.perf_counter() - started)
@@ -58,7 +58,7 @@ def run(out: Path) -> bool:
             median = statistics.median(found)
             of_one = {"seconds": round(median, 3), "of_one_thread": round(median / one, 3)}
             rows.append({**case._asdict(), "threads": n, "repeats": REPEATS, **of_one})
-        table = pd.DataFrame(rows).astype({"lanes": "Int64"})
+        table = pd.DataFrame(rows).astype({"islands": "Int64"})
         print(table.tail(len(seconds)).to_string(index=False), flush=True)
         table.to_csv(out / f"clock-{n_cpus()}.csv", index=False)
     return True

@@ -50,7 +50,7 @@ def run(folder: Path) -> bool:
     for name, parameters, pays in SITES:
         mission = load_mission(name, **parameters)
         mission = Mission(mission.graph, pays=pays, robots=mission.robots)
-        solution = solve(mission, evaluations=EVALUATIONS, n_lanes=1)
+        solution = solve(mission, evaluations=EVALUATIONS, n_islands=1)
         wanted = WANTED.get((name, pays), ())
         for share, trial in zip_longest(SHARES[pays], wanted, fillvalue=()):
             row = supported_row(solution.objectives, share * mission.robots)
@@ -90,7 +90,7 @@ def time_replans(path: Path) -> None:
     rows = []
     for name in ("art_museum", "power_plant", "terrain_200"):
         mission = load_mission(name)
-        solution = solve(mission, evaluations=20_000, n_lanes=1)
+        solution = solve(mission, evaluations=20_000, n_islands=1)
         row = supported_row(solution.objectives, 0.55 * mission.robots)
         plan = solution.plans[row]
         price = robot_price(mission, solution.objectives, row)
@@ -132,7 +132,7 @@ def supported_row(objectives: FloatArray, survivors: float) -> int:
 def photograph_replay(path: Path) -> None:
     """Take a picture of the mission of docs/explorer.md, at the step in which a robot is lost."""
     museum = load_mission("art_museum")
-    solution = solve(museum, evaluations=20_000, n_lanes=1)
+    solution = solve(museum, evaluations=20_000, n_islands=1)
     price = robot_price(museum, solution.objectives, 159)
     played = play_mission(museum, solution.plans[159], price=price, number=1)
     step = next(i for i, step in enumerate(played.steps) if step.lost)

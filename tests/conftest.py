@@ -59,7 +59,7 @@ for name in sys.argv[1:]:
     if name == "bounds":  # last: most is compiled, and its limit of time is for its own steps
         bound_front(load_mission("terrain", nodes=30, robots=2, seed=3), time_limit=2)
         continue
-    n_eval = 3_000 if name == "pareto-local-search" else 200  # it refills plans late
+    n_eval = 3_000 if name == "pareto-local-search" else 200  # it ruins plans late
     for mission in (toy,) if name == "exact" else (toy, kinds):
         for limits in ({}, {"min_survival": 0.1}, {"max_length": 6}):  # some compile for each
             minimize(BOTOHE(mission, **limits), make_algorithm(name), ("n_eval", n_eval), seed=1)

@@ -157,9 +157,9 @@ class TestSolve:
         assert "spent 250 evaluations" in ended.out
 
     def test_lanes_and_threads(self, botohe, tmp_path):
-        told = botohe("solve", "toy", "-n", 60, "--lanes", 2, "--threads", 1, "-o", "out")
+        told = botohe("solve", "toy", "-n", 60, "--islands", 2, "--threads", 1, "-o", "out")
         assert told.status == 0
-        assert plans_in(tmp_path / "out")["parameters"] == {"n_lanes": 2, "n_threads": 1}
+        assert plans_in(tmp_path / "out")["parameters"] == {"n_islands": 2, "n_threads": 1}
 
     def test_what_comes_next(self, solved):
         ended, folder = solved
@@ -527,8 +527,8 @@ class TestBadOptions:
                     "Expected heuristic to be true or false, got 'maybe'.",
                 ],
             ),
-            (["--lanes", "0"], ["Expected --lanes >= 1, got 0."]),
-            (["--lanes", "2", "-p", "n_lanes=4"], ["--lanes or the parameter n_lanes, got both"]),
+            (["--islands", "0"], ["Expected --islands >= 1, got 0."]),
+            (["--islands", "2", "-p", "n_islands=4"], ["--islands or the parameter n_islands, got both"]),
             (["--threads", "1025"], ["Expected --threads <= 1024, got 1025."]),
             (["-a", "greedy", "--threads", "2"], ["'greedy' has no threads: leave out --threads."]),
             (["-p", "n_ants"], ["Expected a parameter as NAME=VALUE, got 'n_ants'."]),

@@ -245,21 +245,21 @@ class TestThisMachine:
     def test_lanes_are_stated_where_there_are_any(self):
         """The number of threads is not, unless it is given: it changes nothing."""
         stated = {
-            "pareto-local-search": {"n_lanes": 8},
+            "pareto-local-search": {"n_islands": 8},
             "bo-aco": {},
             "greedy": {},
         }
         for name, parameters in stated.items():
             assert solve("toy", name, evaluations=60).parameters == parameters
-        given = solve("toy", evaluations=60, n_lanes=3, n_threads=2)
-        assert given.parameters == {"n_lanes": 3, "n_threads": 2}
+        given = solve("toy", evaluations=60, n_islands=3, n_threads=2)
+        assert given.parameters == {"n_islands": 3, "n_threads": 2}
 
     def test_the_stated_parameters_repeat_the_search(self):
         found = solve("art_museum", evaluations=22_000, seed=3)
         algorithm = make_algorithm("pareto-local-search", **found.parameters)
         again = minimize(BOTOHE(load_mission("art_museum")), algorithm, ("n_eval", 22_000), seed=3)
         assert np.array_equal(-again.F, found.objectives)
-        alone = solve("art_museum", evaluations=22_000, seed=3, n_lanes=1)
+        alone = solve("art_museum", evaluations=22_000, seed=3, n_islands=1)
         assert not np.array_equal(alone.objectives, found.objectives)
 
     @pytest.mark.parametrize("name", ["pareto-local-search", "bo-aco", "nsga2"])
@@ -273,11 +273,11 @@ class TestThisMachine:
     @pytest.mark.parametrize(
         ("name", "given", "message"),
         [
-            ("greedy", {"n_lanes": 2}, "there is no parameter 'n_lanes'"),
+            ("greedy", {"n_islands": 2}, "there is no parameter 'n_islands'"),
             ("greedy", {"n_threads": 2}, "there is no parameter 'n_threads'"),
-            ("pareto-local-search", {"n_lanes": 0}, r"Expected n_lanes in \[1, 1024\], got 0"),
+            ("pareto-local-search", {"n_islands": 0}, r"Expected n_islands in \[1, 1024\], got 0"),
             ("bo-aco", {"n_threads": 0}, r"Expected n_threads in \[1, 1024\], got 0"),
-            ("pareto-local-search", {"n_lanes": 2.5}, "Expected n_lanes to be an integer"),
+            ("pareto-local-search", {"n_islands": 2.5}, "Expected n_islands to be an integer"),
         ],
     )
     def test_bad_numbers(self, name, given, message):
@@ -285,8 +285,8 @@ class TestThisMachine:
             solve("toy", name, **given)
 
     def test_an_algorithm_that_is_made_has_its_own(self):
-        with pytest.raises(ValueError, match="that is given by its name, got n_lanes for BOACO"):
-            solve("toy", BOACO(), n_lanes=2)
+        with pytest.raises(ValueError, match="that is given by its name, got n_islands for BOACO"):
+            solve("toy", BOACO(), n_islands=2)
 
 
 class TestWhatOtherAlgorithmsFind:

@@ -27,7 +27,7 @@ from botohe_moo.trails import TrailPlan
 
 __all__ = ["RefusalError", "solve"]
 
-N_LANES = 8  # of a search that nobody has told how many
+N_ISLANDS = 8  # of a search that nobody has told how many
 
 Progress = Callable[[int, Callable[[], float]], None]
 """Takes the evaluations so far, and a function that computes the area of what was found."""
@@ -56,7 +56,7 @@ def solve(
     seed: int = 1,
     min_survival: float = 0.0,
     max_length: float | None = None,
-    n_lanes: int | None = None,
+    n_islands: int | None = None,
     n_threads: int | None = None,
     progress: Progress | None = None,
     stop: threading.Event | None = None,
@@ -83,8 +83,8 @@ def solve(
     max_length
         Travel budget: how long every robot's trail may be, at least 0. Default: the mission's own
         (``mission.max_length``), if it has one; ``math.inf`` for none.
-    n_lanes
-        Searches that go on side by side once that pays. Default: 8, for algorithms that have lanes.
+    n_islands
+        Searches that go on side by side once that pays. Default: 8, where the algorithm has them.
         The result depends on it.
     n_threads
         Threads. Default: as many as there are processors for this process, for algorithms that have
@@ -128,7 +128,7 @@ def solve(
         path, mission = mission, load_mission(mission)
         source = {"name_or_path": os.fspath(path)}
     name = None
-    given = {"n_lanes": n_lanes, "n_threads": n_threads}
+    given = {"n_islands": n_islands, "n_threads": n_threads}
     parameters |= {key: value for key, value in given.items() if value is not None}
     if isinstance(algorithm, str):
         name, (algorithm, parameters) = algorithm, make_for_this_machine(algorithm, parameters)
@@ -153,11 +153,11 @@ def make_for_this_machine(
 ) -> tuple[Algorithm, dict[str, Any]]:
     """Make an algorithm that uses all processors that this process may use.
 
-    Returns it with its parameters: those given and, where it has lanes, their number. The number of
+    Returns it with its parameters: those given and, if it has islands, their number. The number of
     threads is added to these only if it was given, since results do not depend on it.
     """
     known = {parameter.name for parameter in algorithm_parameters(name)}
-    stated = {"n_lanes": N_LANES, **parameters} if "n_lanes" in known else dict(parameters)
+    stated = {"n_islands": N_ISLANDS, **parameters} if "n_islands" in known else dict(parameters)
     threads = {"n_threads": min(n_cpus(), MOST_THREADS)} if "n_threads" in known else {}
     return make_algorithm(name, **{**threads, **stated}), stated
 

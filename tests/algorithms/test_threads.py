@@ -8,7 +8,7 @@ import pytest
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm, solve
 from botohe_moo._base import cpus
-from botohe_moo.algorithms.local_search import islands as lanes
+from botohe_moo.algorithms.local_search import islands as islands
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
 from botohe_moo.operators import repair
 from botohe_moo.search import colony
@@ -21,20 +21,20 @@ NAMES = [
     if "n_threads" in {parameter.name for parameter in algorithm_parameters(name)}
 ]
 EVALUATIONS = 700
-LANES = {"pareto-local-search": {"n_lanes": 4}}
+ISLANDS = {"pareto-local-search": {"n_islands": 4}}
 
 
 @pytest.fixture(autouse=True)
 def shared(monkeypatch):
     """Work is shared from the first evaluations on; forked processes inherit this."""
-    monkeypatch.setattr(lanes, "FIRST_ALONE", 200)
-    monkeypatch.setattr(lanes, "N_NEWS", 10)
+    monkeypatch.setattr(islands, "FIRST_ALONE", 200)
+    monkeypatch.setattr(islands, "N_NEWS", 10)
     monkeypatch.setattr(repair, "_MUCH", 0)
     monkeypatch.setattr(colony, "_MUCH", 0)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted({*NAMES} - {*LANES}))
+@pytest.mark.parametrize("name", sorted({*NAMES} - {*ISLANDS}))
 def test_large_missions_have_much_to_share(name, monkeypatch):
     """As it is for users, and for the workers of studies."""
     monkeypatch.undo()
@@ -46,7 +46,7 @@ def test_large_missions_have_much_to_share(name, monkeypatch):
 
 
 def begun(name, n_threads, mission="art_museum"):
-    algorithm = make_algorithm(name, **LANES.get(name, {}), n_threads=n_threads)
+    algorithm = make_algorithm(name, **ISLANDS.get(name, {}), n_threads=n_threads)
     problem = BOTOHE(load_mission(mission))
     return algorithm.setup(problem, termination=("n_eval", EVALUATIONS), seed=3)
 
@@ -98,9 +98,9 @@ def test_in_a_forked_process(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_in_the_worker_of_a_study(name, tmp_path, monkeypatch):
     """Workers are other processes: work is shared as it is for users, where there is much."""
-    in_lanes = name in LANES
+    in_lanes = name in ISLANDS
     mission, evaluations = ("art_museum", 30_000) if in_lanes else ("terrain_200", 2_000)
-    parameters = LANES.get(name, {})
+    parameters = ISLANDS.get(name, {})
     study = {
         "name": "threads",
         "missions": [mission],

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES
 from botohe_moo.cli.app import app
 from botohe_moo.library import library_table
 from botohe_moo.mission.loading import ENTRIES
@@ -161,24 +162,24 @@ def underway():
     return pd.DataFrame(list(rows.values()))
 
 
-def lanes():
-    """Areas by evaluations of the longest lane, at two marks of each mission."""
+def islands():
+    """Areas by evaluations of the longest island, at two marks of each mission."""
     rows = {}
-    found = pd.read_csv(ROOT / "results" / "lanes" / "areas.csv")
-    for one in found[found["counted"] == "a lane"].itertuples():
-        first = {"mission": one.mission, "evaluations of a lane": one.mark}
+    found = pd.read_csv(ROOT / "results" / "islands" / "areas.csv")
+    for one in found[found["counted"] == "an island"].itertuples():
+        first = {"mission": one.mission, "evaluations of an island": one.mark}
         row = rows.setdefault(tuple(first.values()), first)
-        row["1 lane" if one.lanes == 1 else f"{one.lanes} lanes"] = f"{one.area:.4f}"
+        row["1 island" if one.islands == 1 else f"{one.islands} islands"] = f"{one.area:.4f}"
     shown = pd.DataFrame(list(rows.values()))
-    return shown[shown["evaluations of a lane"].isin((30_000, 125_000))]
+    return shown[shown["evaluations of an island"].isin((30_000, 125_000))]
 
 
 def threads():
-    """Seconds of a search with eight lanes, by processors of the machine."""
+    """Seconds of a search with eight islands, by processors of the machine."""
     rows = {}
     for processors in (2, 16):
-        found = pd.read_csv(ROOT / "results" / "lanes" / f"clock-{processors}.csv")
-        for one in found[found["lanes"] == 8].itertuples():
+        found = pd.read_csv(ROOT / "results" / "islands" / f"clock-{processors}.csv")
+        for one in found[found["islands"] == 8].itertuples():
             first = {"processors": processors, "mission": one.mission}
             row = rows.setdefault(tuple(first.values()), first)
             row["1 thread" if one.threads == 1 else f"{one.threads} threads"] = f"{one.seconds:.2f}"
@@ -220,11 +221,18 @@ KEPT = {
     "../README": (by_size,),
     "bounds": (gaps,),
     "library": (collection,),
-    "local-search": (lanes, threads),
+    "local-search": (islands, threads),
     "paper": (published,),
     "performance": (speed, growth),
     "under-way": (underway, learning),
 }
+
+
+def test_the_guide_lists_all_moves():
+    text = (ROOT / "docs" / "local-search.md").read_text("utf-8")
+    table = text.partition("<!-- moves")[2].partition("<!-- end of moves")[0]
+    rows = re.findall(r"^\| `([a-z-]+)` \| ([0-9.]+) \|", table, re.MULTILINE)
+    assert {name: float(weight) for name, weight in rows} == DEFAULT_MOVES
 
 
 def renewed(guide):

@@ -47,7 +47,7 @@ def test_solutions_are_added(botohe, library, solved):
     said = botohe("add", solved, "--by", "Ada", "--on", "2026-11-27", *library)
     assert said.startswith(f"{SMALL}: 22 new plans, area 0.657907; wrote {library[1]}")
     front = best_known(SMALL, folder=library[1])
-    method = "pareto-local-search (n_lanes=8), 2,000 evaluations, seed 1"
+    method = "pareto-local-search (n_islands=8), 2,000 evaluations, seed 1"
     assert set(front.finders) == {Finder("2026-11-27", "Ada", method)}
     assert "0 new plans, area" in botohe("add", solved, "--by", "Bob", *library)
     assert best_known(SMALL, folder=library[1]).to_bytes() == front.to_bytes()

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
-from botohe_moo.algorithms.local_search.kernels import refill, search
+from botohe_moo.algorithms.local_search.kernels import recreate, search
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.run import perform as performing
@@ -179,7 +179,7 @@ for schedule, budget in {budgets!r}:
                 (search, "_insert_given"),
                 (search, "evaluate_child"),
                 (search, "evaluate_trail"),
-                (refill, "_make_child"),
+                (recreate, "_make_child"),
             ):
                 patch.setattr(module, name, counted.calls_of(getattr(module, name)))
             for budget in (1, 5, 97, 503):
@@ -523,14 +523,14 @@ class TestWarmUp:
         assert special_kernels(run) == special_kernels(task.run) == (not wheeled, *limited)
         assert run.algorithm.algorithm == ("greedy" if algorithm == "greedy" else "random")
 
-    def test_a_local_search_also_refills(self, monkeypatch):
+    def test_a_local_search_also_recreates(self, monkeypatch):
         called = []
 
-        def refill_counted(*given):
+        def recreate_counted(*given):
             called.append(given)
-            return refill.refill(*given)
+            return recreate.recreate(*given)
 
-        monkeypatch.setattr("botohe_moo.algorithms.local_search.engine.refill", refill_counted)
+        monkeypatch.setattr("botohe_moo.algorithms.local_search.engine.recreate", recreate_counted)
         warm_up(make_task("pareto-local-search", mission="toy", evaluations=100_000).run)
         assert called
 

@@ -2,8 +2,6 @@
 
 import signal
 from multiprocessing import get_context
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +10,7 @@ from botohe_moo.algorithms.local_search.engine import LocalSearch
 from botohe_moo.algorithms.local_search.islands import FIRST_ALONE
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
 from botohe_moo.algorithms.local_search.kernels.search import improve
+from botohe_moo.core.compile import is_kept
 from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.sequential import SequentialPlanner
@@ -24,7 +23,7 @@ def compile_ahead(mission: Mission, world: World, n_evaluations: int) -> None:
     one processor, or where machine code is not kept on disk, nothing is compiled ahead. Only the
     main thread may call this.
     """
-    if n_cpus() == 1 or not _is_missing(improve):
+    if n_cpus() == 1 or is_kept(improve):
         return
     other = get_context("spawn").Process(target=_compile_improve, args=(mission, world))
     usual = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which the other process inherits
@@ -43,15 +42,6 @@ def compile_ahead(mission: Mission, world: World, n_evaluations: int) -> None:
         other.join()  # if it fails, the search compiles what is missing
     finally:
         other.kill()
-
-
-def _is_missing(kernel: Any) -> bool:
-    """Return whether no process has kept the kernel's machine code so far, but one could."""
-    stats = getattr(kernel, "stats", None)  # none where numba is told to compile nothing
-    folder = None if stats is None else stats.cache_path
-    if folder is None:
-        return False
-    return not any(Path(folder).glob(f"*.{kernel.py_func.__qualname__}-*.nbi"))
 
 
 def _compile_improve(mission: Mission, world: World) -> None:

@@ -129,12 +129,12 @@ def solve_mission(
     mission_parameter: MissionParameterOption = None,
     min_survival: MinSurvivalOption = 0.0,
     max_length: MaxLengthOption = None,
-    lanes: Annotated[
+    islands: Annotated[
         int | None,
         typer.Option(
-            "--lanes",
+            "--islands",
             metavar="L",
-            help="Searches that go on side by side, where the algorithm has lanes; by default 8. "
+            help="Searches that go on side by side, where the algorithm has islands; by default 8. "
             "The front depends on it.",
         ),
     ] = None,
@@ -196,7 +196,7 @@ def solve_mission(
         from botohe_moo.solving import make_for_this_machine
 
         known = {each.name for each in algorithm_parameters(algorithm)}
-        for name, value in (("lanes", lanes), ("threads", threads)):
+        for name, value in (("islands", islands), ("threads", threads)):
             if value is not None:
                 check_integer(f"--{name}", value, at_least=1, at_most=1_024)
                 if f"n_{name}" not in known:

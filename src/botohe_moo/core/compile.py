@@ -8,15 +8,19 @@ that run for less than a millisecond make their scratch themselves.
 """
 
 import gc
+import hashlib
 import os
+import re
+import sys
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 from numba import njit
 from numba.core import event, targetconfig
-from numba.core.caching import NullCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.cpu import CPUContext, CPUTargetOptions
 from numba.extending import register_jitable
@@ -41,12 +45,76 @@ def kernel(function: Function) -> Function:
     Kernels hold no lock (``nogil``), so that threads can share the work.
     """
     compiler: Any = njit
-    compiled: Function
-    try:
-        compiled = compiler(cache=_KEEPS, nogil=True, **_EVERYWHERE)(function)
-    except RuntimeError:  # no folder is writable, as in some containers: compile in every process
-        compiled = compiler(nogil=True, **_EVERYWHERE)(function)
-    return compiled
+    compiled: Any = compiler(nogil=True, **_EVERYWHERE)(function)
+    if _KEEPS and hasattr(compiled, "enable_caching"):  # else numba is told to compile nothing
+        try:
+            compiled._cache = _KernelCache(function)
+        except RuntimeError:  # no folder is writable, as in some containers
+            return compiled  # type: ignore[no-any-return]
+    return compiled  # type: ignore[no-any-return]
+
+
+def is_kept(kernel: Any) -> bool:
+    """Return whether machine code of a kernel is on disk, or none could be."""
+    cache: Any = getattr(kernel, "_cache", None)
+    return not isinstance(cache, _KernelCache) or cache.is_kept()
+
+
+class _KernelCache(FunctionCache):  # type: ignore[misc]
+    """numba's cache of a kernel, in files that are named by the sources it was compiled from.
+
+    numba itself compares one file with its date: it would run machine code of helpers that have
+    changed since, and fail where a class in the cache has moved. Files that are damaged are written
+    again.
+    """
+
+    def load_overload(self, *described: Any) -> Any:
+        """Return what was kept, or None."""
+        self._name_files()
+        try:
+            return super().load_overload(*described)
+        except Exception:  # whatever damaged files may cause: the kernel is compiled again
+            self.flush()
+            return None
+
+    def save_overload(self, *made: Any) -> None:
+        """Keep machine code; forget that of other sources."""
+        self._name_files()
+        super().save_overload(*made)
+        function, _, version = self._impl.filename_base.rpartition(".")
+        stale = f"{function.rpartition('-')[0]}-*.{version}-*.nb[ci]"
+        for path in Path(self._cache_path).glob(stale):
+            if not path.name.startswith(self._stem()):
+                path.unlink(missing_ok=True)
+
+    def is_kept(self) -> bool:
+        """Return whether there are files of the present sources."""
+        return Path(self._cache_path, f"{self._stem()}.nbi").exists()
+
+    def _stem(self) -> str:
+        return f"{self._impl.filename_base}-{_digest(_sources(self._py_func.__module__))}"
+
+    def _name_files(self) -> None:
+        self._cache_file = IndexDataCacheFile(self._cache_path, self._stem(), source_stamp=None)
+
+
+_IMPORT = re.compile(r"^from (botohe_moo\.[\w.]+) import", re.MULTILINE)
+
+
+@cache
+def _sources(module: str) -> frozenset[str]:
+    """Return the files of a module and of all modules of this package that it imports."""
+    path = getattr(sys.modules.get(module), "__file__", None)
+    if path is None:  # of a notebook
+        return frozenset()
+    imported = _IMPORT.findall(Path(path).read_text(encoding="utf-8"))
+    return frozenset({path}).union(*map(_sources, imported))
+
+
+@cache
+def _digest(files: frozenset[str]) -> str:
+    texts = b"".join(Path(file).read_bytes() for file in sorted(files))
+    return hashlib.sha256(texts).hexdigest()[:12]
 
 
 def helper(function: Function) -> Function:

@@ -49,12 +49,18 @@ def mixed(word: Words) -> Words:
 
 
 @inlined
+def hash_step(bits: np.uint64, item: int | np.integer) -> np.uint64:
+    """Add an item to the hash of a sequence, which ends with ``mixed``."""
+    bits = (bits ^ np.uint64(item)) * np.uint64(0xBF58476D1CE4E5B9)
+    return bits ^ (bits >> np.uint64(29))
+
+
+@inlined
 def hash_stretch(items: NDArray[np.integer], start: int, stop: int) -> np.uint64:
     """Hash a stretch of an array to 64 bits."""
     bits = GOLDEN
     for i in range(start, stop):
-        bits = (bits ^ np.uint64(items[i])) * np.uint64(0xBF58476D1CE4E5B9)
-        bits ^= bits >> np.uint64(29)
+        bits = hash_step(bits, items[i])
     return mixed(bits)
 
 

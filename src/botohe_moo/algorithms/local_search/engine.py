@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArray
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, RecordArray, SeedArray
 from botohe_moo.algorithms.local_search.kernels.moves import MOVES
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
 from botohe_moo.algorithms.local_search.kernels.routes import FULL_UP_TO, new_routes, search_all
@@ -19,8 +19,10 @@ from botohe_moo.algorithms.local_search.kernels.state import (
     MEMORY,
     N_CHILDREN,
     N_TRAILS,
+    NOT_STORED,
     QUEUE,
     TALLY,
+    Given,
     Search,
     TrailStore,
     copy_trails,
@@ -32,7 +34,6 @@ from botohe_moo.algorithms.local_search.kernels.state import (
 from botohe_moo.core.apart import apart
 from botohe_moo.core.ordered import copy_front, new_front, read_front
 from botohe_moo.core.rng import draw_state
-from botohe_moo.core.trails import read_trails
 from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
@@ -47,7 +48,7 @@ RUIN_AND_RECREATE = "ruin-and-recreate"  # its row among the statistics of moves
 # On its n-th turn as a parent a plan is ruined and recreated with probability 1 / n², but never
 # less than this.
 _P_RECREATE = 0.02
-# Nodes times robots: with more, ruin and recreate takes more time than it brings (results/refills).
+# Nodes times robots: with more, this takes more time than it brings (results/recreate).
 _RECREATED_UP_TO = 1_000
 
 # The most that the length of the longest arc costs, and the least budget to divide by.
@@ -102,6 +103,12 @@ class LocalSearch:
         self._front = new_front(_FIRST_PLANS, mission.robots)
         self._store = self._new_store(0, 0, 0)
         self._prepare()
+
+    @property
+    def _nothing(self) -> Given:
+        plan, nodes = np.empty((0, self.mission.robots), np.int32), np.empty(0, np.int64)
+        hashes, offsets = np.empty(0, np.uint64), np.zeros(1, np.int64)
+        return Given(plan, nodes, offsets, np.empty((0, 2)), nodes, hashes, nodes)
 
     def _prepare(self) -> None:
         """Compute what is not pickled: what follows from the mission, and scratch."""
@@ -164,7 +171,30 @@ class LocalSearch:
 
         Plans that do not keep the limits are left out.
         """
-        self._search(batch, len(batch))
+        plan = np.arange(len(batch) * batch.n_robots, dtype=np.int32).reshape(len(batch), -1)
+        nodes, offsets = batch.arrays
+        unknown, untried = np.full((len(batch), 2), np.inf), np.zeros(len(batch), np.int64)
+        hashes = np.zeros(len(offsets) - 1, np.uint64)
+        self.take_over(Given(plan, nodes, offsets, unknown, untried, hashes, offsets[:0]))
+
+    def take_over(self, given: Given) -> None:
+        """Insert valid plans, as :meth:`migrants` returns them, unless the front dominates them."""
+        given = given._replace(nodes=given.nodes.astype(np.int64), stored=given.offsets[1:].copy())
+        self._search(given, len(given.plan))
+
+    def _find_stored(self, given: Given) -> None:
+        """Note which of the given trails are stored, and that there is a user more of each."""
+        trails = self._store.trails
+        known = np.flatnonzero(trails["n_users"])
+        known = known[np.argsort(trails["hash"][known])]
+        given.stored[:] = NOT_STORED
+        if len(known) == 0:
+            return
+        at = np.searchsorted(trails["hash"][known], given.hash)
+        found = known[np.minimum(at, len(known) - 1)]
+        is_stored = trails["hash"][found] == given.hash
+        given.stored[is_stored] = found[is_stored]
+        np.add.at(trails["n_users"], found[is_stored], 1)  # some may be given twice
 
     def run(self, n_evaluations: int) -> int:
         """Search from the plans of the front, of which there must be one.
@@ -174,17 +204,16 @@ class LocalSearch:
         """
         if self.world.graph.n_arcs == 0:  # the kernels rely on arcs to draw from
             return 0
-        return self._search(None, n_evaluations)
+        return self._search(self._nothing, n_evaluations)
 
-    def _search(self, batch: PlanBatch | None, n_evaluations: int) -> int:
-        """Evaluate the plans of a batch, or search on; return how many plans were evaluated."""
-        n, n_robots = 0, self.mission.robots
-        given = read_trails(np.empty(0, np.int32), np.zeros(1, np.int64))
+    def _search(self, given: Given, n_evaluations: int) -> int:
+        """Insert the given plans, or search on if there are none; return how many there were."""
+        n, is_search = 0, len(given.plan) == 0
         while n < n_evaluations:
-            if batch is not None:
-                given = read_trails(batch.nodes, batch.offsets[n * n_robots :].copy())
-            found = self._timed(improve, given, n_evaluations - n)
-            are_waiting = batch is None and self.n_waiting >= self._memory[0].most_waiting
+            if not is_search:
+                self._find_stored(given)
+            found = self._timed(improve, given, 0 if is_search else n, n_evaluations - n)
+            are_waiting = is_search and self.n_waiting >= self._memory[0].most_waiting
             if are_waiting:
                 found += self._timed(recreate, n_evaluations - n - found)
             n += found
@@ -232,25 +261,42 @@ class LocalSearch:
         """Return E[R] and E[S] of the front, by descending E[R] (n_plans, 2), without its plans."""
         return read_front(self._front)[1]
 
-    def plans(self, since: int = 0) -> tuple[PlanBatch, FloatArray, OffsetArray]:
+    def plans(self) -> tuple[PlanBatch, FloatArray, OffsetArray]:
         """Return the front by descending E[R].
 
         Its plans, their E[R] and E[S] (n_plans, 2), and how many plans had entered before each.
-        Plans before which fewer than ``since`` had entered are left out.
         """
-        front, store = self._front, self._store
-        slots, objectives = read_front(front)
-        is_new = front.slots["serial"][slots] >= since
-        slots, objectives = slots[is_new], objectives[is_new]
-        trails = store.trails[front.plan[slots].ravel()]
-        offsets = np.append(0, np.cumsum(trails["n_arcs"] + 1))
-        nodes, is_head = np.empty(offsets[-1], np.int32), np.ones(offsets[-1], bool)
-        is_head[offsets[:-1]] = False
-        nodes[offsets[:-1]] = np.tile(self.world.team.start, len(slots))
-        arcs = store.arc[ragged(trails["first_arc"], trails["n_arcs"])]
-        nodes[is_head] = self.world.graph.head[arcs]
+        slots, objectives = read_front(self._front)
+        trails = self._front.plan[slots].ravel()
+        nodes, offsets = self._read_trails(trails, np.tile(self.world.team.start, len(slots)))
         batch = PlanBatch._wrap(nodes, offsets, self.mission.robots)
-        return batch, objectives, front.slots["serial"][slots]
+        return batch, objectives, self._front.slots["serial"][slots]
+
+    def migrants(self, since: int) -> Given:
+        """Return those plans of the front before which ``since`` plans or more had entered.
+
+        Their first turn as a parent is the one here: elsewhere they count as tried.
+        """
+        slots, objectives = read_front(self._front)
+        is_new = self._front.slots["serial"][slots] >= since
+        plan = self._front.plan[slots[is_new]]
+        trails, places, numbers = np.unique(plan, return_index=True, return_inverse=True)
+        starts = self.world.team.start[places % self.mission.robots]
+        nodes, offsets = self._read_trails(trails, starts)
+        table = numbers.reshape(plan.shape).astype(np.int32)
+        hashes = self._store.trails["hash"][trails]
+        tried = np.maximum(1, self._front.slots["tried"][slots[is_new]])
+        return Given(table, nodes, offsets, objectives[is_new], tried, hashes, offsets[:0])
+
+    def _read_trails(self, trails: IntArray, starts: OffsetArray) -> tuple[IntArray, OffsetArray]:
+        """Return the nodes of stored trails, one after another, and their offsets."""
+        stored = self._store.trails[trails]
+        offsets = np.append(0, np.cumsum(stored["n_arcs"] + 1))
+        nodes, is_head = np.empty(offsets[-1], np.int32), np.ones(offsets[-1], bool)
+        is_head[offsets[:-1]], nodes[offsets[:-1]] = False, starts
+        arcs = self._store.arc[ragged(stored["first_arc"], stored["n_arcs"])]
+        nodes[is_head] = self.world.graph.head[arcs]
+        return nodes, offsets
 
     def _trim(self) -> None:
         """Keep only as many plans as the front may have."""

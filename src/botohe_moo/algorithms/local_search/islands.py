@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.algorithms.local_search.engine import LocalSearch, LocalSearchSettings
+from botohe_moo.algorithms.local_search.kernels.state import Given
 from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.threads import mapping
@@ -52,7 +54,7 @@ class Islands:
         self._islands = [LocalSearch(*self._how, **self._options)]
         self._n_evaluated = 0
         self._rate = 1.0  # of the last evaluations, the share that has entered a front
-        self._migrants: list[PlanBatch | None] = [None]  # what each island has still to take over
+        self._migrants: list[Given | None] = [None]  # what each island has still to take over
 
     @property
     def n_running(self) -> int:
@@ -93,9 +95,9 @@ class Islands:
                 order = np.argsort([-island.n_waiting for island in islands], kind="stable")
                 found = map_(_run_island, *zip(*(turns[i] for i in order), strict=True))
                 spent, parts = zip(*(found[i] for i in np.argsort(order)), strict=True)
-                migrants = PlanBatch.concatenate(parts)
+                migrants = _together(parts)
                 self._migrants = [migrants] * n_islands
-                self._rate = (1 + len(migrants)) / (n_round + 1)
+                self._rate = (1 + len(migrants.plan)) / (n_round + 1)
                 n += sum(spent)
                 if sum(spent) == 0:  # no move makes another plan, on no island
                     break
@@ -111,7 +113,7 @@ class Islands:
         for island in self._islands:
             island.let_wait(_QUEUE)
         first.share_routes(others)
-        self._migrants = [None, *[first.plans()[0]] * len(others)]
+        self._migrants = [None, *[first.migrants(0)] * len(others)]
 
     def __len__(self) -> int:
         return len(self._islands[0])
@@ -141,17 +143,26 @@ class Islands:
 
 
 def _run_island(
-    island: LocalSearch, migrants: PlanBatch | None, n_evaluations: int
-) -> tuple[int, PlanBatch]:
+    island: LocalSearch, migrants: Given | None, n_evaluations: int
+) -> tuple[int, Given]:
     """Let an island take over migrants and search.
 
     Returns how many plans it evaluated, and its own migrants: the plans that entered meanwhile.
     """
     _take_over(island, migrants)
     known = island.version
-    return island.run(n_evaluations), island.plans(known)[0]
+    return island.run(n_evaluations), island.migrants(known)
 
 
-def _take_over(island: LocalSearch, migrants: PlanBatch | None) -> None:
+def _take_over(island: LocalSearch, migrants: Given | None) -> None:
     if migrants is not None:
-        island.insert(migrants)
+        island.take_over(migrants)
+
+
+def _together(parts: Sequence[Given]) -> Given:
+    """Return the migrants of several islands as one."""
+    n_trails = np.cumsum([0, *(len(part.offsets) - 1 for part in parts)])
+    plans = [part.plan + np.int32(n) for part, n in zip(parts, n_trails[:-1], strict=True)]
+    lengths = np.concatenate([np.diff(part.offsets) for part in parts])
+    joined = Given._make(map(np.concatenate, zip(*parts, strict=True)))
+    return joined._replace(plan=np.concatenate(plans), offsets=np.append(0, np.cumsum(lengths)))

@@ -28,7 +28,7 @@ from botohe_moo.core.ordered import (
     nearest_place,
     remove_place,
 )
-from botohe_moo.core.rng import below, uniform
+from botohe_moo.core.rng import GOLDEN, below, hash_step, mixed, uniform
 from botohe_moo.core.trails import sort_trails
 from botohe_moo.core.walk import walk
 from botohe_moo.core.world import (
@@ -246,8 +246,11 @@ def add_trail(search: Search, robot: int, length: int) -> int:
     added.first_arc, added.n_arcs, added.end_arc = n.arcs, length, n.arcs + length
     added.first_visit, added.n_visits = n.visits, n_visits
     added.alive, added.n_users = alive, 1
+    bits = GOLDEN ^ np.uint64(world.team.start[robot])
     for i in range(length):
         store.arc[n.arcs + i] = work.child[i]
+        bits = hash_step(bits, work.child[i])
+    added.hash = mixed(bits)
     for i in range(n_visits):
         store.node[n.visits + i], store.reach[n.visits + i] = visits.node[i], visits.chance[i]
     n.arcs += length

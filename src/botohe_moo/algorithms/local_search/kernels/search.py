@@ -3,6 +3,8 @@
 A child differs from its parent in the trail of one robot.
 """
 
+import numpy as np
+
 from botohe_moo.algorithms.local_search.kernels.children import (
     evaluate_child,
     evaluate_trail,
@@ -30,6 +32,8 @@ from botohe_moo.algorithms.local_search.kernels.state import (
     N_DRAWN_BUSY,
     NOT_STORED,
     TIMED_EVERY,
+    TOLERANCE,
+    Given,
     Search,
     Workspace,
     has_room,
@@ -37,10 +41,15 @@ from botohe_moo.algorithms.local_search.kernels.state import (
 )
 from botohe_moo.core.clock import ticks
 from botohe_moo.core.compile import helper, kernel
-from botohe_moo.core.ordered import contribution, draw_slot, find_place, nearest_place
+from botohe_moo.core.ordered import (
+    best_reward,
+    contribution,
+    draw_slot,
+    find_place,
+    nearest_place,
+)
 from botohe_moo.core.rng import below, uniform
 from botohe_moo.core.sharing import shared
-from botohe_moo.core.trails import Trails
 from botohe_moo.core.world import Returns, find_arc
 
 # After this many parents in a row without any child there is nothing left to try.
@@ -58,8 +67,8 @@ P_SHAKE = 0.7
 
 
 @kernel
-def improve(search: Search, given: Trails, n_evaluations: int) -> int:
-    """Evaluate the given plans, which are valid, insert them into the front, and search from there.
+def improve(search: Search, given: Given, begin: int, n_evaluations: int) -> int:
+    """Insert the given plans, which are valid, from one on into the front, and search from there.
 
     Returns how many plans have been evaluated, the given ones among them. These are fewer than
     ``n_evaluations`` where there is no room for more, where plans wait for ruin and recreate, or
@@ -67,11 +76,11 @@ def improve(search: Search, given: Trails, n_evaluations: int) -> int:
     """
     search, given = shared(search), shared(given)
     memory = search.work.memory
-    n_given = (given.offsets.shape[0] - 1) // search.work.parent.shape[0]
+    n_given = given.plan.shape[0] - begin
     n = fruitless = 0
     while n < n_evaluations and fruitless < MAX_FRUITLESS and has_room(search):
         if n < n_given:
-            _insert_given(search, given, n)
+            _insert_given(search, given, begin + n)
             n += 1
             continue
         if memory.n_waiting >= memory.most_waiting:
@@ -84,27 +93,39 @@ def improve(search: Search, given: Trails, n_evaluations: int) -> int:
         release_parent(search)
         n += n_children
         fruitless = 0 if n_children > 0 else fruitless + 1
+    for trail in range(given.stored.shape[0]):
+        if given.stored[trail] != NOT_STORED:
+            release(search.store, given.stored[trail])
+            given.stored[trail] = NOT_STORED
     return n
 
 
 @helper
-def _insert_given(search: Search, given: Trails, plan: int) -> None:
+def _insert_given(search: Search, given: Given, plan: int) -> None:
     """Insert a given plan that keeps the limits into the front, unless that has one as good."""
-    graph, store, work = search.world.graph, search.store, search.work
-    n_robots, n = work.trails.shape[0], 0
-    while n < n_robots:
-        start = given.offsets[plan * n_robots + n]
-        length = given.offsets[plan * n_robots + n + 1] - start - 1
-        for i in range(start, start + length):
-            work.child[i - start] = find_arc(graph, given.nodes[i], given.nodes[i + 1])
-        work.trails[n] = add_trail(search, n, length)
-        if work.trails[n] == NOT_STORED:
-            break
-        n += 1
-    if n == n_robots:
-        insert_trails(search, 0.0)
-    for k in range(n):
-        release(store, work.trails[k])
+    reward, survivors = given.objectives[plan, 0], given.objectives[plan, 1]
+    if best_reward(search.front, survivors * (1.0 - TOLERANCE)) >= reward * (1.0 - TOLERANCE):
+        return
+    for k in range(search.work.trails.shape[0]):
+        trail = np.int64(given.plan[plan, k])
+        if given.stored[trail] == NOT_STORED:
+            given.stored[trail] = _store_given(search, given, trail, k)
+        if given.stored[trail] == NOT_STORED:
+            return
+        search.work.trails[k] = given.stored[trail]
+    if insert_trails(search, TOLERANCE):
+        slot = search.front.members[search.front.n.plans - 1]  # that of the last to enter
+        search.front.slots[slot].tried = given.tried[plan]
+
+
+@helper
+def _store_given(search: Search, given: Given, trail: int, robot: int) -> int:
+    """Store a given trail; return its number, ``NOT_STORED`` if it does not keep the limits."""
+    start, stop = given.offsets[trail], given.offsets[trail + 1]
+    for i in range(start, stop - 1):
+        arc = find_arc(search.world.graph, given.nodes[i], given.nodes[i + 1])
+        search.work.child[i - start] = arc
+    return add_trail(search, robot, stop - start - 1)
 
 
 @helper

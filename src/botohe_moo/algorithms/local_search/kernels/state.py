@@ -51,6 +51,7 @@ _TRAIL = np.dtype(
         ("n_visits", np.int64),
         ("n_users", np.int64),
         ("alive", np.float64),
+        ("hash", np.uint64),
     ]
 )
 _MEMORY = ("idle", "n_waiting", "most_waiting", "n_parents")
@@ -86,7 +87,8 @@ class TrailStore(NamedTuple):
 
     n: Record  # how many ``arcs`` and ``visits`` are in use, and how many trails are ``spare``
     # Of each trail, where its arcs and visits begin, and its arcs end; how many there are; how many
-    # plans have it (``n_users``); and with what probability a robot survives it (``alive``).
+    # plans have it (``n_users``); with what probability a robot survives it (``alive``); and the
+    # ``hash`` of where it begins and of its arcs.
     trails: RecordArray
     arc: IntArray  # the arcs of all trails, one trail after another
     # What each trail visits, in order: nodes of the mission that may be worth something, and the
@@ -172,6 +174,20 @@ class Workspace(NamedTuple):
     worth: FloatArray
     insertion_cost: FloatArray
     cheapest_leg: OffsetArray
+
+
+class Given(NamedTuple):
+    """Plans for a front to take over; a trail that several plans have is given once."""
+
+    plan: IntArray  # numbers of each plan's trails (n_plans, n_robots)
+    # Trail t is ``nodes[offsets[t]:offsets[t + 1]]``.
+    nodes: OffsetArray
+    offsets: OffsetArray
+    objectives: FloatArray  # E[R] and E[S] of each plan, inf where they are not known (n_plans, 2)
+    tried: OffsetArray  # how often each plan has been a parent (n_plans)
+    hash: SeedArray  # of each trail, 0 where it is not known
+    # Scratch: the number of each trail in the store, ``NOT_STORED`` before it was needed.
+    stored: OffsetArray
 
 
 class Search(NamedTuple):
