@@ -142,7 +142,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         super().__init__(max_ties=1, sampling=sampling, **options)
         self.evaluations_per_generation = evaluations_per_generation
         given = DEFAULT_MOVES if moves is None else moves
-        self.settings = LocalSearchSettings(
+        self._settings = LocalSearchSettings(
             moves=check_weights("moves", given, DEFAULT_MOVES, needed="move"),
             prob_recreate=prob_recreate,
             max_size=max_size,
@@ -158,7 +158,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             problem.world,
             n_threads=self.n_threads,
             random_state=self.random_state,
-            settings=self.settings,
+            settings=self._settings,
         )
         constrain = problem.constrain_batch if problem.n_ieq_constr else None
         self.archive = _SearchArchive(self._search, problem.mission.robots, constrain)

@@ -115,6 +115,7 @@ class LocalSearch:
         kept = self._memory, self._waiting, self._states, self._tallies, self._front, self._store
         kept = apart(kept)
         self._memory, self._waiting, self._states, self._tallies, self._front, self._store = kept
+        self._compiled: set[Any] = set()  # kernels that have been called, and so compiled
         self._priced, per_length = _priced(self.world)
         self._routes = new_routes(self._priced, per_length)
         self._work = new_workspace(
@@ -224,7 +225,10 @@ class LocalSearch:
         return n
 
     def _timed(self, kernel: Any, *arguments: Any) -> int:
-        """Call a kernel, and divide the time that it takes among the moves."""
+        """Call a kernel, and divide its time, but for compiling it, among the moves."""
+        if kernel not in self._compiled:
+            kernel(self.parts, *arguments[:-1], 0)
+            self._compiled.add(kernel)
         before, started = self._tallies["ticks"].copy(), time.perf_counter()
         found: int = kernel(self.parts, *arguments)
         ticks = self._tallies["ticks"] - before
@@ -322,7 +326,7 @@ class LocalSearch:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = ("_priced", "_routes", "_work")
+        derived = ("_compiled", "_priced", "_routes", "_work")
         return {key: value for key, value in vars(self).items() if key not in derived}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

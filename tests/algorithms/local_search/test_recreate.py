@@ -1,4 +1,4 @@
-"""Refills in plain Python: rooms, stops and tours against readable twins, and what is stored."""
+"""Ruin and recreate in plain Python: slack, stops and tours against readable twins, and walks."""
 
 from collections import Counter
 from itertools import pairwise
@@ -11,19 +11,20 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
-from botohe_moo.algorithms.local_search.engine import LocalSearch
 from botohe_moo.algorithms.local_search.kernels import plans
-from botohe_moo.algorithms.local_search.kernels import refill as kernels
-from botohe_moo.algorithms.local_search.kernels import tours as filling
-from botohe_moo.algorithms.local_search.kernels.trail_store import new_store
-from botohe_moo.algorithms.local_search.kernels.workspace import NEVER
-from botohe_moo.core.graph import Limits, find_arc
-from botohe_moo.core.ordered import read_front
+from botohe_moo.algorithms.local_search.kernels import recreate as kernels
+from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, new_store
 from botohe_moo.core.rng import uniform
-from botohe_moo.trails import PlanBatch
 from tests import twins
+from tests.algorithms.local_search.made import (
+    check,
+    keeps_limits,
+    plan_of,
+    trail_of,
+    unstarted,
+    write_child,
+)
 from tests.examples import examples
-from tests.kernels.test_local_search import keeps_limits
 from tests.strategies import missions_with_plans, team_missions_with_plans
 from tests.twins import plain_local_search
 
@@ -33,41 +34,25 @@ BUDGETS = st.sampled_from([inf, inf, 9.0, 4.0, 0.0])
 
 @pytest.fixture(autouse=True)
 def plain():
-    """The search in plain Python, always stuck: a refill may be a walk."""
+    """The search in plain Python, always stuck: children may be the steps of a walk."""
     with plain_local_search() as patch:
         patch.setattr(plans, "PATIENCE", -1)
+        patch.setattr(plans, "PATIENCE_ON_RETURN", -1)
         patch.setattr(kernels, "P_WALK", 0.0)
         yield patch
 
 
-def holding(mission, plan, chosen, *, seed=0, **limits):
-    """A search with a plan as parent, of which some robots are to be refilled."""
-    search = LocalSearch(mission, Limits(**limits), random_state=np.random.default_rng(seed))
-    graph, store, work = search._graph, search._store, search._work
-    for robot, trail in enumerate(plan):
-        arcs = [find_arc(graph, *hop) for hop in pairwise(trail)]
-        work.child[: len(arcs)] = arcs
-        work.parent[robot] = plans.add_trail(graph, store, work, robot, len(arcs))
+def holding(mission, plan, chosen, **options):
+    """A search with a plan as parent, of which some robots are to be changed."""
+    search = unstarted(mission, **options)
+    work, free = search._work, mission.world.with_limits(mission.limits(0.0, inf))
+    for robot, trail in enumerate(plan):  # which may be beyond the limits
+        n_arcs = write_child(search, trail)
+        work.parent[robot] = plans.add_trail(search.parts._replace(world=free), robot, n_arcs)
     work.chosen[:] = [*chosen, *(k for k in range(mission.robots) if k not in chosen)]
     work.draft.n_chosen, work.draft.robot = len(chosen), chosen[0]
-    plans.evaluate_others(graph, store, work)
+    plans.evaluate_others(search.world, search._store, work)
     return search
-
-
-def nodes_of(search, trail):
-    """A stored trail as node indices, from the base."""
-    store, graph = search._store, search._graph
-    arcs = store.arc[store.trails[trail].first_arc :][: store.trails[trail].n_arcs]
-    return (graph.base, *graph.head[arcs].tolist())
-
-
-def assert_trail(mission, nodes):
-    """Whether it leads from base to base, along arcs that it takes once."""
-    graph = mission.arrays
-    arcs = [find_arc(graph, *hop) for hop in pairwise(nodes)]
-    assert min(arcs, default=0) >= 0
-    assert len(set(arcs)) == len(arcs)
-    assert nodes[0] == nodes[-1] == graph.base
 
 
 def tours_of(work):
@@ -75,7 +60,7 @@ def tours_of(work):
     tours = []
     for which in range(work.draft.n_chosen):
         number, stops = int(work.first[which]), [int(work.legs[work.first[which]].before)]
-        while number != filling.NONE:
+        while number != kernels.NONE:
             leg = work.legs[number]
             assert leg.tour == which
             assert leg.before == stops[-1]
@@ -88,7 +73,9 @@ def tours_of(work):
 
 
 def slacks_of(work):
-    return [(float(room.danger), float(room.length)) for room in work.slacks[: work.draft.n_chosen]]
+    return [
+        (float(slack.danger), float(slack.length)) for slack in work.slacks[: work.draft.n_chosen]
+    ]
 
 
 class TestChoosing:
@@ -112,11 +99,11 @@ class TestChoosing:
             assert {n for p, n in seen if p == 0.5} >= {1, 2, 3, 4}
 
 
-class TestRooms:
+class TestSlack:
     """Of a trail that survives with 0.5 · 0.8 = 0.4, and is 3 + 1 long."""
 
     @pytest.fixture
-    def room(self, plain):
+    def slack(self, plain):
         graph = nx.DiGraph()
         graph.add_node(0, reward=0.0)
         graph.add_node(1, reward=1.0)
@@ -124,14 +111,14 @@ class TestRooms:
         graph.add_edge(1, 0, survival=0.8, length=1.0)
         mission = Mission(graph, base=0, robots=1)
 
-        def room(p_full, spread, plan=((0, 1, 0),), mission=mission, **rule):
-            plain.setattr(filling, "P_FULL", p_full)
-            plain.setattr(filling, "SPREAD", spread)
+        def slack(p_full, spread, plan=((0, 1, 0),), mission=mission, **rule):
+            plain.setattr(kernels, "P_FULL", p_full)
+            plain.setattr(kernels, "SPREAD", spread)
             search = holding(mission, plan, [0], **rule)
-            filling._draw_slack(search.parts, 0)
+            kernels._draw_slack(search.parts, 0)
             return slacks_of(search._work)[0]
 
-        return room
+        return slack
 
     @pytest.mark.parametrize(
         ("p_full", "rule", "danger", "length"),
@@ -144,28 +131,28 @@ class TestRooms:
             (1.0, {"max_length": 10.0, "min_survival": 0.3}, -log(0.3), 10.0),
         ],
     )
-    def test_by_hand(self, room, p_full, rule, danger, length):
-        assert room(p_full, 0.0, **rule) == pytest.approx((danger, length), rel=1e-12)
+    def test_by_hand(self, slack, p_full, rule, danger, length):
+        assert slack(p_full, 0.0, **rule) == pytest.approx((danger, length), rel=1e-12)
 
-    def test_of_a_robot_at_base(self, room):
+    def test_of_a_robot_at_base(self, slack):
         """It may leave, down to a survival of 1 / e; a whole budget is as dangerous as it likes."""
         at_base = {"plan": [(0,)], "mission": complete(3, 0, robots=1)}
-        drawn = [room(0.0, 0.0, seed=seed, **at_base)[0] for seed in range(50)]
+        drawn = [slack(0.0, 0.0, seed=seed, **at_base)[0] for seed in range(50)]
         assert 0 <= min(drawn) < 0.1
         assert 0.9 < max(drawn) <= 1
         for max_length in (5.0, 1e12, 1e300):
-            danger, length = room(1.0, 0.6, max_length=max_length, **at_base)
+            danger, length = slack(1.0, 0.6, max_length=max_length, **at_base)
             assert 0 < danger < inf
-            assert length == max_length
+            assert length == pytest.approx(max_length)
 
-    def test_danger_spreads_on_the_scale_of_logarithms(self, room):
-        found = [room(0.0, 0.6, seed=seed)[0] for seed in range(200)]
+    def test_danger_spreads_on_the_scale_of_logarithms(self, slack):
+        found = [slack(0.0, 0.6, seed=seed)[0] for seed in range(200)]
         logs = np.log(np.array(found) / -log(0.4))
         assert -0.6 <= logs.min() < -0.5
         assert 0.5 < logs.max() <= 0.6
-        assert room(0.0, 0.5, max_length=9.0)[1] == pytest.approx(6.0)
-        assert room(0.0, 0.5, max_length=5.0)[1] == 5.0
-        floored = [room(0.0, 0.6, min_survival=0.4, seed=seed)[0] for seed in range(50)]
+        assert slack(0.0, 0.5, max_length=9.0)[1] == pytest.approx(6.0)
+        assert slack(0.0, 0.5, max_length=5.0)[1] == pytest.approx(5.0)
+        floored = [slack(0.0, 0.6, min_survival=0.4, seed=seed)[0] for seed in range(50)]
         assert max(floored) == pytest.approx(-log(0.4))
 
 
@@ -175,14 +162,10 @@ def test_stops_that_stay_are_some_of_those_there_were(case, data):
     mission, plan = case
     chosen = data.draw(st.permutations(range(mission.robots)))
     search = holding(mission, plan.trails, chosen[:1], seed=data.draw(st.integers(0, 99)))
-    store, work = search._store, search._work
-    stops = [
-        node
-        for node in dict.fromkeys(plan.trails[chosen[0]])
-        if node != 0 and work.nodes[node].left > 0
-    ]
+    work, visited = search._work, dict.fromkeys(plan.trails[chosen[0]])
+    stops = [node for node in visited if node != 0 and work.nodes[node].marginal > 0]
     for _ in range(20):
-        n = filling._draw_stops(mission.arrays, store, work, 0, 0)
+        n = kernels._draw_stops(search.parts, 0, 0)
         kept = work.goals[:n].tolist()
         assert n == 0 if len(stops) <= 1 else 0 < n < len(stops)
         rest = iter(stops)
@@ -208,34 +191,33 @@ def complete(n_nodes, seed, *, robots, scale=0.1, returns=False):
 
 def random_tours(mission, seed):
     """A plan of single loops through some nodes each."""
-    rng, n_nodes = np.random.default_rng(seed), mission.arrays.n_nodes
+    rng, n_nodes = np.random.default_rng(seed), len(mission.nodes)
     some = [rng.permutation(np.arange(1, n_nodes))[: rng.integers(n_nodes)] for _ in range(9)]
     return [(0, *stops.tolist(), 0) if len(stops) else (0,) for stops in some[: mission.robots]]
 
 
 @pytest.mark.parametrize("max_length", [inf, 4.0])
 def test_where_nothing_is_dangerous_there_is_always_room(plain, max_length):
-    plain.setattr(filling, "P_FULL", 1.0)
+    plain.setattr(kernels, "P_FULL", 1.0)
     graph = nx.cycle_graph(4).to_directed()
     nx.set_node_attributes(graph, 1.0, "reward")
     nx.set_edge_attributes(graph, 1.0, "survival")
     mission = Mission(graph, base=0, robots=1)
     search = holding(mission, [(0,)], [0], max_length=max_length)
     assert kernels._make_child(search.parts)
-    assert {0, 1, 2, 3} == set(nodes_of(search, search._work.refilled[0]))
+    assert {0, 1, 2, 3} == set(trail_of(search.parts, search._work.recreated[0]))
 
 
 class Filler:
     """Fills tours the naive way: every node is tried in every leg each time."""
 
-    def __init__(self, mission, per_length, left, worth):
-        graph = mission.arrays
-        n_nodes = graph.n_nodes
+    def __init__(self, mission, per_length, marginal, worth):
+        graph, n_nodes = mission.world.graph, len(mission.nodes)
         self.danger, self.length = np.zeros((2, n_nodes, n_nodes))
         self.danger[graph.tail, graph.head] = -np.log(graph.survival)
         self.length[graph.tail, graph.head] = graph.length
         self.cost = self.danger + per_length * self.length
-        self.left, self.worth = left, worth
+        self.marginal, self.worth = marginal, worth
         nodes = mission.graph.nodes
         self.depots = {v for v in nodes if v == mission.base or nodes[v].get("depot")}
         self.returns = {v for v in nodes if nodes[v].get("pays") == "return"} - self.depots
@@ -259,7 +241,9 @@ class Filler:
             for j in range(len(stops) - 1)
         ]
         at_stake = sum(
-            self.left[stop] * alive[at] for stop, at in zip(stops, paid_at, strict=False) if at > i
+            self.marginal[stop] * alive[at]
+            for stop, at in zip(stops, paid_at, strict=False)
+            if at > i
         )
         danger = self.more(self.danger, stops[i], node, stops[i + 1])
         reached = self.worth[node] * alive[i] / (1 + self.danger[stops[i], node])
@@ -268,7 +252,7 @@ class Filler:
             reached = self.worth[node] * alive[depot] / (1 + danger)
         return reached - at_stake * danger / (1 + danger)
 
-    def choices(self, tours, rooms):
+    def choices(self, tours, slacks):
         """Each node that gains something where it costs least, if there is room."""
         for node in np.flatnonzero(self.worth).tolist():
             extra, which, i = min(
@@ -278,21 +262,21 @@ class Filler:
             )
             ends = tours[which][i], node, tours[which][i + 1]
             danger, longer = (self.more(of, *ends) for of in (self.danger, self.length))
-            if danger > rooms[which][0] or longer > rooms[which][1]:
+            if danger > slacks[which][0] or longer > slacks[which][1]:
                 continue
             gain = self.gain(tours[which], i, node)
             if gain > 0:
                 yield gain / extra, node, which, i, danger, longer
 
-    def fill(self, tours, rooms):
-        tours, rooms = [list(stops) for stops in tours], [list(room) for room in rooms]
-        while found := max(self.choices(tours, rooms), default=None):
+    def fill(self, tours, slacks):
+        tours, slacks = [list(stops) for stops in tours], [list(slack) for slack in slacks]
+        while found := max(self.choices(tours, slacks), default=None):
             _, node, which, i, danger, longer = found
             tours[which].insert(i + 1, node)
             self.worth[node] = 0.0
-            rooms[which][0] -= danger
-            rooms[which][1] -= longer
-        return tours, rooms
+            slacks[which][0] -= danger
+            slacks[which][1] -= longer
+        return tours, slacks
 
 
 @examples(120)
@@ -314,63 +298,51 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
     work.draft.mark += 1
     work.draft.n_legs = 0
     for which in range(len(chosen)):
-        filling.build_tour(search.parts, which)
-    opened, rooms = tours_of(work), slacks_of(work)
-    states, left = work.states.copy(), work.nodes["left"].copy()
+        kernels._build_tour(search.parts, which)
+    opened, slacks = tours_of(work), slacks_of(work)
+    states, marginal = work.states.copy(), work.nodes["marginal"].copy()
     noise, worth = uniform(states, 0), np.zeros(n_nodes)
     for node in range(n_nodes):
-        if left[node] > 0 and all(node not in stops for stops in opened):
-            worth[node] = left[node] * (1 - noise * uniform(states, 0))
-    expected = Filler(mission, routes.per_length, left, worth).fill(opened, rooms)
-    filling.fill_tours(search.parts)
+        if marginal[node] > 0 and all(node not in stops for stops in opened):
+            worth[node] = marginal[node] * (1 - noise * uniform(states, 0))
+    expected = Filler(mission, routes.per_length[0], marginal, worth).fill(opened, slacks)
+    kernels._fill_tours(search.parts)
     assert work.states.tolist() == states.tolist()
     assert tours_of(work) == expected[0]
     assert np.allclose(slacks_of(work), expected[1], rtol=1e-9, atol=1e-9)
-
-
-def limited(mission, plan, floor, budget):
-    """The plan, or everybody at home where it does not keep the limits."""
-    home = mission.stay_home(mission.limits(floor, budget))
-    return plan.trails if keeps_limits(mission, plan, floor, budget) else home.trails
 
 
 @examples(150)
 @given(missions_with_plans(min_nodes=1, max_nodes=9, max_robots=4), FLOORS, BUDGETS, st.data())
 def test_children_are_plans_within_their_slack(case, floor, budget, data):
     mission, plan = case
-    plan = limited(mission, plan, floor, budget)
+    limits = {"min_survival": floor, "max_length": budget}
+    if not keeps_limits(mission, [plan], floor, budget):
+        plan = mission.stay_home()
     order = data.draw(st.permutations(range(mission.robots)))
     chosen = order[: data.draw(st.integers(1, mission.robots))]
-    search = holding(
-        mission,
-        plan,
-        chosen,
-        seed=data.draw(st.integers(0, 99)),
-        min_survival=floor,
-        max_length=budget,
-    )
+    seed = data.draw(st.integers(0, 99))
+    search = holding(mission, plan.trails, chosen, seed=seed, **limits)
     routes, store, work = search._routes, search._store, search._work
-    parent, fill_tours, opened = work.parent.tolist(), kernels.fill_tours, []
-    give_room, given_rooms = filling._draw_slack, []
+    parent, opened, drawn = work.parent.tolist(), [], []
+    draw_slack, fill_tours = kernels._draw_slack, kernels._fill_tours
 
-    def noted_room(*arguments):
-        give_room(*arguments)
-        given_rooms.append(slacks_of(work)[arguments[-1]])
+    def noted_slack(*arguments):
+        draw_slack(*arguments)
+        drawn.append(slacks_of(work)[arguments[-1]])
 
     def noted_fill(*arguments):
         opened[:] = tours_of(work), slacks_of(work)
-        for which, (danger, length) in enumerate(given_rooms):
+        for which, (danger, length) in enumerate(drawn):
             legs = [leg for leg in work.legs[: work.draft.n_legs] if leg.tour == which]
-            left = (
-                danger - sum(leg.danger for leg in legs),
-                length - sum(leg.length for leg in legs),
-            )
-            assert opened[1][which] == pytest.approx(left, rel=1e-9, abs=1e-9)
+            danger -= sum(leg.danger for leg in legs)
+            length -= sum(leg.length for leg in legs)
+            assert opened[1][which] == pytest.approx((danger, length), rel=1e-9, abs=1e-9)
         fill_tours(*arguments)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(filling, "_draw_slack", noted_room)
-        patch.setattr(kernels, "fill_tours", noted_fill)
+        patch.setattr(kernels, "_draw_slack", noted_slack)
+        patch.setattr(kernels, "_fill_tours", noted_fill)
         is_new = kernels._make_child(search.parts)
     (opened_tours, before), tours, after = opened, tours_of(work), slacks_of(work)
     added = []
@@ -386,24 +358,18 @@ def test_children_are_plans_within_their_slack(case, floor, budget, data):
         assert danger_left >= min(0.0, danger) - 1e-9
         assert length_left >= min(0.0, length) - 1e-9
         # A longer way may be less dangerous, but no way by a further stop costs less.
-        if routes.per_length > 0.0:
-            danger, danger_left = (
-                danger + routes.per_length * length,
-                danger_left + routes.per_length * length_left,
-            )
+        if (price := routes.per_length[0]) > 0.0:
+            danger, danger_left = danger + price * length, danger_left + price * length_left
         assert danger_left <= danger + 1e-9
-    refilled = work.refilled.tolist()
-    for robot, trail in enumerate(refilled):
-        nodes = nodes_of(search, trail)
-        assert_trail(mission, nodes)
-        assert twins.survival_of(mission, nodes) >= floor
-        assert twins.length_of(mission, nodes) <= budget * (1 + 1e-12)
-        if robot not in chosen:
-            assert trail == parent[robot]
-    assert is_new == (refilled != parent)
+    recreated = work.recreated.tolist()
+    child = plan_of(search.parts, recreated)
+    mission.evaluate([child])  # which must be valid
+    assert keeps_limits(mission, [child], floor, budget)
+    assert all(recreated[robot] == parent[robot] for robot in order[len(chosen) :])
+    assert is_new == (recreated != parent)
     assert work.parent.tolist() == parent
-    assert Counter(work.trails.tolist()) == Counter(refilled)
-    users = Counter(parent) + Counter(refilled[robot] for robot in chosen)
+    assert Counter(work.trails.tolist()) == Counter(recreated)
+    users = Counter(parent) + Counter(recreated[robot] for robot in chosen)
     assert {i: n for i, n in enumerate(store.trails["n_users"].tolist()) if n} == users
 
 
@@ -418,41 +384,24 @@ def test_a_tour_beyond_the_limits_is_not_stored(rule):
         store, work = search._store, search._work
         before = store.n.item()
         assert not kernels._make_child(search.parts)
-        assert work.refilled.tolist() == work.parent.tolist()
+        assert work.recreated.tolist() == work.parent.tolist()
         assert store.n.item() == before
         assert store.trails["n_users"][work.parent].tolist() == [2, 1]
 
 
-def assert_clean(search):
-    """Whether the workspace holds nothing of a parent."""
-    work, graph = search._work, search._graph
-    left = graph.reward.copy()
-    if graph.kinds is None:
-        left[graph.base] = 0.0
-    assert work.nodes["left"].tolist() == left.tolist()
-    assert (work.nodes["unreached"] == -1.0).all()
-    assert (work.nodes["met"] == NEVER).all()
-    assert (work.nodes["later"] == 0.0).all()
-    assert (work.arcs["position"] == -1).all()
-
-
-def refilling(mission, plans, *, n_waiting=3, seed=0, **limits):
-    """A search in which plans wait to be refilled."""
-    random_state = np.random.default_rng(seed)
-    limits = mission.limits(**limits)
-    search = LocalSearch(mission, limits, p_refill=1.0, random_state=random_state)
+def recreating(mission, given, *, n_waiting=3, **options):
+    """A search in which plans wait for ruin and recreate."""
+    search = unstarted(mission, prob_recreate=1.0, **options)
     search._store = new_store(3_000, 100_000, 100_000)  # room for all children
-    search.insert(PlanBatch.from_plans(plans, mission.robots))
-    front = search._front
-    survivors = read_front(front)[1][:, 1]
-    work = search._work
-    work.memory.n_waiting, work.memory.newest = n_waiting, -1.0
+    search.insert(mission.batch([mission.stay_home(search.world), *given]))
+    survivors, work = search.objectives()[:, 1], search._work
+    work.memory.newest, work.memory.n_waiting = -1.0, n_waiting if len(search) else 0
     work.waiting[:n_waiting] = np.resize(survivors, n_waiting)
     return search
 
 
-def refill(search, n_most):
-    return kernels.refill(search.parts, n_most)
+def recreate(search, n_most):
+    return kernels.recreate(search.parts, n_most)
 
 
 @examples(100)
@@ -463,35 +412,24 @@ def refill(search, n_most):
     st.booleans(),
     st.integers(0, 9),
 )
-def test_refills_keep_the_books(case, floor, budget, is_walk, seed):
+def test_the_front_and_its_trails_are_kept(case, floor, budget, is_walk, seed):
     mission, plan = case
-    start = [TrailPlan(limited(mission, plan, floor, budget))]
-    assume(keeps_limits(mission, start[0], floor, budget))
-    start.append(mission.stay_home(mission.limits(floor, budget)))
     limits = {"min_survival": floor, "max_length": budget}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernels, "P_WALK", float(is_walk))
         patch.setattr(kernels, "N_WALK", 2)
-        search = refilling(mission, start, seed=seed, **limits)
+        search = recreating(mission, [plan], seed=seed, **limits)
+        assume(len(search))
+        n_given, n_made = search.version, 0
         for n_most in (50, 2, 50):
-            n_waiting = int(search._memory[0].n_waiting)
-            n = refill(search, n_most)
-            assert n == n_most or search._memory[0].n_waiting == 0
+            n_waiting = search.n_waiting
+            n = recreate(search, n_most)
+            n_made += n
+            assert n == n_most or search.n_waiting == 0
             assert n > 0 or n_waiting == 0
-            assert_books(search)
-    batch, objectives, _ = search.plans()
-    assert np.array_equal(mission.evaluate(batch), objectives)
-    assert all(keeps_limits(mission, found, floor, budget) for found in batch)
-
-
-def assert_books(search):
-    """Whether every trail is somebody's, and nothing is left of a parent."""
-    front, store = search._front, search._store
-    users = np.bincount(front.plan[read_front(front)[0]].ravel(), minlength=len(store.trails))
-    assert store.trails["n_users"].tolist() == users.tolist()
-    spare = store.spare[: store.n.spare].tolist()
-    assert sorted([*spare, *np.flatnonzero(users).tolist()]) == list(range(len(users)))
-    assert_clean(search)
+            check(search, floor, budget)
+    tried, entered = search.statistics.loc["ruin-and-recreate", ["tried", "entered"]]
+    assert (tried, entered) == (n_made, search.version - n_given)
 
 
 @pytest.mark.parametrize("p_walk", [0.0, 1.0])
@@ -500,12 +438,12 @@ def test_children_that_do_not_enter_use_no_room_up(plain, p_walk):
         plain.setattr(kernels, name, value)
     mission = complete(5, 2, robots=3)
     start = [TrailPlan(random_tours(mission, seed)) for seed in range(9)]
-    search = refilling(mission, [TrailPlan([[0]] * 3), *start])
+    search = recreating(mission, start)
     unchanged = 0
     for _ in range(60):
         search._memory[0].n_waiting = 1
         before, entered = search._store.n.item(), int(search._front.n.entered)
-        refill(search, 7)
+        recreate(search, 7)
         if search._front.n.entered == entered:
             assert search._store.n.item() == before
             unchanged += 1
@@ -516,13 +454,13 @@ def test_room_that_is_used_up_ends_a_walk(plain):
     plain.setattr(kernels, "P_WALK", 1.0)
     plain.setattr(kernels, "N_WALK", 50)
     mission = complete(8, 3, robots=3)
-    search = refilling(mission, [TrailPlan([[0]] * 3), TrailPlan(random_tours(mission, 4))])
+    search = recreating(mission, [TrailPlan(random_tours(mission, 4))])
     front = search._front
-    front.n.spare, spare = 4, front.n.spare
-    assert refill(search, 1_000) < 400
-    assert front.n.spare == 1
-    front.n.spare += spare - 4
-    assert_books(search)
+    front.n.spare, spare = N_CHILDREN + 4, front.n.spare
+    assert recreate(search, 1_000) < 400
+    assert front.n.spare == N_CHILDREN
+    front.n.spare += spare - N_CHILDREN - 4
+    check(search)
 
 
 @pytest.mark.parametrize(("patience", "p_walk"), [(10**6, 1.0), (-1, 0.0), (-1, 1.0)])
@@ -530,10 +468,10 @@ def test_walks_begin_once_the_search_is_stuck(plain, patience, p_walk):
     plain.setattr(plans, "PATIENCE", patience)
     plain.setattr(kernels, "P_WALK", p_walk)
     mission = complete(8, 3, robots=2)
-    search = refilling(mission, [TrailPlan([[0]] * 2)], n_waiting=1)
+    search = recreating(mission, [], n_waiting=1)
     draw_others, steps = kernels._draw_other_robots, []
     plain.setattr(kernels, "_draw_other_robots", lambda search: steps.append(draw_others(search)))
-    n = refill(search, kernels.N_WALK * 8)
+    n = recreate(search, kernels.N_WALK * 8)
     assert len(steps) == (n - 1 if (patience, p_walk) == (-1, 1.0) else 0)
 
 
@@ -544,24 +482,24 @@ def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, thre
         plain.setattr(kernels, name, value)
     mission = complete(8, 5, robots=robots)
     start = [TrailPlan(random_tours(mission, seed)) for seed in range(9)]
-    search = refilling(mission, [TrailPlan([[0]] * robots), *start], seed=4)
+    search = recreating(mission, start, seed=4)
     work = search._work
     make_child, release_parent, steps = kernels._make_child, kernels.release_parent, []
     n_worse = 0
 
-    def plan_of(numbers):
-        return [nodes_of(search, trail) for trail in numbers]
+    def trails_of(numbers):
+        return plan_of(search.parts, numbers).trails
 
     def noted(*arguments):
-        before = plan_of(work.parent)
+        before = trails_of(work.parent)
         is_new = make_child(*arguments)
-        steps.append((before, plan_of(work.refilled), is_new))
+        steps.append((before, trails_of(work.recreated), is_new))
         return is_new
 
     def check(*arguments):
         nonlocal n_worse
         slope, n = float(work.draft.slope), len(steps)
-        steps.append((plan_of(work.parent), None, None))
+        steps.append((trails_of(work.parent), None, None))
         for i, ((parent, child, is_new), (following, _, _)) in enumerate(pairwise(steps)):
             value, new = (
                 np.dot(twins.evaluate(mission, plan), [1.0, slope]) for plan in (parent, child)
@@ -579,18 +517,18 @@ def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, thre
 
     plain.setattr(kernels, "_make_child", noted)
     plain.setattr(kernels, "release_parent", check)
-    assert refill(search, 400) in (240, 320, 400)
+    assert recreate(search, 400) in (240, 320, 400)
     assert (n_worse > 0) == (threshold > 0)
 
 
-def test_plans_that_enter_are_refilled_next():
-    """Two plans waited: those that enter when the first is refilled come before the second."""
-    mission, n_refilled = complete(8, 3, robots=2), []
+def test_plans_that_enter_are_next():
+    """Two plans waited: those that enter when the first is recreated come before the second."""
+    mission, n_recreated = complete(8, 3, robots=2), []
     for seed in range(9):
-        search = refilling(mission, [TrailPlan([[0]] * 2)], n_waiting=2, seed=seed)
-        n = refill(search, 1_000)
-        assert n % kernels.N_REFILLS == 0
-        assert search._memory[0].n_waiting == 0
-        n_refilled.append(n // kernels.N_REFILLS)
-    assert min(n_refilled) >= 2
-    assert max(n_refilled) > 3
+        search = recreating(mission, [], n_waiting=2, seed=seed)
+        n = recreate(search, 1_000)
+        assert n % kernels.N_RECREATED == 0
+        assert search.n_waiting == 0
+        n_recreated.append(n // kernels.N_RECREATED)
+    assert min(n_recreated) >= 2
+    assert max(n_recreated) > 3

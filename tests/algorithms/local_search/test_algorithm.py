@@ -17,10 +17,10 @@ from botohe_moo import (
     area_indicator,
     load_mission,
 )
-from botohe_moo.algorithms import RandomTrailSampling
 from botohe_moo.algorithms.exact.front import exact_front
-from botohe_moo.algorithms.local_search.engine import MOVES
+from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, RUIN_AND_RECREATE
 from botohe_moo.mission import PlanError
+from tests.algorithms.local_search.made import keeps_limits, random_plans
 
 
 @pytest.fixture(scope="module")
@@ -40,11 +40,6 @@ def same(one, other):
     return one.F.tobytes() == other.F.tobytes() and [p.trails for p in one.X[:, 0]] == [
         p.trails for p in other.X[:, 0]
     ]
-
-
-def random_plans(mission, n):
-    rng = np.random.default_rng(3)
-    return list(RandomTrailSampling()(BOTOHE(mission), n, random_state=rng).get("X")[:, 0])
 
 
 def random_mission(seed):
@@ -188,19 +183,18 @@ class TestFront:
         assert (np.diff(found[:, 1]) > 1e-12 * found[1:, 1]).all()
         assert (np.diff(found[:, 0]) < -1e-12 * found[1:, 0]).all()
 
-    @pytest.mark.parametrize(("floor", "budget", "prob_refill"), [(0.3, 9, 0.06), (1.0, 30, 1.0)])
-    def test_every_generation_keeps_floor_and_budget(self, museum, floor, budget, prob_refill):
+    @pytest.mark.parametrize(("floor", "budget", "prob_recreate"), [(0.3, 9, 0.06), (1.0, 30, 1.0)])
+    def test_every_generation_keeps_floor_and_budget(self, museum, floor, budget, prob_recreate):
         seen = []
 
         class Noted(Callback):
             def notify(self, algorithm):
                 batch = algorithm.archive.plans
-                assert museum.trail_lengths(batch).max() <= problem.travel_budget
-                assert museum.robot_survival(batch).min() >= problem.survival_floor
+                assert keeps_limits(museum, batch, floor, budget)
                 seen.append(len(batch))
 
         problem = BOTOHE(museum, min_survival=floor, max_length=budget)
-        algorithm = ParetoLocalSearch(evaluations_per_generation=400, prob_refill=prob_refill)
+        algorithm = ParetoLocalSearch(evaluations_per_generation=400, prob_recreate=prob_recreate)
         result = minimize(problem, algorithm, ("n_eval", 4_000), seed=1, callback=Noted())
         assert len(seen) > 5
         assert (result.G <= 0).all()
@@ -223,7 +217,7 @@ class TestFront:
 class TestRuns:
     @pytest.mark.parametrize(("budget", "n_given"), [(1, 0), (7, 20), (5_001, 20)])
     def test_budgets_are_exact(self, museum, budget, n_given):
-        given = random_plans(museum, 20)[:n_given]
+        given = list(random_plans(museum, 20))[:n_given]
         result = solve(museum, budget, sampling=given)
         assert result.algorithm.evaluator.n_eval == budget
         if budget <= n_given:
@@ -249,21 +243,30 @@ class TestRuns:
             assert same(whole, copied.result())
         assert len(copies) >= 5
 
-    @pytest.mark.parametrize(("robots", "prob_refill"), [(1, 1.0), (12, 0.06)])
-    def test_teams(self, museum, robots, prob_refill):
+    @pytest.mark.parametrize(("robots", "prob_recreate"), [(1, 1.0), (12, 0.06)])
+    def test_teams(self, museum, robots, prob_recreate):
         mission = museum.with_robots(robots)
-        result = solve(mission, 8_000, prob_refill=prob_refill)
+        result = solve(mission, 8_000, prob_recreate=prob_recreate)
         assert np.array_equal(-result.F, mission.evaluate(result.X))
         assert result.algorithm.evaluator.n_eval == 8_000
         assert result.F[:, 1].min() == -robots
         assert {plan.n_robots for plan in result.X[:, 0]} == {robots}
 
     @pytest.mark.parametrize(("robots", "as_if"), [(9, 0.02), (10, 0.0)])
-    def test_of_more_than_a_thousand_nodes_times_robots_no_plan_is_refilled(self, robots, as_if):
+    def test_of_more_than_a_thousand_nodes_times_robots_no_plan_is_ruined(self, robots, as_if):
         mission = load_mission("terrain", nodes=101, robots=robots)
-        found, other = solve(mission, 3_000), solve(mission, 3_000, prob_refill=0.02 - as_if)
-        assert same(found, solve(mission, 3_000, prob_refill=as_if))
+        found, other = solve(mission, 3_000), solve(mission, 3_000, prob_recreate=0.02 - as_if)
+        assert same(found, solve(mission, 3_000, prob_recreate=as_if))
         assert not same(found, other)
+
+    def test_what_each_move_brought(self, museum):
+        given = random_plans(museum, 20)
+        algorithm = solve(museum, 3_000, sampling=given, greedy_start=False).algorithm
+        found = algorithm.statistics
+        assert found.index.tolist() == [*DEFAULT_MOVES, RUIN_AND_RECREATE]
+        assert found["tried"].sum() == 3_000 - 21  # and everybody at base
+        assert found["entered"].sum() >= len(algorithm.archive) - 21
+        assert found["seconds"].sum() > 0
 
 
 class TestOddMissions:
@@ -292,8 +295,7 @@ class TestErrors:
             ParetoLocalSearch(moves={"vizit": 1})
 
     def test_plans_given_are_checked(self, museum):
-        base = museum.arrays.base
-        good = museum.stay_home()
+        base, good = museum.index(museum.base), museum.stay_home()
         bad = TrailPlan([[base], [base, base], *[[base]] * (museum.robots - 2)])
         with pytest.raises(PlanError, match="Plan 1, robot 1, position 1: arc"):
             solve(museum, 100, sampling=[good, bad])
@@ -302,8 +304,11 @@ class TestErrors:
 
     def test_moves_by_name(self, museum):
         result = solve(museum, 3_000, moves={"visit": 2, "splice": 1})
-        weights = np.diff(result.algorithm._search._lanes[0]._weights, prepend=0.0).tolist()
-        assert {name: weight for name, weight in zip(MOVES, weights, strict=True) if weight} == {
+        tried = result.algorithm.statistics["tried"].drop(RUIN_AND_RECREATE)
+        assert set(tried.index[tried > 0]) == {"visit", "splice"}
+        weights = np.diff(result.algorithm._search._islands[0]._weights, prepend=0.0)
+        given = dict(zip(DEFAULT_MOVES, weights.tolist(), strict=True))
+        assert {name: weight for name, weight in given.items() if weight} == {
             "visit": 2,
             "splice": 1,
         }

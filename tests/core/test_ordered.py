@@ -7,12 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.algorithms.local_search.engine import _most_contributing
-from botohe_moo.algorithms.local_search.kernels import plans
-from botohe_moo.algorithms.local_search.kernels.trail_store import copy_trails, new_store, release
 from botohe_moo.core import ordered as kernels
 from botohe_moo.core.ordered import BLOCK
-from botohe_moo.core.rng import seed_states
+from botohe_moo.core.rng import below, seed_states
 from tests.examples import examples
 
 
@@ -24,22 +21,24 @@ def no_warnings():
 
 
 class Pair:
-    """A front of plans with one trail each, and its twin: lists by ascending E[S]."""
+    """A front of numbered plans, and its twin: lists by ascending E[S]."""
 
     def __init__(self, n_slots):
-        self.front, self.store = kernels.new_front(n_slots, 1), new_store(n_slots + 1, 0, 0)
-        self.survivors, self.rewards, self.trails = [], [], []
+        self.front, self.n = kernels.new_front(n_slots, 1), 0
+        self.survivors, self.rewards, self.numbers = [], [], []
 
     def enter(self, reward, survivors):
-        """Put a plan into both."""
-        self.store.n.spare -= 1
-        trail = int(self.store.spare[self.store.n.spare])
-        self.store.trails[trail].n_users = 1
-        entered = plans.insert(self.store, self.front, np.array([trail]), reward, survivors, 0.0)
-        release(self.store, trail)
-        assert entered == self._enter_list(reward, survivors, trail)
+        """Put a plan into both, unless there is one as good."""
+        entered = kernels.best_reward(self.front, survivors) < reward
+        assert entered == self._enter_list(reward, survivors, self.n)
+        if entered:
+            slot = kernels.insert(self.front, reward, survivors)
+            self.front.plan[slot] = self.n
+            assert self.front.slots[slot].serial == self.front.n.entered - 1
+            assert self.front.slots[slot].tried == 0
+        self.n += 1
 
-    def _enter_list(self, reward, survivors, trail):
+    def _enter_list(self, reward, survivors, number):
         as_safe = bisect_left(self.survivors, survivors)
         if as_safe < len(self.rewards) and self.rewards[as_safe] >= reward:
             return False
@@ -47,15 +46,14 @@ class Pair:
         while at > 0 and self.rewards[at - 1] <= reward:
             at -= 1
             self._leave(at)
-        for held, value in zip(self.lists, (survivors, reward, trail), strict=True):
+        for held, value in zip(self.lists, (survivors, reward, number), strict=True):
             held.insert(at, value)
         return True
 
     def remove(self, index):
         """Take the plan at an index out of both."""
-        at, place = self.place(index)
-        slot = kernels.remove_place(self.front, at, place)
-        release(self.store, self.front.plan[slot, 0])
+        slot = kernels.remove_place(self.front, *self.place(index))
+        assert self.front.plan[slot, 0] == self.numbers[index]
         self._leave(index)
 
     def _leave(self, index):
@@ -64,7 +62,7 @@ class Pair:
 
     @property
     def lists(self):
-        return self.survivors, self.rewards, self.trails
+        return self.survivors, self.rewards, self.numbers
 
     def place(self, index):
         """Where the plan at an index should be: block in the directory, and place."""
@@ -87,13 +85,17 @@ class Pair:
         assert objectives.tolist() == list(
             map(list, zip(self.rewards, self.survivors, strict=True))
         )
-        assert front.plan[slots, 0].tolist() == self.trails
-        users = self.store.trails["n_users"]
-        used = np.flatnonzero(users)
-        assert sorted(self.trails) == used.tolist()
-        assert (users[used] == 1).all()
+        assert front.plan[slots, 0].tolist() == self.numbers
+        slots = slots.tolist()
         spare = front.spare_slots[: front.n.spare].tolist()
-        assert sorted([*slots.tolist(), *spare]) == list(range(len(front.serial)))
+        assert sorted([*slots, *spare]) == list(range(len(front.slots)))
+        held = front.slots[slots]
+        assert np.column_stack([held["reward"], held["survivors"]]).tolist() == objectives.tolist()
+        assert held["before"].tolist() == [-1, *slots[:-1]][: len(slots)]
+        assert held["after"].tolist() == [*slots[1:], -1][: len(slots)]
+        assert sorted(held["member"].tolist()) == list(range(len(slots)))
+        assert front.members[held["member"]].tolist() == slots
+        assert len(set(held["serial"].tolist())) == len(slots)
         blocks = front.directory[: front.n.blocks].tolist()
         spare = front.free_blocks[: front.n.free].tolist()
         assert sorted([*blocks, *spare]) == list(range(len(front.directory)))
@@ -106,26 +108,25 @@ class Pair:
         assert kernels.find_place(self.front, survivors) == self.place(index)
         best = self.rewards[index] if index < len(self.rewards) else -1.0
         assert kernels.best_reward(self.front, survivors) == best
+        if self.numbers:  # or else the safest
+            near = min(index, len(self.numbers) - 1)
+            assert kernels.nearest_place(self.front, survivors) == self.place(near)
 
-    def check_contribution(self, index):
-        area = kernels.contribution(self.front, *self.place(index))
-        if 0 < index < len(self.rewards) - 1:
-            width = self.rewards[index - 1] - self.rewards[index + 1]
-            assert area == width * (self.survivors[index + 1] - self.survivors[index - 1])
-        else:
-            width, height = (
-                self.rewards[0] - self.rewards[-1],
-                self.survivors[-1] - self.survivors[0],
-            )
-            assert area == pytest.approx(4 * width * height / len(self.rewards) ** 2)
+    def check_neighbours(self):
+        """What each plan contributes, and what its neighbours lose of E[R] for a survivor.
 
-    def check_slopes(self):
-        """What each plan's neighbours, or it itself at an end, lose of E[R] for a survivor."""
+        At an end it is a neighbour of itself.
+        """
         rewards, survivors = (np.pad(column, 1, "edge") for column in self.lists[1::-1])
-        more = survivors[2:] - survivors[:-2]
-        expected = (rewards[:-2] - rewards[2:]) / np.where(more > 0, more, 1.0)
-        found = [kernels.slope_at(self.front, *self.place(i)) for i in range(len(self.rewards))]
-        assert found == expected.tolist()
+        less, more = rewards[:-2] - rewards[2:], survivors[2:] - survivors[:-2]
+        slots = self.read()[0]
+        found = [kernels.slope_at(self.front, slot) for slot in slots]
+        assert found == (less / np.where(more > 0, more, 1.0) * (more > 0)).tolist()
+        areas = less * more
+        gaps = (rewards[0] - rewards[-1]) * (survivors[-1] - survivors[0])
+        areas[[0, -1]] = 4 * gaps / len(slots) ** 2
+        found = [kernels.contribution(self.front, slot) for slot in slots]
+        assert found == pytest.approx(areas, rel=1e-12)
 
 
 @examples(100)
@@ -136,10 +137,10 @@ def test_few_plans_with_many_ties(plans, data):
         pair.enter(float(reward), float(survivors))
         pair.check_finding(float(survivors))
         pair.check_finding(survivors + 0.5)
-        pair.check_slopes()
+        pair.check_neighbours()
     pair.check()
-    while pair.trails:
-        pair.remove(data.draw(st.integers(0, len(pair.trails) - 1)))
+    while pair.numbers:
+        pair.remove(data.draw(st.integers(0, len(pair.numbers) - 1)))
         pair.check()
 
 
@@ -151,18 +152,16 @@ def test_thousands_of_plans_come_and_go(noise):
     most = 0
     for share_entering in (1.0, 0.8, 0.1, 0.7, 0.0):
         for _ in range(800):
-            if rng.random() < share_entering and len(pair.trails) < 1_500:
+            if rng.random() < share_entering and len(pair.numbers) < 1_500:
                 survivors = rng.random()
                 pair.enter(1.0 - survivors + noise * rng.random(), survivors)
-            elif pair.trails:
-                pair.remove(int(rng.integers(len(pair.trails))))
+            elif pair.numbers:
+                pair.remove(int(rng.integers(len(pair.numbers))))
         pair.check()
         for survivors in (*rng.random(20), *pair.survivors[::200], 0.0, 1.0):
             pair.check_finding(survivors)
-        for index in range(0, len(pair.trails), 17):
-            pair.check_contribution(index)
-        if pair.trails:
-            pair.check_slopes()
+        if pair.numbers:
+            pair.check_neighbours()
             most = max(most, int(pair.front.n.blocks))
     assert most > (10 if noise < 0.01 else 1)
 
@@ -183,74 +182,78 @@ def test_contributions_by_hand():
     pair = Pair(8)
     for reward, survivors in ((10.0, 1.0), (7.0, 2.0), (3.0, 4.0)):
         pair.enter(reward, survivors)
-    assert kernels.contribution(pair.front, 0, 1) == (10 - 3) * (4 - 1)
+    first, middle, last = (kernels.contribution(pair.front, slot) for slot in pair.read()[0])
+    assert middle == (10 - 3) * (4 - 1)
     # Three plans, evenly spaced, over 7 rewards and 3 survivors: two gaps of three either way.
-    for end in (0, 2):
-        assert kernels.contribution(pair.front, 0, end) == pytest.approx(2 / 3 * 7 * 2 / 3 * 3)
+    assert first == last == pytest.approx(2 / 3 * 7 * 2 / 3 * 3)
+
+
+def shuffled(n):
+    """A front of as many plans, of which some come and go."""
+    pair, rng = Pair(n), np.random.default_rng(1)
+    for _ in range(2):
+        for i in rng.permutation(n).tolist():
+            pair.enter(float(n - i), float(i))
+        for index in rng.permutation(n)[: n // 3]:
+            pair.remove(int(index) % len(pair.numbers))
+    for i in range(n):
+        pair.enter(float(n - i), float(i))
+    assert pair.survivors == list(range(n))
+    sizes = pair.front.size[pair.front.directory[: pair.front.n.blocks]].tolist()
+    assert n < 300 or len(set(sizes)) > 2
+    return pair
 
 
 @pytest.mark.parametrize("n", [5, 300])
 def test_plans_are_drawn_uniformly(n):
-    pair = Pair(n)
-    for i in np.random.default_rng(1).permutation(n).tolist():
-        pair.enter(float(n - i), float(i))
-    sizes = pair.front.size[pair.front.directory[: pair.front.n.blocks]]
-    assert n < 300 or len(set(sizes.tolist())) > 2
-    starts = np.concatenate([[0], np.cumsum(sizes)])
+    pair = shuffled(n)
     states, drawn = seed_states(np.random.default_rng(7), 1), np.zeros(n)
     for _ in range(40 * n):
-        at, place = kernels.draw_place(pair.front, states)
-        drawn[starts[at] + place] += 1
+        drawn[int(pair.front.slots[kernels.draw_slot(pair.front, states)].survivors)] += 1
     chi_square = ((drawn - 40) ** 2 / 40).sum()
     assert chi_square <= (n - 1) + 5 * np.sqrt(2 * n)
 
 
-@pytest.mark.parametrize(("n", "every"), [(0, 1), (300, 3)])
+@pytest.mark.parametrize("n", [1, 5, 300])
+def test_neighbours_are_drawn_on_either_side(n):
+    """Beyond an end it is the plan there."""
+    pair, near = shuffled(n), kernels._NEAR
+    states = seed_states(np.random.default_rng(7), 1)
+    for index in {0, n // 3, n // 2, n - 1}:
+        at, place = pair.place(index)
+        for _ in range(300):
+            offset = below(states.copy(), 2 * near + 1) - near
+            slot = kernels.draw_near(pair.front, states, at, place)
+            assert pair.front.slots[slot].survivors == min(max(0, index + offset), n - 1)
+
+
+@pytest.mark.parametrize(("n", "every"), [(0, 1), (300, 1), (300, 3)])
 def test_a_larger_front_holds_the_same_and_goes_on(n, every):
+    """What is drawn from it follows from what entered and left, not from where plans lie."""
     rng = np.random.default_rng(n)
     pair = Pair(300)
     for _ in range(n):
         survivors = rng.random()
         pair.enter(1.0 - survivors, survivors)
-    for index in rng.permutation(len(pair.trails))[: n // 3]:
-        pair.remove(int(index) % len(pair.trails))
+    for index in rng.permutation(len(pair.numbers))[: n // 3]:
+        pair.remove(int(index) % len(pair.numbers))
     slots = pair.read()[0]
     kept = slots[::every]
-    serials, tried = pair.front.serial[kept].tolist(), rng.integers(0, 9, len(kept))
-    pair.front.tried[kept] = tried
+    pair.front.slots["tried"][kept] = rng.integers(0, 9, len(kept))
+    expected = pair.front.slots[["serial", "tried"]][kept].tolist()
+    members = [slot for slot in pair.front.members[: len(slots)] if slot in set(kept)]
+    drawn_from = pair.front.plan[members, 0].tolist()
     pair.front = kernels.copy_front(pair.front, kept, 605)
     for index in reversed(range(len(slots))):
         if index % every:
-            release(pair.store, pair.trails[index])
             pair._leave(index)
-    assert len(pair.front.serial) == 605
-    pair.store = larger_store(pair.store, 606)
+    assert len(pair.front.slots) == 605
     pair.check()
-    slots = pair.read()[0]
-    assert pair.front.serial[slots].tolist() == serials
-    assert pair.front.tried[slots].tolist() == tried.tolist()
-    assert pair.front.n.entered == n
+    slots, front = pair.read()[0], pair.front
+    assert front.slots[["serial", "tried"]][slots].tolist() == expected
+    assert front.plan[front.members[: len(slots)], 0].tolist() == drawn_from
+    assert front.n.entered == n
     for _ in range(300):
         survivors = rng.random()
         pair.enter(1.0 - survivors, survivors)
     pair.check()
-
-
-def larger_store(store, n_trails):
-    larger = new_store(n_trails, 0, 0)
-    copy_trails(store, larger)
-    return larger
-
-
-def test_thinning_takes_what_contributes_least_and_leaves_the_ends():
-    n = 100
-    objectives = np.column_stack([100.0 - np.arange(n), np.arange(n)])
-    objectives[50, 0] -= 0.9  # the next one stands close to it
-    assert np.delete(np.arange(n), 51).tolist() == _most_contributing(objectives, n - 1).tolist()
-    for n_most in range(n, 1, -1):
-        kept = _most_contributing(objectives, n_most)
-        assert len(kept) == n_most
-        assert (kept[0], kept[-1]) == (0, n - 1)
-        assert (np.diff(kept) > 0).all()
-    # Evenly spaced plans: no gap is wide.
-    assert np.diff(_most_contributing(objectives, 50)).max() <= 3

@@ -85,15 +85,19 @@ def assert_objectives(mission, plan):
     assert survivors == pytest.approx(sum(p * s for p, _, s in outcomes), abs=1e-12)
 
 
-def test_one_kind_that_is_paid_on_arrival_is_nothing_special():
-    museum = load_mission("art_museum")
-    some = [plan_sequentially(museum, weight) for weight in (0.8, 0.9)]
+MUSEUM = load_mission("art_museum")
+
+
+@examples(20)
+@given(plans(MUSEUM))
+def test_one_kind_that_is_paid_on_arrival_is_nothing_special(trails):
     for name in ("robot", "drone"):
-        mission = Mission(museum.graph, kinds=[Kind(name, 3)])
-        assert mission.arrays.kinds is None
-        for one, other in zip(mission.arrays, museum.arrays, strict=True):
+        mission = Mission(MUSEUM.graph, kinds=[Kind(name, 3)])
+        assert mission.is_plain
+        for one, other in zip(mission.world.numbers, MUSEUM.world.numbers, strict=True):
             assert np.array_equal(one, other)
-        assert mission.evaluate(some).tobytes() == museum.evaluate(some).tobytes()
+        found, expected = (each.evaluate([TrailPlan(trails)]) for each in (mission, MUSEUM))
+        assert found.tobytes() == expected.tobytes()
 
 
 ULP = 2.0**-52
@@ -181,7 +185,7 @@ def test_faults_name_the_plan_the_robot_the_position_and_the_arc():
 def drafted(mission, trails):
     """The readable twin of drafts: (E[R], E[S], faults, survival and length of each robot).
 
-    Nodes are numbered as in ``arrays``, those of each kind behind those of the kind before.
+    Nodes are numbered as in kernels, those of each kind behind those of the kind before.
     """
     faults, walked, alive, n_nodes = 0, [], [], len(mission.nodes)
     arcs = {
@@ -215,7 +219,7 @@ def drafted(mission, trails):
 @examples(300)
 @given(missions(max_nodes=6) | team_missions(max_nodes=4), st.data())
 def test_drafts_are_their_readable_twin(mission, data):
-    node = st.integers(0, mission.arrays.n_nodes + 1)
+    node = st.integers(0, mission.world.graph.n_nodes + 1)
     some = st.lists(node, max_size=3)
     drawn = [
         data.draw(some)

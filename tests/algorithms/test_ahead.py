@@ -31,7 +31,7 @@ def started(monkeypatch):
 @pytest.mark.parametrize("name", ["toy", "drones_and_rovers", "art_museum_return"])
 def test_both_processes_come_to_an_end(started, name):
     mission, handler = load_mission(name), signal.getsignal(signal.SIGINT)
-    ahead.compile_ahead(mission, mission.limits(), 100_000)
+    ahead.compile_ahead(mission, mission.limited(), 100_000)
     assert [process.exitcode for process in started] == [0]
     assert signal.getsignal(signal.SIGINT) is handler
 
@@ -40,10 +40,10 @@ def test_the_other_process_ends_when_this_one_is_interrupted(started, monkeypatc
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(ahead, "refill", interrupt)
+    monkeypatch.setattr(ahead, "recreate", interrupt)
     mission = load_mission("toy")
     with pytest.raises(KeyboardInterrupt):
-        ahead.compile_ahead(mission, mission.limits(), 100)
+        ahead.compile_ahead(mission, mission.world, 100)
     [process] = started
     process.join()
     assert process.exitcode == -signal.SIGKILL
@@ -52,14 +52,14 @@ def test_the_other_process_ends_when_this_one_is_interrupted(started, monkeypatc
 def test_nothing_is_started_with_one_processor(started, monkeypatch):
     monkeypatch.setattr(ahead, "n_cpus", lambda: 1)
     mission = load_mission("toy")
-    ahead.compile_ahead(mission, mission.limits(), 100)
+    ahead.compile_ahead(mission, mission.world, 100)
     assert started == []
 
 
 def test_nothing_is_started_when_all_is_compiled(started, monkeypatch):
     monkeypatch.setattr(ahead, "_is_missing", lambda _: False)
     mission = load_mission("toy")
-    ahead.compile_ahead(mission, mission.limits(), 100)
+    ahead.compile_ahead(mission, mission.world, 100)
     assert started == []
 
 
@@ -70,20 +70,22 @@ def test_what_cannot_be_kept_is_not_compiled_ahead():
 
 SEARCH = """
 from botohe_moo import load_mission, solve
-from botohe_moo.algorithms.local_search.kernels.exchange import take_over
-from botohe_moo.algorithms.local_search.kernels.search import improve
 from botohe_moo.algorithms import ahead
+from botohe_moo.algorithms.local_search.kernels.recreate import recreate
+from botohe_moo.algorithms.local_search.kernels.routes import search_all
+from botohe_moo.algorithms.local_search.kernels.search import improve
 
 if __name__ == "__main__":
     ahead.n_cpus = lambda: 2  # also where there is one
     mission = load_mission("art_museum")
     assert ahead._is_missing(improve)
-    ahead.compile_ahead(mission, mission.limits(), 30_000)
+    ahead.compile_ahead(mission, mission.limited(), 30_000)
     assert not ahead._is_missing(improve)
-    solve(mission, evaluations=30_000)
-    for kernel in (improve, take_over):
-        assert sum(kernel.stats.cache_misses.values()) == 0, kernel
-        assert sum(kernel.stats.cache_hits.values()) == 1, kernel
+    solve(mission, evaluations=30_000, n_islands=2, n_threads=1)
+    assert sum(improve.stats.cache_misses.values()) == 0
+    assert sum(improve.stats.cache_hits.values()) == 1
+    for kernel in (improve, recreate, search_all):  # what was compiled ahead is what is called
+        assert len(kernel.signatures) == 1, kernel
 """
 
 

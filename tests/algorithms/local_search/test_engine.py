@@ -1,30 +1,27 @@
 """The search and its front: plans come in, room grows, and a pickled search goes on."""
 
 import pickle
+import time
 from itertools import count, islice, permutations
 from math import prod
 
 import networkx as nx
 import numpy as np
 import pytest
-from pymoo.optimize import minimize
 
-from botohe_moo import (
-    BOTOHE,
-    Kind,
-    Mission,
-    MissionError,
-    TrailPlan,
-    area_indicator,
-    load_mission,
-    make_algorithm,
-)
-from botohe_moo.algorithms import RandomTrailSampling
-from botohe_moo.algorithms.local_search import engine as local_search
-from botohe_moo.algorithms.local_search.engine import LocalSearch
-from botohe_moo.core.graph import Limits
-from botohe_moo.trails import PlanBatch
+from botohe_moo import Kind, Mission, MissionError, TrailPlan, area_indicator, load_mission
+from botohe_moo.algorithms.local_search import engine
+from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, RUIN_AND_RECREATE
 from tests import twins
+from tests.algorithms.local_search.made import (
+    check,
+    front_of,
+    keeps_limits,
+    outcome,
+    random_plans,
+    started,
+    unstarted,
+)
 from tests.strategies import n_teams
 
 
@@ -33,90 +30,71 @@ def museum():
     return load_mission("art_museum")
 
 
-def started(mission, *, seed=0, min_survival=0.0, max_length=np.inf, **options):
-    """A search that knows one plan: everybody at base."""
-    limits, random_state = Limits(min_survival, max_length), np.random.default_rng(seed)
-    search = LocalSearch(mission, limits, random_state=random_state, **options)
-    search.insert(PlanBatch.from_plans([mission.stay_home()], mission.robots))
-    return search
-
-
-def random_plans(mission, n):
-    rng = np.random.default_rng(3)
-    plans = RandomTrailSampling()(BOTOHE(mission), n, random_state=rng).get("X")
-    return PlanBatch.from_plans(plans, mission.robots)
-
-
-def same(one, other):
-    found, again = one.plans(), other.plans()
-    return (
-        [plan.trails for plan in found[0]] == [plan.trails for plan in again[0]]
-        and found[1].tobytes() == again[1].tobytes()
-        and found[2].tobytes() == again[2].tobytes()
-    )
-
-
-def check(search):
-    """Whether the front is one, its objectives are exact, and every trail is somebody's."""
-    plans, objectives, serials = search.plans()
-    mission, store = search.mission, search._store
-    assert len(search) == len(plans) == len(serials) == len(set(serials.tolist()))
-    assert serials.max() < search.version
-    assert np.array_equal(mission.evaluate(plans), objectives)
-    assert (np.diff(objectives[:, 0]) < 0).all()
-    assert (np.diff(objectives[:, 1]) > 0).all()
-    assert store.trails["n_users"].sum() == len(plans) * mission.robots
-    assert (store.trails["n_users"] >= 0).all()
-
-
-def nondominated(objectives):
-    better = (objectives[:, None] >= objectives).all(axis=2)
-    better &= (objectives[:, None] > objectives).any(axis=2)
-    return objectives[~better.any(axis=0)]
-
-
 @pytest.mark.parametrize("robots", [1, 12])
 def test_the_front_of_what_is_inserted(museum, robots):
     mission = museum.with_robots(robots)
     search, batch = started(mission), random_plans(mission, 600)
     search.insert(batch)
     check(search)
-    every = np.vstack([mission.evaluate(batch), search.plans()[1][-1:]])
-    front = np.unique(nondominated(every), axis=0)[::-1]
-    assert search.plans()[1].tolist() == front.tolist()
-    search.insert(batch)  # nothing enters twice
+    every = np.vstack([mission.evaluate(batch), search.objectives()[-1:]])
+    assert search.objectives().tolist() == front_of(every).tolist()
     version = search.version
-    search.insert(batch)
+    search.insert(batch)  # nothing enters twice
     assert search.version == version
 
 
-def test_plans_are_inserted_where_others_wait_to_be_refilled(museum, monkeypatch):
+@pytest.mark.parametrize("limits", [{"min_survival": 0.3}, {"max_length": 9.0}])
+def test_given_plans_that_do_not_keep_the_limits_are_left_out(museum, limits):
+    search, batch = unstarted(museum, **limits), random_plans(museum, 300)
+    floor, budget = limits.get("min_survival", 0.0), limits.get("max_length")
+    keep = [keeps_limits(museum, [plan], floor, budget) for plan in batch]
+    assert 5 < sum(keep) < 295
+    search.insert(batch)
+    check(search, floor, budget)
+    expected = front_of(museum.evaluate(batch.take(np.flatnonzero(keep))))
+    assert search.objectives().tolist() == expected.tolist()
+
+
+def test_what_has_entered_since():
+    toy = load_mission("toy")
+    search = started(toy)
+    assert len(search.plans(search.version)[0]) == 0
+    search.insert(toy.batch([toy.plan([[1, 3, 1], [1]])]))
+    plans, objectives, numbers = search.plans(1)
+    # Robots come in the order of their trails.
+    assert [plan.trails for plan in plans] == [((0,), (0, 2, 0))]
+    assert objectives.tolist() == search.objectives()[:1].tolist()
+    assert numbers.tolist() == [1]
+    assert [len(search.plans(since)[0]) for since in (0, 1, 2)] == [2, 1, 0]
+
+
+def test_plans_are_inserted_where_others_wait_to_be_recreated(museum, monkeypatch):
     """Also where there is little room at first."""
     found = started(museum)
     found.run(20_000)
-    monkeypatch.setattr(local_search, "_FIRST_PLANS", 3)
+    monkeypatch.setattr(engine, "_FIRST_PLANS", 3)
     search = started(museum)
     search._waiting[:] = museum.robots  # E[S] of the only plan
     search._memory[0].n_waiting = len(search._waiting)
     search.insert(found.plans()[0])
-    assert search.plans()[1].tolist() == found.plans()[1].tolist()
+    assert search.objectives().tolist() == found.objectives().tolist()
 
 
 def test_room_grows_with_the_front(museum, monkeypatch):
-    monkeypatch.setattr(local_search, "_FIRST_PLANS", 3)
+    monkeypatch.setattr(engine, "_FIRST_PLANS", 3)
     search = started(museum)
     rooms = set()
     for n_evaluations in [*[1_500] * 12, 60_000]:
         assert search.run(n_evaluations) == n_evaluations
         check(search)
-        rooms.add((len(search._front.serial), len(search._store.arc), len(search._store.trails)))
+        rooms.add((len(search._front.slots), len(search._store.arc), len(search._store.trails)))
     assert len(search) > 150
     assert len({slots for slots, _, _ in rooms}) > 1
     assert len({arcs for _, arcs, _ in rooms}) > 1
     # Whatever came and went: what is there now decides how much room there is.
     trails = search._store.trails
     used = trails["n_arcs"][trails["n_users"] > 0].sum()
-    assert len(search._store.arc) < 4 * used + 4 * 25 * museum.arrays.n_arcs
+    assert len(search._store.arc) < 4 * used + 4 * 25 * museum.world.graph.n_arcs
 
 
 def test_looking_changes_nothing(museum):
@@ -127,18 +105,11 @@ def test_looking_changes_nothing(museum):
     before = plans.nodes.tobytes()
     one.run(2_000)
     other.run(2_000)
-    assert same(one, other)
+    assert outcome(one) == outcome(other)
     assert plans.nodes.tobytes() == before
 
 
-def test_moves_that_lead_nowhere_end_the_search(museum):
-    for move in ("splice", "graft", "swap-loops", "reverse"):
-        search = started(museum, moves={move: 1.0}, p_refill=0.0)
-        assert search.run(100_000) == 0  # there is only the trail that stays at base
-        assert len(search) == 1
-
-
-REFILLING = {"p_refill": 0.8}
+RECREATING = {"prob_recreate": 0.8}
 
 
 def wheel(*, robots=2, survival=0.9, reward=1.0, length=1.0):
@@ -151,7 +122,7 @@ def wheel(*, robots=2, survival=0.9, reward=1.0, length=1.0):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rule", [{"p_refill": 0.0}, REFILLING])
+@pytest.mark.parametrize("rule", [{"prob_recreate": 0.0}, RECREATING])
 @pytest.mark.parametrize(
     ("budget", "floor", "expected"),
     [
@@ -176,16 +147,16 @@ def test_the_safest_way_is_too_long_by_hand(budget, floor, expected, rule):
     search = started(Mission(graph, base=0), min_survival=floor, max_length=budget, **rule)
     search.run(20_000)
     assert np.allclose(search.objectives(), expected, rtol=1e-12)
-    check(search)
+    check(search, floor, budget)
 
 
 @pytest.mark.parametrize("budget", [0.0, 1e-320])
 def test_a_budget_of_nothing(budget):
-    search = started(wheel(), max_length=budget, **REFILLING)
+    search = started(wheel(), max_length=budget, **RECREATING)
     search.run(2_000)
     assert search.objectives().tolist() == [[1.0, 2.0]]  # of the base
     # Where arcs have no length there is nothing to keep.
-    free = started(wheel(length=0.0), max_length=budget, **REFILLING)
+    free = started(wheel(length=0.0), max_length=budget, **RECREATING)
     free.run(2_000)
     check(free)
     assert free.objectives()[0, 0] > 4.0
@@ -193,35 +164,78 @@ def test_a_budget_of_nothing(budget):
 
 def test_a_budget_that_nobody_uses_up():
     for length in (1.0, 1e300):
-        search = started(wheel(length=length), max_length=1.7e308, **REFILLING)
+        search = started(wheel(length=length), max_length=1.7e308, **RECREATING)
         search.run(3_000)
         check(search)
         assert len(search) > 4
 
 
 @pytest.mark.compiled_only
-def test_refills_go_on_alike_from_a_pickled_search(museum):
-    search, batch = started(museum, p_refill=1.0, max_length=9.0), random_plans(museum, 99)
-    longest = museum.trail_lengths(batch).max(axis=1)
-    search.insert(batch.take(np.flatnonzero(longest <= 9.0)))
+def test_a_pickled_search_goes_on_alike(museum):
+    search = started(museum, random_plans(museum, 99), prob_recreate=0.5, max_length=9.0)
     search.run(2_000)
     pickled = pickle.loads(pickle.dumps(search))
+    assert outcome(pickled) == outcome(search)
+    assert pickled.statistics.equals(search.statistics)
     for each in (search, pickled):
         assert each.run(2_000) == 2_000
-        check(each)
-    assert same(search, pickled)
+        check(each, 0.0, 9.0)
+    assert outcome(search) == outcome(pickled)
+
+
+def test_what_each_move_brought(museum):
+    begun, search = time.perf_counter(), started(museum, prob_recreate=0.2)
+    assert not search.statistics[["tried", "entered"]].to_numpy().any()  # of plans that are given
+    n_given, n_tried = search.version, 0
+    for n in (1, 400, 5_000):
+        n_tried += search.run(n)
+        found = search.statistics
+        assert found.index.tolist() == [*DEFAULT_MOVES, RUIN_AND_RECREATE]
+        assert (found.index.name, found.columns.tolist()) == (
+            "move",
+            ["tried", "entered", "seconds"],
+        )
+        assert found["tried"].sum() == n_tried
+        assert found["entered"].sum() == search.version - n_given
+        assert (found["entered"] <= found["tried"]).all()
+    assert (found["seconds"] >= 0).all()
+    assert 0 < found["seconds"].sum() <= time.perf_counter() - begun
+    assert (found.drop("swap-loops")["entered"] > 0).all()
+    found[:] = 0  # a copy
+    assert search.statistics["tried"].sum() == n_tried
+
+
+def test_compiling_is_not_what_moves_spend(monkeypatch):
+    """Kernels are compiled, or loaded, when they are called for the first time."""
+
+    def slow_at_first(kernel):
+        calls = []
+
+        def called(*arguments):
+            if not calls:
+                time.sleep(1.0)
+            calls.append(arguments)
+            return kernel(*arguments)
+
+        return called
+
+    for name in ("improve", "recreate"):
+        monkeypatch.setattr(engine, name, slow_at_first(getattr(engine, name)))
+    search = started(load_mission("toy"), prob_recreate=1.0)
+    assert search.run(300) == 300
+    assert search.statistics["tried"][RUIN_AND_RECREATE] > 0
+    assert search.statistics["seconds"].sum() < 1.0
 
 
 @pytest.mark.parametrize("n_evaluations", [1, 400])
-def test_fifty_robots_are_refilled_together(museum, monkeypatch, n_evaluations):
+def test_fifty_robots_are_changed_together(museum, monkeypatch, n_evaluations):
     """A single child adds more trails than a parent has children."""
-    monkeypatch.setattr(local_search, "_FIRST_PLANS", 3)
+    monkeypatch.setattr(engine, "_FIRST_PLANS", 3)
     mission = museum.with_robots(50)
-    search = started(mission, p_refill=1.0, max_length=9.0)
-    search.insert(random_plans(mission, 30))
+    search = started(mission, random_plans(mission, 30), prob_recreate=1.0, max_length=30.0)
     for _ in range(3):
         assert search.run(n_evaluations) == n_evaluations
-        check(search)
+        check(search, 0.0, 30.0)
         store = search._store
         assert 0 <= store.n.arcs <= len(store.arc)
         assert 0 <= store.n.visits <= len(store.node)
@@ -229,18 +243,18 @@ def test_fifty_robots_are_refilled_together(museum, monkeypatch, n_evaluations):
 
 
 def test_nothing_to_collect():
-    search = started(wheel(reward=0.0), **REFILLING, max_length=4.0)
+    search = started(wheel(reward=0.0), **RECREATING, max_length=4.0)
     search.run(2_000)
     assert search.objectives().tolist() == [[0.0, 2.0]]
 
 
 @pytest.mark.parametrize("reward", [1e-300, 1e300])
 def test_nothing_is_dangerous(reward):
-    search = started(wheel(survival=1.0, reward=reward), **REFILLING)
+    search = started(wheel(survival=1.0, reward=reward), **RECREATING)
     search.run(2_000)
     assert np.allclose(search.objectives(), [[6 * reward, 2.0]], rtol=1e-12, atol=0)
     # Two robots with 4 arcs each: three nodes to either.
-    search = started(wheel(survival=1.0, reward=reward), max_length=4.0, **REFILLING)
+    search = started(wheel(survival=1.0, reward=reward), max_length=4.0, **RECREATING)
     search.run(4_000)
     assert np.allclose(search.objectives(), [[6 * reward, 2.0]], rtol=1e-12, atol=0)
     assert search.mission.trail_lengths(search.plans()[0]).max() <= 4.0
@@ -253,10 +267,9 @@ def test_nothing_is_dangerous(reward):
 def test_hardly_anybody_survives(survival, limits):
     """Probabilities of trails are rounded to 0; costs of 700 an arc are not."""
     mission = wheel(survival=survival)
-    search = started(mission, **REFILLING, **limits)
+    search = started(mission, **RECREATING, **limits)
     loops = [TrailPlan([[0, 1, 2, 3, 0], [0, 4, 0]]), TrailPlan([[0, 1, 0], [0]])]
-    if "min_survival" not in limits:
-        search.insert(PlanBatch.from_plans(loops, 2))
+    search.insert(mission.batch(loops))
     assert search.run(3_000) == 3_000
     check(search)
     assert search.objectives()[-1].tolist() == [1.0, 2.0]
@@ -266,12 +279,12 @@ def test_a_pickled_search_starts_again_as_the_other(museum):
     search = started(museum)
     search.run(60)
     other = pickle.loads(pickle.dumps(search))
-    home = PlanBatch.from_plans([museum.stay_home()], museum.robots)
+    home = museum.batch([museum.stay_home()])
     for each in (search, other):
         each.restart()
         each.insert(home)
         each.run(60)
-    assert same(search, other)
+    assert outcome(search) == outcome(other)
 
 
 def random_teams(pays):
@@ -305,6 +318,20 @@ def random_teams(pays):
 @pytest.mark.filterwarnings("ignore:.*no kind of robots can collect")
 def test_small_missions_of_kinds_are_solved(pays):
     for mission, area in islice(random_teams(pays), 40):
-        algorithm = make_algorithm("pareto-local-search")
-        result = minimize(BOTOHE(mission), algorithm, ("n_eval", 10_000), seed=1)
-        assert area - 0.002 <= area_indicator(-result.F, mission) <= area + 1e-9
+        search = started(mission, seed=1)
+        search.run(10_000)
+        assert area - 0.002 <= area_indicator(search.objectives(), mission) <= area + 1e-9
+
+
+def test_thinning_takes_what_contributes_least_and_leaves_the_ends():
+    n, thinned = 100, engine._most_contributing
+    objectives = np.column_stack([100.0 - np.arange(n), np.arange(n)])
+    objectives[50, 0] -= 0.9  # the next one stands close to it
+    assert np.delete(np.arange(n), 51).tolist() == thinned(objectives, n - 1).tolist()
+    for n_most in range(n, 1, -1):
+        kept = thinned(objectives, n_most)
+        assert len(kept) == n_most
+        assert (kept[0], kept[-1]) == (0, n - 1)
+        assert (np.diff(kept) > 0).all()
+    # Evenly spaced plans: no gap is wide.
+    assert np.diff(thinned(objectives, 50)).max() <= 3

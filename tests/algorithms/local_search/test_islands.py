@@ -1,0 +1,182 @@
+"""Islands: what migrates, the same result for any number of threads, and what they share."""
+
+import copy
+import pickle
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import Mission, load_mission
+from botohe_moo.algorithms.local_search import islands as module
+from botohe_moo.algorithms.local_search.engine import LocalSearchSettings
+from botohe_moo.algorithms.local_search.islands import Islands
+from botohe_moo.algorithms.local_search.kernels.state import QUEUE
+from botohe_moo.trails import PlanBatch
+from tests.algorithms.local_search.made import check, front_of, outcome, started
+from tests.examples import examples
+from tests.strategies import missions_with_plans, team_missions_with_plans
+from tests.twins import plain_local_search
+
+
+@pytest.fixture(autouse=True)
+def soon(monkeypatch):
+    """Islands begin after few evaluations, with few plans."""
+    monkeypatch.setattr(module, "FIRST_ALONE", 300)
+    monkeypatch.setattr(module, "N_MIGRANTS", 10)
+
+
+@pytest.fixture(scope="module", params=["art_museum", "drones_and_rovers", "art_museum_return"])
+def mission(request):
+    return load_mission(request.param)
+
+
+def begun(mission, *, n_threads=1, **settings):
+    """Islands that know one plan: everybody at home."""
+    islands = Islands(
+        mission,
+        mission.limited(),
+        n_threads=n_threads,
+        random_state=np.random.default_rng(0),
+        settings=LocalSearchSettings(**settings),
+    )
+    islands.insert(mission.batch([mission.stay_home()]))
+    return islands
+
+
+def outcomes(islands):
+    return [outcome(island) for island in islands._islands]
+
+
+@examples(40)
+@given(missions_with_plans() | team_missions_with_plans(), st.integers(1, 3))
+def test_all_fronts_become_the_front_of_all(case, n):
+    """Of plans as good, but for rounding, any stays."""
+    mission, plan = case
+    with plain_local_search():
+        found = [started(mission, [plan], seed=seed) for seed in range(n)]
+        known = [search.version for search in found]
+        for search in found:
+            search.run(30)
+        expected = front_of(np.vstack([search.objectives() for search in found]), 1e-11)
+        migrants = [search.plans(n)[0] for search, n in zip(found, known, strict=True)]
+        migrants = PlanBatch.concatenate(migrants)
+        for search in found:
+            for _ in range(2):
+                search.insert(migrants)
+                check(search)
+            np.testing.assert_allclose(front_of(search.objectives(), 1e-11), expected, rtol=1e-10)
+
+
+def test_one_island_is_the_search_alone(mission):
+    islands, alone = begun(mission), started(mission)
+    for n in (100, 400, 501):
+        assert islands.run(n) == alone.run(n) == n
+    assert outcomes(islands) == [outcome(alone)]
+    assert islands.statistics[["tried", "entered"]].equals(alone.statistics[["tried", "entered"]])
+
+
+@pytest.mark.parametrize("n_threads", [2, 3, 8])
+def test_threads_do_not_change_results(mission, n_threads):
+    one, other = (begun(mission, n_islands=4, n_threads=n) for n in (1, n_threads))
+    for n in (300, 403, 5, 2, 900):
+        assert one.run(n) == other.run(n) == n
+        assert outcomes(one) == outcomes(other)
+
+
+def test_all_islands_take_over_what_others_found(mission):
+    islands = begun(mission, n_islands=3)
+    for n in (300, 1, 400, 1_000):
+        version, before = islands.version, islands.objectives()
+        islands.run(n)
+        assert (islands.version > version) == (islands.objectives().tobytes() != before.tobytes())
+        for island in islands._islands:  # each took over before it went on
+            check(island)
+            for point in before:
+                assert (island.objectives() >= point * (1 - 1e-11)).all(1).any()
+    assert islands._migrants[0] is None
+    for island, migrants in zip(islands._islands[1:], islands._migrants[1:], strict=True):
+        island.insert(migrants)
+        np.testing.assert_allclose(island.objectives(), islands.objectives(), rtol=1e-11)
+    # Each draws for itself.
+    assert len({island._states.tobytes() for island in islands._islands}) == 3
+
+
+def test_what_each_move_brought_on_all_islands(mission):
+    islands = begun(mission, n_islands=3)
+    n = sum(islands.run(n) for n in (300, 1, 700))
+    found, parts = islands.statistics, [island.statistics for island in islands._islands]
+    assert len(parts) == 3
+    assert found.index.name == "move"
+    for name in found.columns:
+        assert found[name].tolist() == pytest.approx(sum(part[name] for part in parts).tolist())
+    assert found["tried"].sum() == n
+    assert min(part["tried"].sum() for part in parts) > 100
+    assert pickled(islands).statistics.equals(found)
+
+
+def test_islands_begin_when_the_first_has_searched_for_long(mission):
+    islands, numbers = begun(mission, n_islands=5), []
+    for _ in range(4):
+        islands.run(100)
+        numbers.append(islands.n_running)
+    assert numbers == [1, 1, 1, 5]
+
+
+def test_small_fronts_need_no_islands(mission):
+    islands = begun(mission, n_islands=3, max_size=9)
+    assert islands.run(300) == 300
+    assert islands.run(300) == 300
+    assert islands.n_running == 1
+
+
+def test_islands_that_find_no_move_leave_the_evaluations_to_others():
+    museum = load_mission("art_museum")
+    search = started(museum)
+    search.run(3_000)
+    islands = begun(museum, n_islands=8, moves={"adopt": 1.0}, prob_recreate=0.0)
+    islands.insert(search.plans()[0])
+    for _ in range(3):
+        assert islands.run(20_000) == 20_000
+
+
+def pickled(search):
+    return pickle.loads(pickle.dumps(search))
+
+
+def test_fewer_plans_wait_on_islands(mission):
+    islands = begun(mission, n_islands=3)
+    islands.run(300)
+    assert [island._memory[0].most_waiting for island in islands._islands] == [QUEUE]
+    islands.run(1)
+    for each in (islands, pickled(islands)):
+        most = [island._memory[0].most_waiting for island in each._islands]
+        assert most == [module._QUEUE] * 3
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, pickled])
+@pytest.mark.parametrize("n", [200, 700])
+def test_a_copy_goes_on_the_same_way(mission, again, n):
+    """Before there are islands, and when there are."""
+    islands = begun(mission, n_islands=3, n_threads=2)
+    islands.run(300)
+    islands.run(n - 100)
+    other = again(islands)
+    assert other.run(800) == islands.run(800)
+    assert outcomes(islands) == outcomes(other)
+
+
+def test_fronts_of_limited_size(mission):
+    islands = begun(mission, n_islands=3, max_size=10)
+    for n in (300, 600, 900):
+        islands.run(n)
+        assert all(len(island) <= 10 for island in islands._islands)
+
+
+def test_a_mission_without_arcs():
+    graph = nx.DiGraph()
+    graph.add_node("base", reward=1.0)
+    islands = begun(Mission(graph, base="base", robots=2), n_islands=3)
+    assert islands.run(500) == 0

@@ -1,0 +1,181 @@
+"""Moves: how they are declared, that each makes children, and all children of some by hand."""
+
+from types import SimpleNamespace
+
+import networkx as nx
+import numpy as np
+import pytest
+
+from botohe_moo import Mission, TrailPlan, load_mission
+from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES
+from botohe_moo.algorithms.local_search.kernels import moves, plans, search
+from botohe_moo.algorithms.local_search.kernels.moves import MOVES, N_MOVES, Move
+from botohe_moo.algorithms.local_search.kernels.state import NOT_STORED
+from botohe_moo.core.rng import seed_states
+from tests.algorithms.local_search.made import check, started, trail_of, watched
+from tests.twins import plain_local_search
+
+
+class TestDeclarations:
+    def test_names_and_weights(self):
+        names = [move.name for move in MOVES]
+        assert len(set(names)) == len(names) == N_MOVES
+        assert all(name == name.lower().strip() != "ruin-and-recreate" for name in names)
+        assert min(move.weight for move in MOVES) > 0
+        assert sum(move.weight for move in MOVES) == pytest.approx(1.0, abs=0.1)
+        assert {move.name: move.weight for move in MOVES} == DEFAULT_MOVES
+        assert len({move.draw for move in MOVES}) == N_MOVES
+
+    def test_each_has_a_function(self, monkeypatch):
+        with pytest.raises(TypeError, match="draw"):
+            Move("new", 0.1)
+        monkeypatch.setattr(moves, "MOVES", (*MOVES[:-1], ("new", 0.1)))
+        with pytest.raises(AttributeError, match="draw"):  # as it would when it is imported
+            moves._chained(0)
+
+    @pytest.mark.parametrize("n", [1, 2, N_MOVES + 1])
+    def test_one_is_called_by_its_number(self, monkeypatch, n):
+        called = [Move(f"move {i}", 1.0, lambda of, i=i: of.append(i)) for i in range(n)]
+        monkeypatch.setattr(moves, "MOVES", called)
+        monkeypatch.setattr(moves, "N_MOVES", n)
+        draw_move, drawn = moves._chained(0), []
+        for number in range(n):
+            draw_move(drawn, number)
+        assert drawn == list(range(n))
+
+    def test_they_are_drawn_by_weight(self):
+        rng, n = np.random.default_rng(4), 20_000
+        weights = [move.weight * (i % 3 > 0) for i, move in enumerate(MOVES)]
+        states = seed_states(rng, 1)
+        work = SimpleNamespace(weights=np.cumsum(weights), states=states)
+        with np.errstate(all="ignore"):
+            counts = np.bincount([search._draw_move(work) for _ in range(n)], minlength=N_MOVES)
+        expected = n * np.array(weights) / sum(weights)
+        assert counts == pytest.approx(expected, abs=5 * np.sqrt(n) / 2)
+        assert not counts[::3].any()
+
+
+@pytest.fixture(scope="module")
+def found():
+    museum = load_mission("art_museum")
+    search = started(museum)
+    search.run(5_000)
+    return museum, search.plans()[0]
+
+
+@pytest.mark.parametrize("name", DEFAULT_MOVES)
+def test_each_alone_makes_children(found, name):
+    museum, batch = found
+    search = started(museum, batch, moves={name: 1.0}, prob_recreate=0.0)
+    assert search.run(500) == 500
+    tried = search.statistics["tried"]
+    assert tried[name] == tried.sum() == 500
+    check(search)
+
+
+def test_moves_that_lead_nowhere_end_the_search():
+    for name in ("splice", "graft", "swap-loops", "reverse"):
+        search = started(load_mission("art_museum"), moves={name: 1.0}, prob_recreate=0.0)
+        assert search.run(100_000) == 0  # there is only the trail that stays at base
+        assert len(search) == 1
+
+
+class TestByHand:
+    """One robot, and all children that it can have."""
+
+    def made(self, mission, trail, move, constants=()):
+        """The children of one trail, whatever else is found."""
+        constants, seen = [(plans, "P_NEWEST", 0.0), (search, "P_END", 1.0), *constants], set()
+        options = {"moves": {move: 1.0}, "prob_recreate": 0.0, "constants": constants}
+        for seed in range(9):
+            _, made = watched(mission, [TrailPlan([trail])], 100, seed=seed, **options)
+            seen |= {child.trail for child in made if child.parent == tuple(trail)}
+        return seen
+
+    @pytest.fixture
+    def mission(self):
+        """Nodes 1 to 3 round the base; 1 and 2 are neighbours; the richest trail is in front."""
+        graph = nx.DiGraph()
+        graph.add_nodes_from((node, {"reward": float(node)}) for node in range(4))
+        for one, other in ((0, 1), (0, 2), (0, 3), (1, 2)):
+            graph.add_edge(one, other, survival=0.9)
+            graph.add_edge(other, one, survival=0.9)
+        return Mission(graph, base=0, robots=1)
+
+    def test_shortcut(self, mission):
+        found = self.made(mission, (0, 3, 0, 2, 1, 0), "shortcut")
+        assert found == {(0,), (0, 2, 1, 0), (0, 3, 0), (0, 3, 0, 1, 0), (0, 3, 0, 2, 0), (0, 1, 0)}
+
+    def test_swap_loops(self, mission):
+        # Loops: 1, 2 and 3; the order by which 3 comes first is the best, and is the parent.
+        found = self.made(mission, (0, 3, 0, 2, 0, 1, 0), "swap-loops")
+        assert found == {(0, 2, 0, 3, 0, 1, 0), (0, 3, 0, 1, 0, 2, 0)}
+
+    def test_reverse(self, mission):
+        found = self.made(mission, (0, 3, 0, 2, 1, 0), "reverse")
+        assert found == {
+            (0, 3, 0, 1, 2, 0),  # the loop of 2 and 1
+            (0, 1, 2, 0, 3, 0),  # all of it
+            (0, 2, 0, 3, 0, 1, 0),  # 3, base and 2
+            (0, 3, 0, 2, 0, 1, 0),  # base and 2
+        }
+
+    def test_one_way_segments_are_not_reversed(self):
+        graph = nx.DiGraph([(0, 1), (1, 2), (2, 0)])
+        nx.set_node_attributes(graph, 1.0, "reward")
+        nx.set_edge_attributes(graph, 0.9, "survival")
+        mission = Mission(graph, base=0, robots=1)
+        assert self.made(mission, (0, 1, 2, 0), "reverse") == set()
+
+    def test_adopt(self, mission):
+        start = [TrailPlan([[0, 3, 0], [0, 2, 0]])]
+        options = {"moves": {"adopt": 1.0}, "prob_recreate": 0.0}
+        search, _ = watched(mission.with_robots(2), start, 50, **options)
+        found = {tuple(sorted(plan.trails)) for plan in search.plans()[0]}
+        assert found == {((0,), (0,)), ((0,), (0, 3, 0)), ((0, 2, 0), (0, 3, 0))}
+
+    def test_visit(self, mission):
+        found = self.made(mission, (0, 3, 0), "visit", [(moves, "P_DETOUR", 0.0)])
+        # Before it and behind it; in its place; and on the way back from it.
+        assert {(0, 1, 0), (0, 2, 0), (0, 1, 0, 3, 0), (0, 3, 0, 2, 0)} <= found
+        assert all(len(trail) <= 5 for trail in found)
+
+
+@pytest.mark.parametrize(
+    ("name", "patience", "is_stuck"),
+    [("art_museum_return", -1, True), ("art_museum_return", 10**6, False), ("toy", -1, False)],
+)
+def test_once_stuck_with_rewards_on_return(name, patience, is_stuck):
+    """Robots follow others of their plan, and trails of some are replaced by children of them."""
+    mission = load_mission(name)
+    found = started(mission, prob_recreate=0.0)
+    found.run(2_000)
+    shaken, followed = [], []
+    with plain_local_search() as patch:
+        for module, constant, value in (
+            (plans, "PATIENCE_ON_RETURN", patience),
+            (moves, "P_FOLLOW", 1.0),
+            (search, "P_OTHER", 1.0),
+            (search, "P_SHAKE", 1.0),
+        ):
+            patch.setattr(module, constant, value)
+        shake, adopt = search._shake, MOVES[-1].draw
+
+        def noted(parts, robot):
+            trail = shake(parts, robot)
+            parent = parts.work.parent[robot]
+            if trail != NOT_STORED:
+                shaken.append((trail_of(parts, trail), trail_of(parts, parent)))
+            return trail
+
+        patch.setattr(search, "_shake", noted)
+        found.run(300)
+        check(found)
+        for _ in range(50):
+            search._select_robot(found.parts, 0, 0)
+            adopt(found.parts)
+            followed.append(found._work.draft.adopted in found._work.parent)
+            search.release_parent(found.parts)
+    assert (len(shaken) > 50) == is_stuck
+    assert all(trail != before for trail, before in shaken)
+    assert all(followed) == is_stuck

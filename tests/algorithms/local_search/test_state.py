@@ -1,0 +1,193 @@
+"""Trails that plans share: what each visits, who has it, and how much room there is."""
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import Mission
+from botohe_moo.algorithms.local_search.kernels import plans, state
+from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, N_TRAILS, NOT_STORED
+from tests import twins
+from tests.algorithms.local_search.made import trail_of, unstarted, write_child
+from tests.examples import examples
+from tests.strategies import missions, team_missions, trails
+from tests.twins import plain_local_search
+
+
+@pytest.fixture(autouse=True)
+def plain():
+    with plain_local_search():
+        yield
+
+
+class Stored:
+    """A store, and the trails put into it, as robot and indices of kernels by number."""
+
+    def __init__(self, mission, n_trails=40, **limits):
+        self.mission, self.trails, self.search = mission, {}, unstarted(mission, **limits)
+        self.hold(state.new_store(n_trails, 1_000, 1_000))
+
+    def hold(self, store):
+        self.store = self.search._store = store
+
+    def add(self, nodes, robot=0):
+        n_arcs = write_child(self.search, nodes)
+        trail = plans.add_trail(self.search.parts, robot, n_arcs)
+        if trail != NOT_STORED:
+            self.trails[trail] = robot, tuple(nodes)
+        return trail
+
+    def release(self, trail):
+        state.release(self.store, trail)
+        if self.store.trails[trail].n_users == 0:
+            del self.trails[trail]
+
+    def check(self):
+        """Whether the store holds these trails, with what they visit, and has the others free."""
+        store, mission, n_nodes = self.store, self.mission, len(self.mission.nodes)
+        assert set(np.flatnonzero(store.trails["n_users"]).tolist()) == set(self.trails)
+        spare = store.spare[: store.n.spare].tolist()
+        assert sorted([*spare, *self.trails]) == list(range(len(store.trails)))
+        for number, (robot, nodes) in self.trails.items():
+            stored, kind = store.trails[number], mission.kind_of[robot]
+            assert trail_of(self.search.parts, number, robot) == nodes
+            assert stored.n_arcs == len(nodes) - 1
+            visits = slice(stored.first_visit, stored.first_visit + stored.n_visits)
+            found = dict(
+                zip(store.node[visits].tolist(), store.reach[visits].tolist(), strict=True)
+            )
+            labels = [mission.nodes[node % n_nodes] for node in nodes]
+            expected = {
+                mission.index(node): chance
+                for node, chance in twins.collects(mission, kind, labels).items()
+                if mission.graph.nodes[node]["reward"] > 0 and chance > 0
+            }
+            assert len(found) == stored.n_visits
+            assert {node: p for node, p in found.items() if p > 0} == pytest.approx(expected)
+            assert stored.alive == pytest.approx(twins.survival_of(mission, nodes))
+
+
+def draw_some(data, stored, least, most):
+    """Add some trails of drawn robots; return their numbers."""
+    robots = st.integers(0, stored.mission.robots - 1)
+    drawn = [data.draw(robots) for _ in range(data.draw(st.integers(least, most)))]
+    return [stored.add(data.draw(trails(stored.mission, robot=robot)), robot) for robot in drawn]
+
+
+@examples(60)
+@given(missions(min_nodes=1) | team_missions(), st.data())
+def test_trails_are_kept_as_long_as_somebody_has_them(mission, data):
+    stored = Stored(mission, max_length=np.inf)
+    for _ in range(data.draw(st.integers(0, 12))):
+        for trail in draw_some(data, stored, 1, 1):
+            if trail == NOT_STORED:
+                continue
+            again = data.draw(st.integers(0, 2))
+            stored.store.trails[trail].n_users += again
+            for _ in range(data.draw(st.integers(0, again + 1))):
+                stored.release(trail)
+    stored.check()
+    # The copy has no gaps, room for more, and the same numbers.
+    held = stored.store.trails[list(stored.trails)]
+    n_arcs, n_visits = int(held["n_arcs"].sum()), int(held["n_visits"].sum())
+    into = state.new_store(60, n_arcs + 500, n_visits + 500)
+    users = stored.store.trails["n_users"].copy()
+    state.copy_trails(stored.store, into)
+    assert (into.n.arcs, into.n.visits) == (n_arcs, n_visits)
+    assert into.trails["n_users"][:40].tolist() == users.tolist()
+    stored.hold(into)
+    stored.check()
+    draw_some(data, stored, 3, 3)
+    stored.check()
+
+
+@examples(60)
+@given(missions(min_nodes=1) | team_missions(), st.data())
+def test_a_trail_that_is_discarded_leaves_no_trace(mission, data):
+    stored = Stored(mission)
+    some = [trail for trail in draw_some(data, stored, 0, 3) if trail != NOT_STORED]
+    before, users = stored.store.n.item(), stored.store.trails["n_users"].tolist()
+    for trail in reversed(draw_some(data, stored, 1, 3)):
+        if trail != NOT_STORED:
+            state.discard(stored.store, trail)
+            del stored.trails[trail]
+    assert stored.store.n.item() == before
+    assert stored.store.trails["n_users"].tolist() == users
+    stored.check()
+    # Where another plan has it, and where others lie behind it, its room stays in use.
+    for trail in some:
+        stored.store.trails[trail].n_users += 1
+        state.discard(stored.store, trail)
+    assert stored.store.n.item() == before
+    for trail in some[:-1]:
+        state.discard(stored.store, trail)
+        del stored.trails[trail]
+    stored.check()
+    draw_some(data, stored, 3, 3)
+    stored.check()
+
+
+def fork():
+    """The base, node 1 with a reward, and node 2 without any."""
+    graph = nx.DiGraph(robots=1)
+    graph.add_nodes_from((node, {"reward": reward}) for node, reward in enumerate([7.0, 2.0, 0.0]))
+    for node, survival, length in ((1, 0.5, 2.0), (2, 0.8, 1.0)):
+        for arc in ((0, node), (node, 0)):
+            graph.add_edge(*arc, survival=survival, length=length)
+    return Mission(graph, base=0)
+
+
+def test_a_released_trail_gives_its_number_to_the_next():
+    stored = Stored(fork())
+    trail = stored.add((0, 2, 0, 1, 0))
+    store, first = stored.store, stored.store.trails[trail]
+    assert first.alive == pytest.approx(0.8 * 0.8 * 0.5 * 0.5)
+    # The base is visited first, and there is nothing at node 2.
+    assert store.node[: first.n_visits].tolist() == [0, 1]
+    assert store.reach[: first.n_visits] == pytest.approx([1.0, 0.8 * 0.8 * 0.5])
+    stored.release(trail)
+    assert stored.add((0,)) == trail
+    again = store.trails[trail]
+    assert (again.n_arcs, again.n_visits, again.alive) == (0, 1, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("limits", "is_stored"),
+    [
+        ({}, True),
+        ({"min_survival": 0.16}, True),
+        ({"min_survival": 0.17}, False),
+        ({"max_length": 6.0}, True),
+        ({"max_length": 5.9}, False),
+        ({"max_length": 6.0, "min_survival": 0.2}, False),
+    ],
+)
+def test_trails_that_do_not_keep_the_limits_are_not_stored(limits, is_stored):
+    """It is 6 long, and survives with 0.16."""
+    stored = Stored(fork(), **limits)
+    before = stored.store.n.item()
+    assert (stored.add((0, 2, 0, 1, 0)) != NOT_STORED) == is_stored
+    assert (stored.store.n.item() != before) == is_stored
+    stored.check()
+
+
+@pytest.mark.parametrize("robots", [1, N_TRAILS, N_TRAILS + 7])
+def test_there_is_room_for_what_one_parent_needs(robots):
+    """Of plans, trails, arcs and visits; for a team that is large, a whole new plan is more."""
+    search = unstarted(fork().with_robots(robots))
+    n_trails = max(N_TRAILS, robots + 1)
+    least = n_trails, n_trails * 4, n_trails * 3  # of a mission of 4 arcs and 3 nodes
+    search._front.n.spare = N_CHILDREN + 1
+    search._store = state.new_store(*least)
+    assert state.has_room(search.parts)
+    for i in range(3):
+        search._store = state.new_store(*(n - (i == j) for j, n in enumerate(least)))
+        assert not state.has_room(search.parts)
+    search._store = state.new_store(*least)
+    search._front.n.spare -= 1
+    assert not state.has_room(search.parts)
+    search._front.n.spare += 1
+    search._store.n.visits = 1
+    assert not state.has_room(search.parts)

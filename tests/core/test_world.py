@@ -1,0 +1,195 @@
+"""The one model of a mission: its layers, limits by robot, and ways against networkx."""
+
+import pickle
+from math import inf
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import Kind, Mission, load_mission
+from botohe_moo.core import world as worlds
+from tests import twins
+from tests.core.test_paths import open_nodes, whole_graph
+from tests.examples import examples
+from tests.strategies import lengths, missions, team_missions
+from tests.twins import end_at, ends_of
+
+
+def assert_ways(graph, homeward, node, end):
+    """Follow the first arcs of ways from a node to the end; return the arcs."""
+    arcs = []
+    while node != end:
+        arcs.append(int(homeward[node]))
+        assert graph.tail[arcs[-1]] == node
+        node = graph.head[arcs[-1]]
+        assert len(arcs) < graph.n_nodes
+    assert homeward[end] == -1
+    return arcs
+
+
+@examples(200)
+@given(missions(max_nodes=9, one_way=True) | team_missions())
+def test_the_graph(mission):
+    graph, free = mission.world.graph, whole_graph(mission)
+    assert np.array_equal(graph.first[graph.tail], np.searchsorted(graph.tail, graph.tail))
+    assert np.exp(-graph.cost) == pytest.approx(graph.survival)
+    pairs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
+    assert pairs == sorted(pairs)
+    for arc, (tail, head) in enumerate(pairs):
+        back = graph.reverse[arc]
+        assert (back >= 0) == ((head, tail) in pairs)
+        assert back < 0 or pairs[back] == (head, tail)
+    for node in range(graph.n_nodes):
+        entering = graph.entering[graph.first_entering[node] : graph.first_entering[node + 1]]
+        assert entering.tolist() == [arc for arc, (_, head) in enumerate(pairs) if head == node]
+        if node not in open_nodes(mission):
+            assert free.degree(node) == 0
+    degrees = [free.in_degree(node) == free.out_degree(node) for node in free]
+    closed = [len(set(kind.ends(mission.base))) == 1 for kind in mission.kinds]
+    assert graph.balanced == all(degrees + closed)
+
+
+@examples(200)
+@given(team_missions(max_robots=3, aboard=False))
+def test_each_kind_has_a_layer(mission):
+    world, n, opened = mission.world, len(mission.nodes), open_nodes(mission)
+    graph, team = world.graph, world.team
+    assert team.n_kinds == len(mission.kinds)
+    assert world.n_robots == mission.robots
+    for k, kind in enumerate(mission.kinds):
+        first, layer = mission.kind_of.index(kind), slice(n * k, n * (k + 1))
+        assert team.origin[layer].tolist() == list(range(n))
+        for robot in range(first, first + kind.robots):
+            assert (team.start[robot], team.end[n * k]) == ends_of(mission, robot)
+            assert (team.first[robot], team.stop[robot]) == (first, first + kind.robots)
+        assert len(set(team.end[layer].tolist())) == 1
+        arcs = graph.tail // n == k
+        assert (graph.head[arcs] // n == k).all()
+        found = zip(graph.tail[arcs] - n * k, graph.head[arcs] - n * k, strict=True)
+        labelled = [(mission.nodes[u], mission.nodes[v]) for u, v in found]
+        survivals = dict(zip(labelled, graph.survival[arcs].tolist(), strict=True))
+        assert survivals == twins.survivals(mission, kind)
+        for v, label in enumerate(mission.nodes):
+            share = twins.share_of(mission, kind, label) if n * k + v in opened else 0.0
+            assert team.share[n * k + v] == share
+            assert graph.reward[n * k + v] == mission.rewards[v] * share
+
+
+@examples(150)
+@given(
+    missions(max_nodes=9, lengths=lengths) | team_missions(lengths=lengths),
+    st.sampled_from([inf, 5.0]),
+)
+def test_ways_to_the_ends(mission, longest):
+    """The safest ways, and with a travel budget the shortest."""
+    world = mission.world.with_limits(mission.limits(0.0, longest))
+    graph, free, ways = world.graph, whole_graph(mission), world.ways
+    shortest = ways.shortest
+    assert (shortest is None) == (not world.limits.has_budgets)
+    for node in open_nodes(mission):
+        end = end_at(mission, node)
+        cost = nx.dijkstra_path_length(free, node, end, weight="cost")
+        arcs = assert_ways(graph, ways.homeward, node, end)
+        assert ways.home[node] == pytest.approx(np.exp(-cost))
+        assert ways.home[node] == pytest.approx(graph.survival[arcs].prod())
+        if shortest is not None:
+            assert np.array_equal(shortest.graph.cost, graph.length)
+            expected = nx.dijkstra_path_length(free, node, end, weight="length")
+            arcs = assert_ways(graph, shortest.homeward, node, end)
+            assert shortest.length[node] == pytest.approx(expected)
+            assert graph.length[arcs].sum() == pytest.approx(expected)
+
+
+@examples(60)
+@given(missions(max_nodes=9, lengths=lengths), st.floats(0.0, 3.0))
+def test_other_costs_lead_other_ways(mission, per_length):
+    world, base = mission.limited(0.0, 5.0), mission.index(mission.base)
+    graph = world.graph
+    priced = world.with_costs(graph.cost + per_length * graph.length)
+    assert priced.ways.shortest is world.ways.shortest
+    assert priced.limits is world.limits
+    free = whole_graph(mission)
+    for _, _, arc in free.edges(data=True):
+        arc["cost"] += per_length * arc["length"]
+    for node in range(graph.n_nodes):
+        arcs = assert_ways(graph, priced.ways.homeward, node, base)
+        expected = nx.dijkstra_path_length(free, node, base, weight="cost")
+        assert priced.graph.cost[arcs].sum() == pytest.approx(expected, abs=1e-12)
+        assert priced.ways.home[node] == pytest.approx(graph.survival[arcs].prod())
+
+
+def rover_and_drones(**of_rover):
+    graph = nx.cycle_graph(3, nx.DiGraph)
+    nx.set_node_attributes(graph, 1.0, "reward")
+    nx.set_edge_attributes(graph, 0.9, "survival")
+    drone = Kind("drone", 2, min_survival=0.5, max_length=7)
+    return Mission(graph, base=0, kinds=[Kind("rover", 1, **of_rover), drone])
+
+
+def test_limits_are_by_robot():
+    mission = rover_and_drones()
+    for asked, floors, budgets in (
+        ((), [0.0, 0.5, 0.5], [inf, 7.0, 7.0]),
+        ((0.6,), [0.6, 0.6, 0.6], [inf, 7.0, 7.0]),
+        ((0.3, 9), [0.3, 0.5, 0.5], [9.0, 7.0, 7.0]),
+        ((0.0, 4), [0.0, 0.5, 0.5], [4.0, 4.0, 4.0]),
+    ):
+        limits = mission.limits(*asked)
+        assert (limits.floors.tolist(), limits.budgets.tolist()) == (floors, budgets)
+        assert limits.has_budgets
+        assert limits.has_floors
+        loosened = limits.loosened(0.25)
+        assert loosened.floors.tolist() == [0.75 * floor for floor in floors]
+        assert loosened.budgets.tolist() == [1.25 * budget for budget in budgets]
+        limited = mission.limited(*asked)
+        by = worlds.PLANNING
+        assert limited.limits.floors.tolist() == limits.loosened(by).floors.tolist()
+        assert limited.limits.budgets.tolist() == limits.loosened(by).budgets.tolist()
+        assert limited.graph is mission.world.graph
+    free = load_mission("toy").limits()
+    assert (free.bind, free.has_floors, free.has_budgets) == (False, False, False)
+    assert 0 < worlds.PLANNING < worlds.CHECKING
+
+
+def test_ways_that_do_not_keep_the_limits_of_a_kind():
+    """The ring of three arcs takes 3 and survives 0.729; the rover goes on from where it stands."""
+    mission = rover_and_drones(start=1, end=0)
+    world = mission.limited(0.6, 9)
+    assert worlds.failing_ways(world) == {}
+    ways = worlds.ways_to_ends(world)
+    n = len(mission.nodes)
+    assert [way.nodes for way in ways] == [[1, 2, 0], [n], [n]]
+    assert [way.length for way in ways] == [2.0, 0.0, 0.0]
+    assert ways[0].survival == pytest.approx(0.81)
+    for limits in ((0.9, 9), (0.0, 1.5)):
+        [(robot, (way, least, longest))] = worlds.failing_ways(mission.limited(*limits)).items()
+        assert (robot, way.nodes) == (0, [1, 2, 0])
+        assert (least, longest) == pytest.approx(limits)
+
+
+@examples(200)
+@given(missions(max_nodes=30) | team_missions())
+def test_find_arc(mission):
+    graph = mission.world.graph
+    pairs = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
+    known = {pair: arc for arc, pair in enumerate(pairs)}
+    for tail in range(graph.n_nodes):
+        for head in range(graph.n_nodes):
+            assert worlds.find_arc(graph, tail, head) == known.get((tail, head), -1)
+
+
+@pytest.mark.parametrize("name", ["toy", "drones_and_rovers", "art_museum_return"])
+def test_it_is_read_only_also_after_pickling(name):
+    world = load_mission(name).limited(0.1, 9)
+    for each in (world, pickle.loads(pickle.dumps(world)), world.with_costs(world.graph.length)):
+        assert type(each) is worlds.World
+        parts = [*each, each.ways.shortest, each.ways.shortest.graph]
+        arrays = [array for part in parts for array in part or () if isinstance(array, np.ndarray)]
+        assert len(arrays) > 30
+        for array in arrays:
+            assert not array.flags.writeable
+            with pytest.raises(ValueError, match="read-only"):
+                array[:] = 2
