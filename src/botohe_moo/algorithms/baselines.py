@@ -97,7 +97,7 @@ class Exact(ArchiveAlgorithm):
         super()._setup(problem)
         self._search = FrontSearch(
             problem.mission,
-            problem.planning_limits,
+            problem.world,
             time_limit=self.time_limit,
             memory_limit=self.memory_limit,
         )
