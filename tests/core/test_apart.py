@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from botohe_moo.core.apart import apart
+from botohe_moo.core.threads import apart
 
 LINE = 128
 RECORD = np.dtype([("n", np.int64), ("x", np.float64)])

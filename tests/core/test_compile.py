@@ -17,8 +17,7 @@ from numba.core.cpu import CPUTargetOptions
 import botohe_moo
 from botohe_moo._base.types import FloatArray
 from botohe_moo.core import compile as decorators
-from botohe_moo.core.compile import _PRIVATE, array_maker, helper, kernel
-from botohe_moo.core.sharing import shared
+from botohe_moo.core.compile import _PRIVATE, array_maker, helper, kernel, shared
 
 SOURCES = sorted(Path(botohe_moo.__file__).parent.rglob("*.py"))
 MOST_PARAMETERS, MOST_LINES = 8, 80

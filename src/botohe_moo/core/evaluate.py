@@ -5,8 +5,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.core.compile import array_maker, helper, inlined, kernel
-from botohe_moo.core.sharing import shared
+from botohe_moo.core.compile import array_maker, helper, inlined, kernel, shared
 from botohe_moo.core.trails import sort_trails
 from botohe_moo.core.walk import Visits, new_visits, walk
 from botohe_moo.core.world import World, find_arc

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
-from botohe_moo.core.apart import apart
 from botohe_moo.core.compile import helper, inlined
 from botohe_moo.core.rng import below
+from botohe_moo.core.threads import apart
 
 BLOCK = 64
 _NEAR = 48  # plans on either side that ``draw_near`` draws from

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.core.compile import helper, kernel
-from botohe_moo.core.sharing import shared
+from botohe_moo.core.compile import helper, kernel, shared
 from botohe_moo.core.world import Graph, Shortest, World
 
 ANYWHERE = -1  # instead of a node

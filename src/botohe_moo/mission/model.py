@@ -581,7 +581,8 @@ def _fault_text(mission: Mission, batch: PlanBatch, fault: Sequence[int]) -> str
     at = int(batch.offsets[plan * batch.n_robots + robot]) + position
     before, node = batch.nodes[[at - 1, at]].tolist()
     if what == kernels.UNKNOWN_NODE:
-        return f"{where}: node index {node} is unknown, {name} has {mission.world.graph.n_nodes} nodes."
+        n_nodes = mission.world.graph.n_nodes
+        return f"{where}: node index {node} is unknown, {name} has {n_nodes} nodes."
     kind, n = mission.kind_of[robot], len(mission.nodes)
     tail, head = mission.nodes[before % n], mission.nodes[node % n]
     if what in (kernels.NOT_FROM_BASE, kernels.NOT_BACK_AT_BASE):

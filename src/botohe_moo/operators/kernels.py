@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import IntArray, OffsetArray, SeedArray
-from botohe_moo.core.compile import helper, kernel
+from botohe_moo.core.compile import helper, kernel, shared
 from botohe_moo.core.paths import Paths, leads_home, new_paths, safest_path, way_home
 from botohe_moo.core.rng import below, uniform
-from botohe_moo.core.sharing import shared
 from botohe_moo.core.trails import Trails, write_trails
 from botohe_moo.core.world import Graph, Team, World, find_arc, layer_of
 

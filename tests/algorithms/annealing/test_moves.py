@@ -21,9 +21,8 @@ from botohe_moo.algorithms.annealing.kernels import (
     new_moves,
     new_state,
 )
-from botohe_moo.core.compile import kernel
+from botohe_moo.core.compile import kernel, shared
 from botohe_moo.core.rng import seed_states
-from botohe_moo.core.sharing import shared
 from botohe_moo.core.world import Limits, find_arc
 from botohe_moo.mission import Kind, Mission, load_mission
 from botohe_moo.trails import TrailPlan

@@ -10,11 +10,10 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.core.compile import helper, inlined, kernel
+from botohe_moo.core.compile import helper, inlined, kernel, shared
 from botohe_moo.core.evaluate import Reached, begin_plan, combine, expected_reward, new_reached
 from botohe_moo.core.paths import Paths, new_paths, safest_path
 from botohe_moo.core.rng import below, draw_weighted, uniform
-from botohe_moo.core.sharing import shared
 from botohe_moo.core.trails import sort_trails
 from botohe_moo.core.walk import Visits, walk
 from botohe_moo.core.world import Graph, World, find_arc, layer_of

@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.core.compile import helper, inlined, kernel
+from botohe_moo.core.compile import helper, inlined, kernel, shared
 from botohe_moo.core.paths import Paths, leads_home, way_within
 from botohe_moo.core.rng import uniform
-from botohe_moo.core.sharing import shared
 from botohe_moo.core.world import (
     AT_NEXT_DEPOT,
     Graph,

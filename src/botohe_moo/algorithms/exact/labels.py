@@ -40,10 +40,9 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArray
-from botohe_moo.core.compile import helper, inlined, kernel
+from botohe_moo.core.compile import helper, inlined, kernel, shared
 from botohe_moo.core.paths import ANYWHERE, Paths, new_paths, search_paths
 from botohe_moo.core.rng import hash_keys
-from botohe_moo.core.sharing import shared
 from botohe_moo.core.world import CHECKING, Shortest, World
 
 SHELF = 32  # trails that are skipped together where none can be as good

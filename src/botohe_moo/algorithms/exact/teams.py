@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
-from botohe_moo.core.compile import helper, kernel
+from botohe_moo.core.compile import helper, kernel, shared
 from botohe_moo.core.ordered import OrderedFront, best_reward, find_place, insert, place_before
-from botohe_moo.core.sharing import shared
 
 # The state of a search: whose turn it is to choose, −1 before it begins; and how many choices have
 # been looked at.

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArray
-from botohe_moo.core.compile import helper, inlined, kernel
+from botohe_moo.core.compile import helper, inlined, kernel, shared
 from botohe_moo.core.paths import (
     Near,
     Paths,
@@ -21,7 +21,6 @@ from botohe_moo.core.paths import (
     way_within,
 )
 from botohe_moo.core.rng import hash_keys
-from botohe_moo.core.sharing import shared
 from botohe_moo.core.world import CHECKING, Shortest, World
 
 # A search keeps at most as many labels, whatever its width: a few hundred megabytes.

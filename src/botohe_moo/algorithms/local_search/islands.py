@@ -50,7 +50,7 @@ class Islands:
         self.n_islands = settings.n_islands
         self.n_threads = n_threads
         self._how = mission, world
-        self._options = {"random_state": random_state, "settings": settings}
+        self._options: dict[str, Any] = {"random_state": random_state, "settings": settings}
         self._islands = [LocalSearch(*self._how, **self._options)]
         self._n_evaluated = 0
         self._rate = 1.0  # of the last evaluations, the share that has entered a front

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
-from botohe_moo.core.compile import helper, kernel
+from botohe_moo.core.compile import helper, kernel, shared
 from botohe_moo.core.paths import (
     ANYWHERE,
     Near,
@@ -20,7 +20,6 @@ from botohe_moo.core.paths import (
     search_near,
     search_paths,
 )
-from botohe_moo.core.sharing import shared
 from botohe_moo.core.world import Graph, World
 
 FULL_UP_TO = 1_000
