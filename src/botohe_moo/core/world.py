@@ -172,7 +172,8 @@ class World(NamedTuple):
             numbers.append(graph.length)
         if self.is_plain:
             return numbers
-        return [*numbers, team.reward, team.share, *team[3:], *(self.returns or ())]
+        of_nodes = [team.origin, team.share, *(self.returns or ())[:1], team.end, team.reward]
+        return [*numbers, *of_nodes, team.start, team.first, team.stop, *(self.returns or ())[1:]]
 
     @property
     def is_plain(self) -> bool:
