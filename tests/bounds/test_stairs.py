@@ -13,8 +13,8 @@ from botohe_moo.bounds import stairs as module
 from botohe_moo.bounds.envelopes import add_stairs, falling, least_total
 from botohe_moo.bounds.schedule import Schedule
 from botohe_moo.bounds.stairs import StairsMaster, TeamStairs
-from tests.examples import seeds
 from tests.bounds.test_bound import bounded_at_all_stages, random_mission
+from tests.examples import seeds
 
 heights = st.lists(st.floats(0, 10), min_size=4, max_size=7)
 

@@ -28,8 +28,8 @@ from botohe_moo.bounds.steps import Steps
 from botohe_moo.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.bounds.turns import Turns
 from tests import twins
-from tests.examples import seeds
 from tests.bounds.test_bound import random_mission
+from tests.examples import seeds
 
 worths = st.lists(st.tuples(st.floats(0, 10), st.floats(0, 1)), min_size=1, max_size=6)
 
