@@ -59,7 +59,9 @@ def states_by_dictionary(net, remembered):
     """What ``find_states`` finds: states as (node, set of bits), and their links."""
     graph, n = net.graph, net.graph.n_nodes
     backs = (
-        {piece.back: piece.arc for piece in pieces_of(net.world)[1:]} if any(remembered.bits) else {}
+        {piece.back: piece.arc for piece in pieces_of(net.world)[1:]}
+        if any(remembered.bits)
+        else {}
     )
     found, todo = {}, [(net.base, frozenset())]
     while todo:
