@@ -11,6 +11,7 @@ from botohe_moo import load_mission
 from botohe_moo.algorithms.local_search.kernels import routes as kernels
 from botohe_moo.algorithms.local_search.kernels.routes import UNKNOWN
 from botohe_moo.core.graph import with_costs
+from botohe_moo.core.paths import search_near
 from tests.examples import examples
 from tests.strategies import missions
 
