@@ -15,16 +15,15 @@ from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.bo_aco.kernels import (
     LEAST,
     LOG_HIGH,
-    BuildRule,
+    Build,
     Depositors,
     Heuristic,
     Pheromone,
-    Scratch,
     construct,
     learn,
     new_scratch,
 )
-from botohe_moo.core.paths import Paths, new_paths
+from botohe_moo.core.paths import new_paths
 from botohe_moo.core.rng import seed_states
 from botohe_moo.core.threads import mapping
 from botohe_moo.core.world import AT_NEXT_DEPOT, World, find_arc, ways_to_ends
@@ -93,12 +92,11 @@ class Colony:
         self.settings = settings
         self.n_threads = n_threads
         self._world = world
-        self._is_careful = not world.graph.balanced or world.limits.bind
         self._first_way = _first_way(world)
         self._states = seed_states(random_state, settings.n_ants)
         self._heuristic = _new_heuristic(world, settings)
         self._pheromone = _new_pheromone(mission, settings)
-        self._scratch: dict[int, tuple[Paths | None, Scratch]] = {}  # of each thread
+        self._builds: dict[int, Build] = {}  # of each thread
         self._deposited_version = -1  # of the archive, when its deposit was last summed up
         self._archived: Depositors  # the plans of that version
         # Arguments of ``learn`` that the last iteration has left for the next one.
@@ -131,21 +129,27 @@ class Colony:
 
     def _construct_span(self, part: int, n_ants: int, begin: int, end: int) -> PlanBatch:
         """Build the plans of the ants ``begin`` to ``end``, in the thread with number ``part``."""
-        world, levels = self._world, self._pheromone.levels
-        rule = BuildRule(
-            n_ants, self.settings.exploration, self.settings.allocation == "concurrent"
-        )
-        if part not in self._scratch:
-            paths = new_paths(world) if self._is_careful else None
-            scratch = new_scratch(
-                world, self._first_way, len(levels), rule.concurrent, self._states
-            )
-            self._scratch[part] = paths, scratch
-        paths, scratch = self._scratch[part]
-        for last in (scratch.tabulated, scratch.used, scratch.visited):
+        if part not in self._builds:
+            self._builds[part] = self._new_build()
+        build = self._builds[part]._replace(n_ants=n_ants)
+        for last in (build.scratch.tabulated, build.scratch.used, build.scratch.visited):
             last.fill(-1)
-        built = construct(world, self._heuristic, levels, rule, paths, scratch, begin, end)
-        return PlanBatch._wrap(*built, world.n_robots)
+        nodes, offsets = construct(self._world, build, begin, end)
+        return PlanBatch._wrap(nodes, offsets, self._world.n_robots)
+
+    def _new_build(self) -> Build:
+        world, levels = self._world, self._pheromone.levels
+        concurrent = self.settings.allocation == "concurrent"
+        is_careful = not world.graph.balanced or world.limits.bind
+        return Build(
+            self.settings.n_ants,
+            self.settings.exploration,
+            concurrent,
+            self._heuristic,
+            levels,
+            new_paths(world) if is_careful else None,
+            new_scratch(world, self._first_way, len(levels), concurrent, self._states),
+        )
 
     def learn(
         self, batch: PlanBatch, objectives: FloatArray, members: OffsetArray, archive: PlanArchive
@@ -178,7 +182,7 @@ class Colony:
             self._to_learn = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_scratch": {}}
+        return {**self.__dict__, "_builds": {}}
 
 
 def _first_way(world: World) -> OffsetArray:

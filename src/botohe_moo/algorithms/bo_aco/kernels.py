@@ -46,17 +46,6 @@ LOG_LOW, LOG_HIGH = -650.0, 250.0
 _FIRST_NODES = 4096  # for which plans have room at first
 
 
-class BuildRule(NamedTuple):
-    """How ants build plans."""
-
-    n_ants: int  # size of the colony: ant i has λ = i / (n_ants − 1), a single ant λ = 1/2
-    # Every weight is raised by exploration · (mean weight) / (number of candidates).
-    exploration: float
-    # Whether the robots take one hop each in turn until their trails have ended; otherwise one
-    # trail is complete before the next begins.
-    concurrent: bool
-
-
 class Heuristic(NamedTuple):
     """What ants know of arcs beforehand (n_arcs + n_kinds)."""
 
@@ -122,6 +111,23 @@ class Scratch(NamedTuple):
     states: SeedArray  # state of each ant's random numbers (n_ants, 2)
 
 
+class Build(NamedTuple):
+    """How ants build plans, and what they need for it."""
+
+    n_ants: int  # size of the colony: ant i has λ = i / (n_ants − 1), a single ant λ = 1/2
+    # Every weight is raised by exploration · (mean weight) / (number of candidates).
+    exploration: float
+    # Whether the robots take one hop each in turn until their trails have ended; otherwise one
+    # trail is complete before the next begins.
+    concurrent: bool
+    heuristic: Heuristic
+    levels: FloatArray  # those of the pheromone
+    # Scratch of searches for ways home. It is None where there always is one, since the graph is
+    # balanced and there are no limits.
+    paths: Paths | None
+    scratch: Scratch
+
+
 def new_scratch(
     world: World, first_way: OffsetArray, n_maps: int, concurrent: bool, states: SeedArray
 ) -> Scratch:
@@ -167,26 +173,18 @@ class Ant(NamedTuple):
 
 
 @helper
-def _tabulate(
-    world: World,
-    heuristic: Heuristic,
-    levels: FloatArray,
-    rule: BuildRule,
-    scratch: Scratch,
-    block: int,
-    which: int,
-    node: int,
-) -> None:
+def _tabulate(world: World, build: Build, block: int, which: int, node: int) -> None:
     """Fill in the weights of all arcs that leave a node, for every ant of a block.
 
     The ants' λ are evenly spaced, so that an arc's weight is a geometric progression over the
     ants: a few exponentials serve the whole block.
     """
-    graph, team = world.graph, world.team
+    graph, team, n_ants = world.graph, world.team, build.n_ants
+    heuristic, levels, scratch = build.heuristic, build.levels, build.scratch
     scratch.tabulated[which, node] = block
-    step = 1.0 / (rule.n_ants - 1) if rule.n_ants > 1 else 0.0
-    first = block * BLOCK * step if rule.n_ants > 1 else 0.5
-    n_ants = min(BLOCK, rule.n_ants - block * BLOCK)
+    step = 1.0 / (n_ants - 1) if n_ants > 1 else 0.0
+    first = block * BLOCK * step if n_ants > 1 else 0.5
+    n_here = min(BLOCK, n_ants - block * BLOCK)
     low, high, loop = graph.first[node], graph.first[node + 1], loop_at(graph, team, node)
     for i in range(low, high + 1 if node == team.end[node] else high):
         arc = i if i < high else loop
@@ -198,7 +196,7 @@ def _tabulate(
         ratio = math.exp(step * slope)
         factor = math.exp((1.0 - first) * heuristic.log_fresh[arc])
         factor_ratio = math.exp(-step * heuristic.log_fresh[arc])
-        for ant in range(n_ants):
+        for ant in range(n_here):
             scratch.seen[which, ant, arc] = weight
             scratch.fresh[which, ant, arc] = weight * factor
             weight *= ratio
@@ -275,16 +273,7 @@ def _draw(
 
 
 @inlined
-def _choose(
-    world: World,
-    heuristic: Heuristic,
-    rule: BuildRule,
-    scratch: Scratch,
-    paths: Paths | None,
-    ant: Ant,
-    node: int,
-    alive: float,
-) -> int:
+def _choose(world: World, build: Build, ant: Ant, node: int, alive: float) -> int:
     """Choose the next arc of a robot, after which a way home is left; return the arc.
 
     Another arc is drawn if no unused arcs lead home from that one. There may be such dead ends
@@ -292,17 +281,17 @@ def _choose(
     if the whole trail could not keep the robot's survival floor, or if ``way_within`` finds no way
     home within its travel budget.
     """
-    graph, n_rejected = world.graph, 0
+    graph, scratch, n_rejected = world.graph, build.scratch, 0
     while True:
-        n, total, arc = _weigh(world, heuristic, scratch, ant, node)
+        n, total, arc = _weigh(world, build.heuristic, scratch, ant, node)
         if n > 1:
-            drawn = uniform(scratch.states, ant.number) * (1.0 + rule.exploration / n)
-            arc = _draw(graph, rule.exploration, scratch.cumulated, ant, node, n, total, drawn)
+            drawn = uniform(scratch.states, ant.number) * (1.0 + build.exploration / n)
+            arc = _draw(graph, build.exploration, scratch.cumulated, ant, node, n, total, drawn)
         ant.used[arc] = ant.trail
         if arc == ant.loop or n == 1:
             break
         length = scratch.length[ant.robot]
-        if _leads_home(world, world.ways.shortest, paths, ant, arc, alive, length):
+        if _leads_home(world, world.ways.shortest, build.paths, ant, arc, alive, length):
             break
         scratch.rejected[n_rejected] = arc
         n_rejected += 1
@@ -385,28 +374,20 @@ def _begin_trail(
 
 
 @inlined
-def _walk(
-    world: World,
-    heuristic: Heuristic,
-    levels: FloatArray,
-    rule: BuildRule,
-    paths: Paths | None,
-    scratch: Scratch,
-    trail: int,
-) -> bool:
+def _walk(world: World, build: Build, paths: Paths | None, trail: int) -> bool:
     """Extend a robot's trail: to its end, or by one hop where all robots are out at once.
 
     Returns whether its trail has ended.
     """
-    graph, n_robots = world.graph, world.team.start.shape[0]
+    graph, scratch, n_robots = world.graph, build.scratch, world.team.start.shape[0]
     number, robot = trail // n_robots, trail % n_robots
-    row, which = robot if rule.concurrent else 0, robot if levels.shape[0] > 1 else 0
+    row, which = robot if build.concurrent else 0, robot if build.levels.shape[0] > 1 else 0
     block, end = number // BLOCK, world.team.end[world.team.start[robot]]
     ant = Ant(
         number,
         trail,
         robot,
-        1.0 - (number * (1.0 / (rule.n_ants - 1)) if rule.n_ants > 1 else 0.5),
+        1.0 - (number * (1.0 / (build.n_ants - 1)) if build.n_ants > 1 else 0.5),
         end,
         loop_at(graph, world.team, end),
         scratch.used[row],
@@ -420,8 +401,8 @@ def _walk(
         _begin_trail(world, world.returns, scratch, ant, node)
     while True:
         if scratch.tabulated[which, node] != block:
-            _tabulate(world, heuristic, levels, rule, scratch, block, which, node)
-        arc = _choose(world, heuristic, rule, scratch, paths, ant, node, alive)
+            _tabulate(world, build, block, which, node)
+        arc = _choose(world, build, ant, node, alive)
         scratch.trail[robot, n_hops] = node
         n_hops += 1
         if arc == ant.loop:
@@ -432,36 +413,22 @@ def _walk(
         if paths is not None:
             scratch.length[robot] += graph.length[arc]
         _visit(world, world.returns, scratch, ant, node, alive)
-        if rule.concurrent:
+        if build.concurrent:
             break
     scratch.node[robot], scratch.alive[robot], scratch.n_hops[robot] = node, alive, n_hops
     return bool(node < 0)
 
 
 @kernel
-def construct(
-    world: World,
-    heuristic: Heuristic,
-    levels: FloatArray,
-    rule: BuildRule,
-    paths: Paths | None,
-    scratch: Scratch,
-    begin: int,
-    end: int,
-) -> tuple[IntArray, OffsetArray]:
+def construct(world: World, build: Build, begin: int, end: int) -> tuple[IntArray, OffsetArray]:
     """Build the plans of the ants ``begin`` to ``end``; return their nodes and offsets, ragged.
 
     An ant at a node weighs each arc a that this trail has not used yet with
     (τ_R η_R)^(1 − λ) (τ_S η_S)^λ, where η_R is ``1 + gain[a] · (probability that no other robot
     reaches its head, by the trails as they are so far)`` times that of a head already in this
-    trail. ``levels`` are those of the pheromone. What an ant builds depends on its own random
-    numbers only, whose state is advanced.
-
-    ``paths`` is scratch of searches for ways home. It is None where there always is one, since the
-    graph is balanced and there are no limits.
+    trail. What an ant builds depends on its own random numbers only, whose state is advanced.
     """
-    world, heuristic, rule = shared(world), shared(heuristic), shared(rule)
-    n_robots = world.team.start.shape[0]
+    world, scratch, n_robots = shared(world), build.scratch, world.team.start.shape[0]
     nodes, offsets = (
         np.empty(_FIRST_NODES, np.int32),
         np.zeros((end - begin) * n_robots + 1, np.int64),
@@ -477,7 +444,7 @@ def construct(
         while n_out > 0:
             if scratch.node[robot] >= 0:
                 trail = ant * n_robots + robot
-                n_out -= _walk(world, heuristic, levels, rule, paths, scratch, trail)
+                n_out -= _walk(world, build, build.paths, trail)
             robot = robot + 1 if robot + 1 < n_robots else 0
         for robot in range(n_robots):
             n_hops = scratch.n_hops[robot]
