@@ -96,7 +96,7 @@ dist: $(READY_FOR_DIST)
 	$(BIN)/python -m pytest checks/test_packaging.py checks/test_dist.py
 
 # Kernels run uncompiled for lines to be seen in them; the other tests take too long without compiled ones.
-COVERED_UNCOMPILED := tests/kernels tests/operators tests/outcomes
+COVERED_UNCOMPILED := tests/kernels tests/operators tests/outcomes tests/algorithms/annealing
 coverage: $(READY)
 	$(BIN)/python -m coverage erase
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest -m "not compiled_only" $(COVERED_UNCOMPILED) \

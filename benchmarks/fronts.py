@@ -12,8 +12,8 @@ from pymoo.optimize import minimize
 from benchmarks.measure import best, in_process
 from benchmarks.memory import peak_resident
 from botohe_moo import BOTOHE, Mission
+from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.local_search.algorithm import ParetoLocalSearch
-from botohe_moo.search.archive import PlanArchive
 
 ROBOTS = 30
 SIZES = (10_000, 100_000, 1_000_000)

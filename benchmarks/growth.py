@@ -50,7 +50,7 @@ def _measure(nodes: int) -> None:
         result = minimize(BOTOHE(mission), CountedBOACO.journal(), ("n_gen", ITERATIONS), seed=1)
         total = time.perf_counter() - started
     print(
-        mission.arrays.n_arcs,
+        mission.world.graph.n_arcs,
         result.algorithm.n_hops,
         seconds["construct"],
         seconds["evaluate"],

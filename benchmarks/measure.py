@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from botohe_moo import BOACO
+from botohe_moo.algorithms import archive as archive_module
+from botohe_moo.algorithms.bo_aco import colony as colony_module
 from botohe_moo.core import evaluate as evaluate_module
-from botohe_moo.search import archive as archive_module
-from botohe_moo.search import colony as colony_module
 
 KERNELS = {
     "construct": (colony_module, "construct"),
     "evaluate": (evaluate_module, "evaluate"),
-    "insert": (archive_module, "insert"),
+    "sift": (archive_module, "sift"),
     "learn": (colony_module, "learn"),
 }
 

@@ -15,25 +15,24 @@ from pymoo.optimize import minimize
 
 from benchmarks.measure import best
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission, make_algorithm
-from botohe_moo.algorithms.population import PopulationAlgorithm
-from botohe_moo.operators import (
+from botohe_moo.algorithms import (
     CornerSampling,
     GuidedTrailSampling,
+    PlanSampling,
+    RandomTrailSampling,
+)
+from botohe_moo.algorithms.archive import PlanArchive
+from botohe_moo.algorithms.individuals import PopulationArchive
+from botohe_moo.operators import (
     PlanCrossover,
     PlanDuplicates,
     PlanMutation,
-    PlanSampling,
-    RandomTrailSampling,
     RuinRecreate,
     SafestPathRepair,
     ShareTrails,
-    TrailExchange,
-    TrailMoves,
     TrailSplice,
     TruncateRepair,
 )
-from botohe_moo.operators.wiring import DEFAULT_CROSSOVER, DEFAULT_MUTATION
-from botohe_moo.search.archive import PlanArchive
 
 MISSIONS = ("art_museum", "power_plant")
 SEEDS = range(1, 11)
@@ -45,11 +44,6 @@ PUBLISHED = {"without heuristic": 0.4859, "without pheromone": 0.4977}
 PUBLISHED_BOACO = 0.5245
 
 
-def without(weights: Any, name: str) -> dict[str, float]:
-    """Leave one operator out of a mixture."""
-    return {key: weight for key, weight in weights.items() if key != name}
-
-
 VARIANTS: dict[str, dict[str, Any]] = {
     "default": {},
     "sampling: random": {"sampling": "random"},
@@ -57,13 +51,10 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "sampling: no corners": {"corners": False},
     "sampling: random, no corners": {"sampling": "random", "corners": False},
     "crossover: none": {"crossover": {}},
-    "crossover: no exchange": {"crossover": without(DEFAULT_CROSSOVER, "exchange")},
-    "crossover: no splice": {"crossover": without(DEFAULT_CROSSOVER, "splice")},
+    "mutation: no ruin": {"mutation": "share"},
+    "mutation: no share": {"mutation": "ruin"},
     "mutation: none": {"prob_mutation": 0.0},
     "mutation: always": {"prob_mutation": 1.0},
-    "mutation: no ruin": {"mutation": without(DEFAULT_MUTATION, "ruin")},
-    "mutation: no moves": {"mutation": without(DEFAULT_MUTATION, "moves")},
-    "mutation: no share": {"mutation": without(DEFAULT_MUTATION, "share")},
     "repair: truncate": {"repair": "truncate"},
     "repair: penalty": {"repair": "penalty"},
 }
@@ -142,12 +133,9 @@ def _mission_costs(name: str) -> dict[str, float]:
     for sampling in (RandomTrailSampling(), GuidedTrailSampling()):
         call = functools.partial(sampling.sample_batch, problem, 100, rng)
         costs[type(sampling).__name__] = _micros(call) / 100
-    for crossover in (TrailExchange(), TrailSplice()):
-        call = functools.partial(crossover._do, problem, pairs, random_state=rng)
-        costs[f"{type(crossover).__name__}, repaired"] = _micros(call) / 100
-    for mutation in (RuinRecreate(), TrailMoves(), ShareTrails()):
-        call = functools.partial(mutation._do, problem, X, random_state=rng)
-        costs[f"{type(mutation).__name__}, repaired"] = _micros(call) / 100
+    for operator, given in ((TrailSplice(), pairs), (RuinRecreate(), X), (ShareTrails(), X)):
+        call = functools.partial(operator._do, problem, given, random_state=rng)
+        costs[f"{type(operator).__name__}, repaired"] = _micros(call) / 100
     for repair in (SafestPathRepair(), TruncateRepair()):
         call = functools.partial(repair.repair_batch, mission, drafts)
         costs[f"{type(repair).__name__} alone, of ruined plans"] = _micros(call) / 100
@@ -195,7 +183,7 @@ def _generation(out: Path) -> bool:
             "sampling": [(PlanSampling, "_do")],
             "evaluation": [(BOTOHE, "_evaluate")],
             "duplicates": [(PlanDuplicates, "do")],
-            "archive": [(PopulationAlgorithm, "_archive"), (PlanArchive, "population")],
+            "archive": [(PlanArchive, "_insert"), (PopulationArchive, "population")],
         }
         seconds = dict.fromkeys(ours, 0.0)
         n_generations = 300

@@ -44,7 +44,7 @@ import json, sys, time
 import numpy as np
 from pymoo.optimize import minimize
 from botohe_moo import BOTOHE, Mission, area_indicator, load_mission, make_algorithm
-from botohe_moo.operators import RandomTrailSampling
+from botohe_moo.algorithms import RandomTrailSampling
 name, parameters, robots, algorithm, evaluations, variant, seeds = json.loads(sys.argv[1])
 mission = load_mission(name, **parameters)
 mission = mission.with_robots(robots) if robots else mission

@@ -65,7 +65,7 @@ def _row(name: str) -> dict[str, object]:
         "times faster than the twin": round(twin / (built / n_plans)),
         "whole run, s": round(total, 3),
         "whole run / (construct + evaluate)": round(total / built, 3),
-        "archive, µs an iteration": per_iteration("insert"),
+        "archive, µs an iteration": per_iteration("sift"),
         "deposit, µs an iteration": per_iteration("learn"),
         "share outside kernels": round(1 - in_kernels / total, 3),
         "peak memory, MiB": round(float(memory)),
@@ -74,9 +74,9 @@ def _row(name: str) -> dict[str, object]:
 
 def _twin_seconds_per_plan(algorithm: BOACO) -> float:
     """Let the readable ants build plans where the colony stands at the end of its run."""
-    mission, rule = algorithm.problem.mission, algorithm.colony.rule
-    graph = mission.arrays
-    arcs = [*zip(graph.tail.tolist(), graph.head.tolist(), strict=True), (graph.base, graph.base)]
+    mission, rule = algorithm.problem.mission, algorithm.colony.settings
+    graph, base = mission.world.graph, mission.index(mission.base)
+    arcs = [*zip(graph.tail.tolist(), graph.head.tolist(), strict=True), (base, base)]
     levels = dict(zip(arcs, map(tuple, algorithm.colony.pheromone[0].tolist()), strict=True))
     rng = random.Random(1)
     started = time.perf_counter()

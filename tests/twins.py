@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from botohe_moo.algorithms.local_search import kernels as local_search
-from botohe_moo.core.graph import NO_LIMITS, Limits
 from botohe_moo.core.ordered import read_front
+from botohe_moo.core.world import new_limits
 
 
 def of_kind(value, kind):
@@ -143,21 +143,21 @@ def enumerate_outcomes(mission, trails):
 class Ant:
     """An ant of the colony, one rule a line.
 
-    ``rule`` is a ColonyRule, ``pheromone`` holds one dict a robot from arcs (self-loops at the ends
-    of trails among them) to (τ_R, τ_S), ``weight`` is the ant's λ, and ``limits`` are what trails
-    keep. Nodes are indices of kernels.
+    ``rule`` are ColonySettings, ``pheromone`` holds one dict a robot from arcs (self-loops at the
+    ends of trails among them) to (τ_R, τ_S), ``weight`` is the ant's λ, and trails keep the limits
+    of ``world``, by default none. Nodes are indices of kernels.
     """
 
-    def __init__(self, mission, rule, pheromone, weight, limits=NO_LIMITS):
+    def __init__(self, mission, rule, pheromone, weight, world=None):
         self.mission, self.rule, self.pheromone, self.weight = mission, rule, pheromone, weight
-        self.limits, self.n_nodes = limits, len(mission.nodes)
+        self.limits, self.n_nodes = (world or alike(mission)).limits, len(mission.nodes)
         self.ends = [ends_of(mission, robot) for robot in range(mission.robots)]
         self.aboard = [  # as indices of kernels
             {start - start % self.n_nodes + mission.index(label) for label in kind.aboard} - {start}
             for kind, (start, _) in zip(mission.kind_of, self.ends, strict=True)
         ]
         self.survival, self.length = _ARCS.of(mission).survival, _ARCS.of(mission).length
-        self.expected = {node: self.expect(node) for node in range(mission.arrays.n_nodes)}
+        self.expected = {node: self.expect(node) for node in range(mission.world.graph.n_nodes)}
         self.leaving = {node: [] for node in self.expected}
         for arc in self.survival:
             self.leaving[arc[0]].append(arc)
@@ -173,22 +173,20 @@ class Ant:
         if label == self.mission.base or attributes.get("depot"):
             return share
         pays = attributes.get("pays", self.mission.pays)
-        return share * self.mission.arrays.home[node] if pays == "return" else share
+        return share * self.mission.world.ways.home[node] if pays == "return" else share
 
     def worth(self, node):
         return self.mission.rewards[node % self.n_nodes] * self.expected[node]
 
-    def leads_back(self, used, node, end):
+    def leads_back(self, used, node, robot):
         """Whether the safest or the shortest way over unused arcs leads home within the limits."""
-        left = nx.DiGraph(arc for arc in self.survival if arc not in used)
+        left, end = nx.DiGraph(arc for arc in self.survival if arc not in used), self.ends[robot][1]
         left.add_nodes_from([node, end])
         if not nx.has_path(left, node, end):
             return False
         for arc in left.edges:
             left.edges[arc].update(cost=-log(self.survival[arc]), length=self.length[arc])
-        floors, budgets = self.limits.floors, self.limits.budgets
-        least = self.limits.min_survival if floors is None else floors[node]
-        longest = self.limits.max_length if budgets is None else budgets[node]
+        least, longest = self.limits.floors[robot], self.limits.budgets[robot]
         for weight in ("cost", "length"):
             way = nx.dijkstra_path(left, node, end, weight=weight)
             trail = [*used, *pairwise(way)]
@@ -219,7 +217,7 @@ class Ant:
         floor = self.rule.exploration * sum(attractions) / len(attractions) ** 2
         weights = dict(zip(free + loop, [a + floor for a in attractions], strict=True))
         if self.limits.bind or not self.mission.balanced:
-            home = [arc for arc in free if self.leads_back(used | {arc}, arc[1], end)]
+            home = [arc for arc in free if self.leads_back(used | {arc}, arc[1], robot)]
             weights = {arc: weights[arc] for arc in home + loop}
         total = sum(weights.values())
         return {arc: weight / total for arc, weight in weights.items()}
@@ -230,7 +228,7 @@ class Ant:
         What it carries from the start it brings home from there.
         """
         chances, alive = dict.fromkeys(range(self.n_nodes), 0.0), 1.0
-        home, aboard = self.mission.arrays.home, self.aboard[robot]
+        home, aboard = self.mission.world.ways.home, self.aboard[robot]
         for node in aboard:
             chances[node % self.n_nodes] = self.expected[node] / home[node] * home[trail[0]]
         for position, node in enumerate(trail):
@@ -412,11 +410,9 @@ def arc_survivals(mission):
 
 
 def alike(mission, least=0.0, longest=inf):
-    """Limits that are the same for each kind, in the form that kernels are compiled for."""
-    if mission.is_plain:
-        return Limits(least, longest)
-    by_node = np.repeat([[least], [longest]], mission.arrays.n_nodes, axis=1)
-    return Limits(least, longest, *map(np.ascontiguousarray, by_node))
+    """The mission as kernels know it, with limits that are the same for each robot."""
+    n_robots = mission.robots
+    return mission.world.with_limits(new_limits([least], [longest], [n_robots]))
 
 
 def ends_of(mission, robot=0):

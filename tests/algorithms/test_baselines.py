@@ -7,7 +7,7 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, Exact, Greedy, area_indicator, load_mission
 from botohe_moo.algorithms.exact.front import TooLargeError, exact_front
-from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner
+from botohe_moo.algorithms.greedy.planner import MAX_BEAM_WIDTH, SequentialPlanner
 from tests.examples import examples
 from tests.strategies import small_missions
 from tests.twins import all_objectives, worth
@@ -81,7 +81,7 @@ class TestGreedy:
 
     def test_area(self, museum):
         """In fewer than a hundred evaluations what took the colony thousands."""
-        base = (museum.arrays.base,)
+        base = (museum.index(museum.base),)
         result = minimize(BOTOHE(museum), Greedy(beam_width=30), PLENTY)
         assert area_indicator(-result.F, museum) > 0.48
         assert result.algorithm.evaluator.n_eval < 100

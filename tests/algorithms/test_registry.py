@@ -361,7 +361,7 @@ class TestIdentity:
         for path, name in (
             ("bo-aco", "bo-aco"),
             ("botohe_moo.algorithms.bo_aco.BOACO", "bo-aco"),
-            ("botohe_moo:BOACO.journal", "botohe_moo.algorithms.bo_aco:BOACO.journal"),
+            ("botohe_moo:BOACO.journal", "botohe_moo.algorithms.bo_aco.algorithm:BOACO.journal"),
             ("pymoo.algorithms.moo.age.AGEMOEA", "pymoo.algorithms.moo.age:AGEMOEA"),
         ):
             assert algorithm_identity(path, {}).name == name

@@ -8,11 +8,11 @@ import pytest
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm, solve
 from botohe_moo._base import cpus
+from botohe_moo.algorithms.bo_aco import colony
 from botohe_moo.algorithms.local_search import islands as islands
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
+from botohe_moo.core.threads import mapping
 from botohe_moo.operators import repair
-from botohe_moo.search import colony
-from botohe_moo.search.threads import mapping
 from botohe_moo.study import run_study
 
 NAMES = [
@@ -28,7 +28,7 @@ ISLANDS = {"pareto-local-search": {"n_islands": 4}}
 def shared(monkeypatch):
     """Work is shared from the first evaluations on; forked processes inherit this."""
     monkeypatch.setattr(islands, "FIRST_ALONE", 200)
-    monkeypatch.setattr(islands, "N_NEWS", 10)
+    monkeypatch.setattr(islands, "N_MIGRANTS", 10)
     monkeypatch.setattr(repair, "_MUCH", 0)
     monkeypatch.setattr(colony, "_MUCH", 0)
 

@@ -21,8 +21,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.local_search.kernels import recreate
 from botohe_moo.core import compile as decorators
 from botohe_moo.core import world
-from botohe_moo.core.compile import _PRIVATE, array_maker, helper, is_kept, kernel
-from botohe_moo.core.sharing import shared
+from botohe_moo.core.compile import _PRIVATE, array_maker, helper, is_kept, kernel, shared
 
 SOURCES = sorted(Path(botohe_moo.__file__).parent.rglob("*.py"))
 MOST_PARAMETERS, MOST_LINES = 8, 80

@@ -4,68 +4,51 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from pymoo.core.crossover import Crossover
+from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 
 from botohe_moo import BOTOHE, TrailPlan, load_mission, operators
 from botohe_moo.operators import (
-    CornerSampling,
-    GivenSampling,
-    GuidedTrailSampling,
     MixedCrossover,
     MixedMutation,
-    MixedSampling,
     PlanCrossover,
     PlanDuplicates,
     PlanMutation,
-    PlanSampling,
-    RandomTrailSampling,
     RuinRecreate,
     SafestPathRepair,
     ShareTrails,
-    TrailExchange,
-    TrailMoves,
     TrailSplice,
     TruncateRepair,
 )
 from botohe_moo.trails import PlanBatch
 from tests.examples import examples
-from tests.strategies import lengths, missions, plans, team_missions
+from tests.strategies import missions, plans, team_missions
 
 pytestmark = pytest.mark.slow
 
-SAMPLINGS = {
-    "random": RandomTrailSampling,
-    "guided": GuidedTrailSampling,
-    "corners": CornerSampling,
-    "none given": lambda: GivenSampling([]),
-    "mixed": lambda: MixedSampling({RandomTrailSampling(): 1, GuidedTrailSampling(): 2}),
-}
 CROSSOVERS = {  # names that no mutation has
-    "exchange": TrailExchange,
     "splice": TrailSplice,
-    "exchange or splice": MixedCrossover,
-    "one child": lambda **options: MixedCrossover(n_offsprings=1, **options),
+    "one child": lambda **options: TrailSplice(n_offsprings=1, **options),
     "splice, truncated": lambda **options: TrailSplice(repair=TruncateRepair(), **options),
+    "either": lambda **options: MixedCrossover(
+        {TrailSplice(): 2, TrailSplice(repair=TruncateRepair()): 1}, **options
+    ),
 }
 MUTATIONS = {
-    "moves": TrailMoves,
-    "moves of all": lambda **options: TrailMoves(every_robot=True, **options),
+    "share": ShareTrails,
     "ruin": RuinRecreate,
     "ruin without via": lambda **options: RuinRecreate(max_via=0, **options),
-    "share": ShareTrails,
     "truncated": lambda **options: RuinRecreate(repair=TruncateRepair(), **options),
-    "mixed": lambda **options: MixedMutation(
-        {TrailMoves(): 1, RuinRecreate(): 2, ShareTrails(): 1}, **options
-    ),
+    "mixed": lambda **options: MixedMutation({RuinRecreate(): 2, ShareTrails(): 1}, **options),
 }
 
 
 def test_every_operator_is_under_contract():
-    made = [make() for table in (SAMPLINGS, CROSSOVERS, MUTATIONS) for make in table.values()]
-    kinds = (PlanSampling, PlanCrossover, PlanMutation)
+    made = [make() for table in (CROSSOVERS, MUTATIONS) for make in table.values()]
     exported = {getattr(operators, name) for name in operators.__all__}
-    concrete = {c for c in exported if issubclass(c, kinds)} - set(kinds)
-    assert concrete == {type(operator) for operator in made}
+    concrete = {c for c in exported if issubclass(c, Crossover | Mutation)}
+    assert concrete - {PlanCrossover, PlanMutation} == {type(operator) for operator in made}
 
 
 def generator(seed):
@@ -94,25 +77,6 @@ def problem_of(mission, **limits):
         return BOTOHE(mission, **limits)
     except ValueError:
         assume(False)
-
-
-@pytest.mark.parametrize("name", SAMPLINGS)
-@examples(60)
-@given(
-    mission=missions(max_nodes=8, lengths=lengths) | team_missions(lengths=lengths),
-    floor=st.sampled_from([0.0, 0.5, 0.9]),
-    budget=st.sampled_from([None, 0.0, 3.0, 7.0]),
-    n=st.integers(1, 7),
-)
-def test_samplings(name, mission, floor, budget, n):
-    problem = problem_of(mission, min_survival=floor, max_length=budget)
-    pop = SAMPLINGS[name]()(problem, n, random_state=generator(n))
-    assert len(pop) == n
-    batch = mission.batch(pop.get("X"))
-    mission.evaluate(batch)
-    assert (problem.constrain_batch(batch) <= 0).all()
-    again = SAMPLINGS[name]()(problem, n, random_state=generator(n))
-    assert trails_of(again) == trails_of(pop)
 
 
 @pytest.mark.parametrize("name", CROSSOVERS)
@@ -164,15 +128,16 @@ def within(found, rate, n):
 def crowd():
     """Many copies of a pair of plans, and what an operator at full rate changes of them."""
     problem = BOTOHE(load_mission("art_museum"))
-    pair = RandomTrailSampling()(problem, 40, random_state=generator(3)).get("X").ravel()
-    long = sorted(pair, key=lambda plan: len(plan.nodes))[-2:]
-    return problem, PlanBatch.from_plans(long * (N // 2), 3).to_array()
+    mission, rng = problem.mission, generator(3)
+    drafts = rng.integers(len(mission.nodes), size=(2, 3, 12)).tolist()
+    pair = SafestPathRepair().repair_batch(mission, mission.batch(map(TrailPlan, drafts)))
+    return problem, PlanBatch.from_plans(list(pair) * (N // 2), 3).to_array()
 
 
 def changed_share(operator, problem, X):
     """The share of children that are none of the parents."""
     pop, parents = Population.new(X=X.copy()), set(X.ravel())
-    if isinstance(operator, PlanCrossover):
+    if isinstance(operator, Crossover):
         pairs = np.arange(len(X)).reshape(-1, 2)
         children = operator(problem, pop, pairs, random_state=generator(1))
         plans = children.get("X").reshape(operator.n_offsprings, -1)[0]
@@ -194,13 +159,8 @@ def test_rates(name, crowd):
         assert abs(share - expected) <= 4.5 * np.sqrt(expected * (1 - expected) / n) + spread, prob
 
 
-def test_rate_of_splices():
-    kinds = MixedCrossover(prob_splice=0.3)._kinds(N, generator(1))
-    assert within((kinds == 1).sum(), 0.3, N)
-
-
 def test_rates_of_mixtures():
-    parts = {TrailMoves(): 1.0, RuinRecreate(): 3.0, ShareTrails(): 0.5}
+    parts = {ShareTrails(): 1.0, RuinRecreate(): 3.0, RuinRecreate(max_via=0): 0.5}
     shares = MixedMutation(parts).mixture.draw(generator(1), N)
     assert sorted(np.concatenate([share for _, share in shares]).tolist()) == list(range(N))
     for (part, share), weight in zip(shares, parts.values(), strict=True):
@@ -217,17 +177,6 @@ def test_rate_of_copies():
     drafts = mutation._draft(mission, batch, generator(1))
     copied = sum(len(set(draft.trails)) == 1 for draft in drafts)
     assert within(copied, 0.3, N)
-
-
-def test_given_plans_come_first_and_all():
-    toy = load_mission("toy")
-    plans = [toy.plan([[1, 2, 1], [1]]), toy.plan([[1, 3, 1], [1, 2, 1]])]
-    for n, more in ((1, 0), (2, 0), (5, 3)):
-        batch = GivenSampling(plans).sample_batch(BOTOHE(toy), n, generator(1))
-        assert list(batch)[:2] == plans
-        assert len(batch) == 2 + more
-    with pytest.raises(ValueError, match="is missing in mission 'toy'"):
-        GivenSampling([TrailPlan([[0, 4, 0], [0]])]).sample_batch(BOTOHE(toy), 3, generator(1))
 
 
 def test_batches_are_checked():
@@ -264,7 +213,7 @@ class TestDuplicates:
 def test_repairs_are_checked():
     with pytest.raises(TypeError, match="Expected repair to be a PlanRepair, got 'safest'"):
         TrailSplice(repair="safest")
-    with pytest.raises(TypeError, match="Expected a mutation to be a PlanMutation, got 'ruin'"):
+    with pytest.raises(TypeError, match="Expected a mutation to be a Mutation, got 'ruin'"):
         MixedMutation(["ruin"])
     with pytest.raises(ValueError, match="Expected at least one mutation, got none"):
         MixedMutation([])
@@ -275,7 +224,8 @@ def test_repairs_are_checked():
 def test_children_share_one_repair():
     repair = SafestPathRepair()
     problem = BOTOHE(load_mission("art_museum"))
-    pop = RandomTrailSampling()(problem, 10, random_state=generator(0))
+    home = [problem.mission.stay_home()] * 10
+    pop = Population.new(X=PlanBatch.from_plans(home, 3).to_array())
     RuinRecreate(repair=repair)(problem, pop, random_state=generator(0))
     ShareTrails(repair=repair)(problem, pop, random_state=generator(0))
     assert repair.counts.plans == 20

@@ -10,12 +10,11 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Kind, Mission, TrailPlan, load_mission
 from botohe_moo.operators import (
-    MixedCrossover,
     PenaltyOnly,
     PlanDuplicates,
-    RandomTrailSampling,
     RuinRecreate,
     SafestPathRepair,
+    TrailSplice,
     TruncateRepair,
 )
 from botohe_moo.trails import PlanBatch
@@ -102,7 +101,7 @@ class TestTruncate:
 @st.composite
 def drafts(draw, mission):
     """Any sequences of node indices, some of them unknown."""
-    nodes = st.integers(0, mission.arrays.n_nodes + 1)
+    nodes = st.integers(0, mission.world.graph.n_nodes + 1)
     trails = st.lists(nodes, min_size=1, max_size=10)
     return TrailPlan([draw(trails) for _ in range(mission.robots)])
 
@@ -159,7 +158,7 @@ def test_repairs_are_their_readable_twins(seed, has_kinds):
     for _ in range(30):
         plan = []
         for robot in range(mission.robots):
-            draft = rng.integers(mission.arrays.n_nodes + 1, size=rng.integers(1, 12)).tolist()
+            draft = rng.integers(mission.world.graph.n_nodes + 1, size=rng.integers(1, 12)).tolist()
             start, end = ends_of(mission, robot)
             plan.append([start, *draft, end] if rng.random() < 0.5 else draft)
         batch = PlanBatch.from_plans([TrailPlan(plan)], mission.robots)
@@ -200,8 +199,8 @@ class TestCounts:
         mission = load_mission("toy")
         algorithm = NSGA2(
             pop_size=20,
-            sampling=RandomTrailSampling(),
-            crossover=MixedCrossover(repair=PenaltyOnly()),
+            sampling=mission.batch([mission.stay_home()] * 20).to_array(),
+            crossover=TrailSplice(repair=PenaltyOnly()),
             mutation=RuinRecreate(repair=PenaltyOnly()),
             repair=SafestPathRepair(),
             eliminate_duplicates=PlanDuplicates(),

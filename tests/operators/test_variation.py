@@ -8,18 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import BOTOHE, TrailPlan, area_indicator, load_mission
+from botohe_moo import BOTOHE, TrailPlan, load_mission
 from botohe_moo.operators import (
-    CornerSampling,
-    GuidedTrailSampling,
-    MixedSampling,
     PenaltyOnly,
+    PlanCrossover,
     PlanMutation,
-    PlanSampling,
-    RandomTrailSampling,
     RuinRecreate,
     ShareTrails,
-    TrailExchange,
     TrailSplice,
 )
 from botohe_moo.trails import PlanBatch
@@ -67,47 +62,19 @@ def assert_frequencies(found, expected):
 HOME, A, B, C = (1,), (1, 2, 1), (1, 3, 1), (1, 2, 4, 3, 1)
 
 
-class TestExchange:
-    def test_every_sharing_out_is_equally_likely(self, toy):
-        toy3 = toy.with_robots(3)
-        mine, others = [A, A, B], [C, C, HOME]
-        expected = Counter()
-        # One or two of my trails, filled up from the others; the rest is the second child.
-        for cut, mine_order, other_order in product(
-            (1, 2), permutations3(mine), permutations3(others)
-        ):
-            first = tuple(sorted(mine_order[:cut] + other_order[cut:]))
-            second = tuple(sorted(other_order[:cut] + mine_order[cut:]))
-            expected[first, second] += 1 / 72
-        assert_frequencies(crossed(TrailExchange, toy3, mine, others), expected)
-
-    def test_a_single_robot_splices(self, toy):
-        alone = toy.with_robots(1)
-        found = crossed(TrailExchange, alone, [A], [C], n=50)
-        assert found == crossed(TrailSplice, alone, [A], [C], n=50)
-
-
 @examples(100)
-@given(team_missions(max_robots=3), st.sampled_from([TrailExchange, TrailSplice]), st.data())
-def test_robots_get_trails_of_their_kind(mission, crossover, data):
+@given(team_missions(max_robots=3), st.data())
+def test_robots_get_trails_of_their_kind(mission, data):
     parents = [TrailPlan(data.draw(plans(mission))) for _ in range(2)]
     X = np.array(parents, dtype=object).reshape(2, 1, 1).repeat(20, axis=1)
     rng = np.random.default_rng(data.draw(st.integers(0, 99)))
-    children = crossover(repair=PenaltyOnly())._do(BOTOHE(mission), X, random_state=rng)
+    children = TrailSplice(repair=PenaltyOnly())._do(BOTOHE(mission), X, random_state=rng)
     n_robots = mission.robots
     for pair in zip(*children[..., 0].tolist(), strict=True):
         for robot in range(n_robots):
             for trail in (plan.trails[robot] for plan in pair):
                 assert (trail[0], trail[-1]) == ends_of(mission, robot)
                 assert len({node // len(mission.nodes) for node in trail}) == 1
-        if crossover is TrailExchange and n_robots > 1:
-            both, given = ([t for plan in some for t in plan.trails] for some in (pair, parents))
-            assert Counter(both) == Counter(given)
-
-
-def permutations3(items):
-    a, b, c = items
-    return [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]]
 
 
 class TestSplice:
@@ -187,49 +154,23 @@ class TestShare:
         assert mutated(ShareTrails(), toy.with_robots(1), [A], 10) == {(A,): 10}
 
 
-class TestSampling:
-    def test_corners(self, toy):
-        batch = CornerSampling().sample_batch(BOTOHE(toy), 5, np.random.default_rng(1))
-        assert toy.labels(batch[0]) == ((1,), (1,))
-        greedy = toy.evaluate([batch[1]])[0, 0]
-        others = toy.evaluate(
-            RandomTrailSampling().sample_batch(BOTOHE(toy), 300, np.random.default_rng(1))
-        )
-        assert greedy >= others[:, 0].max()
-        assert len(batch) == 5
-        assert len(CornerSampling().sample_batch(BOTOHE(toy), 1, np.random.default_rng(1))) == 1
-
-    def test_guided_trails_are_better_than_random_ones(self):
-        museum = load_mission("art_museum")
-        guided, blind = (
-            museum.evaluate(sampling.sample_batch(BOTOHE(museum), 500, np.random.default_rng(1)))
-            for sampling in (GuidedTrailSampling(), RandomTrailSampling())
-        )
-        assert area_indicator(guided, museum) > 1.2 * area_indicator(blind, museum)
-
-    def test_mixture(self, toy):
-        mixed = MixedSampling([RandomTrailSampling(), GuidedTrailSampling()])
-        assert len(mixed.sample_batch(BOTOHE(toy), 9, np.random.default_rng(1))) == 9
-        with pytest.raises(TypeError, match="Expected a sampling to be a PlanSampling"):
-            MixedSampling([TrailPlan([[0]])])
-        with pytest.raises(TypeError, match="Expected rest to be a PlanSampling"):
-            CornerSampling("guided")
-
-
-class Short(PlanMutation, PlanSampling):
+class Short(PlanMutation):
     """An operator that loses a plan."""
 
     def _draft(self, mission, plans, rng):
         return plans.take(np.arange(len(plans) - 1))
 
-    def _sample(self, problem, n_samples, rng):
-        return problem.mission.batch([problem.mission.stay_home()] * (n_samples - 1))
+
+class Childless(PlanCrossover):
+    """Likewise."""
+
+    _draft = Short._draft
 
 
 def test_operators_that_lose_plans_are_named(toy):
     rng = np.random.default_rng(0)
-    plans = GuidedTrailSampling().sample_batch(BOTOHE(toy), 4, rng)
+    plans = toy.batch([toy.stay_home()] * 4)
     with pytest.raises(ValueError, match=r"_draft of Short to give 4 drafts, got 3\."):
         Short().mutate_batch(toy, plans, rng)
-    with pytest.raises(ValueError, match=r"_sample of Short to give 6 plans, got 5\."):
-        Short().sample_batch(BOTOHE(toy), 6, rng)
+    with pytest.raises(ValueError, match=r"_draft of Childless to give 4 drafts, got 3\."):
+        Childless()._do(BOTOHE(toy), plans.to_array().reshape(2, 2, 1), random_state=rng)

@@ -12,8 +12,8 @@ from pymoo.core.population import Population
 
 from botohe_moo import BOTOHE, Mission
 from botohe_moo import load_mission as generated
+from botohe_moo.algorithms import RandomTrailSampling
 from botohe_moo.algorithms.base import ArchiveAlgorithm
-from botohe_moo.operators import RandomTrailSampling
 
 
 class Sampler(Algorithm):

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.mission import Mission
-from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study import read_study
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.judge.collect import collect_tables

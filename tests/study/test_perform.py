@@ -22,8 +22,8 @@ from hypothesis import strategies as st
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
+from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.local_search.kernels import recreate, search
-from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.run import perform as performing
 from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
@@ -138,7 +138,8 @@ class TestBudgets:
     @pytest.mark.slow
     def test_nor_is_annealing_which_evaluates_in_its_kernel(self):
         # As plain Python, where somebody can watch the kernel.
-        budgets = [(s, n) for s in ("cooled", "journal") for n in (1, 97, 331)]
+        names = ("simulated-annealing", "botohe_moo:SimulatedAnnealing.journal")
+        budgets = [(name, n) for name in names for n in (1, 97, 331)]
         code = f"""
 from botohe_moo import Mission
 from botohe_moo.algorithms.annealing import kernels as anneal
@@ -153,10 +154,9 @@ def evaluated(mission, plans):
     n[0] += len(F)
     return F
 anneal._evaluate, Mission.evaluate = watched, evaluated
-for schedule, budget in {budgets!r}:
+for name, budget in {budgets!r}:
     n[0] = 0
-    parameters = {{"schedule": schedule}}
-    task = make_task("simulated-annealing", evaluations=budget, parameters=parameters)
+    task = make_task(name, evaluations=budget)
     outcome, records = performed(task)
     print(outcome.evaluations, n[0])
 """
@@ -292,7 +292,7 @@ class TestRecords:
         assert {tuple(p) for p in -result.F} == {tuple(p) for p in records[-1].objectives}
 
     def test_times_leave_recording_out(self, monkeypatch):
-        from botohe_moo.search.archive import PlanArchive
+        from botohe_moo.algorithms.archive import PlanArchive
 
         usual = PlanArchive.plans.fget
 

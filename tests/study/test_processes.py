@@ -455,7 +455,7 @@ class TestCommands:
 
     def test_the_current_folder_has_algorithms(self, tmp_path):
         (tmp_path / "mine.py").write_text(
-            "from botohe_moo.algorithms.baselines import RandomTrails as Ants\n"
+            "from botohe_moo.algorithms.bo_aco.algorithm import RandomTrails as Ants\n"
         )
         (tmp_path / "random.py").write_text("raise SystemExit('not the standard module')\n")
         (tmp_path / "s.yaml").write_text(

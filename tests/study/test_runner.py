@@ -298,7 +298,7 @@ class TestTables:
         (tmp_path / "elsewhere").mkdir()
         (tmp_path / "elsewhere" / "mine_for_a_while.py").write_text(
             "from botohe_moo import load_mission\n"
-            "from botohe_moo.algorithms.baselines import RandomTrails as Ants\n"
+            "from botohe_moo.algorithms.bo_aco.algorithm import RandomTrails as Ants\n"
         )
         save_mission(load_mission("toy"), tmp_path / "elsewhere" / "site.json")
         monkeypatch.syspath_prepend(tmp_path / "elsewhere")

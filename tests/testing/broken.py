@@ -9,8 +9,8 @@ from pymoo.core.algorithm import Algorithm
 from pymoo.core.population import Population
 
 from botohe_moo import BOTOHE, Mission, TrailPlan
+from botohe_moo.algorithms import RandomTrailSampling
 from botohe_moo.algorithms.base import ArchiveAlgorithm
-from botohe_moo.operators import RandomTrailSampling
 from botohe_moo.trails import PlanBatch
 
 

@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from botohe_moo.algorithms import ArchiveAlgorithm
-from botohe_moo.operators import RandomTrailSampling, RuinRecreate
+from botohe_moo.algorithms import ArchiveAlgorithm, RandomTrailSampling
+from botohe_moo.operators import RuinRecreate
 
 
 class Drift(ArchiveAlgorithm):

@@ -6,6 +6,7 @@ from multiprocessing import get_context
 import numpy as np
 
 from botohe_moo._base.cpus import n_cpus
+from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.algorithms.local_search.engine import LocalSearch
 from botohe_moo.algorithms.local_search.islands import FIRST_ALONE
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
@@ -13,7 +14,6 @@ from botohe_moo.algorithms.local_search.kernels.search import improve
 from botohe_moo.core.compile import is_kept
 from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
-from botohe_moo.search.sequential import SequentialPlanner
 
 
 def compile_ahead(mission: Mission, world: World, n_evaluations: int) -> None:

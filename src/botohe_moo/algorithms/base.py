@@ -1,11 +1,12 @@
 """Base classes of algorithms: exact budgets, and an archive of all non-dominated plans."""
 
+import functools
 import inspect
 import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, TypeAlias, get_type_hints
 
 import numpy as np
 from pydantic import Field
@@ -111,8 +112,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
     Examples
     --------
     >>> from botohe_moo import solve
-    >>> from botohe_moo.algorithms import ArchiveAlgorithm
-    >>> from botohe_moo.operators import RandomTrailSampling
+    >>> from botohe_moo.algorithms import ArchiveAlgorithm, RandomTrailSampling
     >>> class Draw(ArchiveAlgorithm):
     ...     '''Draw trails at random, a hundred plans at a time.'''
     ...     def _advance(self, **_):
@@ -248,6 +248,40 @@ def settings_of(algorithm: Algorithm, kind: type[Any]) -> dict[str, Any]:
     """Return those parameters of an algorithm that are fields of a dataclass, by name."""
     names = [field.name for field in fields(kind)]
     return {name: getattr(algorithm, name) for name in names if hasattr(algorithm, name)}
+
+
+def tuned_by(kind: type[Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Let a constructor take the fields of a search's settings, a dataclass, as its parameters.
+
+    They become attributes of the algorithm, and types and defaults are those of the dataclass.
+    """
+
+    def decorated(init: Callable[..., None]) -> Callable[..., None]:
+        hints = get_type_hints(kind, include_extras=True)
+        stated = {
+            field.name: inspect.Parameter(
+                field.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=field.default,
+                annotation=hints[field.name],
+            )
+            for field in fields(kind)
+        }
+
+        @functools.wraps(init)
+        def call(self: Any, **given: Any) -> None:
+            settings = kind(**{name: given.pop(name) for name in stated.keys() & given.keys()})
+            init(self, **given)
+            for name in stated:
+                setattr(self, name, getattr(settings, name))
+
+        own = inspect.signature(init).parameters.values()
+        first, *others = own  # this is ``self``
+        together: Any = [first, *stated.values(), *others]
+        call.__signature__ = inspect.Signature(together)  # type: ignore[attr-defined]
+        return checked(call)
+
+    return decorated
 
 
 def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:

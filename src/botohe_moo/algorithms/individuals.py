@@ -9,7 +9,7 @@ from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.search.archive import PlanArchive
+from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 

@@ -19,10 +19,10 @@ class IterationSearch:
     def __init__(
         self,
         mission: Mission,
+        world: World,
         *,
         share: float,
         evaluations_each: int,
-        world: World,
         random_state: np.random.Generator,
     ) -> None:
         self.share = share

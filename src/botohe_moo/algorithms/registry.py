@@ -127,7 +127,7 @@ def find_algorithm(name: str) -> Callable[..., Any]:
     try:
         if is_path(name):
             found = declared_factory(name, PLUGINS, Algorithm)
-            from botohe_moo.algorithms.genetic import wired  # loads all operators
+            from botohe_moo.algorithms.genetic.algorithms import wired  # loads all operators
 
             return wired(name, found)
         return PLUGINS.load(name)

@@ -29,9 +29,8 @@ TIME_LIMIT = 60.0
 MEMORY_LIMIT = 1024.0
 MOST_ROBOTS = 5_000
 # To compile kernels: the bound of the first mission is its true front, that of the second soon has
-# this gap. Limits that do not limit its plans have kernels of their own.
-_SMALL, _LARGER, _GAP = "toy", "power_plant", 0.5
-_LOOSE_SURVIVAL, _LOOSE_LENGTH = 1e-9, 1e9
+# this gap. A travel budget, also one that limits nothing, has kernels of its own.
+_SMALL, _LARGER, _GAP, _LOOSE_LENGTH = "toy", "power_plant", 0.5, 1e9
 
 
 @checked
@@ -122,20 +121,21 @@ def bound_front(
         raise TypeError(f"Expected callback to be callable, got {quoted(callback)}.")
     known = check_objectives("front", () if front is None else front)
     check_boundable(mission, "bound_front")
-    limits, relaxation = mission.limits(min_survival, max_length), mission
+    relaxation, world = mission, mission.limited(min_survival, max_length)
     if not mission.is_plain:
-        relaxation, limits = relaxed_to_plain(mission, limits)
-    which = limits.min_survival > 0.0, limits.max_length < math.inf
-    _compile(_SMALL, *which)
+        relaxation = relaxed_to_plain(mission, world.limits)
+        world = relaxation.world
+    has_budget = world.limits.has_budgets
+    _compile(_SMALL, has_budget)
     clock, turns = Clock(time_limit, n_threads), Turns(n_threads)
     how: Any = {"seed": seed, "memory": memory_limit, "clock": clock, "turns": turns}
-    proof = Proof(relaxation, limits, bounded=mission, **how)
+    proof = Proof(relaxation, world, bounded=mission, **how)
     proof.bound().check("front", known)
     proof.known.add(known)
     try:
         if not proof.find_front():
             with clock.stopped():
-                _compile(_LARGER, *which)
+                _compile(_LARGER, has_budget)
             if proof.prepare():
                 Schedule(proof, gap=gap, callback=callback).run()
     except KeyboardInterrupt:
@@ -146,15 +146,13 @@ def bound_front(
 
 
 @functools.cache
-def _compile(name: str, floor: bool, budget: bool) -> None:
+def _compile(name: str, has_budget: bool) -> None:
     """Compile the kernels that bounds of a mission need, or load them, so that it is not timed."""
     if not hasattr(find_trails, "stats"):
         return  # numba is told to compile nothing
     mission = load_mission(name)
-    limits = mission.limits(
-        _LOOSE_SURVIVAL if floor else 0.0, _LOOSE_LENGTH if budget else math.inf
-    )
+    world = mission.limited(0.0, _LOOSE_LENGTH if has_budget else math.inf)
     clock, turns = Clock(TIME_LIMIT), Turns(1)
-    proof = Proof(mission, limits, seed=1, memory=MEMORY_LIMIT, clock=clock, turns=turns)
+    proof = Proof(mission, world, seed=1, memory=MEMORY_LIMIT, clock=clock, turns=turns)
     if not proof.find_front() and proof.prepare():
         Schedule(proof, gap=_GAP, callback=None).run()

@@ -15,7 +15,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.kernels.states import NEVER, NONE, Memory, Net
 from botohe_moo.bounds.net import Piece, pieces_of
-from botohe_moo.kernels.beam.prospects import find_near
+from botohe_moo.core.paths import find_near
 
 _MOST_BRIDGES = 256  # that a node chooses from: more than it can remember
 # By what share survivals of ways are raised: paths are compared by sums of rounded logarithms.
@@ -45,7 +45,7 @@ class Remembered:
         self._backs: dict[int, int] = {}  # the arc into a piece, by the arc back over its bridge
         if n_bits == 0:
             return
-        pieces = pieces_of(graph)
+        pieces = pieces_of(net.world)
         self._backs = {piece.back: piece.arc for piece in pieces[1:]}
         bridges = [*self._backs, *self._backs.values()]
         not_by_bridges = np.ones(graph.n_arcs, bool)
@@ -124,7 +124,7 @@ class Remembered:
         These are nodes between the first time and the second. Bits with the fewest come first.
         """
         graph = self.net.graph
-        nodes = [graph.base, *graph.head[trail.arcs].tolist()]
+        nodes = [self.net.base, *graph.head[trail.arcs].tolist()]
         times: dict[int, list[int]] = {}
         for step, (arc, pays) in enumerate(zip(*trail, strict=True), 1):
             times.setdefault(graph.n_nodes + arc, []).append(step)
@@ -142,7 +142,7 @@ class Remembered:
 def _best_between(net: Net) -> FloatArray:
     """Return the survival of the safest way from each node to each (n_nodes, n_nodes), or more."""
     n_nodes = net.graph.n_nodes
-    near, between = find_near(net.graph, n_nodes), np.zeros((n_nodes, n_nodes))
+    near, between = find_near(net.world, n_nodes), np.zeros((n_nodes, n_nodes))
     np.put_along_axis(between, near.nodes, near.reach, axis=1)
     np.fill_diagonal(between, 1.0)
     return np.minimum(between * (1.0 + _ABOVE) + np.finfo(float).tiny, 1.0)

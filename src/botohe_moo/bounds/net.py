@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import networkx as nx
@@ -9,7 +10,7 @@ import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.bounds.kernels.states import ROUNDING, Net
-from botohe_moo.core.graph import Graph, Limits, new_graph, with_costs
+from botohe_moo.core.world import Graph, World, cheapest_ways, new_limits, new_world
 
 _LEAST_REACH = 1e-290  # it is divided by reach, which underflows on long ways
 
@@ -27,41 +28,44 @@ class Piece(NamedTuple):
     back: int  # the arc to the gate, −1 where there is none
 
 
-def new_net(graph: Graph, limits: Limits) -> Net:
+def new_net(world: World, unit: float = 1.0) -> Net:
     """Leave out arcs that no trail within the limits takes, or that lead to no reward.
 
-    The reward of the base is set to 0: every plan collects it.
+    ``world`` is that of a plain mission with limits. Rewards are counted in units; that of the base
+    is set to 0, since every plan collects it.
     """
-    reward = graph.reward.copy()
-    reward[graph.base] = 0.0
-    kept = np.ones(graph.n_arcs, bool)
+    reward = world.graph.reward / unit
+    reward[world.team.start[0]] = 0.0
+    min_survival, max_length = float(world.limits.floors[0]), float(world.limits.budgets[0])
+    kept = np.ones(world.graph.n_arcs, bool)
     while True:
-        graph = _rebuilt(graph, np.flatnonzero(kept), reward)
+        world = _rebuilt(world, np.flatnonzero(kept), reward)
+        graph = world.graph
         # With all arcs reversed, ways home are the ways out.
         order = np.lexsort((graph.tail, graph.head))
-        outward = _rebuilt(graph, order, reward, is_reversed=True)
-        kept = _needed(graph, outward, limits)
+        outward = _rebuilt(world, order, reward, is_reversed=True)
+        kept = _needed(world, outward, min_survival, max_length)
         if kept.all():
             break
     # Nodes that no arc leads to pay nothing.
     reward[np.bincount(graph.head, minlength=graph.n_nodes) == 0] = 0.0
-    graph = _rebuilt(graph, np.flatnonzero(kept), reward)
-    reach = _best_reach(graph, outward.home)
+    world = _rebuilt(world, np.flatnonzero(kept), reward)
+    graph = world.graph
+    reach = _best_reach(graph, outward.ways.home)
     ratio = np.minimum(reach[graph.tail] * graph.survival / reach[graph.head], 1.0)
-    home_length = with_costs(graph, graph.length).home
-    return Net(graph, reach, ratio, home_length, limits.min_survival, limits.max_length)
+    return Net(world, reach, ratio, _lengths_home(world), min_survival, max_length)
 
 
-def pieces_of(graph: Graph) -> list[Piece]:
+def pieces_of(world: World) -> list[Piece]:
     """Return the pieces between bridges, each after the one above it; the base's comes first."""
-    arcs = arcs_by_ends(graph)
+    arcs, base = arcs_by_ends(world.graph), int(world.team.start[0])
     undirected: nx.Graph[int] = nx.Graph(arcs.keys())
-    undirected.add_node(graph.base)
+    undirected.add_node(base)
     bridges: nx.Graph[int] = nx.Graph(nx.bridges(undirected))  # type: ignore[arg-type]
     undirected.remove_edges_from(bridges.edges)
     found: list[Piece] = []
     # The node where each piece is entered, the piece above, and the gate.
-    entrances = [(graph.base, -1, -1)]
+    entrances = [(base, -1, -1)]
     for entrance, above, gate in entrances:  # the list grows as it is read
         nodes = tuple(nx.node_connected_component(undirected, entrance))
         arc, back = arcs.get((gate, entrance), -1), arcs.get((entrance, gate), -1)
@@ -90,23 +94,32 @@ def _best_reach(graph: Graph, reach: FloatArray) -> FloatArray:
 
 
 def _rebuilt(
-    graph: Graph, arcs: OffsetArray, reward: FloatArray, *, is_reversed: bool = False
-) -> Graph:
-    """Return a graph of some of the arcs in their order, with other rewards."""
+    world: World, arcs: OffsetArray, reward: FloatArray, *, is_reversed: bool = False
+) -> World:
+    """Return a world without limits of some of the arcs in their order, with other rewards."""
+    graph, team = world.graph, world.team._replace(reward=reward.copy())
     tail, head = (graph.head, graph.tail) if is_reversed else (graph.tail, graph.head)
-    survival, length = graph.survival[arcs], graph.length[arcs]
-    return new_graph(tail[arcs], head[arcs], survival, length, reward.copy(), graph.base)
+    of_arcs = tail[arcs], head[arcs], graph.survival[arcs], graph.length[arcs]
+    limits = new_limits([0.0], [math.inf], [world.n_robots])
+    return new_world(*of_arcs, team.reward, team, limits, None)
 
 
-def _needed(graph: Graph, outward: Graph, limits: Limits) -> Any:
+def _lengths_home(world: World) -> FloatArray:
+    """Return the length of the shortest way from each node to the base, inf where there is none."""
+    graph = world.graph
+    return cheapest_ways(graph._replace(cost=graph.length), world.team.end)[1]
+
+
+def _needed(world: World, outward: World, min_survival: float, max_length: float) -> Any:
     """Return which arcs a trail within the limits may take to collect a reward."""
-    kept = _arrives(outward)[graph.tail] & _arrives(graph)[graph.head]
-    alive = outward.home[graph.tail] * graph.survival * graph.home[graph.head]
-    kept &= alive >= limits.min_survival * (1.0 - ROUNDING)
-    out, home = (with_costs(each, each.length).home for each in (outward, graph))
+    graph = world.graph
+    kept = _arrives(outward)[graph.tail] & _arrives(world)[graph.head]
+    alive = outward.ways.home[graph.tail] * graph.survival * world.ways.home[graph.head]
+    kept &= alive >= min_survival * (1.0 - ROUNDING)
+    out, home = map(_lengths_home, (outward, world))
     length = out[graph.tail] + graph.length + home[graph.head]
-    kept &= length * (1.0 - ROUNDING) <= limits.max_length
-    pieces = pieces_of(graph)
+    kept &= length * (1.0 - ROUNDING) <= max_length
+    pieces = pieces_of(world)
     worth = [float(graph.reward[list(piece.nodes)].sum()) for piece in pieces]
     is_useless = np.zeros(graph.n_nodes, bool)
     for number in range(len(pieces) - 1, 0, -1):  # from the outermost pieces inwards
@@ -119,8 +132,8 @@ def _needed(graph: Graph, outward: Graph, limits: Limits) -> Any:
     return kept
 
 
-def _arrives(graph: Graph) -> BoolArray:
+def _arrives(world: World) -> BoolArray:
     """Return which nodes have a way to the base."""
-    arrives = graph.homeward >= 0
-    arrives[graph.base] = True
+    arrives = world.ways.homeward >= 0
+    arrives[world.team.start[0]] = True
     return arrives

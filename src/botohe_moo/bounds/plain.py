@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import networkx as nx
 
 from botohe_moo._base.checks import quoted
-from botohe_moo.core.graph import Limits
+from botohe_moo.core.world import Limits
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.rules import by_kind
+from botohe_moo.mission.rules import ONLY_KIND, Kind, by_kind
 
 NOTE = "Robots are bounded as if each were the best of all kinds, and rewards counted on arrival."
 
@@ -34,8 +35,8 @@ def fewest_moving(mission: Mission) -> int:
     return sum(kind.robots for kind in mission.kinds if len({*kind.ends(mission.base)}) > 1)
 
 
-def relaxed_to_plain(mission: Mission, limits: Limits) -> tuple[Mission, Limits]:
-    """Return a plain mission, and limits, that allow as much as a mission that is not plain.
+def relaxed_to_plain(mission: Mission, limits: Limits) -> Mission:
+    """Return a plain mission with limits that allow as much as a mission that is not plain.
 
     Each plan of the mission is one of the relaxation's, with at least its E[R] and its E[S]. An arc
     is as safe as for the kind that survives it best, and limits are the loosest of any kind. A
@@ -61,6 +62,7 @@ def relaxed_to_plain(mission: Mission, limits: Limits) -> tuple[Mission, Limits]
     # Kinds need not get everywhere, a plain team has to.
     used = {base, *(nx.descendants(graph, base) & nx.ancestors(graph, base))}
     graph.remove_nodes_from([node for node in graph if node not in used])
-    if limits.floors is not None and limits.budgets is not None:
-        limits = Limits(float(limits.floors.min()), float(limits.budgets.max()))
-    return Mission(graph, base=base, robots=mission.robots), limits
+    least, longest = float(limits.floors.min()), float(limits.budgets.max())
+    budget = None if longest == math.inf else longest
+    kind = Kind(ONLY_KIND, mission.robots, min_survival=least, max_length=budget)
+    return Mission(graph, base=base, kinds=[kind])

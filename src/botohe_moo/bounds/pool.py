@@ -9,6 +9,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.kernels.states import ROUNDING, Net
+from botohe_moo.bounds.kernels.trails import follow_trails
 from botohe_moo.bounds.memory import RelaxedTrail
 from botohe_moo.bounds.prices import Prices
 
@@ -72,14 +73,14 @@ class Pool:
         Without ``paid``, each node pays at its first visit.
         """
         graph = self._net.graph
-        alive, seen, paying = 1.0, {graph.base}, []
-        for i, arc in enumerate(arcs):
-            alive *= graph.survival[arc]
-            node = int(graph.head[arc])
-            if node not in seen if paid is None else paid[i]:
-                paying.append((node, alive))
-            seen.add(node)
-        return paying, alive
+        if paid is None:
+            taken = np.array([arcs], np.int32)
+            survival, [reached] = follow_trails(self._net.world, taken, np.array([len(arcs)]))
+            nodes = np.flatnonzero(reached)
+            return list(zip(nodes.tolist(), reached[nodes].tolist(), strict=True)), survival[0]
+        alive, heads = graph.survival[arcs].cumprod(), graph.head[arcs].tolist()
+        paying = zip(heads, alive.tolist(), paid, strict=True)
+        return [(node, chance) for node, chance, pays in paying if pays], alive[-1]
 
     def _is_trail(self, arcs: list[int], paying: list[tuple[int, float]], alive: float) -> bool:
         """Return whether a relaxed trail is a trail.
@@ -91,7 +92,7 @@ class Pool:
         return bool(
             len(nodes) == len(paying)
             and len({*arcs}) == len(arcs)
-            and graph.head[arcs[-1]] == graph.base
+            and graph.head[arcs[-1]] == net.base
             and alive >= net.min_survival * (1.0 - ROUNDING)
             and graph.length[arcs].sum() * (1.0 - ROUNDING) <= net.max_length
         )

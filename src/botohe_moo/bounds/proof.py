@@ -24,7 +24,7 @@ from botohe_moo.bounds.stairs import MOST_MOVING, TeamStairs
 from botohe_moo.bounds.steps import Steps
 from botohe_moo.bounds.targets import Known
 from botohe_moo.bounds.turns import Turns
-from botohe_moo.core.graph import Limits
+from botohe_moo.core.world import CHECKING, World
 from botohe_moo.mission.model import Mission
 
 # These constants share out time and memory; every bound is valid whatever they are. Where no other
@@ -48,7 +48,6 @@ _FIRST_BITS = 10  # that a node remembers at first: rewards and bridges
 _MOST_COMPARED = 3_000  # nodes of which all pairs are compared: a second, and 0.1 GiB
 _BYTES_A_LINK = 40.0  # two integers of 8 bytes, a flag and a figure, and some while they are found
 _MIB = 2**20
-_ROUNDING = 1e-12  # the largest survival is raised by this share: products are rounded
 
 
 class Proof:
@@ -57,7 +56,7 @@ class Proof:
     def __init__(
         self,
         mission: Mission,
-        limits: Limits,
+        world: World,
         *,
         bounded: Mission | None = None,
         seed: int,
@@ -66,16 +65,16 @@ class Proof:
         turns: Turns,
     ) -> None:
         self.clock, self.turns = clock, turns
-        self.limits, self.robots = limits, mission.robots
-        self._mission, self._memory = mission, memory
+        self.robots = mission.robots
+        self._mission, self._world, self._memory = mission, world, memory
         self._bounded = mission if bounded is None else bounded  # whose plans are the mission's
         self._random_state = np.random.default_rng(seed)
-        graph = mission.arrays
         # In units in which all reward is about 100: a power of 2, so that nothing is rounded.
         self.unit = 2.0 ** round(math.log2(mission.total_reward / 100 or 1.0))
-        self._net = new_net(graph._replace(reward=graph.reward / self.unit), limits)
+        self._net = new_net(world, self.unit)
+        self.min_survival, self.max_length = self._net.min_survival, self._net.max_length
         self.most_survival = _most_survival(self._net)
-        base_reward = float(graph.reward[graph.base])
+        base_reward = float(world.graph.reward[world.team.start[0]])
         self._base_reward = base_reward / self.unit
         self.known = Known(base_reward, mission.robots)
         self._front: list[Step] = []
@@ -129,7 +128,7 @@ class Proof:
         mission, seconds = self._mission, _EXACT_SHARE * self.clock.seconds
         # Portions decide, unless they take twice as long as they usually do.
         search = FrontSearch(
-            mission, self.limits, time_limit=2 * seconds, memory_limit=self._memory
+            mission, self._world, time_limit=2 * seconds, memory_limit=self._memory
         )
         n_portions = int(min(_MOST_PORTIONS, 1 + _PORTIONS_A_SECOND * seconds))
         try:
@@ -142,7 +141,7 @@ class Proof:
             return False
         objectives = mission.evaluate(search.plans)  # by ascending E[S]
         # Twice what exact_front regards as equal.
-        reward, robots = 2e-12 * mission.total_reward, 2e-12 * mission.robots
+        reward, robots = 2 * CHECKING * mission.total_reward, 2 * CHECKING * mission.robots
         most = [float(objectives[0, 0]) + reward, *(objectives[1:, 0] + reward).tolist()]
         least = [-math.inf, *(objectives[:-1, 1] + robots).tolist()]
         for moving in range(1, mission.robots + 1):
@@ -166,9 +165,9 @@ class Proof:
             self._notes.append("Relaxed trails remember nothing: there is too little time.")
         if self._relaxation.remembers_less:
             self._notes.append("Relaxed trails remember less than they would with more memory.")
-        if self.limits.max_length < math.inf:
+        if self.max_length < math.inf:
             self._notes.append("Relaxed trails keep the travel budget one arc at a time only.")
-        if self.limits.min_survival > 0.0:
+        if self.min_survival > 0.0:
             self._notes.append("Relaxed trails keep the survival floor one arc at a time only.")
         self._find_trails()
         return True
@@ -190,8 +189,8 @@ class Proof:
             lines=tuple(lines),
             steps=(*self._front, *steps),
             most_survival=self.most_survival,
-            min_survival=self.limits.min_survival,
-            max_length=self.limits.max_length,
+            min_survival=self.min_survival,
+            max_length=self.max_length,
             seconds=self.clock.elapsed,
             notes=tuple(self._notes),
         )
@@ -199,7 +198,7 @@ class Proof:
     def _find_trails(self) -> None:
         """Search for plans, and put their trails into the pool."""
         mission, graph = self._mission, self._net.graph
-        search = LocalSearch(mission, self.limits, random_state=self._random_state)
+        search = LocalSearch(mission, self._world, random_state=self._random_state)
         search.insert(mission.batch([mission.stay_home()]))
         seconds = _SECONDS_A_STOP * graph.n_nodes * mission.robots
         search.run(int(min(_EVALUATIONS, 1 + _SEARCH_SHARE * self.clock.seconds / seconds)))
@@ -215,6 +214,6 @@ class Proof:
 def _most_survival(net: Net) -> float:
     """Return the largest probability to survive of a robot that moves."""
     graph = net.graph
-    leaving = slice(graph.first[graph.base], graph.first[graph.base + 1])
-    survival = graph.survival[leaving] * graph.home[graph.head[leaving]]
-    return min(1.0, float(survival.max(initial=0.0)) * (1.0 + _ROUNDING))
+    leaving = slice(graph.first[net.base], graph.first[net.base + 1])
+    survival = graph.survival[leaving] * net.world.ways.home[graph.head[leaving]]
+    return min(1.0, float(survival.max(initial=0.0)) * (1.0 + CHECKING))  # products are rounded

@@ -137,7 +137,7 @@ class Relaxation:
         """
         net, between, n_levels = self.net, self._remembered.between, prices.shape[1] - 1
         alive = net.reach[:, None] * (np.arange(n_levels + 1) / n_levels)
-        cap = mu * alive * np.minimum(net.graph.home, 1.0)[:, None]
+        cap = mu * alive * np.minimum(net.world.ways.home, 1.0)[:, None]
         if between is None:
             cap[:, 1:] += prices[:, -1].sum()
         else:

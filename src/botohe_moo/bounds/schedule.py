@@ -139,7 +139,7 @@ class Schedule:
                 return True
             moving, lines = target.moving, proof.lines[target.moving - 1]
             x = target.survivors - (proof.robots - moving)
-            x = max(x, moving * proof.limits.min_survival)
+            x = max(x, moving * proof.min_survival)
             if lines.tighten(x, effort, until):
                 own.reopen(target)
             return True

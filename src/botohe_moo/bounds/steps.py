@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.algorithms.exact.kernels.teams import FINISHED, choose_teams, new_choices
+from botohe_moo.algorithms.exact.teams import FINISHED, choose_teams, new_choices
 from botohe_moo.bounds.envelopes import EDGE, add_stairs, falling, last_steps, least_total
 from botohe_moo.bounds.kernels.states import ROUNDING
-from botohe_moo.bounds.kernels.trails import Stairs
+from botohe_moo.bounds.kernels.trails import Stairs, follow_trails
 from botohe_moo.bounds.lines import LEAST_MU, LEVELS, N_STEPS, Lines
 from botohe_moo.bounds.prices import Prices
 from botohe_moo.bounds.record import Step
@@ -154,7 +154,8 @@ class Steps:
         if len(n_arcs) == 0:
             return goal
         reward = self._lines.team.reward
-        survival, reached = self._figures(arcs, n_arcs)
+        survival, reached = follow_trails(self._relaxation.net.world, arcs, n_arcs)
+        reached = reached[:, self._lines.team.nodes]
         order = np.argsort(-survival, kind="stable")
         no_slack = np.zeros(2)
         choices = new_choices(survival[order], reached[order], reward, no_slack, self._n_robots)
@@ -170,15 +171,3 @@ class Steps:
         if ended != FINISHED and n_most < _MOST_TEAMS:
             clock.end()
         return best_reward(front, np.inf) if ended == FINISHED else None
-
-    def _figures(self, arcs: OffsetArray, n_arcs: OffsetArray) -> tuple[FloatArray, FloatArray]:
-        """Return survivals of trails, and the probabilities to reach each node that pays."""
-        graph, nodes = self._relaxation.net.graph, self._lines.team.nodes
-        arcs = arcs[:, : n_arcs.max()]
-        is_taken = np.arange(arcs.shape[1]) < n_arcs[:, None]
-        survival: FloatArray = np.where(is_taken, graph.survival[arcs], 1.0)
-        alive = survival.cumprod(axis=1)
-        reached = np.zeros((len(arcs), graph.n_nodes))
-        # The first visit counts, since no later one is as likely.
-        np.maximum.at(reached, (np.arange(len(arcs))[:, None], graph.head[arcs]), alive * is_taken)
-        return alive[:, -1], reached[:, nodes]

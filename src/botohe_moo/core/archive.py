@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo._base.types import BoolArray, FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.core.compile import helper, kernel
 from botohe_moo.core.rng import hash_stretch
 
@@ -40,33 +40,6 @@ def new_archive() -> Archive:
 
 
 @helper
-def sort_descending(keys: FloatArray, order: OffsetArray, spare: OffsetArray, n: int) -> None:
-    """Sort the first ``n`` indices in ``order`` by their keys, the largest first.
-
-    Equal ones stay in order; the place of NaN is undefined. ``spare`` is scratch. This is a merge
-    sort from the bottom up, since numpy's own sorting takes seconds to compile.
-    """
-    width = 1
-    while width < n:
-        for start in range(0, n, 2 * width):
-            middle, stop = min(start + width, n), min(start + 2 * width, n)
-            left, right = start, middle
-            for i in range(start, stop):
-                takes_right = left == middle
-                if left < middle and right < stop:
-                    takes_right = keys[order[right]] > keys[order[left]]
-                if takes_right:
-                    spare[i] = order[right]
-                    right += 1
-                else:
-                    spare[i] = order[left]
-                    left += 1
-        for i in range(n):
-            order[i] = spare[i]
-        width *= 2
-
-
-@helper
 def plan_hash(batch: Batch, n_robots: int, plan: int) -> np.uint64:
     """Hash the multiset of a plan's trails to 64 bits; the order of the robots does not matter."""
     total = np.uint64(0)
@@ -75,20 +48,45 @@ def plan_hash(batch: Batch, n_robots: int, plan: int) -> np.uint64:
     return total
 
 
-@helper
-def find_pareto_set(
-    batch: Batch, n_robots: int, members: OffsetArray, spare: OffsetArray, hashes: SeedArray
-) -> int:
-    """Find the non-dominated plans of a batch, and each repeated plan once.
+class Found(NamedTuple):
+    """What there is in a batch; all arrays are as long as the batch."""
 
-    Writes their indices, by descending E[R], to ``members``, and the hash of each one's trails to
-    its place in ``hashes``. All arrays are as long as the batch. Returns how many plans there are.
+    # Indices of its plans by descending E[R]; ``sift`` leaves those of its Pareto set in front.
+    members: OffsetArray
+    newcomers: OffsetArray  # indices of those that the archive neither dominates nor holds
+    hashes: SeedArray  # of the members' trails
+
+
+def new_found(batch: Batch) -> Found:
+    """Return the plans of a batch by descending E[R]; equal ones stay in order."""
+    order, n_plans = np.argsort(-batch.objectives[:, 0], kind="stable"), len(batch.objectives)
+    return Found(order, np.empty(n_plans, np.int64), np.empty(n_plans, np.uint64))
+
+
+@kernel
+def sift(
+    batch: Batch,
+    n_robots: int,
+    archived: FloatArray,
+    hashes: SeedArray,
+    max_ties: int,
+    found: Found,
+) -> tuple[int, int]:
+    """Find the Pareto set of a batch, each plan once, and what of it is new to an archive.
+
+    The archive has the objectives ``archived``, by descending E[R], and the ``hashes``. Of plans
+    with equal objectives it takes up to ``max_ties``. Returns how many members and newcomers there
+    are.
     """
+    n = _find_pareto_set(batch, n_robots, found.members, found.hashes)
+    return n, _find_newcomers(batch.objectives, n, archived, hashes, max_ties, found)
+
+
+@helper
+def _find_pareto_set(batch: Batch, n_robots: int, members: OffsetArray, hashes: SeedArray) -> int:
+    """Leave the non-dominated plans in ``members``, each once; return how many there are."""
     objectives, n = batch.objectives, 0
     n_plans = objectives.shape[0]
-    for i in range(n_plans):
-        members[i] = i
-    sort_descending(objectives[:, 0], members, spare, n_plans)
     best = -np.inf
     first = stop = 0
     while first < n_plans:
@@ -115,21 +113,17 @@ def find_pareto_set(
 
 @helper
 def _find_newcomers(
-    batch: Batch,
-    members: OffsetArray,
+    objectives: FloatArray,
+    n_members: int,
+    archived: FloatArray,
     hashes: SeedArray,
-    archive: Archive,
     max_ties: int,
-    newcomers: OffsetArray,
+    found: Found,
 ) -> int:
-    """Find the plans of a batch's Pareto set that the archive neither dominates nor holds already.
-
-    Of plans with equal objectives the archive takes up to ``max_ties``. Writes the indices of the
-    plans found, and returns how many there are.
-    """
-    objectives, archived = batch.objectives, archive.objectives
+    """Write the members that the archive neither dominates nor holds; return how many there are."""
+    members = found.members
     n = rank = ties = 0
-    for i in range(members.shape[0]):
+    for i in range(n_members):
         reward, survivors = objectives[members[i], 0], objectives[members[i], 1]
         if i == 0 or reward != objectives[members[i - 1], 0]:
             ties = 0
@@ -142,106 +136,21 @@ def _find_newcomers(
                 continue
             while equal > 0 and archived[equal - 1, 0] == reward:
                 equal -= 1
-                if archive.hashes[equal] == hashes[members[i]]:
+                if hashes[equal] == found.hashes[members[i]]:
                     equal = -1
             if equal < 0:
                 continue
         if rank - equal + ties < max_ties:
-            newcomers[n] = members[i]
+            found.newcomers[n] = members[i]
             n += 1
             ties += 1
     return n
 
 
-@helper
-def _merge_order(
-    archived: FloatArray, objectives: FloatArray, newcomers: OffsetArray, order: OffsetArray
-) -> int:
-    """Write the order of the plans that stay and of the newcomers, by descending E[R].
-
-    Plan i of the archive is written as i, newcomer j as −1 − j. Returns how many plans there are.
-    """
-    n_archived, n_new = archived.shape[0], newcomers.shape[0]
-    n = i = j = as_rewarding = 0
-    while i < n_archived or j < n_new:
-        reward = objectives[newcomers[j], 0] if j < n_new else -np.inf
-        if i < n_archived and archived[i, 0] >= reward:
-            while as_rewarding < n_new and (
-                objectives[newcomers[as_rewarding], 0] >= archived[i, 0]
-            ):
-                as_rewarding += 1
-            # Only a newcomer can dominate it. Of those with as much reward or more the last one
-            # survives best.
-            stays = True
-            if as_rewarding > 0:
-                last = newcomers[as_rewarding - 1]
-                more = objectives[last, 1] - archived[i, 1]
-                stays = more < 0.0 or (more == 0.0 and objectives[last, 0] == archived[i, 0])
-            if stays:
-                order[n] = i
-                n += 1
-            i += 1
-        else:
-            order[n] = -1 - j
-            n += 1
-            j += 1
-    return n
-
-
-@helper
-def _copy_plan(batch: Batch, plan: int, n_robots: int, into: Archive, row: int) -> None:
-    """Copy a plan's objectives and trails to a row, behind those of the rows before."""
-    offsets = batch.offsets
-    for objective in range(2):
-        into.objectives[row, objective] = batch.objectives[plan, objective]
-    start, at = offsets[plan * n_robots], into.offsets[row * n_robots]
-    for k in range(1, n_robots + 1):
-        into.offsets[row * n_robots + k] = at + offsets[plan * n_robots + k] - start
-    for i in range(offsets[(plan + 1) * n_robots] - start):
-        into.nodes[at + i] = batch.nodes[start + i]
-
-
-@kernel
-def insert(
-    batch: Batch, n_robots: int, archive: Archive, max_ties: int, next_id: int
-) -> tuple[OffsetArray, OffsetArray, Archive]:
-    """Insert the plans of a batch that an archive neither dominates nor holds.
-
-    Their numbers begin with ``next_id``. Returns the indices of the batch's Pareto set, and those
-    of the plans that are inserted, both by descending E[R], and the archive with them.
-    """
-    n_plans, n_archived = batch.objectives.shape[0], archive.ids.shape[0]
-    members, found = np.empty(n_plans, np.int64), np.empty(n_plans, np.int64)
-    hashes = np.empty(n_plans, np.uint64)
-    n = find_pareto_set(batch, n_robots, members, found, hashes)
-    members = members[:n]
-    n_new = _find_newcomers(batch, members, hashes, archive, max_ties, found)
-    newcomers = found[:n_new]
-    if n_new == 0:
-        return members, newcomers, archive
-    order = np.empty(n_archived + n_new, np.int64)
-    n = _merge_order(archive.objectives, batch.objectives, newcomers, order)
-    merged = Archive(
-        np.empty((n, 2)),
-        np.empty(n, np.uint64),
-        np.empty(n, np.int64),
-        np.empty(archive.nodes.shape[0] + batch.nodes.shape[0], np.int32),
-        np.empty(n * n_robots + 1, np.int64),
-    )
-    merged.offsets[0] = 0
-    archived = Batch(archive.objectives, archive.nodes, archive.offsets)
-    for row in range(n):
-        plan, new = order[row], -1 - order[row]
-        if plan >= 0:
-            merged.hashes[row], merged.ids[row] = archive.hashes[plan], archive.ids[plan]
-            _copy_plan(archived, plan, n_robots, merged, row)
-        else:
-            merged.hashes[row], merged.ids[row] = hashes[newcomers[new]], next_id + new
-            _copy_plan(batch, newcomers[new], n_robots, merged, row)
-    size = merged.offsets[n * n_robots]
-    nodes = merged.nodes[:size].copy()
-    return (
-        members,
-        newcomers,
-        Archive(merged.objectives, merged.hashes, merged.ids, nodes, merged.offsets),
-    )
+def survivors_of(archived: FloatArray, newcomers: FloatArray) -> BoolArray:
+    """Return which plans of an archive no newcomer dominates; both are by descending E[R]."""
+    rank = np.searchsorted(-newcomers[:, 0], -archived[:, 0], side="right")
+    # Of the newcomers with as much reward or more the last one survives best.
+    rival = np.concatenate([[[np.inf, -np.inf]], newcomers])[rank]
+    stays: BoolArray = (rival[:, 1] < archived[:, 1]) | (rival == archived).all(axis=1)
+    return stays

@@ -12,20 +12,24 @@ import hashlib
 import os
 import re
 import sys
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-from numba import njit
-from numba.core import event, targetconfig
+from numba import extending, njit, types
+from numba.core import cgutils, event, imputils, targetconfig
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.cpu import CPUContext, CPUTargetOptions
+from numba.core.typing.templates import AttributeTemplate
 from numba.extending import register_jitable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+Tuple = TypeVar("Tuple", bound=tuple[Any, ...])
 
 # Options that numba does not document, tried with 0.61 to 0.68. Where a version does not know one,
 # kernels do without it and give the same results. They compile for a tenth longer, and run up to
@@ -47,11 +51,10 @@ def kernel(function: Function) -> Function:
     compiler: Any = njit
     compiled: Any = compiler(nogil=True, **_EVERYWHERE)(function)
     if _KEEPS and hasattr(compiled, "enable_caching"):  # else numba is told to compile nothing
-        try:
+        with suppress(RuntimeError):  # no folder is writable, as in some containers
             compiled._cache = _KernelCache(function)
-        except RuntimeError:  # no folder is writable, as in some containers
-            return compiled  # type: ignore[no-any-return]
-    return compiled  # type: ignore[no-any-return]
+    made: Function = compiled
+    return made
 
 
 def is_kept(kernel: Any) -> bool:
@@ -60,7 +63,11 @@ def is_kept(kernel: Any) -> bool:
     return not isinstance(cache, _KernelCache) or cache.is_kept()
 
 
-class _KernelCache(FunctionCache):  # type: ignore[misc]
+_numba_cache: Any = FunctionCache
+_numba_files: Any = IndexDataCacheFile
+
+
+class _KernelCache(_numba_cache):  # type: ignore[misc]
     """numba's cache of a kernel, in files that are named by the sources it was compiled from.
 
     numba itself compares one file with its date: it would run machine code of helpers that have
@@ -95,7 +102,7 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         return f"{self._impl.filename_base}-{_digest(_sources(self._py_func.__module__))}"
 
     def _name_files(self) -> None:
-        self._cache_file = IndexDataCacheFile(self._cache_path, self._stem(), source_stamp=None)
+        self._cache_file = _numba_files(self._cache_path, self._stem(), source_stamp=None)
 
 
 _IMPORT = re.compile(r"^from (botohe_moo\.[\w.]+) import", re.MULTILINE)
@@ -237,3 +244,91 @@ _register: Any = event.register
 _register("numba:compile", _compiling)
 if numba.version_info.short == (0, 68):  # other versions compile for longer, with the same results
     _leave_helpers_to_kernels(_compiling)
+
+
+# Numba hands a named tuple to a function array by array, and each array as seven numbers: most of
+# the code that it compiled was calls of helpers. ``shared`` hands over one address instead.
+
+_numba: Any = extending
+_code: Any = cgutils
+_made: Any = imputils
+_Attributes: Any = AttributeTemplate
+_Type: Any = types.Type
+
+
+class _Shared(_Type):  # type: ignore[misc]
+    """The address of a named tuple."""
+
+    def __init__(self, named: Any) -> None:
+        self.named = named
+        super().__init__(name=f"shared({named})")
+
+    def kind_of(self, name: str) -> types.Type:
+        """Return the type of a field; a field that is a named tuple is shared, too."""
+        field: types.Type = self.named[self.named.fields.index(name)]
+        return _Shared(field) if isinstance(field, types.BaseNamedTuple) else field
+
+
+@_numba.register_model(_Shared)
+class _SharedModel(_numba.models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, models: Any, kind: _Shared) -> None:
+        super().__init__(models, kind, models[kind.named].get_value_type().as_pointer())
+
+
+@_numba.infer_getattr
+class _Fields(_Attributes):  # type: ignore[misc]
+    key = _Shared
+
+    def generic_resolve(self, kind: _Shared, name: str) -> types.Type | None:
+        return kind.kind_of(name) if name in kind.named.fields else None
+
+
+def _read_field(context: Any, builder: Any, kind: _Shared, value: Any, name: str) -> Any:
+    address = _code.gep_inbounds(builder, value, 0, kind.named.fields.index(name))
+    field = kind.kind_of(name)
+    read = address if isinstance(field, _Shared) else builder.load(address)
+    return _made.impl_ret_borrowed(context, builder, field, read)  # kernels count who uses arrays
+
+
+_numba.lower_getattr_generic(_Shared)(_read_field)
+
+
+def shared(named: Tuple) -> Tuple:
+    """Return the same named tuple, whose address is what a kernel hands to its helpers.
+
+    Only for arguments of a kernel: its caller keeps their arrays as long as it runs. Arrays that
+    the kernel makes would be freed too early, since users by address are not counted.
+    """
+    return named
+
+
+def _type_shared(context: Any) -> Any:  # noqa: ARG001
+    return lambda named: _Shared(named) if isinstance(named, types.BaseNamedTuple) else None
+
+
+def _share(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    return _code.alloca_once_value(builder, arguments[0])
+
+
+_numba.type_callable(shared)(_type_shared)
+_numba.lower_builtin(shared, types.BaseNamedTuple)(_share)
+
+
+def ticks() -> int:
+    """Return how far the processor's counter is: ticks of a constant rate, whatever it is."""
+    return time.perf_counter_ns()
+
+
+@_numba.intrinsic  # type: ignore[untyped-decorator]
+def _read_counter(_context: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
+        of_type = _code.ir.FunctionType(_code.ir.IntType(64), [])
+        counter = builder.module.declare_intrinsic("llvm.readcyclecounter", fnty=of_type)
+        return builder.call(counter, [])
+
+    return types.int64(), generate
+
+
+@_numba.overload(ticks)  # type: ignore[untyped-decorator]
+def _ticks() -> Any:
+    return lambda: _read_counter()

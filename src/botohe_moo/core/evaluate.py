@@ -5,8 +5,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.core.compile import array_maker, helper, inlined, kernel
-from botohe_moo.core.sharing import shared
+from botohe_moo.core.compile import array_maker, helper, inlined, kernel, shared
 from botohe_moo.core.trails import sort_trails
 from botohe_moo.core.walk import Visits, new_visits, walk
 from botohe_moo.core.world import World, find_arc
@@ -224,10 +223,3 @@ def evaluate(
         values.objectives[plan, 1] = survivors
         values.faults[plan] = n_faults
     return VALID, 0, 0, 0
-
-
-class Team:  # TEMPORARY: until all users stand on World
-    pass
-
-
-new_team = begin_team = team_reward = None

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
-from botohe_moo.core.apart import apart
 from botohe_moo.core.compile import helper, inlined
 from botohe_moo.core.rng import below
+from botohe_moo.core.threads import apart
 
 BLOCK = 64
 _NEAR = 48  # plans on either side that ``draw_near`` draws from
@@ -192,21 +192,31 @@ def draw_slot(front: OrderedFront, states: SeedArray) -> int:
     return int(front.members[below(states, front.n.plans)])
 
 
-@inlined
+@helper
 def draw_near(front: OrderedFront, states: SeedArray, at: int, place: int) -> int:
     """Draw a plan among the ``_NEAR`` on either side of a place, and there; return its slot.
 
-    Beyond an end of the front it is the last plan there.
+    Near an end of the front, those beyond it are replaced by those on the other side.
     """
-    place += below(states, 2 * _NEAR + 1) - _NEAR
+    if front.n.plans <= 2 * _NEAR:
+        return draw_slot(front, states)
+    offset = below(states, 2 * _NEAR + 1) - _NEAR
+    slot = _slot_beside(front, at, place + offset)
+    return slot if slot >= 0 else _slot_beside(front, at, place - offset)
+
+
+@inlined
+def _slot_beside(front: OrderedFront, at: int, place: int) -> int:
+    """Return the slot at a place of a block, or beyond it in other blocks; −1 beyond an end."""
     while place < 0 and at > 0:
         at -= 1
         place += front.size[front.directory[at]]
-    while place >= front.size[front.directory[at]] and at < front.n.blocks - 1:
+    while at < front.n.blocks and place >= front.size[front.directory[at]]:
         place -= front.size[front.directory[at]]
         at += 1
-    block = front.directory[at]
-    return int(front.places[block, min(max(place, 0), front.size[block] - 1)].slot)
+    if place < 0 or at == front.n.blocks:
+        return -1
+    return int(front.places[front.directory[at], place].slot)
 
 
 @helper

@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.core.compile import helper
+from botohe_moo.core.compile import helper, kernel, shared
 from botohe_moo.core.world import Graph, Shortest, World
 
 ANYWHERE = -1  # instead of a node
+ALL_FREE = -2  # a trail that has used no arc
 
 
 class Paths(NamedTuple):
@@ -139,6 +140,53 @@ def search_paths(
             met[there], distance[there], entry[there] = search, reached, arc
             size = _push(paths, size, reached, there)
     return n
+
+
+class Near(NamedTuple):
+    """For each node the other nodes that are safest to reach, the safest first.
+
+    Rows are searched when they are needed; those that begin with −1 have not been searched yet.
+    Where fewer nodes can be reached, the rest of the row is the node itself with survival 0.
+    """
+
+    nodes: OffsetArray  # (n_nodes, n_near), n_near < n_nodes
+    reach: FloatArray  # survival of the safest path to each of them (n_nodes, n_near)
+
+
+def new_near(n_nodes: int, n_near: int) -> Near:
+    """Return room for the ``n_near`` nodes, or all, that are safest to reach from each node."""
+    shape = n_nodes, min(n_near, n_nodes - 1)
+    return Near(np.full(shape, -1), np.empty(shape))
+
+
+def find_near(world: World, n_near: int) -> Near:
+    """Find the ``n_near`` nodes, or all, that are safest to reach from each node."""
+    near = new_near(world.graph.n_nodes, n_near)
+    _search_all_near(world.graph, new_paths(world), np.zeros(world.graph.n_arcs, np.int64), near)
+    return near
+
+
+@kernel
+def _search_all_near(graph: Graph, paths: Paths, used: OffsetArray, near: Near) -> None:
+    graph, paths, near = shared(graph), shared(paths), shared(near)
+    for source in range(near.nodes.shape[0]):
+        search_near(graph, paths, used, near, source)
+
+
+@helper
+def search_near(graph: Graph, paths: Paths, used: OffsetArray, near: Near, source: int) -> None:
+    """Find the nodes that are safest to reach from a node; ``used`` may hold any trails from −1."""
+    n_near = near.nodes.shape[1]
+    n = search_paths(graph, paths, used, ALL_FREE, source, ANYWHERE, n_near + 1, False)
+    alive = paths.distance  # which is not needed any more
+    alive[source] = 1.0
+    for i in range(n - 1, n_near):
+        near.nodes[source, i], near.reach[source, i] = source, 0.0
+    for i in range(n - 1):
+        node = paths.order[i + 1]
+        arc = paths.entry[node]
+        alive[node] = alive[graph.tail[arc]] * graph.survival[arc]
+        near.nodes[source, i], near.reach[source, i] = node, alive[node]
 
 
 @helper
@@ -292,10 +340,3 @@ def _is_free(
         paths.followed[node] = search
         node = graph.head[arc]
     return True
-
-
-class Budget:  # TEMPORARY: until all users stand on World
-    pass
-
-
-new_budget = None

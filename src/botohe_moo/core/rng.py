@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from botohe_moo._base.types import SeedArray
+from botohe_moo._base.types import FloatArray, SeedArray
 from botohe_moo.core.compile import helper, inlined
 
 Words = TypeVar("Words", np.uint64, SeedArray)
@@ -84,3 +84,13 @@ def uniform(states: SeedArray, which: int) -> float:
 def below(states: SeedArray, n: int) -> int:
     """Draw an integer from 0 to n − 1 by the first state."""
     return int(uniform(states, 0) * n)
+
+
+@helper
+def draw_weighted(cumulated: FloatArray, states: SeedArray) -> int:
+    """Draw an index by weights, given their cumulated sums, by the first state."""
+    drawn = uniform(states, 0) * cumulated[cumulated.shape[0] - 1]
+    index = 0
+    while cumulated[index] <= drawn and index < cumulated.shape[0] - 1:
+        index += 1
+    return index

@@ -112,8 +112,8 @@ class Limits(NamedTuple):
 
 def new_limits(floors: Sequence[float], budgets: Sequence[float], counts: Sequence[int]) -> Limits:
     """Return the limits of a team, from those of its kinds and how many robots each has."""
-    by_robot = (np.repeat(np.array(of, np.float64), counts) for of in (floors, budgets))
-    return Limits(*by_robot, any(budget < math.inf for budget in budgets))
+    by_robot = [np.repeat(np.array(of, np.float64), counts) for of in (floors, budgets)]
+    return Limits(by_robot[0], by_robot[1], any(budget < math.inf for budget in budgets))
 
 
 class Shortest(NamedTuple):
@@ -172,7 +172,8 @@ class World(NamedTuple):
             numbers.append(graph.length)
         if self.is_plain:
             return numbers
-        return [*numbers, team.reward, team.share, *team[3:], *(self.returns or ())]
+        of_nodes = [team.origin, team.share, *(self.returns or ())[:1], team.end, team.reward]
+        return [*numbers, *of_nodes, team.start, team.first, team.stop, *(self.returns or ())[1:]]
 
     @property
     def is_plain(self) -> bool:

@@ -20,19 +20,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted, listed
 from botohe_moo.core import evaluate as kernels
 from botohe_moo.core import world as worlds
-from botohe_moo.core.world import (
-    AT_NEXT_DEPOT,
-    AT_THIS_DEPOT,
-    ON_ARRIVAL,
-    PLANNING,
-    Limits,
-    Returns,
-    Team,
-    World,
-    leading,
-    new_limits,
-    new_world,
-)
+from botohe_moo.core.world import PLANNING, Limits, World
 from botohe_moo.mission import rules
 from botohe_moo.mission.hazards import distance_of, places_of
 from botohe_moo.mission.rules import Kind, MissionError, PlanError
@@ -194,7 +182,9 @@ class Mission:
         taken = survival > 0.0
         for k, (start, end) in enumerate(ends.tolist()):
             open_arcs = tail[taken[:, k]], head[taken[:, k]]
-            is_open = leading(*open_arcs, [end], n) & leading(*open_arcs[::-1], [start], n)
+            is_open = worlds.leading(*open_arcs, [end], n) & worlds.leading(
+                *open_arcs[::-1], [start], n
+            )
             taken[:, k] &= is_open[tail] & is_open[head]
             is_open[aboard[k]] = True  # what robots carry may come from nodes that are closed now
             share[~is_open, k] = 0.0
@@ -206,7 +196,7 @@ class Mission:
         ends += n * np.arange(len(kinds))[:, None]
         kind_of = np.repeat(np.arange(len(kinds)), counts := [kind.robots for kind in kinds])
         first = np.cumsum([0, *counts])
-        team = Team(
+        team = worlds.Team(
             reward=reward,
             origin=np.tile(np.arange(n), len(kinds)),
             share=share.T.ravel(),
@@ -217,16 +207,16 @@ class Mission:
         )
         on_return = [node.get("pays", self.pays) == "return" for node in nodes]
         is_depot = [bool(node.get("depot")) for node in nodes]
-        credit = np.where(is_depot, AT_THIS_DEPOT, np.where(on_return, AT_NEXT_DEPOT, ON_ARRIVAL))
-        credit[index_of[base]] = AT_THIS_DEPOT
+        credit = np.where(on_return, worlds.AT_NEXT_DEPOT, worlds.ON_ARRIVAL)
+        credit[is_depot] = credit[index_of[base]] = worlds.AT_THIS_DEPOT
         returns = None
-        if (reward[credit == AT_NEXT_DEPOT] > 0.0).any():
+        if (reward[credit == worlds.AT_NEXT_DEPOT] > 0.0).any():
             carried = np.array([node for nodes in aboard for node in nodes], np.int64)
             first = np.cumsum([0, *map(len, aboard)])
             of_layers = np.tile(credit, len(kinds))
-            returns = Returns(of_layers, carried, first[kind_of], first[kind_of + 1])
+            returns = worlds.Returns(of_layers, carried, first[kind_of], first[kind_of + 1])
         expected = (reward[:, None] * share).T.ravel()
-        return new_world(*of_arcs, expected, team, self.limits(), returns)
+        return worlds.new_world(*of_arcs, expected, team, self.limits(), returns)
 
     def _derive(self, graph: nx.DiGraph[Any], kinds: Iterable[Kind]) -> Mission:
         """Return the mission on another graph with other kinds, without checking them.
@@ -301,7 +291,7 @@ class Mission:
         own = [default if kind.max_length is None else kind.max_length for kind in self.kinds]
         budgets = [most if budget is None else min(most, budget) for budget in own]
         floors = [max(min_survival, kind.min_survival) for kind in self.kinds]
-        return new_limits(floors, budgets, [kind.robots for kind in self.kinds])
+        return worlds.new_limits(floors, budgets, [kind.robots for kind in self.kinds])
 
     def limited(self, min_survival: float = 0.0, max_length: float | None = None) -> World:
         """Return the mission to plan with, within ``limits``, but for rounding."""
@@ -557,7 +547,7 @@ def numbers_digest(mission: Mission, *labels: object) -> str:
     """
     of_kinds = [[kind.min_survival, kind.max_length] for kind in mission.kinds]
     limits = [x for x in (mission.max_length, of_kinds) if x not in (None, [[0.0, None]])]
-    first = labels or [mission.index(mission.base)]
+    first = labels or [int(mission.world.team.end[0])]
     text = json.dumps([*first, mission.robots, *limits], separators=(",", ":"))
     hashed = hashlib.sha256(text.encode())
     for values in mission.world.numbers:
@@ -581,7 +571,8 @@ def _fault_text(mission: Mission, batch: PlanBatch, fault: Sequence[int]) -> str
     at = int(batch.offsets[plan * batch.n_robots + robot]) + position
     before, node = batch.nodes[[at - 1, at]].tolist()
     if what == kernels.UNKNOWN_NODE:
-        return f"{where}: node index {node} is unknown, {name} has {mission.world.graph.n_nodes} nodes."
+        n_nodes = mission.world.graph.n_nodes
+        return f"{where}: node index {node} is unknown, {name} has {n_nodes} nodes."
     kind, n = mission.kind_of[robot], len(mission.nodes)
     tail, head = mission.nodes[before % n], mission.nodes[node % n]
     if what in (kernels.NOT_FROM_BASE, kernels.NOT_BACK_AT_BASE):

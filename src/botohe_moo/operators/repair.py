@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from pymoo.core.duplicate import DuplicateElimination
@@ -12,16 +12,25 @@ from pymoo.core.population import Population
 from pymoo.core.repair import Repair
 
 from botohe_moo._base.types import ObjectArray, OffsetArray
-from botohe_moo.core.graph import Graph
+from botohe_moo.core.threads import mapping
 from botohe_moo.core.trails import read_trails
+from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
-from botohe_moo.operators.kernels.repair import SAFEST_PATH, TRUNCATE, repair
+from botohe_moo.operators.kernels import SAFEST_PATH, TRUNCATE, repair
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.threads import mapping
 from botohe_moo.trails import PlanBatch
 
 # Trails times arcs: threads take longer to start than they save with less.
 _MUCH = 200_000
+
+Part = TypeVar("Part")
+
+
+def check_part(name: str, part: Part | None, kind: type[Part], default: type[Part]) -> Part:
+    """Return a part of an operator, by default a new one; a TypeError if it is of another kind."""
+    if part is not None and not isinstance(part, kind):
+        raise TypeError(f"Expected {name} to be a {kind.__name__}, got {part!r}.")
+    return default() if part is None else part
 
 
 @dataclass
@@ -79,7 +88,7 @@ class PlanRepair(Repair):
     True
     """
 
-    _kind: ClassVar[int | None] = None
+    _how: ClassVar[int | None] = None  # one of the kernel's repairs
 
     def __init__(self) -> None:
         super().__init__()
@@ -99,8 +108,8 @@ class PlanRepair(Repair):
         started = time.perf_counter()
         repaired = drafts = mission.batch(drafts)
         changes = np.zeros(len(drafts.offsets) - 1, np.int64)
-        if self._kind is not None:
-            repaired, changes = self._repaired(mission.arrays, self._kind, drafts)
+        if self._how is not None:
+            repaired, changes = self._repaired(mission.world, self._how, drafts)
         per_plan = changes.reshape(len(drafts), drafts.n_robots).sum(axis=1)
         self.counts.plans += len(drafts)
         self.counts.repaired += int(np.count_nonzero(per_plan))
@@ -108,16 +117,14 @@ class PlanRepair(Repair):
         self.counts.seconds += time.perf_counter() - started
         return repaired
 
-    def _repaired(
-        self, graph: Graph, kind: int, drafts: PlanBatch
-    ) -> tuple[PlanBatch, OffsetArray]:
+    def _repaired(self, world: World, how: int, drafts: PlanBatch) -> tuple[PlanBatch, OffsetArray]:
         """Return valid plans, and the changes of each trail."""
-        is_much = len(drafts.offsets) * graph.n_arcs > _MUCH
+        is_much = len(drafts.offsets) * world.graph.n_arcs > _MUCH
         n_parts = max(1, min(self.n_threads, len(drafts))) if is_much else 1
         cuts = [len(drafts) * i // n_parts for i in range(n_parts + 1)]
         given = [read_trails(*drafts[a:b].arrays) for a, b in pairwise(cuts)]
         with mapping(n_parts) as map_:
-            nodes, offsets, changes = zip(*map_(partial(repair, graph, kind), given), strict=True)
+            nodes, offsets, changes = zip(*map_(partial(repair, world, how), given), strict=True)
         wrapped = [
             PlanBatch._wrap(*part, drafts.n_robots) for part in zip(nodes, offsets, strict=True)
         ]
@@ -145,7 +152,7 @@ class SafestPathRepair(PlanRepair):
     TrailPlan([[0, 1, 3, 4, 3, 1, 0], [0, 1, 0]])
     """
 
-    _kind = SAFEST_PATH
+    _how = SAFEST_PATH
 
 
 class TruncateRepair(PlanRepair):
@@ -165,7 +172,7 @@ class TruncateRepair(PlanRepair):
     TrailPlan([[0, 1, 0], [0, 1, 0]])
     """
 
-    _kind = TRUNCATE
+    _how = TRUNCATE
 
 
 class PenaltyOnly(PlanRepair):

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal
+from dataclasses import asdict
+from typing import Any, Self
 
-from pydantic import Field
-
-from botohe_moo._base.checks import ParameterError
 from botohe_moo._base.types import ObjectArray
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Count, Positive, Probability
-from botohe_moo.algorithms.annealing.engine import Annealing, AnnealingSchedule
-from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, generation_limit, settings_of
+from botohe_moo.algorithms.annealing.engine import JOURNAL, Annealing, AnnealingSettings
+from botohe_moo.algorithms.base import (
+    ArchiveAlgorithm,
+    MaxTies,
+    generation_limit,
+    settings_of,
+    tuned_by,
+)
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import TrailPlan
 
@@ -21,31 +23,39 @@ from botohe_moo.trails import TrailPlan
 class SimulatedAnnealing(ArchiveAlgorithm):
     """Simulated annealing of a weighted sum of the objectives, for one weight after another.
 
-    Every step changes trails by moves (insert, delete, substitute or swap nodes, grab a neighbour,
-    delete a segment or a loop, reverse; a detour where arcs are one-way) and scores the plan with
-    weight · E[R] / (total reward) + (1 − weight) · E[S] / (robots).
+    Every step changes a trail by a move and scores the plan with
+    weight · E[R] / (total reward) + (1 − weight) · E[S] / (robots). The temperature falls
+    geometrically during the steps of a weight. :meth:`journal` gives the published settings.
 
     Parameters
     ----------
-    schedule
-        ``"cooled"``: the temperature falls geometrically, by as much whatever the budget. A step
-        changes one robot's trail; the result are all non-dominated plans evaluated.
-        ``"journal"``: as published. √N weights of √N steps for a budget of N evaluations; a step
-        changes every robot's trail; the temperature starts at 0.2 and falls by the factor 0.95 a
-        step; the result are the non-dominated ones among the best plans of the weights.
-    initial_temperature, final_temperature
-        Of the cooled schedule, for each weight, in shares of the total reward that a node pays (the
-        mean share, weighted by reward). The final one is at most the initial one.
     n_weights
-        Number of weights; default: the cube root of the sweep's evaluations, the square root for
-        the journal's schedule.
+        Number of weights; default: ``N ** weights_exponent`` for a sweep of N evaluations.
+    weights_exponent
+        How that number grows with the evaluations.
     n_passes
-        How often the cooled schedule goes through the weights, up and down in turns.
+        How often a sweep goes through the weights, up and down in turns.
+    initial_temperature
+        The temperature at which each weight begins, in the unit of scores; default: 0.2 times the
+        share of the total reward that a node pays (the mean share, weighted by reward).
+    cooling
+        The factor by which the temperature falls at each step; default: so that it falls to a
+        hundredth within the steps of a weight.
     return_probability
-        Probability that a rejected step ends at the weight's best plan; default: 0.003, for the
-        journal's schedule 0.
+        Probability that a rejected step ends at the weight's best plan.
+    every_robot
+        Whether a step changes every robot's trail, rather than that of one drawn at random.
+    best_of_weights
+        Whether the result has only the best plan evaluated for each weight, from which the next
+        weight starts, rather than all non-dominated plans evaluated.
+    moves
+        How likely each move is drawn, relative to the others: a mapping from names. A move that is
+        not named is not drawn. The weight of ``detour`` is multiplied by the share of arcs without
+        a reverse. Default: ``insert``, ``delete``, ``substitute`` or ``swap`` nodes, ``grab`` a
+        neighbour and come straight back, ``delete-segment`` and ``detour`` 1; ``reverse`` and
+        ``delete-loop`` 0.1.
     sweep_evaluations
-        Evaluations the schedule is made for where the termination limits neither evaluations nor
+        Evaluations of a sweep where the termination limits neither evaluations nor
         generations.
     steps_per_generation
         Steps in one pymoo generation; a generation ends with its weight.
@@ -70,26 +80,26 @@ class SimulatedAnnealing(ArchiveAlgorithm):
 
     Notes
     -----
-    The journal's schedule and the moves are those of Simon, Richley, Overbey and Perez-Lavin, PeerJ
-    Computer Science, 2025. The text has a rejected step return to the best plan with probability
-    0.05, but runs which never do meet the published curve of the art museum: with 0 the mean areas
-    at 1 024, 10 000, 99 856 and 1 000 000 evaluations (12 runs or more) are 0.2, 0.1, 0.0 and 0.6
-    published standard deviations off, with 0.05 they are 0.0, 1.1, 2.1 and 3.6. Hence 0 is the
-    default. The best plan of a weight is the best one evaluated for it, its start not among them.
+    The first seven moves and :meth:`journal` are those of Simon, Richley, Overbey and Perez-Lavin,
+    PeerJ Computer Science, 2025. The text has a rejected step return to the best plan with
+    probability 0.05, but runs which never do meet the published curve of the art museum: with 0 the
+    mean areas at 1 024, 10 000, 99 856 and 1 000 000 evaluations (12 runs or more) are 0.2, 0.1,
+    0.0 and 0.6 published standard deviations off, with 0.05 they are 0.0, 1.1, 2.1 and 3.6. The
+    start of a weight is not among the plans whose best is the weight's: if it were, areas would be
+    1.0, 6.7 and 19 published deviations too low from 10 000 evaluations on.
 
-    The cooled schedule's settings were found by experiment from 1 000 to 1 000 000 evaluations. It
-    pays most to change one trail a step, and to start weights from plans found before. Temperatures
-    follow the share of the reward that a node pays: those that suit 27 nodes keep a plan for 200
-    from growing. Four short passes beat one long one where plans take many steps to grow.
+    The defaults were found by experiment from 1 000 to 1 000 000 evaluations. It pays most to
+    change one trail a step, and to start weights from plans found before. Temperatures follow the
+    share of the reward that a node pays: those that suit 27 nodes keep a plan for 200 from growing.
+    Four short passes beat one long one where plans take many steps to grow.
 
     A move after which a robot would not keep the problem's limits is drawn again before anything is
     evaluated. The first weight starts with everybody at base, or from the best of the plans to
-    start from. Where the schedule has run out and pymoo asks for more, another sweep begins.
+    start from. Where a sweep has ended and pymoo asks for more, another one begins.
 
-    The published moves need arcs there and back. A ninth move, a detour, leaves the trail for a
-    node and returns to the same place or a later one, along safest paths over arcs that the trail
-    has not taken. It is drawn as often as another move times the share of arcs without a reverse:
-    never in the journal's missions, unless a hundred draws could not be made.
+    The published moves need arcs there and back. A detour leaves the trail for a node and returns
+    to the same place or a later one, along safest paths over arcs that the trail has not taken. On
+    the journal's missions none is drawn, unless a hundred other draws could not be made.
 
     Examples
     --------
@@ -104,55 +114,54 @@ class SimulatedAnnealing(ArchiveAlgorithm):
 
     evaluates_in_kernels = True
 
-    @checked
+    @tuned_by(AnnealingSettings)
     def __init__(
         self,
         *,
-        schedule: Literal["cooled", "journal"] = "cooled",
-        initial_temperature: Positive = 0.2,
-        final_temperature: Positive = 0.002,
-        n_weights: Count | None = None,
-        n_passes: Count = 4,
-        return_probability: Probability | None = None,
-        sweep_evaluations: Annotated[int, Field(ge=1)] = 100_000,
-        steps_per_generation: Count = 1_000,
         max_ties: MaxTies = 1_000,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
         super().__init__(max_ties=max_ties, sampling=sampling, **options)
-        if final_temperature > initial_temperature:
-            expected = f"final_temperature <= initial_temperature = {initial_temperature}"
-            message = f"Expected {expected}, got {final_temperature}."
-            raise ParameterError(message, "final_temperature")
-        self.schedule = schedule
-        self.initial_temperature = initial_temperature
-        self.final_temperature = final_temperature
-        self.n_weights = n_weights
-        self.n_passes = n_passes
-        self.return_probability = return_probability
-        self.sweep_evaluations = sweep_evaluations
-        self.steps_per_generation = steps_per_generation
+
+    @classmethod
+    def journal(cls, **parameters: Any) -> Self:
+        """Return the annealing that made the curves published in PeerJ Computer Science, 2025.
+
+        For a budget of N evaluations it goes once through √N weights of √N steps. A step changes
+        every robot's trail, loops are not deleted, and the temperature falls from 0.2 by the factor
+        0.95 a step. The result has the best plans of the weights.
+
+        Parameters
+        ----------
+        **parameters
+            Parameters of the class, in place of that version's.
+
+        Examples
+        --------
+        >>> from botohe_moo import SimulatedAnnealing
+        >>> SimulatedAnnealing.journal().cooling
+        0.95
+        """
+        return cls(**{**asdict(JOURNAL), **parameters})
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
+        settings = AnnealingSettings(**settings_of(self, AnnealingSettings))
         self._search = Annealing(
-            problem.mission,
-            AnnealingSchedule(**settings_of(self, AnnealingSchedule)),
-            limits=problem.planning_limits,
-            random_state=self.random_state,
+            problem.mission, problem.world, settings, random_state=self.random_state
         )
 
     def _advance(self, **_: Any) -> None:
-        search, journal = self._search, self.schedule == "journal"
-        if not journal and len(self.archive) == 0:
+        search, best_only = self._search, self.best_of_weights
+        if not best_only and len(self.archive) == 0:
             self._take_in(search.best()[0][: self._n_left()])
         n_left = self._n_left()
         if n_left == 0:
             return
         if search.steps_left == 0:
             search.begin_turn(
-                self.archive if not journal or self.sampling else None,
+                self.archive if not best_only or self.sampling else None,
                 n_left if n_left < sys.maxsize else None,
                 generation_limit(self.termination),
             )
@@ -161,5 +170,5 @@ class SimulatedAnnealing(ArchiveAlgorithm):
         self.evaluator.n_eval += n_steps
 
     def _finalize(self) -> None:
-        if self.schedule == "journal" and self._search.steps_left > 0:  # ended by something else
+        if self.best_of_weights and self._search.steps_left > 0:  # ended by something else
             self.archive.insert(*self._search.best())

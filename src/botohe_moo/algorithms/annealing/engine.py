@@ -3,56 +3,72 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
+from botohe_moo._base.checks import check_weights
 from botohe_moo._base.types import FloatArray
+from botohe_moo._plugins.types import Count, Positive, Probability, Size
 from botohe_moo.algorithms.annealing.kernels import (
+    DETOUR,
+    MOVES,
     AnnealRule,
-    AnnealState,
     anneal,
     new_records,
     new_state,
     score,
 )
-from botohe_moo.core.graph import Limits
+from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.core.rng import seed_states
-from botohe_moo.core.trails import read_trails
+from botohe_moo.core.world import World, find_arc
 from botohe_moo.mission.model import Mission
-from botohe_moo.operators.kernels.change import MoveRule
-from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan
 
-# How likely each kind of move is to be drawn: the published kinds, then our deletion of loops. Of
-# detours ``kinds_of_moves`` says it.
-_PUBLISHED_KINDS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1, 0.0)
-_COOLED_KINDS = (*_PUBLISHED_KINDS[:-1], 0.1)
 _MAX_TRIES = 100  # draws, before a few detours are tried
 _WEIGHTS_A_PASS = 10  # at least: where generations are few, there are fewer passes
-_PUBLISHED_TEMPERATURE = 0.2
-_PUBLISHED_COOLING = 0.95
+# If the user does not say otherwise, the temperature begins at this many times the share of the
+# total reward that a node pays, and ends at a hundredth of that.
+_INITIAL_TEMPERATURE, _FALL = 0.2, 0.002 / 0.2
 _RECORDS, _NODES_EACH = 1_000, 16  # plans that a call of the kernel may record, nodes of each
 
 
-@dataclass(frozen=True)
-class AnnealingSchedule:
+@dataclass(frozen=True, kw_only=True)
+class AnnealingSettings:
     """How weights follow one another; :class:`SimulatedAnnealing` documents the parameters."""
 
-    schedule: Literal["cooled", "journal"]
-    initial_temperature: float
-    final_temperature: float
-    n_weights: int | None
-    n_passes: int
-    return_probability: float | None
-    sweep_evaluations: int
-    steps_per_generation: int
+    n_weights: Count | None = None
+    weights_exponent: Probability = 1 / 3
+    n_passes: Count = 4
+    initial_temperature: Positive | None = None
+    cooling: Annotated[float, Field(gt=0, le=1)] | None = None
+    return_probability: Probability = 0.003
+    every_robot: bool = False
+    best_of_weights: bool = False
+    moves: Mapping[str, float] | None = None
+    sweep_evaluations: Size = 100_000
+    steps_per_generation: Count = 1_000
 
-    @property
-    def journal(self) -> bool:
-        """Whether it is the published schedule."""
-        return self.schedule == "journal"
+    def __post_init__(self) -> None:
+        if self.moves is not None:
+            check_weights("moves", self.moves, MOVES, needed="move")
+
+
+# What made the curves published in PeerJ Computer Science, 2025.
+JOURNAL = AnnealingSettings(
+    weights_exponent=1 / 2,
+    n_passes=1,
+    initial_temperature=0.2,
+    cooling=0.95,
+    return_probability=0.0,
+    every_robot=True,
+    best_of_weights=True,
+    moves={move: weight for move, weight in MOVES.items() if move != "delete-loop"},
+)
 
 
 class Annealing:
@@ -65,55 +81,61 @@ class Annealing:
     def __init__(
         self,
         mission: Mission,
-        schedule: AnnealingSchedule,
+        world: World,
+        settings: AnnealingSettings,
         *,
-        limits: Limits,
         random_state: np.random.Generator,
     ) -> None:
-        self.mission, self.schedule = mission, schedule
-        graph, random = mission.arrays, seed_states(random_state, 1)
-        first = mission.batch([mission.stay_home(limits)])
-        objectives = mission.evaluate_drafts(first)[0][0]  # no evaluation of the budget
-        self.state: AnnealState = new_state(graph, read_trails(*first.arrays), objectives, random)
-        longest = mission.robots * (graph.n_arcs + 1)
+        self.mission, self.world, self.settings = mission, world, settings
+        self.state = new_state(world, seed_states(random_state, 1))
+        home = mission.stay_home(world)
+        self._set_best(home, mission.evaluate_drafts([home])[0][0])  # no evaluation of the budget
+        longest = mission.robots * (world.graph.n_arcs + 1)
         self._records = new_records(mission.robots, _RECORDS, _RECORDS * _NODES_EACH + longest)
         # A sweep is the turns of all weights, in each pass once; ``_turn`` of them have begun.
         self._n_steps, self._n_weights, self._n_turns, self._turn = 0, 1, 0, 0
         self.steps_left = 0
         self.weight = 0.0
-        rewards = mission.rewards / (mission.total_reward or 1.0)
-        self._share = float(rewards @ rewards) or 1.0
-        returning = schedule.return_probability
-        if returning is None:
-            returning = 0.0 if schedule.journal else 0.003
         self._rule = AnnealRule(
-            moves=MoveRule(self.kinds_of_moves(), _MAX_TRIES, schedule.journal, limits),
-            record=not schedule.journal,
+            moves=np.cumsum(self.weights_of_moves()),
+            max_tries=_MAX_TRIES,
+            every_robot=settings.every_robot,
+            records=not settings.best_of_weights,
             total_reward=mission.total_reward or 1.0,
             weight=0.0,
             cooling=1.0,
-            return_probability=returning,
+            return_probability=settings.return_probability,
         )
 
-    def kinds_of_moves(self) -> FloatArray:
-        """Return how likely each kind of move is to be drawn, relative.
+    def weights_of_moves(self) -> FloatArray:
+        """Return how likely each move is to be drawn, relative to the others.
 
-        For detours this is the share of one-way arcs, which the other moves can hardly use.
+        That of detours is for one-way arcs, which the other moves can hardly use: it is multiplied
+        by their share.
         """
-        kinds = _PUBLISHED_KINDS if self.schedule.journal else _COOLED_KINDS
-        one_way = self.mission.arrays.reverse < 0
-        return np.array([*kinds, one_way.mean()] if one_way.any() else kinds)
+        given = MOVES if self.settings.moves is None else self.settings.moves
+        weights = np.array([given.get(move, 0.0) for move in MOVES])
+        weights[DETOUR] *= (self.world.graph.reverse < 0).mean() if self.world.graph.n_arcs else 0
+        return weights
 
     def best(self) -> tuple[PlanBatch, FloatArray]:
         """Return the best plan evaluated for the weight, and its E[R] and E[S] (1, 2).
 
-        Before the first step it is the plan in which all robots stay at base.
+        Before the first step it is the plan in which all robots stay where they start.
         """
-        state = self.state
-        ends = zip(state.starts[state.best], state.stops[state.best], strict=True)
-        plan = TrailPlan([state.nodes[start:stop].tolist() for start, stop in ends])
-        batch = PlanBatch.from_plans([plan], self.mission.robots)
-        return batch, state.best_objectives[np.newaxis].copy()
+        best, head = self.state.best, self.world.graph.head
+        ends = zip(best.starts, best.stops, strict=True)
+        trails = [[best.items[i], *head[best.items[i + 1 : j]]] for i, j in ends]
+        batch = PlanBatch.from_plans([TrailPlan(trails)], self.mission.robots)
+        return batch, best.objectives[np.newaxis].copy()
+
+    def _set_best(self, plan: TrailPlan, objectives: FloatArray) -> None:
+        best, graph = self.state.best, self.world.graph
+        for robot, trail in enumerate(plan.trails):
+            items = [trail[0], *(find_arc(graph, *hop) for hop in pairwise(trail))]
+            start, best.stops[robot] = best.starts[robot], best.starts[robot] + len(items)
+            best.items[start : best.stops[robot]] = items
+        best.objectives[:] = objectives
 
     def begin_turn(
         self, archive: PlanArchive | None, n_left: int | None, n_generations: float
@@ -124,42 +146,36 @@ class Annealing:
         how many evaluations are left, None without a limit, and ``n_generations`` how many
         generations there will be in all.
         """
-        schedule, state = self.schedule, self.state
+        settings, state = self.settings, self.state
         if self._turn == self._n_turns:
             self._plan_sweep(n_left, n_generations)
         self.weight, self.steps_left = self._plan_turn()
         self._turn += 1
-        self._rule = self._rule._replace(weight=self.weight)
+        cooling = settings.cooling or _FALL ** (1.0 / self.steps_left)
+        self._rule = self._rule._replace(weight=self.weight, cooling=cooling)
         if archive is not None:
             self.start_from(archive)
         state.to_best[0] = 1
-        if schedule.journal:
-            state.best_score[0] = -np.inf
-            state.temperature[0] = _PUBLISHED_TEMPERATURE
-            cooling = _PUBLISHED_COOLING
-        else:
-            state.best_score[:] = self._scores(state.best_objectives[np.newaxis])
-            state.temperature[0] = schedule.initial_temperature * self._share
-            fall = schedule.final_temperature / schedule.initial_temperature
-            cooling = fall ** (1.0 / self.steps_left)
-        self._rule = self._rule._replace(cooling=cooling)
+        found = self._scores(state.best.objectives[np.newaxis])
+        state.best_score[:] = -np.inf if settings.best_of_weights else found
+        rewards = self.mission.rewards / (self.mission.total_reward or 1.0)
+        share = float(rewards @ rewards) or 1.0
+        state.temperature[0] = settings.initial_temperature or _INITIAL_TEMPERATURE * share
 
     def _plan_sweep(self, n_left: int | None, n_generations: float) -> None:
         """Divide the steps that are left, or those of a usual sweep, into turns of weights."""
-        schedule = self.schedule
-        n_passes = 1 if schedule.journal else schedule.n_passes
+        settings, n_passes = self.settings, self.settings.n_passes
         if n_left is None and n_generations < math.inf:
             # As many turns as there will be generations, each of them one generation long.
             n_turns = max(1, int(n_generations))
-            n_steps = n_turns * schedule.steps_per_generation
+            n_steps = n_turns * settings.steps_per_generation
             n_passes = min(n_passes, max(1, n_turns // _WEIGHTS_A_PASS))
             usual_weights = max(1, n_turns // n_passes)
         else:
-            n_steps = schedule.sweep_evaluations if n_left is None else n_left
-            root = math.isqrt(n_steps) if schedule.journal else round(n_steps ** (1 / 3))
-            usual_weights = max(1, root)
+            n_steps = settings.sweep_evaluations if n_left is None else n_left
+            usual_weights = max(1, round(n_steps**settings.weights_exponent))
         self._n_steps = n_steps
-        self._n_weights = min(schedule.n_weights or usual_weights, n_steps)
+        self._n_weights = min(settings.n_weights or usual_weights, n_steps)
         self._n_turns = self._n_weights * min(n_passes, n_steps // self._n_weights)
         self._turn = 0
 
@@ -181,37 +197,32 @@ class Annealing:
 
     def start_from(self, archive: PlanArchive) -> None:
         """Make the archive's best plan for the weight the best one, if it is better."""
-        state, objectives = self.state, archive.objectives
+        objectives = archive.objectives
         if len(archive) == 0:
             return
         scores = self._scores(objectives)
         row = int(np.argmax(scores))
-        if scores[row] <= self._scores(state.best_objectives[np.newaxis])[0]:
-            return
-        for slot, trail in zip(state.best, archive.plans[row].trails, strict=True):
-            start = state.starts[slot]
-            state.stops[slot] = start + len(trail)
-            state.nodes[start : start + len(trail)] = trail
-        state.best_objectives[:] = objectives[row]
+        if scores[row] > self._scores(self.state.best.objectives[np.newaxis])[0]:
+            self._set_best(archive.plans[row], objectives[row])
 
     def run(self, n_steps: int) -> tuple[PlanBatch, FloatArray]:
         """Make some of the ``steps_left`` of the weight's turn, each of which evaluates a plan.
 
         Returns plans that may enter the front, and their E[R] and E[S] (n, 2). These are the plans
-        evaluated that neither the current nor the best plan dominated; with the journal's schedule,
+        evaluated that neither the current nor the best plan dominated; with ``best_of_weights``,
         the best plan when the turn ends.
         """
-        graph, records = self.mission.arrays, self._records
+        records, n_robots = self._records, self.mission.robots
         self.steps_left -= n_steps
         batches, objectives = [], []
         while n_steps > 0:
             records.n_plans[0] = 0
-            n_steps -= anneal(graph, self._rule, self.state, records, n_steps)
+            n_steps -= anneal(self.world, self._rule, self.state, records, n_steps)
             n_plans = records.n_plans[0]
-            offsets = records.offsets[: n_plans * self.mission.robots + 1].copy()
+            offsets = records.offsets[: n_plans * n_robots + 1].copy()
             nodes = records.nodes[: offsets[-1]].copy()
-            batches.append(PlanBatch._wrap(nodes, offsets, self.mission.robots))
+            batches.append(PlanBatch._wrap(nodes, offsets, n_robots))
             objectives.append(records.objectives[:n_plans].copy())
-        if self.schedule.journal and self.steps_left == 0:
+        if self.settings.best_of_weights and self.steps_left == 0:
             return self.best()
         return PlanBatch.concatenate(batches), np.concatenate(objectives)

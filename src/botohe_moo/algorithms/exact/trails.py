@@ -1,52 +1,47 @@
-"""All trails that the exact front may need, and an estimate of how many labels it takes."""
+"""All trails that the exact front may need, found a portion at a time."""
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Iterable
 from itertools import pairwise
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, Record
-from botohe_moo.algorithms.exact.kernels import tables
-from botohe_moo.algorithms.exact.kernels.labels import has, look_around
-from botohe_moo.algorithms.exact.kernels.trails import add_trails, as_column, grow
-from botohe_moo.core.graph import Graph, Limits, find_arc
-from botohe_moo.core.paths import new_budget
-from botohe_moo.core.rng import hash_keys
-from botohe_moo.mission.model import Mission
+from botohe_moo.algorithms.exact import labels
+from botohe_moo.algorithms.exact.labels import TrailTable
+from botohe_moo.core.walk import new_visits, walk
+from botohe_moo.core.world import World, find_arc, read_only
 
 _ROWS = 1024  # that tables have room for at first
-# An estimate ends after as many descents, or when they have met as many labels.
-_MAX_DIVES, _MAX_MET = 1_000, 30_000
+
+
+def without_base_reward(world: World) -> World:
+    """Return a plain mission's world without the reward of its base, which all plans collect."""
+    reward = world.graph.reward.copy()
+    reward[world.team.start[0]] = 0.0
+    graph, team = world.graph._replace(reward=reward), world.team._replace(reward=reward)
+    return read_only(world._replace(graph=graph, team=team))
 
 
 class TrailSearch:
-    """The search for all trails of a mission that a best team may need, a portion at a time.
+    """The search for all trails of a plain mission that a best team may need.
 
-    Every trail keeps the limits. Trails that a ``known`` one is as good as need not be found.
+    Every trail keeps the limits of ``world``, whose base has no reward. Trails that a ``known`` one
+    is as good as need not be found.
     """
 
-    def __init__(
-        self, mission: Mission, limits: Limits, known: Iterable[tuple[int, ...]] = ()
-    ) -> None:
-        self.graph = graph = mission.arrays
-        self.rule = _rule_of(graph, mission.robots == 1, limits)
-        self._search = tables.new_search(graph, self.rule, _ROWS)
-        self._known = [(graph.base,), *(trail for trail in known if trail != (graph.base,))]
-        self._add_known()
-        self._n_tidy = self.progress.n_trails
-
-    def _add_known(self) -> None:
-        """Put known trails into the table; their labels are −1, −2, ... in the order given."""
-        search, n = self._search, 0
-        others = tables.new_trails(_ROWS, search.trails.reached.shape[1])
-        for n, trail in enumerate(self._known[:_ROWS], 1):
+    def __init__(self, world: World, known: Iterable[tuple[int, ...]] = ()) -> None:
+        self._search = labels.new_search(world, _ROWS)
+        self._visits = new_visits(world.graph.n_nodes)
+        stay = (int(world.team.start[0]),)
+        self._known = list(dict.fromkeys([stay, *known]))[:_ROWS]
+        others = labels.new_trails(_ROWS, len(self._search.current.column))
+        for row, trail in enumerate(self._known):
             survives, reached = self.follow(trail)
-            others.rows[n - 1] = -n, -1, survives
-            as_column(self.rule, reached, others.reached[n - 1])
-        add_trails(search.trails, search.progress, others, np.arange(n))
+            others.rows[row] = -1 - row, -1, survives
+            labels.as_column(self._search, reached, others.reached[row])
+        labels.add_trails(self._search, others, np.arange(len(self._known)))
 
     @property
     def progress(self) -> Record:
@@ -57,14 +52,15 @@ class TrailSearch:
         return self._search.progress[0]
 
     @property
-    def n_bytes(self) -> int:
-        """The size of the tables in bytes."""
-        return tables.n_bytes(self._search.labels) + tables.n_bytes(self._search.trails)
+    def reward(self) -> FloatArray:
+        """The reward of each goal, or for one robot, whose trails have shares of it, all reward."""
+        reward = self._search.reward
+        return reward if self._search.world.n_robots > 1 else np.array([reward.sum()])
 
     @property
-    def n_label_bytes(self) -> int:
-        """The size of a partial trail in bytes."""
-        return tables.n_bytes(self._search.labels) // len(self._search.labels.rows)
+    def n_bytes(self) -> int:
+        """The size of the tables in bytes."""
+        return labels.n_bytes(self._search.labels, self._search.trails)
 
     def found(self) -> tuple[FloatArray, FloatArray]:
         """Return the survivals of known trails, and the probabilities that they reach each goal.
@@ -81,14 +77,11 @@ class TrailSearch:
         Before memory is taken, ``require`` is called with the number of bytes.
         """
         search, progress = self._search, self.progress
-        full = grow(search, n_looks, True)
-        if progress.n_trails > 1.5 * self._n_tidy + 64:
-            self._tidy()
-        if full:
-            require(tables.n_bytes(search.labels))
-            labels = tables.chained_again(tables.doubled(search.labels), progress.n_labels)
-            require(tables.n_bytes(search.trails))
-            self._search = search._replace(labels=labels, trails=tables.doubled(search.trails))
+        is_full = labels.grow(search, n_looks)
+        if is_full:
+            require(self.n_bytes)
+            larger = labels.chained_again(labels.doubled(search.labels), progress.n_labels)
+            self._search = search._replace(labels=larger, trails=labels.doubled(search.trails))
         ended = bool(progress.next == progress.n_labels)
         if ended:
             self._tidy()
@@ -97,115 +90,37 @@ class TrailSearch:
     def _tidy(self) -> None:
         """Sort the trails by descending survival, without those that another is as good as."""
         trails, progress = self._search.trails, self.progress
-        n, others = progress.n_trails, tables.TrailTable(*[column.copy() for column in trails])
+        n, others = progress.n_trails, TrailTable(*[column.copy() for column in trails])
         total = sum(others.reached[:n].T, np.zeros(n))
         progress.n_trails = 0
         # Of trails that survive alike, one that another is as good as comes after it.
-        order = np.lexsort((-total, -others.rows["survives"][:n]))
-        add_trails(trails, self._search.progress, others, order)
-        self._n_tidy = progress.n_trails
-
-    def estimate(self, n_bytes: int) -> float:
-        """Return an estimate from above of the number of labels, which takes ``n_bytes`` at most.
-
-        It is the same every time.
-        """
-        most = 1 + self.graph.n_arcs * int(np.diff(self.graph.first).max())
-        n_rows = min(most, _MAX_MET, n_bytes // self.n_label_bytes)
-        n_rows = 1 << max(4, n_rows.bit_length())
-        probe, rng = self._probe(n_rows), np.random.default_rng(0)
-        found: list[float] = []
-        n_met = 0
-        while len(found) < _MAX_DIVES and n_met < _MAX_MET:
-            estimate = probe._dive(rng)
-            if estimate is None:
-                break
-            found.append(estimate)
-            n_met += probe.progress.n_labels
-        return float(np.mean(found)) if found else 0.0
-
-    def _probe(self, n_rows: int) -> TrailSearch:
-        """Return a search with the same trails and no labels."""
-        probe, search = copy.copy(self), self._search
-        n_goals, n_words = search.labels.reached.shape[1], search.labels.used.shape[1]
-        probe._search = search._replace(
-            labels=tables.new_labels(n_rows, n_goals, n_words),
-            trails=tables.doubled(search.trails),
-            progress=search.progress.copy(),
-        )
-        return probe
-
-    def _dive(self, rng: np.random.Generator) -> float | None:
-        """Estimate the number of labels from those that one random descent meets.
-
-        Of the n children of a label one is drawn. Each child counts for the product of all n before
-        it: Knuth, "Estimating the efficiency of backtrack programs", Mathematics of Computation
-        29(129), 1975. The search has fewer labels, since it compares each with all others, not only
-        with those of the same descent.
-
-        A descent ends where there is no more room for labels. None is returned where there is no
-        room for trails.
-        """
-        search, progress = self._search, self.progress
-        progress.n_labels = label = 0
-        weight = total = 1.0
-        low = 1
-        while True:
-            progress.next = label
-            if grow(search, 1, False):
-                self._tidy()
-                if grow(search, 1, False):
-                    node = search.labels.rows["node"][label]
-                    degree = self.graph.first[node + 1] - self.graph.first[node]
-                    return None if len(search.trails.rows) - progress.n_trails < degree else total
-            n = progress.n_labels - low
-            if n <= 0:
-                return total
-            weight *= int(n)  # of Python: numpy would warn where it becomes infinite
-            total += weight
-            label, low = low + int(rng.random() * n), progress.n_labels
+        labels.add_trails(self._search, others, np.lexsort((-total, -others.rows["survives"][:n])))
 
     def trail(self, row: int) -> list[int]:
         """Return a trail of the table as nodes."""
-        graph, labels, current = self.graph, self._search.labels, self._search.current
+        table, current, world = self._search.labels, self._search.current, self._search.world
         label, arc, _ = self._search.trails.rows[row].tolist()
         if label < 0:
             return list(self._known[-1 - label])
-        current.used[:] = [has(labels.used[label], i) for i in range(graph.n_arcs)]
+        current.used[:] = [labels.has(table.used[label], i) for i in range(world.graph.n_arcs)]
         current.used[arc] = 1
-        current.row["length"] = labels.rows["length"][label] + graph.length[arc]
-        current.row["node"] = graph.head[arc]
-        look_around(self._search)
-        home = [graph.base]
+        current.row["length"] = table.rows["length"][label] + world.graph.length[arc]
+        current.row["node"] = world.graph.head[arc]
+        labels.look_around(self._search)
+        home = [int(world.team.start[0])]
         while (last := current.paths.entry[home[-1]]) >= 0:
-            home.append(int(graph.tail[last]))
+            home.append(int(world.graph.tail[last]))
         out: list[int] = []
         while label >= 0:
-            label, _, node, *_ = labels.rows[label].tolist()
+            label, _, node, *_ = table.rows[label].tolist()
             out.append(node)
         return out[::-1] + home[::-1]
 
     def follow(self, trail: tuple[int, ...]) -> tuple[float, FloatArray]:
         """Return the probabilities to survive a trail, and to reach each goal on it."""
-        graph, reached, alive = self.graph, np.zeros(len(self.rule.reward)), 1.0
-        for tail, head in pairwise(trail):
-            alive *= float(graph.survival[find_arc(graph, tail, head)])
-            goal = self.rule.goal[head]
-            if goal >= 0 and reached[goal] == 0.0:
-                reached[goal] = alive
-        return alive, reached
-
-
-def _rule_of(graph: Graph, single: bool, limits: Limits) -> tables.LabelRule:
-    """Return what decides about trails: nodes with a reward are goals, but not the base."""
-    is_goal = (graph.reward > 0) & (np.arange(graph.n_nodes) != graph.base)
-    keys, budget = hash_keys(2 * graph.n_nodes), new_budget(graph, limits)
-    return tables.LabelRule(
-        goal=np.where(is_goal, np.cumsum(is_goal) - 1, -1),
-        reward=graph.reward[is_goal],
-        node_keys=keys[: graph.n_nodes].copy(),
-        goal_keys=keys[graph.n_nodes :].copy(),
-        single=single,
-        limits=limits,
-        short=None if budget is None else budget.short,
-    )
+        search, visits = self._search, self._visits
+        arcs = np.array([find_arc(search.world.graph, *hop) for hop in pairwise(trail)], np.int64)
+        n, survives, _ = walk(search.world, None, arcs, len(arcs), 0, visits)
+        reached = np.zeros(len(search.reward))
+        reached[search.goal[visits.node[:n]]] = visits.chance[:n]
+        return survives, reached

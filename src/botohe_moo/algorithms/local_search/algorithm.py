@@ -13,12 +13,12 @@ from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability
 from botohe_moo.algorithms.base import ArchiveAlgorithm, Threads
+from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, LocalSearchSettings
 from botohe_moo.algorithms.local_search.islands import Islands
 from botohe_moo.core.archive import Archive
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         then.
     greedy_start
         Whether to begin with plans that
-        :func:`~botohe_moo.search.sequential.plan_sequentially` makes for reward alone, for
+        :func:`~botohe_moo.algorithms.greedy.plan_sequentially` makes for reward alone, for
         the whole team and for fewer robots, beside the plan in which all robots stay at base. Not
         where rewards count on return: fronts are better without these plans there.
     max_size

@@ -31,9 +31,9 @@ from botohe_moo.algorithms.local_search.kernels.state import (
     new_workspace,
     ragged,
 )
-from botohe_moo.core.apart import apart
 from botohe_moo.core.ordered import copy_front, new_front, read_front
 from botohe_moo.core.rng import draw_state
+from botohe_moo.core.threads import apart
 from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch

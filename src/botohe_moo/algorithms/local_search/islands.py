@@ -10,9 +10,9 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.algorithms.local_search.engine import LocalSearch, LocalSearchSettings
 from botohe_moo.algorithms.local_search.kernels.state import Given
+from botohe_moo.core.threads import mapping
 from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
-from botohe_moo.search.threads import mapping
 from botohe_moo.trails import PlanBatch
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Islands:
         self.n_islands = settings.n_islands
         self.n_threads = n_threads
         self._how = mission, world
-        self._options = {"random_state": random_state, "settings": settings}
+        self._options: dict[str, Any] = {"random_state": random_state, "settings": settings}
         self._islands = [LocalSearch(*self._how, **self._options)]
         self._n_evaluated = 0
         self._rate = 1.0  # of the last evaluations, the share that has entered a front

@@ -56,7 +56,7 @@ def _weigh_arcs(
     A robot gets to the level ``low`` + ``part`` of the arc's head, where 0 ≤ ``part`` ≤ 1. A visit
     is worth ``paid`` there.
     """
-    head = net.graph.head
+    head = net.world.graph.head
     for arc in range(head.shape[0]):
         there = net.ratio[arc] * level
         low[arc] = min(int(there), level - 1)
@@ -72,7 +72,7 @@ def _value_of(
     arc = states.arc[link]
     there = net.ratio[arc] * level
     value = chord(values, states.to[link], there)
-    return value + chord(prices, net.graph.head[arc], there) if states.pays[link] else value
+    return value + chord(prices, net.world.graph.head[arc], there) if states.pays[link] else value
 
 
 @inlined
@@ -203,7 +203,7 @@ def relax(
     rounding, inf where choices were improved too often; and how many links were looked at.
     """
     prices, mu = worth.prices, worth.mu
-    n_states, n_levels, n_arcs = values.shape[0], values.shape[1] - 1, net.graph.head.shape[0]
+    n_states, n_levels, n_arcs = values.shape[0], values.shape[1] - 1, net.world.graph.head.shape[0]
     low, paid = np.empty(n_arcs, np.int64), np.empty(n_arcs)
     made = _Level(
         end=np.empty(n_states, np.int64),
@@ -226,7 +226,7 @@ def relax(
             low[:], made.part[:] = at - 1, net.ratio
         made.cap[:] = cap[:, at]
         for state in range(n_states):
-            is_base = states.node[state] == net.graph.base
+            is_base = states.node[state] == net.world.team.start[0]
             made.known[state] = mu * at / n_levels if is_base else 0.0
         _weigh_links(states, made, low, paid, by_level, at)
         n_looks += states.arc.shape[0]
@@ -257,7 +257,7 @@ def follow(
     n_levels = values.shape[1] - 1
     state, level, n, most = 0, float(n_levels), 0, 0.0
     while n < links.shape[0]:
-        is_home = states.node[state] == net.graph.base and n > 0
+        is_home = states.node[state] == net.world.team.start[0] and n > 0
         best, second = worth.mu * level / n_levels if is_home else -1.0, -1.0
         best_link = second_link = -1
         for link in range(states.first[state], states.first[state + 1]):

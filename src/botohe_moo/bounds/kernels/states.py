@@ -13,11 +13,11 @@ import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.core.compile import inlined, kernel
-from botohe_moo.core.graph import Graph
+from botohe_moo.core.world import CHECKING, Graph, World
 
 # What exceeds limits by no more than this, relative, still keeps them. It is twice what searches
 # allow, which multiply and add in another order.
-ROUNDING = 2e-12
+ROUNDING = 2 * CHECKING
 
 # Masks of all nodes together, whether they are reached or not: there is a number for each.
 MOST_MASKS = 50_000_000
@@ -30,7 +30,8 @@ NEVER = -2
 class Net(NamedTuple):
     """A mission as a bound sees it: without arcs that no plan needs."""
 
-    graph: Graph
+    # Without limits. Rewards are those that the bound counts, and the base has none.
+    world: World
     # Survival of the safest way from the base, 1 at the base (n_nodes).
     reach: FloatArray
     # The share of the head's reach that is left to a robot that comes by an arc on the safest way
@@ -39,6 +40,16 @@ class Net(NamedTuple):
     home_length: FloatArray  # of the shortest way home (n_nodes)
     min_survival: float
     max_length: float
+
+    @property
+    def graph(self) -> Graph:
+        """The graph, for Python."""
+        return self.world.graph
+
+    @property
+    def base(self) -> int:
+        """The base, for Python."""
+        return int(self.world.team.start[0])
 
 
 class Memory(NamedTuple):
@@ -93,7 +104,7 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
 
     The links of each state descend by the ratio of their arcs.
     """
-    graph = net.graph
+    graph, base = net.world.graph, net.world.team.start[0]
     n_nodes, order = graph.reward.shape[0], np.empty(graph.head.shape[0], np.int64)
     for node in range(n_nodes):
         first, end = graph.first[node], graph.first[node + 1]
@@ -107,9 +118,9 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
     number = np.full(offset[n_nodes], -1, np.int32)
     node_of, mask = np.empty(n_most + 1, np.int64), np.empty(n_most + 1, np.int64)
     n, n_links, at = 1, 0, 0
-    node_of[0], mask[0] = graph.base, 0
+    node_of[0], mask[0] = base, 0
     if n_most > 0:
-        number[offset[graph.base]] = 0
+        number[offset[base]] = 0
     while at < n and n <= n_most:
         tail = node_of[at]
         for arc in order[graph.first[tail] : graph.first[tail + 1]]:

@@ -9,10 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray, Record, RecordArray, SeedArray
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.bounds.kernels.relaxed import chord
 from botohe_moo.bounds.kernels.states import ROUNDING, Net, States, Worth
 from botohe_moo.core.compile import inlined, kernel
+from botohe_moo.core.walk import new_visits, walk
+from botohe_moo.core.world import World
 
 # Survivals that are this much below a step of stairs, relative, count as on it.
 _EDGE = 1e-13
@@ -223,7 +225,8 @@ def find_trails(
     Returns how many links were tried, negative where ``n_most`` or the room was not enough.
     """
     prices, mu, heights, width = worth.prices, worth.mu, stairs.heights, stairs.width
-    graph, found, steps = net.graph, depths.found, depths.steps
+    graph, home, base = net.world.graph, net.world.ways.home, net.world.team.start[0]
+    found, steps = depths.found, depths.steps
     n_levels, n_lines, n_stairs = prices.shape[1] - 1, ahead.mu.shape[0], heights.shape[0]
     least = max(stairs.least, net.min_survival) * (1.0 - ROUNDING)
     first, most = _step_of(least, width, n_stairs), np.empty(n_lines)
@@ -245,7 +248,7 @@ def find_trails(
             continue
         node, alive = graph.head[arc], last.alive * graph.survival[arc]
         length = last.length + graph.length[arc]
-        at_home = alive * graph.home[node]
+        at_home = alive * home[node]
         if at_home < least:
             continue
         if (length + net.home_length[node]) * (1.0 - ROUNDING) > net.max_length:
@@ -255,10 +258,10 @@ def find_trails(
             break
         level = alive / net.reach[node] * n_levels
         value, pays = last.value, 0
-        if graph.reward[node] > 0.0 and depths.met[node] != search and node != graph.base:
+        if graph.reward[node] > 0.0 and depths.met[node] != search and node != base:
             value += chord(prices, node, level)
             pays = 1
-        if node == graph.base:
+        if node == base:
             at = _step_of(alive, width, n_stairs)
             if value + mu * alive > heights[at]:
                 if not rule.every:
@@ -289,3 +292,21 @@ def find_trails(
         if pays:
             depths.met[node] = search
     return n if depth < 0 else -n
+
+
+@kernel
+def follow_trails(
+    world: World, arcs: IntArray, n_arcs: OffsetArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return survivals of trails (n), and probabilities to reach each node that pays (n, n_nodes).
+
+    Trail i takes the first ``n_arcs[i]`` arcs in row i of ``arcs``.
+    """
+    n_nodes = world.graph.reward.shape[0]
+    survival, reached = np.empty(arcs.shape[0]), np.zeros((arcs.shape[0], n_nodes))
+    visits = new_visits(n_nodes)
+    for i in range(arcs.shape[0]):
+        n, survival[i], _ = walk(world, world.returns, arcs[i], n_arcs[i], 0, visits)
+        for j in range(n):
+            reached[i, visits.node[j]] = visits.chance[j]
+    return survival, reached

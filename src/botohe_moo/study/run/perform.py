@@ -14,13 +14,13 @@ from pymoo.core.algorithm import Algorithm
 from pymoo.core.termination import NoTermination
 
 from botohe_moo._base.types import FloatArray
+from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.base import ArchiveAlgorithm
-from botohe_moo.algorithms.population import PopulationAlgorithm
+from botohe_moo.algorithms.genetic.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study.file.code import check_objectives, problem_on
 from botohe_moo.study.file.config import Budget
 from botohe_moo.study.file.model import Run

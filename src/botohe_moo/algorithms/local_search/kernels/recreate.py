@@ -35,11 +35,9 @@ from botohe_moo.algorithms.local_search.kernels.state import (
     has_room,
     release,
 )
-from botohe_moo.core.clock import ticks
-from botohe_moo.core.compile import helper, kernel
+from botohe_moo.core.compile import helper, kernel, shared, ticks
 from botohe_moo.core.ordered import nearest_place, slope_at
 from botohe_moo.core.rng import below, uniform
-from botohe_moo.core.sharing import shared
 from botohe_moo.core.world import (
     AT_NEXT_DEPOT,
     AT_THIS_DEPOT,

@@ -10,9 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
-from botohe_moo.core.compile import helper, kernel
-from botohe_moo.core.paths import ANYWHERE, Paths, new_paths, search_paths
-from botohe_moo.core.sharing import shared
+from botohe_moo.core.compile import helper, kernel, shared
+from botohe_moo.core.paths import (
+    ANYWHERE,
+    Near,
+    Paths,
+    new_near,
+    new_paths,
+    search_near,
+    search_paths,
+)
 from botohe_moo.core.world import Graph, World
 
 FULL_UP_TO = 1_000
@@ -35,9 +42,7 @@ class Routes(NamedTuple):
     # first ``arc``, −1 at the goal itself, and the entry, in the same row, of that arc's head
     # (``onward``; n_nodes, n_entries).
     entries: RecordArray
-    # For each node the other nodes that are safest to reach, the safest first; −1 before they have
-    # been searched (n_nodes, n_near).
-    near: OffsetArray
+    near: Near  # rows are searched when they are needed
     # Costs of the cheapest paths from each node to all (``leaving``), and to it from all
     # (``coming``; n_nodes, n_nodes), for nodes where they have been searched (``is_known``;
     # n_nodes). Empty on missions of more than ``FULL_UP_TO`` nodes.
@@ -65,7 +70,7 @@ def new_routes(world: World, per_length: FloatArray) -> Routes:
     return Routes(
         n_known=np.zeros(n_nodes, np.int64),
         entries=np.empty((n_nodes, n_entries), _ENTRY).view(np.recarray),
-        near=np.full((n_nodes, min(_N_NEIGHBOURS, n_nodes - 1)), -1),
+        near=new_near(n_nodes, _N_NEIGHBOURS),
         is_known=np.zeros(n_nodes, np.int64),
         leaving=np.empty((n_costs, n_costs)),
         coming=np.empty((n_costs, n_costs)),
@@ -83,21 +88,12 @@ def search_all(graph: Graph, routes: Routes, with_costs: bool) -> None:
     """Search all paths that have not been searched yet, so that several threads may read them."""
     graph, routes = shared(graph), shared(routes)
     for node in range(graph.reward.shape[0]):
-        if routes.near.shape[1] > 0 and routes.near[node, 0] < 0:
-            search_near(graph, routes, node)
+        if routes.near.nodes.shape[1] > 0 and routes.near.nodes[node, 0] < 0:
+            search_near(graph, routes.paths, routes.used, routes.near, node)
         if routes.n_known[node] == 0:
             search_routes(graph, routes, node)
         if with_costs:
             search_costs(graph, routes, node)
-
-
-@helper
-def search_near(graph: Graph, routes: Routes, source: int) -> None:
-    """Find the nodes that are safest to reach from a node."""
-    paths, n_near = routes.paths, routes.near.shape[1]
-    n = search_paths(graph, paths, routes.used, 1, source, ANYWHERE, n_near + 1, False)
-    for i in range(n_near):
-        routes.near[source, i] = paths.order[min(i + 1, n - 1)]
 
 
 @helper

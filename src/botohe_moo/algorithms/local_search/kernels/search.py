@@ -39,8 +39,7 @@ from botohe_moo.algorithms.local_search.kernels.state import (
     has_room,
     release,
 )
-from botohe_moo.core.clock import ticks
-from botohe_moo.core.compile import helper, kernel
+from botohe_moo.core.compile import helper, kernel, shared, ticks
 from botohe_moo.core.ordered import (
     best_reward,
     contribution,
@@ -49,7 +48,6 @@ from botohe_moo.core.ordered import (
     nearest_place,
 )
 from botohe_moo.core.rng import below, uniform
-from botohe_moo.core.sharing import shared
 from botohe_moo.core.world import Returns, find_arc
 
 # After this many parents in a row without any child there is nothing left to try.
@@ -109,7 +107,7 @@ def _insert_given(search: Search, given: Given, plan: int) -> None:
     for k in range(search.work.trails.shape[0]):
         trail = np.int64(given.plan[plan, k])
         if given.stored[trail] == NOT_STORED:
-            given.stored[trail] = _store_given(search, given, trail, k)
+            given.stored[trail] = _store_given(search, given, int(trail), k)
         if given.stored[trail] == NOT_STORED:
             return
         search.work.trails[k] = given.stored[trail]

@@ -11,10 +11,10 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.algorithms.local_search.kernels.routes import Routes
-from botohe_moo.core.apart import apart
 from botohe_moo.core.compile import helper
 from botohe_moo.core.evaluate import Reached, new_reached
 from botohe_moo.core.ordered import OrderedFront
+from botohe_moo.core.threads import apart
 from botohe_moo.core.walk import Visits, new_visits
 from botohe_moo.core.world import CHECKING, World
 
@@ -181,7 +181,7 @@ class Given(NamedTuple):
 
     plan: IntArray  # numbers of each plan's trails (n_plans, n_robots)
     # Trail t is ``nodes[offsets[t]:offsets[t + 1]]``.
-    nodes: OffsetArray
+    nodes: IntArray | OffsetArray
     offsets: OffsetArray
     objectives: FloatArray  # E[R] and E[S] of each plan, inf where they are not known (n_plans, 2)
     tried: OffsetArray  # how often each plan has been a parent (n_plans)

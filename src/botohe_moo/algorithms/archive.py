@@ -1,0 +1,86 @@
+"""All non-dominated plans that an algorithm has found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo.core.archive import Archive, Batch, new_archive, new_found, sift, survivors_of
+from botohe_moo.trails import PlanBatch
+
+
+class PlanArchive:
+    """Non-dominated plans by descending expected reward.
+
+    Plans with equal objectives but different trails stay, the first ``max_ties`` of them; repeated
+    plans are dropped.
+    """
+
+    def __init__(self, n_robots: int, *, max_ties: int = 1_000) -> None:
+        self.n_robots = n_robots
+        self.max_ties = max_ties
+        self._arrays = new_archive()
+        self._next_id = 0
+
+    def __len__(self) -> int:
+        return len(self._arrays.ids)
+
+    @property
+    def objectives(self) -> FloatArray:
+        """E[R] and E[S] of each plan, to be maximised (n, 2); read-only."""
+        view = self._arrays.objectives.view()
+        view.flags.writeable = False
+        return view
+
+    @property
+    def arrays(self) -> Archive:
+        """The arrays that kernels take; not to be changed."""
+        return self._arrays
+
+    @property
+    def plans(self) -> PlanBatch:
+        """A copy of the plans, in the order of ``objectives``."""
+        return self._plans.take(np.arange(len(self._plans)))
+
+    @property
+    def _plans(self) -> PlanBatch:
+        return PlanBatch._wrap(self._arrays.nodes, self._arrays.offsets, self.n_robots)
+
+    @property
+    def version(self) -> int:
+        """The number of plans that were ever inserted: it changes whenever the archive does."""
+        return self._next_id
+
+    def insert(self, batch: PlanBatch, objectives: FloatArray) -> OffsetArray:
+        """Insert evaluated plans, with E[R] and E[S] (n, 2), that the archive does not dominate.
+
+        Returns the indices of the batch's own Pareto set.
+        """
+        return self._insert(batch, objectives)[0]
+
+    def _insert(self, batch: PlanBatch, objectives: FloatArray) -> tuple[OffsetArray, OffsetArray]:
+        """Return the indices of the batch's own Pareto set, and of the plans that are inserted."""
+        new, archive = Batch(objectives, *batch.arrays), self._arrays
+        found = new_found(new)
+        n_members, n_new = sift(
+            new, self.n_robots, archive.objectives, archive.hashes, self.max_ties, found
+        )
+        members, newcomers = found.members[:n_members], found.newcomers[:n_new]
+        if n_new > 0:
+            self._merge(batch.take(newcomers), objectives[newcomers], found.hashes[newcomers])
+        return members, newcomers
+
+    def _merge(self, batch: PlanBatch, objectives: FloatArray, hashes: SeedArray) -> None:
+        """Insert newcomers, given by descending E[R], and drop what they dominate."""
+        archive, ids = self._arrays, self._next_id + np.arange(len(batch))
+        stays = survivors_of(archive.objectives, objectives)
+        both = np.concatenate([archive.objectives[stays], objectives])
+        order = np.argsort(-both[:, 0], kind="stable")
+        plans = PlanBatch.concatenate([self._plans.take(stays), batch]).take(order)
+        self._arrays = Archive(
+            both[order],
+            np.concatenate([archive.hashes[stays], hashes])[order],
+            np.concatenate([archive.ids[stays], ids])[order],
+            *plans.arrays,
+        )
+        self._next_id += len(batch)

@@ -1,0 +1,244 @@
+"""The ant colony proper: ants and their pheromone, without pymoo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+
+import numpy as np
+from pydantic import Field
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo._plugins.types import Count, NotNegative, Positive
+from botohe_moo.algorithms.archive import PlanArchive
+from botohe_moo.algorithms.bo_aco.kernels import (
+    LEAST,
+    LOG_HIGH,
+    BuildRule,
+    Depositors,
+    Heuristic,
+    Pheromone,
+    Scratch,
+    construct,
+    learn,
+    new_scratch,
+)
+from botohe_moo.core.paths import Paths, new_paths
+from botohe_moo.core.rng import seed_states
+from botohe_moo.core.threads import mapping
+from botohe_moo.core.world import AT_NEXT_DEPOT, World, find_arc, ways_to_ends
+from botohe_moo.mission.model import Mission
+from botohe_moo.trails import PlanBatch
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Trails of an iteration times arcs: with fewer, one thread builds them in the time that it takes to
+# start others.
+_MUCH = 50_000
+
+
+Evaporation: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
+InitialPheromone: TypeAlias = Positive | Literal["bounds"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColonySettings:
+    """How ants weigh arcs and pheromone changes; :class:`BOACO` documents the parameters.
+
+    Defaults are the first settings of the paper.
+    """
+
+    n_ants: Count = 100
+    evaporation: Evaporation = 0.04
+    heuristic: bool = True
+    pheromone: bool = True
+    allocation: Literal["sequential", "concurrent"] = "sequential"
+    pheromone_per_robot: bool = False
+    initial_pheromone: InitialPheromone = 1.0
+    reward_epsilon: Positive = 0.05
+    survival_epsilon: Positive = 0.01
+    unvisited_bonus: NotNegative = 0.0
+    exploration: NotNegative = 0.0
+    pooled_deposit: bool = True
+
+
+# What made the curves published in PeerJ Computer Science, 2025.
+JOURNAL = ColonySettings(
+    evaporation=0.1,
+    initial_pheromone="bounds",
+    unvisited_bonus=0.05,
+    exploration=0.01,
+    pooled_deposit=False,
+)
+
+
+class Colony:
+    """Ants that build plans, and the pheromone they leave.
+
+    Ants plan with the limits of ``world``. Plans are built by ``n_threads``, on which results do
+    not depend: each ant has its own generator, whose seed is drawn from ``random_state``.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        world: World,
+        settings: ColonySettings,
+        *,
+        n_threads: int = 1,
+        random_state: np.random.Generator,
+    ) -> None:
+        self.settings = settings
+        self.n_threads = n_threads
+        self._world = world
+        self._is_careful = not world.graph.balanced or world.limits.bind
+        self._first_way = _first_way(world)
+        self._states = seed_states(random_state, settings.n_ants)
+        self._heuristic = _new_heuristic(world, settings)
+        self._pheromone = _new_pheromone(mission, settings)
+        self._scratch: dict[int, tuple[Paths | None, Scratch]] = {}  # of each thread
+        self._deposited_version = -1  # of the archive, when its deposit was last summed up
+        self._archived: Depositors  # the plans of that version
+        # Arguments of ``learn`` that the last iteration has left for the next one.
+        self._to_learn: tuple[Depositors, Depositors, bool] | None = None
+
+    @property
+    def pheromone(self) -> FloatArray:
+        """Reward and survival pheromone of the arcs (n_maps, n_arcs + n_kinds, 2).
+
+        Each robot has a map, or all share one; behind the arcs come the self-loops with which
+        trails end, one for each kind of robots.
+        """
+        self._catch_up()
+        return self._pheromone.levels
+
+    def construct(self, n_ants: int) -> PlanBatch:
+        """Build a plan for each of ``n_ants`` ants, at most those of the settings.
+
+        The ants' weights on the objectives are spread evenly. Robots are in the order of planning.
+        """
+        self._catch_up()
+        is_much = n_ants * self._world.n_robots * self._world.graph.n_arcs > _MUCH
+        n_threads = min(self.n_threads, n_ants) if is_much else 1
+        if n_threads == 1:
+            return self._construct_span(0, n_ants, 0, n_ants)
+        cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
+        spans = range(n_threads), [n_ants] * n_threads, cuts[:-1], cuts[1:]
+        with mapping(n_threads) as map_:
+            return PlanBatch.concatenate(map_(self._construct_span, *spans))
+
+    def _construct_span(self, part: int, n_ants: int, begin: int, end: int) -> PlanBatch:
+        """Build the plans of the ants ``begin`` to ``end``, in the thread with number ``part``."""
+        world, levels = self._world, self._pheromone.levels
+        rule = BuildRule(
+            n_ants, self.settings.exploration, self.settings.allocation == "concurrent"
+        )
+        if part not in self._scratch:
+            paths = new_paths(world) if self._is_careful else None
+            scratch = new_scratch(
+                world, self._first_way, len(levels), rule.concurrent, self._states
+            )
+            self._scratch[part] = paths, scratch
+        paths, scratch = self._scratch[part]
+        for last in (scratch.tabulated, scratch.used, scratch.visited):
+            last.fill(-1)
+        built = construct(world, self._heuristic, levels, rule, paths, scratch, begin, end)
+        return PlanBatch._wrap(*built, world.n_robots)
+
+    def learn(
+        self, batch: PlanBatch, objectives: FloatArray, members: OffsetArray, archive: PlanArchive
+    ) -> None:
+        """Evaporate and deposit pheromone, if the colony has any.
+
+        ``objectives`` are E[R] and E[S] of the iteration's plans, and ``members`` the indices of
+        its Pareto set. ``archive`` holds the global Pareto set, or what the colony knows of it.
+        """
+        if not self.settings.pheromone or len(archive) == 0:
+            return
+        self._catch_up()
+        is_new = archive.version != self._deposited_version
+        if is_new:
+            everyone, archived = np.arange(len(archive)), archive.arrays
+            self._archived = Depositors(
+                archived.objectives, everyone, archived.nodes, archived.offsets
+            )
+            self._deposited_version = archive.version
+        self._to_learn = Depositors(objectives, members, *batch.arrays), self._archived, is_new
+
+    def _catch_up(self) -> None:
+        """Learn what the last iteration has found, if it has not been learned yet.
+
+        ``learn`` is called only when ants build again, so that a first front need not compile it.
+        """
+        if self._to_learn is not None:
+            rule = self.settings.evaporation, self.settings.pooled_deposit
+            learn(self._world, *self._to_learn, *rule, self._pheromone)
+            self._to_learn = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_scratch": {}}
+
+
+def _first_way(world: World) -> OffsetArray:
+    """Return the arcs by which ``ways_to_ends`` leave their nodes; −1 at the ends."""
+    first_way = world.ways.homeward.copy()
+    for way in ways_to_ends(world):
+        for tail, head in pairwise(way.nodes):
+            first_way[tail] = find_arc(world.graph, tail, head)
+    return first_way
+
+
+def _new_pheromone(mission: Mission, settings: ColonySettings) -> Pheromone:
+    n_maps = mission.robots if settings.pheromone_per_robot else 1
+    shape = n_maps, mission.world.graph.n_arcs + len(mission.kinds), 2
+    levels = np.ones(shape)
+    if settings.pheromone and settings.initial_pheromone == "bounds":
+        levels[:] = mission.total_reward or 1.0, mission.robots
+    elif settings.pheromone:
+        levels[:] = settings.initial_pheromone
+    return Pheromone(np.maximum(levels, LEAST), np.zeros(shape), np.zeros(shape))
+
+
+def _new_heuristic(world: World, settings: ColonySettings) -> Heuristic:
+    survival = np.append(world.graph.survival, np.ones(world.team.n_kinds))
+    if not settings.heuristic:
+        nothing = np.zeros(len(survival))
+        return Heuristic(0.0, nothing, nothing, nothing)
+    reward = world.graph.reward
+    if world.returns is not None:  # what is paid on return depends on coming home
+        on_return = world.returns.credit == AT_NEXT_DEPOT
+        reward = np.where(on_return, reward * world.ways.home, reward)
+    reward = reward[[*world.graph.head, *np.unique(world.team.end)]]
+    with np.errstate(over="ignore"):
+        gain = (settings.unvisited_bonus + survival * reward) / settings.reward_epsilon
+    gain = np.minimum(gain, np.exp(LOG_HIGH))
+    return Heuristic(
+        float(np.log(settings.reward_epsilon)),
+        np.log(settings.survival_epsilon + survival),
+        gain,
+        np.log1p(gain),
+    )
+
+
+def tabulate_pheromone(mission: Mission, colony: Colony) -> pd.DataFrame:
+    """Return the pheromone of a colony, a row for each arc, as :attr:`BOACO.pheromone_maps`."""
+    import pandas as pd  # here, since importing it takes as long as importing all else
+
+    graph, nodes, kinds = mission.world.graph, mission.nodes, mission.kinds
+    loops = np.unique(mission.world.team.end)
+    tails, heads = (np.append(ends, loops) for ends in (graph.tail, graph.head))
+    labels = [
+        pd.Series([nodes[i] for i in ends % len(nodes)], dtype=object) for ends in (tails, heads)
+    ]
+    names = [kinds[k].name for k in tails // len(nodes)]
+    columns = ["robot", "kind", "tail", "head", "reward", "survival"]
+    maps = [
+        pd.DataFrame(dict(zip(columns, [robot, names, *labels, *levels.T], strict=True)))
+        for robot, levels in enumerate(colony.pheromone)
+    ]
+    table = pd.concat(maps, ignore_index=True)
+    if len(kinds) == 1:
+        table = table.drop(columns="kind")
+    return table if colony.settings.pheromone_per_robot else table.drop(columns="robot")

@@ -1,0 +1,553 @@
+"""Ants that build trail plans hop by hop, and the two pheromones that plans deposit.
+
+Arcs are numbered as in the graph. Behind them come the self-loops that end trails, one for each
+kind of robots.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo.core.compile import helper, inlined, kernel, shared
+from botohe_moo.core.paths import Paths, leads_home, way_within
+from botohe_moo.core.rng import uniform
+from botohe_moo.core.world import (
+    AT_NEXT_DEPOT,
+    Graph,
+    Returns,
+    Shortest,
+    World,
+    aboard_at,
+    aboard_of,
+    credit_of,
+    find_arc,
+    layer_of,
+    loop_at,
+)
+
+# Ants whose weights are tabulated together: enough to share the exponentials, few enough that
+# the tables of a small mission stay in the fastest caches.
+BLOCK = 50
+
+# Up to this many arcs a scan that stops early beats one without branches (measured).
+_SHORT_SCAN = 5
+
+# The least pheromone. On arcs that no Pareto set uses pheromone falls by the same factor for
+# thousands of iterations: this is far below any amount that matters, and far above where floats
+# lose their digits.
+LEAST = 1e-250
+
+# Bounds on log(τη). Whatever rewards and parameters are, products of two such factors, and sums of
+# these products, are neither 0 nor infinite: where all weights are 0 ants could not draw an arc.
+LOG_LOW, LOG_HIGH = -650.0, 250.0
+
+_FIRST_NODES = 4096  # for which plans have room at first
+
+
+class BuildRule(NamedTuple):
+    """How ants build plans."""
+
+    n_ants: int  # size of the colony: ant i has λ = i / (n_ants − 1), a single ant λ = 1/2
+    # Every weight is raised by exploration · (mean weight) / (number of candidates).
+    exploration: float
+    # Whether the robots take one hop each in turn until their trails have ended; otherwise one
+    # trail is complete before the next begins.
+    concurrent: bool
+
+
+class Heuristic(NamedTuple):
+    """What ants know of arcs beforehand (n_arcs + n_kinds)."""
+
+    log_reward: float  # log η_R of a node already in the trail
+    log_survival: FloatArray  # log η_S
+    # Of a node that no robot reaches yet, η_R is 1 + gain times as large; and log(1 + gain).
+    gain: FloatArray
+    log_fresh: FloatArray
+
+
+class Pheromone(NamedTuple):
+    """Pheromone, and the last deposits; each robot has a map, or all robots share one.
+
+    All arrays have the shape (n_maps, n_arcs + n_kinds, 2): reward comes first, then survival.
+    """
+
+    levels: FloatArray  # at least ``LEAST``
+    deposits: FloatArray  # sums of what the plans of the iteration's Pareto set deposit
+    archive_deposits: FloatArray  # and those of the global Pareto set
+
+
+class Depositors(NamedTuple):
+    """Plans that deposit pheromone."""
+
+    objectives: FloatArray  # E[R] and E[S] of all plans (n_plans, 2)
+    members: OffsetArray  # indices of those that deposit
+    # All trails, ragged.
+    nodes: IntArray
+    offsets: OffsetArray
+
+
+class Scratch(NamedTuple):
+    """Scratch of ants: weights in tables, and where the robots of one ant have been.
+
+    ``n_rows`` is the number of robots if all take their hops in turn, otherwise 1.
+    """
+
+    # Weights of arcs for each ant of a block (n_maps, ``BLOCK``, n_arcs + n_kinds): for a head
+    # already in the trail, and for one that no robot reaches yet.
+    seen: FloatArray
+    fresh: FloatArray
+    # The last block for which the arcs that leave each node were tabulated (n_maps, n_nodes).
+    tabulated: OffsetArray
+    # The last trail that used each arc (n_rows, n_arcs + n_kinds), and that visited each node
+    # (n_rows, n_nodes).
+    used: OffsetArray
+    visited: OffsetArray
+    # The way from each start to its end that keeps the limits, and with limits the way home that
+    # each robot knows: the arc by which it leaves each of its nodes, −1 at its end (n_nodes) and
+    # (n_rows, n_nodes).
+    first_way: OffsetArray
+    onward: OffsetArray
+    # Where each robot is, −1 where its trail has ended, with what probability, how long its trail
+    # is, and its nodes so far: how many (n_robots), and which (n_robots, n_arcs + 1).
+    node: OffsetArray
+    alive: FloatArray
+    length: FloatArray
+    n_hops: OffsetArray
+    trail: IntArray
+    unreached: FloatArray  # probability that no robot collects at each node, by layer (n_nodes)
+    cumulated: FloatArray  # weights of the candidates, summed up (n_arcs + n_kinds)
+    rejected: OffsetArray  # arcs that were drawn, but leave no way home (n_arcs + n_kinds)
+    states: SeedArray  # state of each ant's random numbers (n_ants, 2)
+
+
+def new_scratch(
+    world: World, first_way: OffsetArray, n_maps: int, concurrent: bool, states: SeedArray
+) -> Scratch:
+    """Return scratch for ants; ``states`` are those of their random numbers (n_ants, 2)."""
+    n_robots, n_nodes = world.n_robots, world.graph.n_nodes
+    n_arcs = world.graph.n_arcs + world.team.n_kinds
+    n_rows = n_robots if concurrent else 1
+    return Scratch(
+        seen=np.empty((n_maps, BLOCK, n_arcs)),
+        fresh=np.empty((n_maps, BLOCK, n_arcs)),
+        tabulated=np.empty((n_maps, n_nodes), np.int64),
+        used=np.empty((n_rows, n_arcs), np.int64),
+        visited=np.empty((n_rows, n_nodes), np.int64),
+        first_way=first_way,
+        onward=np.full((n_rows, n_nodes), -1),
+        node=np.empty(n_robots, np.int64),
+        alive=np.empty(n_robots),
+        length=np.empty(n_robots),
+        n_hops=np.empty(n_robots, np.int64),
+        trail=np.empty((n_robots, world.graph.n_arcs + 1), np.int32),
+        unreached=np.empty(n_nodes),
+        cumulated=np.empty(n_arcs),
+        rejected=np.empty(n_arcs, np.int64),
+        states=states,
+    )
+
+
+class Ant(NamedTuple):
+    """One trail of an ant while it is built."""
+
+    number: int
+    trail: int  # its number among the trails of all ants
+    robot: int
+    power: float  # 1 − λ
+    end: int  # where the trail ends, by the self-loop
+    loop: int
+    # Rows of the scratch.
+    used: OffsetArray
+    visited: OffsetArray
+    onward: OffsetArray
+    seen: FloatArray
+    fresh: FloatArray
+
+
+@helper
+def _tabulate(
+    world: World,
+    heuristic: Heuristic,
+    levels: FloatArray,
+    rule: BuildRule,
+    scratch: Scratch,
+    block: int,
+    which: int,
+    node: int,
+) -> None:
+    """Fill in the weights of all arcs that leave a node, for every ant of a block.
+
+    The ants' λ are evenly spaced, so that an arc's weight is a geometric progression over the
+    ants: a few exponentials serve the whole block.
+    """
+    graph, team = world.graph, world.team
+    scratch.tabulated[which, node] = block
+    step = 1.0 / (rule.n_ants - 1) if rule.n_ants > 1 else 0.0
+    first = block * BLOCK * step if rule.n_ants > 1 else 0.5
+    n_ants = min(BLOCK, rule.n_ants - block * BLOCK)
+    low, high, loop = graph.first[node], graph.first[node + 1], loop_at(graph, team, node)
+    for i in range(low, high + 1 if node == team.end[node] else high):
+        arc = i if i < high else loop
+        reward = math.log(levels[which, arc, 0]) + heuristic.log_reward
+        survival = math.log(levels[which, arc, 1]) + heuristic.log_survival[arc]
+        reward = min(max(reward, LOG_LOW), LOG_HIGH)
+        slope = min(max(survival, LOG_LOW), LOG_HIGH) - reward
+        weight = math.exp(reward + first * slope)
+        ratio = math.exp(step * slope)
+        factor = math.exp((1.0 - first) * heuristic.log_fresh[arc])
+        factor_ratio = math.exp(-step * heuristic.log_fresh[arc])
+        for ant in range(n_ants):
+            scratch.seen[which, ant, arc] = weight
+            scratch.fresh[which, ant, arc] = weight * factor
+            weight *= ratio
+            factor *= factor_ratio
+
+
+@inlined
+def _weigh(
+    world: World, heuristic: Heuristic, scratch: Scratch, ant: Ant, node: int
+) -> tuple[int, float, int]:
+    """Sum up the weights of the arcs that a robot may take.
+
+    Returns how many arcs there are to choose from, the sum of their weights, and the last of them.
+    """
+    graph, gain = world.graph, heuristic.gain
+    low, high = graph.first[node], graph.first[node + 1]
+    unreached, cumulated, head = scratch.unreached, scratch.cumulated, graph.head
+    n = 0
+    arc = low
+    total = 0.0
+    for a in range(low, high):
+        weight = 0.0
+        if ant.used[a] != ant.trail:
+            n += 1
+            arc = a
+            visited = ant.visited[head[a]] == ant.trail
+            left = 0.0 if visited else unreached[head[a]]
+            weight = ant.fresh[a] if left == 1.0 else ant.seen[a]
+            if 0.0 < left < 1.0:
+                weight *= math.exp(ant.power * math.log(1.0 + gain[a] * left))
+        total += weight
+        cumulated[a - low] = total
+    if node == ant.end:
+        n += 1
+        arc = ant.loop
+        total += float(ant.seen[arc])
+        cumulated[high - low] = total
+    return n, total, arc
+
+
+@inlined
+def _draw(
+    graph: Graph,
+    exploration: float,
+    cumulated: FloatArray,
+    ant: Ant,
+    node: int,
+    n: int,
+    total: float,
+    drawn: float,
+) -> int:
+    """Choose one of the ``n`` arcs that ``_weigh`` has weighed, of which there are several.
+
+    ``drawn`` is a random number from 0 to 1 + exploration / n. From 1 on it chooses uniformly: this
+    is what exploration adds to every weight.
+    """
+    low, n_arcs = graph.first[node], graph.first[node + 1] - graph.first[node]
+    n_listed = n_arcs + 1 if node == ant.end else n_arcs
+    place = 0
+    if drawn < 1.0:
+        drawn *= total
+        if n_listed > _SHORT_SCAN:
+            for c in range(n_listed - 1):
+                place += cumulated[c] <= drawn
+        else:
+            while place < n_listed - 1 and cumulated[place] <= drawn:
+                place += 1
+    else:
+        skip = min(n - 1, int((drawn - 1.0) / exploration * n * n))
+        while place < n_arcs and (ant.used[low + place] == ant.trail or skip > 0):
+            skip -= ant.used[low + place] != ant.trail
+            place += 1
+    return low + place if place < n_arcs else ant.loop
+
+
+@inlined
+def _choose(
+    world: World,
+    heuristic: Heuristic,
+    rule: BuildRule,
+    scratch: Scratch,
+    paths: Paths | None,
+    ant: Ant,
+    node: int,
+    alive: float,
+) -> int:
+    """Choose the next arc of a robot, after which a way home is left; return the arc.
+
+    Another arc is drawn if no unused arcs lead home from that one. There may be such dead ends
+    where some node has more arcs in than out (the graph is not balanced). Another one is also drawn
+    if the whole trail could not keep the robot's survival floor, or if ``way_within`` finds no way
+    home within its travel budget.
+    """
+    graph, n_rejected = world.graph, 0
+    while True:
+        n, total, arc = _weigh(world, heuristic, scratch, ant, node)
+        if n > 1:
+            drawn = uniform(scratch.states, ant.number) * (1.0 + rule.exploration / n)
+            arc = _draw(graph, rule.exploration, scratch.cumulated, ant, node, n, total, drawn)
+        ant.used[arc] = ant.trail
+        if arc == ant.loop or n == 1:
+            break
+        length = scratch.length[ant.robot]
+        if _leads_home(world, world.ways.shortest, paths, ant, arc, alive, length):
+            break
+        scratch.rejected[n_rejected] = arc
+        n_rejected += 1
+    for i in range(n_rejected):
+        ant.used[scratch.rejected[i]] = -1
+    return arc
+
+
+@inlined
+def _leads_home(
+    world: World,
+    shortest: Shortest | None,
+    paths: Paths | None,
+    ant: Ant,
+    arc: int,
+    alive: float,
+    length: float,
+) -> bool:
+    """Return whether a way home within the limits is known from the head of an arc, and note it.
+
+    ``alive`` and ``length`` are those of the trail up to the arc. No ant gets stuck: with limits,
+    it can always follow the way that was noted last. It does not look for the rest of that way
+    again, since another way may be as safe but longer. With a travel budget, plans are lost if the
+    only ways home are neither the safest nor the shortest ones.
+    """
+    if paths is None:
+        return True
+    graph, least = world.graph, world.limits.floors[ant.robot]
+    if shortest is None and least == 0.0:
+        return leads_home(world, paths, ant.used, ant.trail, graph.head[arc])
+    if ant.onward[graph.tail[arc]] == arc:
+        return True
+    node, alive, length = graph.head[arc], alive * graph.survival[arc], length + graph.length[arc]
+    if alive * world.ways.home[node] < least:
+        return False
+    n = way_within(world, shortest, paths, ant.used, ant.trail, node, alive, length)
+    for i in range(n):
+        alive *= graph.survival[paths.path[i]]
+    if n < 0 or alive < least:
+        return False
+    for i in range(n):
+        ant.onward[graph.tail[paths.path[i]]] = paths.path[i]
+    return True
+
+
+@inlined
+def _visit(
+    world: World, returns: Returns | None, scratch: Scratch, ant: Ant, node: int, alive: float
+) -> None:
+    """Note that a robot gets to a node with probability ``alive``.
+
+    A reward on return is expected to be brought straight home.
+    """
+    if ant.visited[node] == ant.trail:
+        return
+    ant.visited[node] = ant.trail
+    chance = alive * world.team.share[node]
+    if credit_of(returns, node) == AT_NEXT_DEPOT:
+        chance *= world.ways.home[node]
+    n_origins = world.team.reward.shape[0]
+    for copy in range(world.team.origin[node], scratch.unreached.shape[0], n_origins):
+        scratch.unreached[copy] *= 1.0 - chance
+
+
+@inlined
+def _begin_trail(
+    world: World, returns: Returns | None, scratch: Scratch, ant: Ant, source: int
+) -> None:
+    """Note where a robot starts, what it carries, and a way from there to its end."""
+    node = source
+    while scratch.first_way[node] >= 0:
+        ant.onward[node] = scratch.first_way[node]
+        node = world.graph.head[ant.onward[node]]
+    home, (first, stop) = world.ways.home, aboard_of(returns, ant.robot)
+    for i in range(first, stop):
+        node = aboard_at(returns, layer_of(world.team, source), i)
+        # It is brought home from here, not from where it was collected.
+        _visit(world, returns, scratch, ant, node, home[source] / home[node])
+    _visit(world, returns, scratch, ant, source, 1.0)
+
+
+@inlined
+def _walk(
+    world: World,
+    heuristic: Heuristic,
+    levels: FloatArray,
+    rule: BuildRule,
+    paths: Paths | None,
+    scratch: Scratch,
+    trail: int,
+) -> bool:
+    """Extend a robot's trail: to its end, or by one hop where all robots are out at once.
+
+    Returns whether its trail has ended.
+    """
+    graph, n_robots = world.graph, world.team.start.shape[0]
+    number, robot = trail // n_robots, trail % n_robots
+    row, which = robot if rule.concurrent else 0, robot if levels.shape[0] > 1 else 0
+    block, end = number // BLOCK, world.team.end[world.team.start[robot]]
+    ant = Ant(
+        number,
+        trail,
+        robot,
+        1.0 - (number * (1.0 / (rule.n_ants - 1)) if rule.n_ants > 1 else 0.5),
+        end,
+        loop_at(graph, world.team, end),
+        scratch.used[row],
+        scratch.visited[row],
+        scratch.onward[row],
+        scratch.seen[which, number - block * BLOCK],
+        scratch.fresh[which, number - block * BLOCK],
+    )
+    node, alive, n_hops = scratch.node[robot], scratch.alive[robot], scratch.n_hops[robot]
+    if n_hops == 0:
+        _begin_trail(world, world.returns, scratch, ant, node)
+    while True:
+        if scratch.tabulated[which, node] != block:
+            _tabulate(world, heuristic, levels, rule, scratch, block, which, node)
+        arc = _choose(world, heuristic, rule, scratch, paths, ant, node, alive)
+        scratch.trail[robot, n_hops] = node
+        n_hops += 1
+        if arc == ant.loop:
+            node = -1
+            break
+        node = graph.head[arc]
+        alive *= graph.survival[arc]
+        if paths is not None:
+            scratch.length[robot] += graph.length[arc]
+        _visit(world, world.returns, scratch, ant, node, alive)
+        if rule.concurrent:
+            break
+    scratch.node[robot], scratch.alive[robot], scratch.n_hops[robot] = node, alive, n_hops
+    return bool(node < 0)
+
+
+@kernel
+def construct(
+    world: World,
+    heuristic: Heuristic,
+    levels: FloatArray,
+    rule: BuildRule,
+    paths: Paths | None,
+    scratch: Scratch,
+    begin: int,
+    end: int,
+) -> tuple[IntArray, OffsetArray]:
+    """Build the plans of the ants ``begin`` to ``end``; return their nodes and offsets, ragged.
+
+    An ant at a node weighs each arc a that this trail has not used yet with
+    (τ_R η_R)^(1 − λ) (τ_S η_S)^λ, where η_R is ``1 + gain[a] · (probability that no other robot
+    reaches its head, by the trails as they are so far)`` times that of a head already in this
+    trail. ``levels`` are those of the pheromone. What an ant builds depends on its own random
+    numbers only, whose state is advanced.
+
+    ``paths`` is scratch of searches for ways home. It is None where there always is one, since the
+    graph is balanced and there are no limits.
+    """
+    world, heuristic, rule = shared(world), shared(heuristic), shared(rule)
+    n_robots = world.team.start.shape[0]
+    nodes, offsets = (
+        np.empty(_FIRST_NODES, np.int32),
+        np.zeros((end - begin) * n_robots + 1, np.int64),
+    )
+    n = t = 0
+    for ant in range(begin, end):
+        for node in range(scratch.unreached.shape[0]):
+            scratch.unreached[node] = 1.0
+        for robot in range(n_robots):
+            scratch.node[robot], scratch.n_hops[robot] = world.team.start[robot], 0
+            scratch.alive[robot], scratch.length[robot] = 1.0, 0.0
+        robot, n_out = 0, n_robots
+        while n_out > 0:
+            if scratch.node[robot] >= 0:
+                trail = ant * n_robots + robot
+                n_out -= _walk(world, heuristic, levels, rule, paths, scratch, trail)
+            robot = robot + 1 if robot + 1 < n_robots else 0
+        for robot in range(n_robots):
+            n_hops = scratch.n_hops[robot]
+            if n + n_hops > nodes.shape[0]:
+                larger = np.empty(2 * (n + n_hops), np.int32)
+                for i in range(n):  # assigning slices takes two seconds to compile
+                    larger[i] = nodes[i]
+                nodes = larger
+            for i in range(n_hops):
+                nodes[n + i] = scratch.trail[robot, i]
+            n += n_hops
+            t += 1
+            offsets[t] = n
+    return nodes[:n], offsets
+
+
+@helper
+def _deposit(world: World, plans: Depositors, amounts: FloatArray) -> None:
+    """Set ``amounts``, of the shape of ``Pheromone.levels``, to what the plans deposit in all."""
+    graph, n_maps, n_robots = world.graph, amounts.shape[0], world.team.start.shape[0]
+    for m in range(n_maps):
+        for arc in range(amounts.shape[1]):
+            amounts[m, arc, 0] = amounts[m, arc, 1] = 0.0
+    for m in range(plans.members.shape[0]):
+        plan = plans.members[m]
+        reward, survivors = plans.objectives[plan, 0], plans.objectives[plan, 1]
+        for robot in range(n_robots):
+            trail = plan * n_robots + robot
+            which = robot if n_maps > 1 else 0
+            last = plans.offsets[trail + 1] - 1
+            for i in range(plans.offsets[trail], last + 1):
+                if i < last:
+                    arc = find_arc(graph, int(plans.nodes[i]), int(plans.nodes[i + 1]))
+                else:
+                    arc = loop_at(graph, world.team, int(plans.nodes[i]))
+                amounts[which, arc, 0] += reward
+                amounts[which, arc, 1] += survivors
+
+
+@kernel
+def learn(
+    world: World,
+    iteration: Depositors,
+    archive: Depositors,
+    is_new: bool,
+    evaporation: float,
+    pooled: bool,
+    pheromone: Pheromone,
+) -> None:
+    """Evaporate pheromone, and deposit that of the iteration's and of the global Pareto set.
+
+    The share ``evaporation``, in [0, 1), evaporates. The deposits of both sets are divided by the
+    number of plans in both if they are ``pooled``, otherwise each by the number in its own set.
+    What the archive deposits is summed up again only if the archive ``is_new``.
+    """
+    world = shared(world)
+    levels, deposits, archived = pheromone.levels, pheromone.deposits, pheromone.archive_deposits
+    _deposit(world, iteration, deposits)
+    if is_new:
+        _deposit(world, archive, archived)
+    n_iteration, n_archive = iteration.members.shape[0], archive.members.shape[0]
+    if pooled:
+        n_iteration = n_archive = n_iteration + n_archive
+    kept, n_iteration, n_archive = 1.0 - evaporation, max(1, n_iteration), max(1, n_archive)
+    for m in range(levels.shape[0]):
+        for arc in range(levels.shape[1]):
+            for species in range(2):
+                level = (
+                    kept * levels[m, arc, species]
+                    + deposits[m, arc, species] / n_iteration
+                    + archived[m, arc, species] / n_archive
+                )
+                levels[m, arc, species] = max(LEAST, level)

@@ -1,1 +1,0 @@
-"""All trails and teams that may be on the Pareto front."""

@@ -1,0 +1,1 @@
+"""pymoo's population-based algorithms with operators for trail plans."""

@@ -1,0 +1,291 @@
+"""The base of pymoo's population-based algorithms with operators for trail plans."""
+
+import copy
+import functools
+import inspect
+import sys
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import Annotated, Any, TypeAlias
+
+import numpy as np
+from pydantic import Field
+from pymoo.core.algorithm import Algorithm
+from pymoo.core.crossover import Crossover
+from pymoo.core.duplicate import DuplicateElimination, NoDuplicateElimination
+from pymoo.core.mutation import Mutation
+from pymoo.core.population import Population
+from pymoo.core.sampling import Sampling
+
+from botohe_moo._base.types import FloatArray, ObjectArray
+from botohe_moo._plugins.checks import check_keywords, checked
+from botohe_moo._plugins.stated import signature_parameters
+from botohe_moo._plugins.types import Probability
+from botohe_moo.algorithms.base import (
+    PYMOO_OPTIONS,
+    BudgetedAlgorithm,
+    MaxTies,
+    Threads,
+    check_n_objectives,
+    check_options,
+    check_problem,
+)
+from botohe_moo.algorithms.genetic.wiring import (
+    DEFAULT_CROSSOVER,
+    DEFAULT_MUTATION,
+    Named,
+    make_crossover,
+    make_mutation,
+    make_repair,
+    make_sampling,
+)
+from botohe_moo.algorithms.individuals import ManyObjectiveArchive, PopulationArchive
+from botohe_moo.operators.repair import PenaltyOnly, PlanDuplicates, PlanRepair
+from botohe_moo.operators.variation import Mixture
+from botohe_moo.problem import FrontOutput
+from botohe_moo.trails import TrailPlan
+
+PopulationSize: TypeAlias = Annotated[int, Field(ge=2, le=1_000_000)]
+
+
+class PopulationAlgorithm(BudgetedAlgorithm):
+    """A population-based algorithm of pymoo's with operators for trail plans.
+
+    Its result is an archive of all non-dominated feasible plans that were evaluated, and its budget
+    is exact. The population and its selection stay pymoo's. Write it before a class of pymoo's:
+    ``class PlanNSGA2(PopulationAlgorithm, NSGA2)``.
+
+    Parameters
+    ----------
+    arguments
+        What the pymoo class is made with besides its operators, as in the example; by default
+        nothing.
+    sampling
+        Plans to start from: ``guided``, ``random``, a mapping from these to weights, a pymoo
+        sampling, or trail plans; if these are too few, guided ones are added. All operators may
+        also be named as other packages register them, or as ``module:Class``.
+    corners
+        Whether the corners of the front, everybody at home and the greedy plan for reward alone,
+        are among the plans to start from.
+    crossover
+        ``splice``, a mapping from names to weights, or a pymoo crossover.
+    mutation
+        ``ruin``, ``share``, a mapping from names to weights, or a pymoo mutation.
+    repair
+        How drafts of operators become valid plans: ``safest-path``, ``truncate``, ``penalty`` (not
+        at all; faults count as constraint violation), or a :class:`PlanRepair`. Operators that are
+        given as objects have repairs of their own.
+    prob_crossover, prob_mutation
+        Probability of crossing a pair and of changing a child.
+    max_ties
+        Plans with equal objectives but different trails that the archive keeps.
+    n_threads
+        Threads that repair plans on large missions; the result does not depend on it.
+    **options
+        pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
+
+    Raises
+    ------
+    TypeError
+        If an option is unknown.
+
+    Attributes
+    ----------
+    archive : PlanArchive
+        All non-dominated feasible plans found so far.
+    settings : dict
+        The operators and their probabilities as they were given.
+    repair : PlanRepair
+        The repair of the operators that were given by name; ``repair.counts`` says what it did.
+
+    Examples
+    --------
+    >>> from pymoo.algorithms.moo.nsga2 import NSGA2
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.algorithms import PopulationAlgorithm
+    >>> class MyNSGA2(PopulationAlgorithm, NSGA2):
+    ...     '''NSGA-II with populations of 30.'''
+    ...     def __init__(self, **options):
+    ...         super().__init__({"pop_size": 30}, **options)
+    >>> solve("toy", MyNSGA2(mutation="ruin"), evaluations=200).evaluations
+    200
+    """
+
+    pop: Population
+    is_initialized: bool
+    archive: PopulationArchive | ManyObjectiveArchive
+    eliminate_duplicates: DuplicateElimination
+
+    _n_children = 2  # of each pair
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """State the operators' parameters in the signature of a class that takes any."""
+        super().__init_subclass__(**kwargs)
+        stated = dict(inspect.signature(cls.__init__).parameters)
+        if any(parameter.kind is parameter.VAR_KEYWORD for parameter in stated.values()):
+            inherited = inspect.signature(PopulationAlgorithm.__init__).parameters
+            for name, parameter in inherited.items():
+                if parameter.kind is parameter.KEYWORD_ONLY:
+                    stated.setdefault(name, parameter)
+        shown = [p for name, p in stated.items() if name not in ("self", "arguments")]
+        cls.__signature__ = inspect.Signature(sorted(shown, key=lambda p: p.kind))
+
+    @checked
+    def __init__(
+        self,
+        arguments: Mapping[str, Any] = MappingProxyType({}),
+        *,
+        sampling: Named | Sampling | Iterable[TrailPlan] | ObjectArray = "guided",
+        corners: bool = True,
+        crossover: Named | Crossover = DEFAULT_CROSSOVER,
+        mutation: Named | Mutation = DEFAULT_MUTATION,
+        repair: str | PlanRepair = "safest-path",
+        prob_crossover: Probability = 0.9,
+        prob_mutation: Probability = 0.7,
+        max_ties: MaxTies = 1_000,
+        n_threads: Threads = 1,
+        **options: Any,
+    ) -> None:
+        check_options(self, options)
+        mro = type(self).__mro__
+        pymoos = mro[mro.index(BudgetedAlgorithm) + 1 :]
+        known = {p.name for kind in pymoos for p in signature_parameters(kind)}
+        check_keywords(arguments, known.union(PYMOO_OPTIONS), pymoos)
+        self.max_ties = max_ties
+        self.settings = {
+            "sampling": sampling,
+            "corners": corners,
+            "crossover": crossover,
+            "mutation": mutation,
+            "repair": repair,
+            "prob_crossover": prob_crossover,
+            "prob_mutation": prob_mutation,
+        }
+        self._least_infeasible: Population | None = None
+        made = make_repair(repair)
+        made.n_threads = self.n_threads = n_threads
+        operators = {
+            "sampling": make_sampling(sampling, corners=corners),
+            "crossover": make_crossover(
+                crossover, prob=prob_crossover, repair=made, n_offsprings=self._n_children
+            ),
+            "mutation": make_mutation(mutation, prob=prob_mutation, repair=made),
+        }
+        # Copies: the survivals that pymoo's signatures hold remember the fronts of other runs.
+        defaults = {
+            name: copy.deepcopy(parameter.default)
+            for name, parameter in inspect.signature(pymoos[0]).parameters.items()
+            if parameter.default is not parameter.empty
+        }
+        given = {**defaults, "output": FrontOutput(), **arguments, **operators, **options}
+        super().__init__(**given)
+        self.archive = PopulationArchive(1)
+        self.repair = made
+        self._adapt_mating(operators["crossover"], pymoos)
+        # pymoo's own default looks for convergence in a design space that plans do not have.
+        self.termination = options.get("termination")
+
+    def _adapt_mating(self, crossover: Crossover, pymoos: Iterable[type]) -> None:
+        """Make the mating of pymoo's class work on trail plans; a ValueError says why it cannot."""
+        name = type(self).__name__
+        if self._n_children == 1 and crossover.n_offsprings != 1:
+            expected = f"a crossover with n_offsprings = 1 for {name}"
+            raise ValueError(f"Expected {expected}, got {crossover.n_offsprings}.")
+        if getattr(self.mating, "crossover", None) is not crossover:
+            raise ValueError(f"{name} mates in a way of its own, which trail plans do not have.")
+        self.mating.selection = _picklable(self.mating.selection, pymoos)
+        if not isinstance(self.eliminate_duplicates, NoDuplicateElimination):
+            self.eliminate_duplicates = PlanDuplicates()
+            for part in (self.initialization, self.mating):
+                part.eliminate_duplicates = self.eliminate_duplicates
+
+    def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
+        """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
+
+        Parameters
+        ----------
+        problem
+            A :class:`BOTOHE`. A TypeError is raised for another problem, and for more than two
+            objectives if the algorithm has directions for two.
+        **kwargs
+            pymoo's options, such as ``termination`` (default: 100 000 evaluations; a ValueError is
+            raised for less than one) and ``seed``.
+        """
+        check_problem(problem)
+        directions = getattr(self, "ref_dirs", None)
+        check_n_objectives(self, problem, None if directions is None else directions.shape[1])
+        if any(isinstance(repair, PenaltyOnly) for repair in self._repairs()):
+            problem = problem.allowing_invalid()
+        kind = PopulationArchive if problem.n_obj == 2 else ManyObjectiveArchive
+        self.archive = kind(problem.mission.robots, max_ties=self.max_ties)
+        return super().setup(problem, **kwargs)
+
+    def _repairs(self) -> list[object]:
+        """Return the repairs of all operators, also of those that were given as objects."""
+        found: list[object] = []
+        for operator in (self.mating.crossover, self.mating.mutation):
+            mixture = getattr(operator, "mixture", None)
+            parts = mixture.parts if isinstance(mixture, Mixture) else (operator,)
+            found += [getattr(part, "plan_repair", None) for part in parts]
+        return found
+
+    def infill(self) -> Population | None:
+        """Return the plans to evaluate next, no more than the budget allows."""
+        infills = super().infill()
+        return None if infills is None else infills[: self._n_left()]
+
+    def advance(self, infills: Population | None = None, **kwargs: Any) -> Any:
+        """Archive what was evaluated, and let pymoo's algorithm go on.
+
+        Parameters
+        ----------
+        infills
+            Evaluated plans.
+        **kwargs
+            Whatever the pymoo class takes.
+        """
+        if infills is not None:
+            self.problem.checked("F", infills.get("F"), len(infills))
+            feasible = infills[infills.get("feas")] if self.problem.has_constraints() else infills
+            if len(feasible):
+                batch = self.problem.mission.batch(feasible.get("X"))
+                self.archive.insert(batch, -feasible.get("F"), feasible)
+        return super().advance(infills, **kwargs)
+
+    @property
+    def opt(self) -> Population | None:
+        """The archive; the least infeasible plan as long as nothing feasible was found."""
+        if len(self.archive):
+            return self.archive.population()
+        return self._least_infeasible
+
+    @opt.setter
+    def opt(self, value: Population | None) -> None:
+        self._least_infeasible = value
+
+
+def _call(module: str, function: str, /, *args: Any, **kwargs: Any) -> Any:
+    """Call a function by its name, as a partial that can be pickled."""
+    return getattr(sys.modules[module], function)(*args, **kwargs)
+
+
+def _picklable(selection: Any, kinds: Iterable[type]) -> Any:
+    """Return a tournament that finds its comparison by name, in a module of the classes.
+
+    pymoo decorates some comparisons so that they cannot be pickled. A run that cannot be pickled
+    cannot be resumed or sent to another process.
+    """
+    compare = getattr(selection, "func_comp", None)
+    for module in {kind.__module__ for kind in kinds}:
+        for name, value in vars(sys.modules[module]).items():
+            if compare is not None and value is compare:
+                selection = copy.copy(selection)
+                selection.func_comp = functools.partial(_call, module, name)
+                return selection
+    return selection
+
+
+def even_weights(n: int) -> FloatArray:
+    """Spread ``n`` weights on two objectives evenly, shape (n, 2)."""
+    weights = np.linspace(0, 1, n)
+    return np.column_stack([weights, 1 - weights])

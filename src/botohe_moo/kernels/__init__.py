@@ -1,1 +1,0 @@
-"""Compiled kernels: arrays in, arrays out; they know no pymoo, pandas or networkx."""

@@ -1,1 +1,0 @@
-"""The best trail of one robot, by beam search."""

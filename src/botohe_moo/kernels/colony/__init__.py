@@ -1,1 +1,0 @@
-"""Ants that build plans, and the pheromone they leave."""

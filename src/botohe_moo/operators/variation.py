@@ -1,0 +1,376 @@
+"""Crossovers and mutations: children that share the trails of two plans, or change those of one."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, Any, Generic, TypeVar
+
+import numpy as np
+from pydantic import Field
+from pymoo.core.crossover import Crossover
+from pymoo.core.mutation import Mutation
+
+from botohe_moo._base.checks import ParameterError, check_number
+from botohe_moo._base.types import ObjectArray, OffsetArray, Rng
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.types import Probability
+from botohe_moo.core.rng import draw_state
+from botohe_moo.core.trails import read_trails
+from botohe_moo.mission.model import Mission
+from botohe_moo.mission.rules import PlanError
+from botohe_moo.operators.kernels import join_pieces, new_pieces, ruin, share, splice, whole_trails
+from botohe_moo.operators.repair import PlanRepair, SafestPathRepair, check_part
+from botohe_moo.problem import BOTOHE
+from botohe_moo.trails import PlanBatch
+
+Part = TypeVar("Part")
+
+
+class Mixture(Generic[Part]):
+    """Several operators, one of which is drawn for each plan, pair or sample.
+
+    ``parts`` are operators of the class ``kind``, or a mapping from them to weights above 0.
+    Messages call an operator a ``what``.
+    """
+
+    def __init__(
+        self, what: str, kind: type[Any], parts: Sequence[Part] | Mapping[Part, float]
+    ) -> None:
+        if isinstance(parts, str) or not isinstance(parts, Iterable):
+            raise TypeError(
+                f"Expected a sequence of {kind.__name__}s or a mapping from them to weights, got "
+                f"{parts!r}."
+            )
+        self.parts: tuple[Part, ...] = tuple(parts)
+        if not self.parts:
+            raise ValueError(f"Expected at least one {what}, got none.")
+        for part in self.parts:
+            if not isinstance(part, kind):
+                raise TypeError(f"Expected a {what} to be a {kind.__name__}, got {part!r}.")
+        weights = parts.values() if isinstance(parts, Mapping) else [1.0] * len(self.parts)
+        name = f"weight of a {what}"
+        self.weights = np.array([check_number(name, weight, above=0) for weight in weights])
+
+    def draw(self, rng: Rng, n: int) -> list[tuple[Part, OffsetArray]]:
+        """Draw an operator for each of ``n`` plans; return those drawn, with the plans' indices."""
+        drawn = rng.choice(len(self.parts), n, p=self.weights / self.weights.sum())
+        return [(self.parts[i], np.flatnonzero(drawn == i)) for i in np.unique(drawn)]
+
+
+class PlanCrossover(Crossover):
+    """A pymoo crossover of two trail plans.
+
+    Parameters
+    ----------
+    prob
+        Probability of crossing a pair of parents; otherwise the children are copies of
+        their parents.
+    n_offsprings
+        Children of each pair.
+    repair
+        Makes valid plans of the children; default: :class:`SafestPathRepair`.
+
+    Examples
+    --------
+    >>> from botohe_moo import TrailPlan, solve
+    >>> from botohe_moo.operators import PlanCrossover
+    >>> from botohe_moo.trails import PlanBatch
+    >>> class Tandem(PlanCrossover):
+    ...     '''Let the first robot do what one parent's does, and the others what the other's do.'''
+    ...     def _draft(self, mission, parents, rng):
+    ...         half = len(parents) // 2
+    ...         pairs = [pair for i in range(half) for pair in ((i, half + i), (half + i, i))]
+    ...         drafts = [
+    ...             TrailPlan([parents[i].trails[0], *parents[j].trails[1:]]) for i, j in pairs
+    ...         ]
+    ...         return PlanBatch.from_plans(drafts, mission.robots)
+    >>> solve("toy", "nsga2", crossover=Tandem(), pop_size=20, evaluations=200).evaluations
+    200
+    """
+
+    @checked
+    def __init__(
+        self,
+        *,
+        prob: Probability = 0.9,
+        n_offsprings: Annotated[int, Field(ge=1, le=2)] = 2,
+        repair: PlanRepair | None = None,
+    ) -> None:
+        super().__init__(2, n_offsprings, prob=prob)
+        self.plan_repair = check_part("repair", repair, PlanRepair, SafestPathRepair)
+
+    def _draft(self, mission: Mission, parents: PlanBatch, rng: Rng) -> PlanBatch:
+        """Return drafts of both children of each pair, one pair after another.
+
+        ``parents`` are all first parents, then all second ones.
+        """
+        raise NotImplementedError
+
+    def _do(
+        self, problem: BOTOHE, X: ObjectArray, *_: Any, random_state: Rng, **__: Any
+    ) -> ObjectArray:
+        mission, n_pairs = problem.mission, X.shape[1]
+        drafts = self._draft(mission, mission.batch(X), random_state)
+        _check_drafts(self, drafts, 2 * n_pairs)
+        if self.n_offsprings == 1:
+            drafts = drafts[::2]
+        children = self.plan_repair.repair_batch(mission, drafts).to_array()
+        return children.reshape(n_pairs, self.n_offsprings, 1).swapaxes(0, 1)
+
+
+class TrailSplice(PlanCrossover):
+    """Children in which a trail of one parent continues as a trail of the other.
+
+    Of each parent a trail is drawn among those that leave the base, and a node that both visit. The
+    children swap what comes after it. Trails that share no node but the base are swapped whole.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.operators import TrailSplice
+    >>> crossover = TrailSplice(prob=0.8)
+    >>> solve("toy", "nsga2", crossover=crossover, pop_size=20, evaluations=200).evaluations
+    200
+    """
+
+    def _draft(self, mission: Mission, parents: PlanBatch, rng: Rng) -> PlanBatch:
+        world, (nodes, offsets) = mission.world, parents.arrays
+        pieces, counts = new_pieces(len(offsets) - 1), np.zeros(world.graph.n_nodes, np.int64)
+        splice(read_trails(nodes, offsets), world.team, counts, draw_state(rng), pieces)
+        return PlanBatch._wrap(*join_pieces(nodes, pieces), mission.robots)
+
+
+class MixedCrossover(Crossover):
+    """One of several crossovers, drawn for each pair.
+
+    Parameters
+    ----------
+    crossovers
+        Crossovers with equal numbers of parents and children, whose own ``prob`` does not matter,
+        or a mapping from them to weights above 0.
+    prob
+        Probability of crossing a pair of parents.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.operators import MixedCrossover, TrailSplice, TruncateRepair
+    >>> crossover = MixedCrossover({TrailSplice(): 2, TrailSplice(repair=TruncateRepair()): 1})
+    >>> solve("toy", "nsga2", crossover=crossover, pop_size=20, evaluations=200).evaluations
+    200
+    """
+
+    def __init__(
+        self,
+        crossovers: Sequence[Crossover] | Mapping[Crossover, float],
+        *,
+        prob: Probability = 0.9,
+    ) -> None:
+        self.mixture = Mixture("crossover", Crossover, crossovers)
+        shapes = {(part.n_parents, part.n_offsprings) for part in self.mixture.parts}
+        if len(shapes) > 1:
+            found = " and ".join(f"{parents} and {born}" for parents, born in sorted(shapes))
+            raise ParameterError(
+                "Expected crossovers that are mixed to have as many parents and children as each "
+                f"other, got {found}.",
+                "crossover",
+            )
+        super().__init__(*shapes.pop(), prob=prob)
+
+    def _do(
+        self, problem: BOTOHE, X: ObjectArray, *args: Any, random_state: Rng, **options: Any
+    ) -> ObjectArray:
+        children = np.empty((self.n_offsprings, *X.shape[1:]), dtype=object)
+        for part, chosen in self.mixture.draw(random_state, X.shape[1]):
+            children[:, chosen] = part._do(
+                problem, X[:, chosen], *args, random_state=random_state, **options
+            )
+        return children
+
+
+class PlanMutation(Mutation):
+    """A pymoo mutation of trail plans.
+
+    Parameters
+    ----------
+    prob
+        Probability of changing a plan at all.
+    repair
+        Makes valid plans of the children; default: :class:`SafestPathRepair`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import TrailPlan, load_mission
+    >>> from botohe_moo.operators import PlanMutation
+    >>> from botohe_moo.trails import PlanBatch
+    >>> class Loop(PlanMutation):
+    ...     '''Let each robot go where it goes first, and home.'''
+    ...     def _draft(self, mission, plans, rng):
+    ...         drafts = [TrailPlan([[*trail[:2], trail[-1]] for trail in p.trails]) for p in plans]
+    ...         return PlanBatch.from_plans(drafts, mission.robots)
+    >>> toy = load_mission("toy")
+    >>> plans = toy.batch([toy.plan([[1, 2, 4, 2, 1], [1]])])
+    >>> toy.labels(Loop().mutate_batch(toy, plans, np.random.default_rng(1))[0])
+    ((1, 2, 1), (1,))
+    """
+
+    @checked
+    def __init__(self, *, prob: Probability = 1.0, repair: PlanRepair | None = None) -> None:
+        # The base class applies prob: to apply it again in _do would mutate at prob².
+        super().__init__(prob=prob)
+        self.plan_repair = check_part("repair", repair, PlanRepair, SafestPathRepair)
+
+    def mutate_batch(self, mission: Mission, plans: PlanBatch, random_state: Rng) -> PlanBatch:
+        """Change every plan of a batch; return a new batch in the same order.
+
+        Parameters
+        ----------
+        mission, plans
+            A mission, and plans for its team, or a PlanError is raised; also for an empty trail.
+        random_state
+            Where all random numbers come from.
+        """
+        plans = mission.batch(plans)
+        lengths = np.diff(plans.offsets)
+        if (lengths < 1).any():
+            plan, robot = divmod(int(np.argmin(lengths)), plans.n_robots)
+            raise PlanError(f"Plan {plan}, robot {robot}: expected at least one node, got none.")
+        if len(plans) == 0:
+            return plans
+        drafts = self._draft(mission, plans, random_state)
+        _check_drafts(self, drafts, len(plans))
+        return self.plan_repair.repair_batch(mission, drafts)
+
+    def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
+        """Return a changed draft of each plan, in their order; its trails may hold any nodes."""
+        raise NotImplementedError
+
+    def _do(
+        self, problem: BOTOHE, X: ObjectArray, *_: Any, random_state: Rng, **__: Any
+    ) -> ObjectArray:
+        plans = problem.mission.batch(X)
+        return self.mutate_batch(problem.mission, plans, random_state).to_array()
+
+
+def _check_drafts(operator: object, drafts: PlanBatch, n: int) -> None:
+    if len(drafts) != n:
+        expected = f"_draft of {type(operator).__name__} to give {n} drafts"
+        raise ValueError(f"Expected {expected}, got {len(drafts)}.")
+
+
+class RuinRecreate(PlanMutation):
+    """Cut a segment out of one robot's trail and put in up to a few other nodes instead.
+
+    The robot, both ends of the cut and the number of new nodes are drawn uniformly. There is at
+    least one new node where nothing would be cut. The repair joins what is left.
+
+    Parameters
+    ----------
+    max_via
+        The largest number of new nodes.
+    **options
+        As for :class:`PlanMutation`: ``prob`` and ``repair``.
+
+    Notes
+    -----
+    Ruin and recreate: Schrimpf, Schneider, Stamm-Wilbrandt and Dueck, "Record breaking
+    optimization results using the ruin and recreate principle", Journal of Computational Physics
+    159(2), 2000.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.operators import RuinRecreate
+    >>> toy = load_mission("toy")
+    >>> plans = toy.batch([toy.plan([[1, 2, 4, 2, 1], [1]])])
+    >>> toy.labels(RuinRecreate(max_via=1).mutate_batch(toy, plans, np.random.default_rng(1))[0])
+    ((1, 2, 4, 5, 4, 2, 1), (1,))
+    """
+
+    @checked
+    def __init__(self, *, max_via: Annotated[int, Field(ge=0, le=100)] = 2, **options: Any) -> None:
+        super().__init__(**options)
+        self.max_via = max_via
+
+    def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
+        nodes, offsets = plans.arrays
+        pieces, via = whole_trails(offsets), np.empty((len(plans), self.max_via), np.int32)
+        trails, states = read_trails(nodes, offsets), draw_state(rng)
+        ruin(trails, plans.n_robots, len(mission.nodes), states, via, pieces)
+        drafts = join_pieces(np.concatenate([nodes, via.ravel()]), pieces)
+        return PlanBatch._wrap(*drafts, plans.n_robots)
+
+
+class ShareTrails(PlanMutation):
+    """Let one robot copy another's trail, or two robots swap the ends of their trails.
+
+    They swap from a node that both visit. Where there is none, they swap from any place, and the
+    repair joins the parts. With a single robot nothing changes.
+
+    Parameters
+    ----------
+    prob_copy
+        Probability of copying rather than swapping.
+    **options
+        As for :class:`PlanMutation`: ``prob`` and ``repair``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.operators import ShareTrails
+    >>> toy = load_mission("toy")
+    >>> plans = toy.batch([toy.plan([[1, 2, 4, 2, 1], [1]])])
+    >>> toy.labels(ShareTrails(prob_copy=1).mutate_batch(toy, plans, np.random.default_rng(1))[0])
+    ((1, 2, 4, 2, 1), (1, 2, 4, 2, 1))
+    """
+
+    @checked
+    def __init__(self, *, prob_copy: Probability = 0.5, **options: Any) -> None:
+        super().__init__(**options)
+        self.prob_copy = prob_copy
+
+    def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
+        (nodes, offsets), n_robots = plans.arrays, plans.n_robots
+        if n_robots == 1:
+            return plans
+        pieces, counts = whole_trails(offsets), np.zeros(mission.world.graph.n_nodes, np.int64)
+        trails, states = read_trails(nodes, offsets), draw_state(rng)
+        share(trails, n_robots, self.prob_copy, counts, states, pieces)
+        return PlanBatch._wrap(*join_pieces(nodes, pieces), n_robots)
+
+
+class MixedMutation(Mutation):
+    """One of several mutations, drawn for each plan.
+
+    Parameters
+    ----------
+    mutations
+        Mutations, whose own ``prob`` does not matter, or a mapping from them to weights above 0.
+    prob
+        Probability of changing a plan at all.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.operators import MixedMutation, RuinRecreate, ShareTrails
+    >>> mutation = MixedMutation({RuinRecreate(): 2, ShareTrails(): 1})
+    >>> solve("toy", "nsga2", mutation=mutation, pop_size=20, evaluations=200).evaluations
+    200
+    """
+
+    def __init__(
+        self, mutations: Sequence[Mutation] | Mapping[Mutation, float], *, prob: Probability = 1.0
+    ) -> None:
+        super().__init__(prob=prob)
+        self.mixture = Mixture("mutation", Mutation, mutations)
+
+    def _do(
+        self, problem: BOTOHE, X: ObjectArray, *args: Any, random_state: Rng, **options: Any
+    ) -> ObjectArray:
+        changed = np.empty_like(X)
+        for part, chosen in self.mixture.draw(random_state, len(X)):
+            changed[chosen] = part._do(
+                problem, X[chosen], *args, random_state=random_state, **options
+            )
+        return changed

@@ -1,1 +1,0 @@
-"""The engines, which know nothing of pymoo."""

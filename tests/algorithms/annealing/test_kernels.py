@@ -1,0 +1,370 @@
+"""Annealing: the exact chances of a readable twin, the bits of ``evaluate``, and no lost plans."""
+
+from collections import Counter, defaultdict
+from functools import cache
+from itertools import product
+from math import exp, prod
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from botohe_moo.algorithms.annealing.kernels import AnnealRule, anneal, new_records, new_state
+from botohe_moo.core.rng import seed_states
+from botohe_moo.mission import load_mission
+from botohe_moo.trails import PlanBatch, TrailPlan
+from tests import twins
+from tests.algorithms.annealing.test_moves import (
+    PUBLISHED,
+    Moves,
+    agree,
+    crossroads,
+    items_of,
+    limited,
+    nodes_of,
+)
+from tests.examples import examples
+from tests.strategies import lengths, missions, team_missions
+
+COOLED = np.array([1, 1, 1, 1, 1, 1, 0.1, 0.1])
+
+
+class Search:
+    """The kernel with its arrays; starts with everybody at base, or from given trails."""
+
+    def __init__(self, mission, *, seed=0, temperature=0.02, weight=0.7, **options):
+        self.mission, self.weight = mission, weight
+        self.options = {
+            "world": limited(mission),
+            "kinds": COOLED,
+            "every_robot": False,
+            "cooling": 1.0,
+            "returning": 0.0,
+            "record": True,
+            **options,
+        }
+        self.world = self.options["world"]
+        self.state = new_state(self.world, seed_states(np.random.default_rng(seed), 1))
+        self.state.temperature[0] = temperature
+        self.start(mission.stay_home(self.world).trails)
+        self.records = new_records(mission.robots, 2_000, 100_000)
+
+    def start(self, trails):
+        state, best = self.state, self.state.best
+        for robot, trail in enumerate(trails):
+            best.stops[robot] = best.starts[robot] + len(trail)
+            best.items[best.starts[robot] : best.stops[robot]] = items_of(self.world, trail)
+        best.objectives[:] = self.mission.evaluate([TrailPlan(trails)])[0]
+        state.best_score[0] = self.score(best.objectives)
+        state.to_best[0] = 1
+
+    def score(self, objectives):
+        mission, weight = self.mission, self.weight
+        reward, survivors = objectives
+        total = mission.total_reward or 1.0
+        return weight * (reward / total) + (1 - weight) * (survivors / mission.robots)
+
+    def steps(self, n_steps):
+        """Let the kernel make steps; gives what it gives."""
+        options = self.options
+        rule = AnnealRule(
+            moves=np.cumsum(options["kinds"]),
+            max_tries=200,
+            every_robot=options["every_robot"],
+            records=options["record"],
+            total_reward=self.mission.total_reward or 1.0,
+            weight=self.weight,
+            cooling=options["cooling"],
+            return_probability=options["returning"],
+        )
+        return anneal(self.world, rule, self.state, self.records, n_steps)
+
+    def recorded(self):
+        """Give the plans recorded so far, and forget them."""
+        robots, n = self.mission.robots, int(self.records.n_plans[0])
+        self.records.n_plans[0] = 0
+        offsets = self.records.offsets[: n * robots + 1].copy()
+        nodes = self.records.nodes[: offsets[-1]].copy()
+        return PlanBatch(nodes, offsets, robots), self.records.objectives[:n].copy()
+
+    def run(self, n_steps):
+        assert self.steps(n_steps) == n_steps
+        return self.recorded()
+
+    @property
+    def objectives(self):
+        state = self.state
+        return (state.best if state.to_best[0] else state.current).objectives
+
+    @property
+    def trails(self):
+        return self.best_trails if self.state.to_best[0] else self.trails_of(self.state.current)
+
+    @property
+    def best_trails(self):
+        return self.trails_of(self.state.best)
+
+    def trails_of(self, plan):
+        ends = zip(plan.starts, plan.stops, strict=True)
+        return tuple(nodes_of(self.world, plan.items[start:stop]) for start, stop in ends)
+
+
+class Annealing:
+    """What a search may be at after some steps, with its chances: one rule a line."""
+
+    def __init__(self, mission, weight, temperature, cooling, returning, kinds, every_robot):
+        self.mission, self.weight, self.temperature = mission, weight, temperature
+        self.cooling, self.returning = cooling, returning
+        self.every_robot, self.moves, self.scores = every_robot, Moves(mission), {}
+        self.drawn = cache(lambda trail: self.moves.drawn(kinds, trail))
+
+    def score(self, trails):
+        if trails not in self.scores:
+            reward, survivors = twins.evaluate(self.mission, trails)
+            share = reward / self.mission.total_reward
+            alive = survivors / self.mission.robots
+            self.scores[trails] = self.weight * share + (1 - self.weight) * alive
+        return self.scores[trails]
+
+    def tried(self, trails):
+        """Every plan a step may try, with its chance."""
+        robots = range(len(trails))
+        chances = [self.drawn(trail) for trail in trails]
+        if self.every_robot:
+            for joint in product(*(chance.items() for chance in chances)):
+                yield tuple(trail for trail, _ in joint), prod(p for _, p in joint)
+            return
+        for robot in robots:
+            for trail, chance in chances[robot].items():
+                yield (*trails[:robot], trail, *trails[robot + 1 :]), chance / len(trails)
+
+    def after(self, n_steps, trails):
+        """Chances of (plan, best plan)."""
+        states, temperature = {(trails, trails): 1.0}, self.temperature
+        for _ in range(n_steps):
+            following = defaultdict(float)
+            for (here, best), chance in states.items():
+                for tried, probability in self.tried(here):
+                    score = self.score(tried)
+                    change = score - self.score(here)
+                    accepted = 1.0 if change > -1e-15 else exp(change / temperature)
+                    new_best = tried if score > self.score(best) + 1e-15 else best
+                    joint = chance * probability
+                    following[tried, new_best] += joint * accepted
+                    following[new_best, new_best] += joint * (1 - accepted) * self.returning
+                    following[here, new_best] += joint * (1 - accepted) * (1 - self.returning)
+            states, temperature = following, temperature * self.cooling
+        return dict(states)
+
+
+# Three steps from here are told apart from those of any other rule (the test after the next).
+START = ((0, 1, 3, 2, 0), (0,))
+RULE = {
+    "weight": 0.6,
+    "temperature": 0.06,
+    "cooling": 1.0,
+    "returning": 0.0,
+    "every_robot": False,
+    "kinds": np.array([1, 2, 0, 0, 0, 0, 0.3]),
+}
+N_STEPS, N_TIMES = 3, 12_000
+
+
+@pytest.mark.slow
+@pytest.mark.compiled_only
+@pytest.mark.parametrize("every_robot", [False, True])
+@pytest.mark.parametrize("cooling", [1.0, 0.3])
+@pytest.mark.parametrize("returning", [0.0, 0.4])
+def test_searches_end_with_the_chances_of_the_twin(every_robot, cooling, returning):
+    mission = crossroads()
+    rule = {**RULE, "every_robot": every_robot, "cooling": cooling, "returning": returning}
+    search = Search(mission, seed=3, **rule)
+    counted = Counter()
+    for _ in range(N_TIMES):
+        search.start(START)
+        search.state.temperature[0] = rule["temperature"]
+        search.records.n_plans[0] = 0
+        assert search.steps(N_STEPS) == N_STEPS
+        counted[alike(search.trails, search.best_trails)] += 1
+    agree(counted, chances_after(rule), N_TIMES)
+    assert len(counted) > 50
+
+
+def chances_after(rule):
+    expected = defaultdict(float)
+    for (here, best), chance in Annealing(crossroads(), **rule).after(N_STEPS, START).items():
+        expected[alike(here, best)] += chance
+    assert sum(expected.values()) == pytest.approx(1)
+    return expected
+
+
+def alike(here, best):
+    """Ties are broken by rounding where robots change places."""
+    return tuple(sorted(here)), tuple(sorted(best))
+
+
+@pytest.mark.slow
+def test_the_twin_tells_rules_apart():
+    """Otherwise the test above would show nothing."""
+    usual = chances_after(RULE)
+    for change in ({"cooling": 0.3}, {"returning": 0.4}, {"temperature": 0.1}, {"weight": 0.5}):
+        other = chances_after({**RULE, **change})
+        gap = max(abs(usual[key] - other[key]) for key in {*usual, *other})
+        assert gap * N_TIMES > 5 * (0.25 * N_TIMES) ** 0.5 + 3
+
+
+def test_a_cold_search_climbs():
+    search = Search(crossroads(), temperature=1e-12, weight=0.9)
+    scores = []
+    for _ in range(200):
+        search.run(5)
+        scores.append(search.score(search.objectives))
+        assert search.state.best_score[0] == pytest.approx(scores[-1], abs=1e-9)
+    assert scores == sorted(scores)
+    assert scores[-1] > scores[0]
+
+
+@examples(120)
+@given(
+    missions(min_nodes=1, max_nodes=8, max_robots=4) | team_missions(),
+    st.booleans(),
+    st.sampled_from([0.0, 0.3, 1.0]),
+    st.sampled_from([0.0, 0.2]),
+    st.integers(0, 2**31),
+)
+def test_figures_and_records_are_those_of_evaluate(mission, every_robot, weight, returning, seed):
+    search = Search(
+        mission,
+        seed=seed,
+        weight=weight,
+        every_robot=every_robot,
+        returning=returning,
+        temperature=0.1,
+        cooling=0.95,
+    )
+    for n_steps in (1, 40, 3):
+        batch, objectives = search.run(n_steps)
+        assert len(batch) == len(objectives) <= n_steps
+        assert objectives.tolist() == mission.evaluate(batch).tolist()
+        at_hand = PlanBatch.from_plans(
+            [TrailPlan(search.trails), TrailPlan(search.best_trails)], mission.robots
+        )
+        found = [search.objectives.tolist(), search.state.best.objectives.tolist()]
+        assert found == mission.evaluate(at_hand).tolist()
+
+
+def test_steps_in_parts_are_the_same_steps():
+    searches = [
+        Search(load_mission("art_museum"), seed=2, cooling=0.99, returning=0.05) for _ in range(2)
+    ]
+    batch, objectives = searches[0].run(300)
+    parts = [searches[1].run(n) for n in (1,) * 20 + (7,) * 40]
+    assert batch.nodes.tolist() == np.concatenate([part.nodes for part, _ in parts]).tolist()
+    assert objectives.tolist() == np.concatenate([found for _, found in parts]).tolist()
+    assert searches[0].objectives.tolist() == searches[1].objectives.tolist()
+    assert searches[0].state.best_score == searches[1].state.best_score
+    assert searches[0].state.temperature == searches[1].state.temperature
+    assert searches[0].trails == searches[1].trails
+    assert searches[0].best_trails == searches[1].best_trails
+
+
+def test_records_leave_out_only_what_is_dominated():
+    """The plan the search is at, and its best, can always be found among what it recorded."""
+    mission = load_mission("art_museum")
+    search = Search(mission, seed=1, temperature=0.01)
+    recorded = {(mission.rewards[0], 3.0)}
+    n_recorded = 0
+    for _ in range(400):
+        _, objectives = search.run(1)
+        recorded |= set(map(tuple, objectives.tolist()))
+        n_recorded += len(objectives)
+        for pair in (search.objectives, search.state.best.objectives):
+            assert any(r >= pair[0] and s >= pair[1] for r, s in recorded)
+    assert 20 < n_recorded < 400
+    searches = [
+        Search(mission, seed=1, temperature=0.01, record=record) for record in (True, False)
+    ]
+    kept, (none, _) = searches[0].run(400)[0], searches[1].run(400)
+    assert len(kept) == n_recorded
+    assert len(none) == 0
+    assert searches[0].trails == searches[1].trails
+
+
+def test_rejected_plans_are_recorded_too():
+    mission = load_mission("art_museum")
+    search = Search(mission, seed=1, temperature=1e-12, weight=0.6)
+    search.start([[0, 1, 20, 26, 25, 26, 20, 1, 0], [0], [0, 1, 2, 1, 0]])
+    score = search.score(search.objectives)
+    _, objectives = search.run(50)
+    assert min(map(search.score, objectives)) < score - 0.001
+
+
+@examples(60)
+@given(
+    missions(max_nodes=7, lengths=lengths) | team_missions(lengths=lengths),
+    st.sampled_from([0.0, 0.3, 0.7, 1.0]),
+    st.sampled_from([np.inf, 8.0, 3.0, 0.0]),
+    st.integers(0, 2**31),
+)
+def test_no_plan_leaves_the_limits(mission, least, longest, seed):
+    world = mission.limited(least, longest)
+    least = np.array([max(least, kind.min_survival) for kind in mission.kind_of])
+    longest = np.array([min(longest, kind.max_length or np.inf) for kind in mission.kind_of])
+    home = mission.batch([mission.stay_home(world)])
+    assume((mission.robot_survival(home) >= least).all())
+    assume((mission.trail_lengths(home) <= longest).all())
+    search = Search(mission, seed=seed, world=world, temperature=0.5, weight=0.9)
+    batch, _ = search.run(60)
+    current = mission.batch([TrailPlan(search.trails), TrailPlan(search.best_trails)])
+    for plans in (batch, current):
+        assert (mission.robot_survival(plans) >= least).all()
+        assert (mission.trail_lengths(plans) <= longest).all()
+
+
+def test_the_first_plan_evaluated_is_the_best_where_there_was_none():
+    search = Search(load_mission("art_museum"), weight=0.0, kinds=PUBLISHED, every_robot=True)
+    search.state.best_score[0] = -np.inf
+    search.run(1)
+    assert search.best_trails != ((0,),) * 3
+    assert search.state.best.objectives[1] < 3
+
+
+@pytest.mark.parametrize("every_robot", [False, True])
+def test_one_robot_drawn_uniformly_or_every_robot(every_robot):
+    mission = load_mission("art_museum").with_robots(4)
+    plan = mission.plan([[1, 2, 8, 2, 1], [1], [1, 2, 1], [1, 2, 3, 2, 1]])
+    kinds = np.array([0, 0, 0, 0, 1, 0, 0.0])  # every one of these trails can grab
+    search = Search(mission, temperature=1e9, kinds=kinds, every_robot=every_robot)
+    differs, n_times = np.zeros(4), 4_000
+    for _ in range(n_times):
+        search.start(plan.trails)
+        search.steps(1)
+        search.records.n_plans[0] = 0
+        changed = [now != then for now, then in zip(search.trails, plan.trails, strict=True)]
+        assert sum(changed) == (4 if every_robot else 1)
+        differs += changed
+    if not every_robot:
+        assert np.abs(differs / n_times - 0.25).max() < 5 * (0.25 * 0.75 / n_times) ** 0.5
+
+
+def test_a_search_stops_where_no_plan_can_be_recorded():
+    mission = load_mission("art_museum")
+    whole, parts = (
+        Search(mission, seed=2, temperature=0.01),
+        Search(mission, seed=2, temperature=0.01),
+    )
+    batch, objectives = whole.run(300)
+    parts.records = new_records(mission.robots, 3, 2_000)
+    n_steps, batches, found = 300, [], []
+    while n_steps:
+        made = parts.steps(n_steps)
+        assert 0 < made <= n_steps
+        n_steps -= made
+        recorded, values = parts.recorded()
+        assert len(recorded) <= 3
+        batches.append(recorded)
+        found += values.tolist()
+    assert len(batches) > 3
+    assert PlanBatch.concatenate(batches).nodes.tolist() == batch.nodes.tolist()
+    assert found == objectives.tolist()

@@ -1,0 +1,297 @@
+"""Ants keep the rules of trails everywhere, and choose with the probabilities of the paper."""
+
+from collections import Counter
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from botohe_moo.algorithms.bo_aco import colony as module
+from botohe_moo.algorithms.bo_aco.colony import Colony, ColonySettings
+from botohe_moo.mission import Kind, Mission, load_mission
+from botohe_moo.problem import BOTOHE
+from tests import twins
+from tests.examples import examples
+from tests.strategies import lengths, missions, team_missions
+
+
+def colony(mission, *, n_ants, seed=0, n_threads=1, world=None, **changes):
+    return Colony(
+        mission,
+        world or twins.alike(mission),
+        ColonySettings(n_ants=n_ants, **changes),
+        n_threads=n_threads,
+        random_state=np.random.default_rng(seed),
+    )
+
+
+rules = st.fixed_dictionaries(
+    {
+        "heuristic": st.booleans(),
+        "pheromone": st.booleans(),
+        "pheromone_per_robot": st.booleans(),
+        "unvisited_bonus": st.sampled_from([0.0, 0.05]),
+        "exploration": st.sampled_from([0.0, 0.01, 2.0]),
+        "allocation": st.sampled_from(["sequential", "concurrent"]),
+    }
+)
+ALLOCATIONS = {"sequential": twins.Ant, "concurrent": twins.ConcurrentAnt}
+allocations = pytest.mark.parametrize("allocation", ALLOCATIONS)
+
+
+@examples(300)
+@given(missions(max_nodes=9, one_way=True) | team_missions(), rules, st.integers(0, 2**32))
+def test_no_dead_ends_on_one_way_missions(mission, changes, seed):
+    ants = colony(mission, n_ants=7, seed=seed, **changes)
+    for _ in range(5):
+        batch = ants.construct(7)
+        objectives = mission.evaluate(batch)  # raises PlanError for any trail that is not valid
+        assert len(batch) == 7
+        exponents = np.random.default_rng(seed).uniform(-250, 1, ants.pheromone.shape)
+        ants.pheromone[...] = 10.0**exponents
+        assert (objectives <= [mission.total_reward + 1e-9, mission.robots]).all()
+
+
+@allocations
+def test_no_dead_ends_on_larger_one_way_missions(allocation):
+    seed = 5
+    mission = one_way_mission(60, 150, seed)
+    assert not mission.balanced
+    flat = {"heuristic": False, "pheromone": False, "allocation": allocation}
+    ants = colony(mission, n_ants=60, seed=seed, **flat)
+    batch = ants.construct(60)
+    mission.evaluate(batch)
+
+
+def one_way_mission(n_nodes, n_arcs, seed):
+    rng = np.random.default_rng(seed)
+    graph = nx.DiGraph(base=0, robots=2)
+    graph.add_nodes_from(range(n_nodes), reward=1.0)
+    nx.add_cycle(graph, rng.permutation(n_nodes).tolist())
+    while graph.number_of_edges() < n_arcs:
+        tail, head = rng.integers(n_nodes, size=2).tolist()
+        if tail != head:
+            graph.add_edge(tail, head)
+    nx.set_edge_attributes(graph, 0.9, "survival")
+    return Mission(graph)
+
+
+def crossing(robots):
+    """Base 0, a loop 0-1-2, a spur 1-3, and a node 2 with more arcs in than out.
+
+    No two ways are as safe or as long; from node 1 the safest one home is longer than another.
+    """
+    graph = nx.DiGraph(base=0, robots=robots)
+    for node, value in enumerate([0.0, 1.0, 3.0, 0.5]):
+        graph.add_node(node, reward=value)
+    arcs = [(0, 1, 0.9), (1, 2, 0.7), (2, 0, 0.8), (1, 3, 0.6), (3, 1, 0.95), (0, 2, 0.5)]
+    graph.add_weighted_edges_from([*arcs, (3, 2, 0.85)], "survival")
+    spans = [(0, 1, 1.0), (1, 2, 2.0), (2, 0, 1.5), (1, 3, 0.7), (3, 1, 2.2), (0, 2, 1.1)]
+    graph.add_weighted_edges_from([*spans, (3, 2, 0.4)], "length")
+    return Mission(graph)
+
+
+def assert_frequencies(ants, twin, n_times=20_000):
+    """Compare how often each plan is built, for λ = 0, 1/2 and 1, with its exact probability.
+
+    ``twin`` makes a readable ant of a λ. Gives the plans that each may build.
+    """
+    seen = [Counter(), Counter(), Counter()]
+    for _ in range(n_times):
+        for ant, plan in enumerate(ants.construct(3)):
+            seen[ant][plan.trails] += 1
+    possible = []
+    for weight, counted in zip((0.0, 0.5, 1.0), seen, strict=True):
+        expected = twin(weight).plan_probabilities()
+        assert sum(expected.values()) == pytest.approx(1.0, abs=1e-12)
+        assert set(counted) <= set(expected)
+        for plan, probability in expected.items():
+            spread = (n_times * probability * (1 - probability)) ** 0.5
+            assert abs(counted[plan] - n_times * probability) <= 5 * spread + 1, plan
+        possible.append(set(expected))
+    return possible
+
+
+def crossing_of_kinds():
+    """The same for a drone, and a rover that goes from 3 to 2 and cannot get from 1 to 3.
+
+    A depot, where the rover gets half of what there is, and a node that pays on return, where the
+    rover has been.
+    """
+    graph = crossing(2).graph.copy()
+    for arc, attributes in graph.edges.items():
+        survival = attributes["survival"]
+        attributes["survival"] = {"drone": survival, "rover": (1 - survival / 3) * (arc != (1, 3))}
+    graph.nodes[1].update(share={"rover": 0.5}, depot=True)
+    graph.nodes[2].update(share={"drone": 0.8}, pays="return")
+    rover = Kind("rover", 1, start=3, end=2, min_survival=0.4, max_length=6.5, aboard=(2,))
+    return Mission(graph, base=0, kinds=[Kind("drone", 1), rover])
+
+
+def levels_of(mission, pheromone):
+    """Pheromone of each robot, by arc."""
+    graph = mission.world.graph
+    loops = dict.fromkeys(twins.ends_of(mission, robot)[1] for robot in range(mission.robots))
+    arcs = [*zip(graph.tail.tolist(), graph.head.tolist(), strict=True), *((v, v) for v in loops)]
+    levels = [dict(zip(arcs, map(tuple, one.tolist()), strict=True)) for one in pheromone]
+    return levels * mission.robots if len(levels) == 1 else levels
+
+
+@pytest.mark.compiled_only
+@pytest.mark.parametrize("has_limits", [False, True])
+@pytest.mark.parametrize("allocation", ALLOCATIONS)
+def test_ants_of_kinds_choose_by_what_each_kind_expects(allocation, has_limits):
+    mission, twin = crossing_of_kinds(), ALLOCATIONS[allocation]
+    world = mission.world if has_limits else twins.alike(mission)
+    ants = colony(mission, n_ants=3, seed=5, allocation=allocation, world=world, exploration=0.5)
+    ants.pheromone[...] = np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape)
+    levels = levels_of(mission, ants.pheromone)
+    assert_frequencies(ants, lambda weight: twin(mission, ants.settings, levels, weight, world))
+
+
+@pytest.mark.compiled_only
+@pytest.mark.parametrize(
+    ("robots", "allocation", "changes"),
+    [
+        (2, "sequential", {}),
+        (2, "concurrent", {"exploration": 0.5, "unvisited_bonus": 0.05}),
+        (1, "sequential", {"heuristic": False, "exploration": 0.01}),
+        (2, "sequential", {"pheromone_per_robot": True}),
+    ],
+    ids=["paper", "journal", "no heuristic", "per robot"],
+)
+def test_ants_choose_as_the_paper_says(robots, changes, allocation):
+    """Frequencies of whole plans, for λ = 0, 1/2 and 1, against their exact probabilities."""
+    mission = crossing(robots)
+    assert not mission.balanced
+    ants = colony(mission, n_ants=3, seed=5, allocation=allocation, **changes)
+    ants.pheromone[...] = np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape)
+    pheromone, twin = levels_of(mission, ants.pheromone), ALLOCATIONS[allocation]
+    assert_frequencies(ants, lambda weight: twin(mission, ants.settings, pheromone, weight))
+
+
+@pytest.mark.compiled_only
+@pytest.mark.parametrize(
+    ("limits", "robots", "allocation"),
+    [
+        ((0.45,), 1, "sequential"),
+        ((0.3,), 2, "concurrent"),
+        ((0.0, 3.8), 2, "sequential"),
+        ((0.35, 7.0), 2, "concurrent"),
+    ],
+)
+def test_ants_keep_limits_and_choose_among_what_is_left(limits, robots, allocation):
+    """Frequencies of whole plans under limits against their exact probabilities."""
+    mission, twin = crossing(robots), ALLOCATIONS[allocation]
+    world = twins.alike(mission, *limits)
+    ants = colony(mission, n_ants=3, seed=5, world=world, exploration=0.5, allocation=allocation)
+    levels = [dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))] * robots
+    free = twin(mission, ants.settings, levels, 0.5).plan_probabilities()
+    for possible in assert_frequencies(
+        ants, lambda weight: twin(mission, ants.settings, levels, weight, world)
+    ):
+        assert len(possible) < len(free)
+
+
+def two_leaves():
+    """Two robots at base 0, and nodes 1 and 2 with a way out and back each."""
+    graph = nx.DiGraph(base=0, robots=2)
+    graph.add_nodes_from([0, 1, 2], reward=1.0)
+    graph.add_weighted_edges_from([(0, 1, 0.5), (0, 2, 0.5), (1, 0, 1), (2, 0, 1)], "survival")
+    return Mission(graph)
+
+
+@pytest.mark.compiled_only
+@pytest.mark.parametrize(
+    ("allocation", "ends"), [("sequential", 1 / 12), ("concurrent", 1 / 7)], ids=ALLOCATIONS
+)
+def test_what_the_first_robot_knows_of_the_second(allocation, ends):
+    """By hand, for λ = 0: one robot visits each leaf.
+
+    A leaf that nobody reaches weighs 0.05 + 0.5, one that the other robot reaches with
+    probability 1/2 weighs 0.05 + 0.25, and the end of the trail 0.05. When the first robot is
+    back, the second one has visited the other leaf only where they are out concurrently.
+    """
+    mission = two_leaves()
+    first, second, second_ends = 0.55 / 1.15, 0.55 / 0.9, 0.05 / 0.35
+    probability = first * ends * second * second_ends
+    plan = ((0, 1, 0), (0, 2, 0))
+    ants = colony(mission, n_ants=2, seed=4, allocation=allocation)
+    levels = [dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))] * 2
+    twin = ALLOCATIONS[allocation](mission, ants.settings, levels, 0.0)
+    assert twin.plan_probabilities()[plan] == pytest.approx(probability, rel=1e-12)
+    n_times = 40_000
+    seen = sum(ants.construct(2)[0].trails == plan for _ in range(n_times))
+    assert abs(seen - n_times * probability) <= 5 * (n_times * probability) ** 0.5
+
+
+@examples(200)
+@given(
+    missions(max_nodes=8, lengths=lengths) | team_missions(lengths=lengths),
+    st.sampled_from([0.0, 0.05, 0.3, 0.7, 1.0]),
+    st.sampled_from([np.inf, 9.0, 5.0, 2.0, 0.0]),
+    st.sampled_from(list(ALLOCATIONS)),
+    st.integers(0, 2**32),
+)
+def test_limits_are_kept_everywhere(mission, least, longest, allocation, seed):
+    """Safe arcs and arcs without length among them, so that ways home tie."""
+    changes = {"exploration": 0.5, "allocation": allocation}
+    try:
+        problem = BOTOHE(mission, min_survival=least, max_length=longest)
+    except ValueError:  # a kind has no way to its end that is within them
+        assume(False)
+    ants = colony(mission, n_ants=7, seed=seed, world=problem.world, **changes)
+    batch = ants.construct(7)
+    mission.evaluate(batch)
+    assert (mission.robot_survival(batch) >= problem.limits.floors).all()
+    assert (mission.trail_lengths(batch) <= problem.limits.budgets).all()
+
+
+def tied_ways(seed):
+    """Many ways home are as safe as others, and longer."""
+    rng = np.random.default_rng(seed)
+    graph = nx.DiGraph(base=0, robots=1)
+    graph.add_nodes_from(range(12), reward=1.0)
+    for tail, head in nx.gnm_random_graph(12, 20, seed=seed).edges:
+        for arc in ((tail, head), (head, tail)):
+            survival, length = float(rng.choice([0.9, 0.81])), float(rng.integers(1, 4))
+            graph.add_edge(*arc, survival=survival, length=length)
+    nx.add_cycle(graph, range(12), survival=0.9, length=2.0)
+    return Mission(graph)
+
+
+def test_no_ant_gets_stuck_where_ways_home_tie():
+    """With this seed an ant does that looks for the rest of its way home again."""
+    seed = 1084
+    mission = tied_ways(seed)
+    world = twins.alike(mission, 0.3 * (1 - 5e-13), 14.0)
+    batch = colony(mission, n_ants=100, seed=seed, world=world, heuristic=False).construct(100)
+    mission.evaluate(batch)
+    assert (mission.robot_survival(batch) >= 0.3 * (1 - 1e-12)).all()
+    assert (mission.trail_lengths(batch) <= 14).all()
+
+
+@pytest.mark.parametrize(
+    ("n_ants", "allocation"), [(1, "sequential"), (51, "concurrent"), (130, "sequential")]
+)
+def test_spans_do_not_change_what_ants_build(n_ants, allocation, monkeypatch):
+    monkeypatch.setattr(module, "_MUCH", 0)
+    mission = load_mission("art_museum")
+    built = []
+    for n_threads in (1, 2, 3, 7):
+        ants = colony(mission, n_ants=n_ants, seed=1, n_threads=n_threads, allocation=allocation)
+        batches = [ants.construct(n_ants) for _ in range(3)]
+        built.append([(b.nodes.tobytes(), b.offsets.tobytes()) for b in batches])
+    assert built[0] == built[1] == built[2] == built[3]
+    assert built[0][0] != built[0][1]
+
+
+def test_long_trails_outgrow_the_first_room():
+    mission = load_mission("terrain", nodes=300, seed=1)
+    flat = {"heuristic": False, "pheromone": False, "allocation": "concurrent"}
+    ants = colony(mission, n_ants=20, **flat)
+    batch = ants.construct(20)
+    assert len(batch.nodes) > 2 * 4096
+    mission.evaluate(batch)

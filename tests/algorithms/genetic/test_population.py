@@ -1,0 +1,182 @@
+"""pymoo's population-based algorithms with this package's operators and archive."""
+
+import inspect
+
+import numpy as np
+import pytest
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.optimize import minimize
+
+from botohe_moo import BOTOHE, load_mission, make_algorithm, solve
+from botohe_moo.algorithms import PopulationAlgorithm, RandomTrailSampling
+from botohe_moo.operators import (
+    MixedMutation,
+    PenaltyOnly,
+    RuinRecreate,
+    SafestPathRepair,
+    TrailSplice,
+    TruncateRepair,
+)
+
+
+@pytest.fixture(scope="module")
+def museum():
+    return load_mission("art_museum")
+
+
+def test_population_stays_what_pymoo_makes_it(museum):
+    result = minimize(BOTOHE(museum), make_algorithm("nsga2", pop_size=30), ("n_eval", 900), seed=1)
+    assert len(result.pop) == 30
+    assert len(result.opt) > 30
+    best = set(result.X.ravel())
+    for one in result.pop[result.pop.get("rank") == 0]:
+        # The population may have dropped what dominates it, since it is full.
+        dominating = (result.F <= one.F).all(axis=1) & (result.F < one.F).any(axis=1)
+        assert one.X[0] in best or dominating.any()
+    assert len({i.X[0] for i in result.pop}) == 30  # no duplicates
+
+
+@pytest.mark.parametrize("name", ["nsga2", "moead"])
+def test_repairs_count_what_they_did(museum, name):
+    for repair, kind in [
+        ("safest-path", SafestPathRepair),
+        ("penalty", PenaltyOnly),
+        (TruncateRepair(), TruncateRepair),
+    ]:
+        algorithm = make_algorithm(name, pop_size=20, repair=repair)
+        result = minimize(BOTOHE(museum, min_survival=0.1), algorithm, ("n_eval", 200), seed=1)
+        museum.evaluate(result.X.ravel())
+        counts = result.algorithm.repair.counts
+        assert type(result.algorithm.repair) is kind
+        assert counts.plans >= 180
+        assert (counts.repaired > 0) == (kind is not PenaltyOnly)
+        assert (counts.arcs_changed > 0) == (kind is not PenaltyOnly)
+        assert 0 < counts.seconds < 10
+
+
+def test_penalty_is_seen_in_operators_given_as_objects(museum):
+    for mutation in (
+        RuinRecreate(repair=PenaltyOnly()),
+        MixedMutation([RuinRecreate(repair=PenaltyOnly())]),
+    ):
+        algorithm = make_algorithm("nsga2", mutation=mutation, pop_size=20)
+        result = minimize(BOTOHE(museum), algorithm, ("n_eval", 100), seed=1)
+        assert result.problem.allow_invalid
+        museum.evaluate(result.X)
+
+
+def test_moead_wants_one_child_of_each_pair(museum):
+    with pytest.raises(ValueError, match=r"Expected a crossover with n_offsprings = 1 .* got 2"):
+        make_algorithm("moead", crossover=TrailSplice())
+    make_algorithm("moead", crossover=TrailSplice(n_offsprings=1))
+
+
+def test_moead_measures_objectives_by_their_bounds(museum):
+    algorithm = make_algorithm("moead", pop_size=30)
+    algorithm.setup(BOTOHE(museum), termination=("n_eval", 30), seed=1)
+    half_of_each = algorithm.decomposition.do(
+        -0.5 * np.array([[museum.total_reward, 0], [0, museum.robots]]),
+        np.ones((2, 2)),
+        ideal_point=-np.array([museum.total_reward, museum.robots]),
+    )
+    assert half_of_each == pytest.approx([1, 1])
+
+
+def test_moead_forgets_the_ideal_of_a_start_that_breaks_the_floor(museum):
+    start = RandomTrailSampling().sample_batch(BOTOHE(museum), 400, np.random.default_rng(1))
+    broken = start.take(museum.robot_survival(start).min(axis=1) < 0.5)[:30]
+    assert len(broken) == 30
+    algorithm = make_algorithm("moead", pop_size=30, sampling=list(broken), corners=False)
+    algorithm.setup(BOTOHE(museum, min_survival=0.5), termination=("n_eval", 3_000), seed=1)
+    algorithm.next()
+    assert not algorithm.pop.get("feas").any()
+    algorithm.run()
+    assert algorithm.opt.get("feas").all()
+    assert algorithm.ideal.tolist() == algorithm.opt.get("F").min(axis=0).tolist()
+
+
+def test_operators_given_as_objects(museum):
+    mutation, crossover, sampling = RuinRecreate(max_via=1), TrailSplice(), RandomTrailSampling()
+    algorithm = make_algorithm(
+        "nsga2", mutation=mutation, crossover=crossover, sampling=sampling, pop_size=10
+    )
+    assert algorithm.mating.mutation is mutation
+    assert algorithm.mating.crossover is crossover
+    assert algorithm.initialization.sampling is sampling
+    assert len(minimize(BOTOHE(museum), algorithm, ("n_eval", 50), seed=1).F) > 0
+
+
+def test_weights_of_operators(museum):
+    algorithm = make_algorithm(
+        "nsga2",
+        crossover={"splice": 3, "botohe_moo.operators:TrailSplice": 1},
+        mutation={"ruin": 2, "botohe_moo.operators:RuinRecreate": 0, "share": 1},
+        sampling={"random": 1, "guided": 1},
+        corners=False,
+    )
+    assert algorithm.mating.crossover.mixture.weights.tolist() == [3, 1]
+    assert algorithm.mating.mutation.mixture.weights.tolist() == [2, 1]
+    without = make_algorithm("nsga2", crossover={}, pop_size=10)
+    assert without.mating.crossover.prob.value == 0
+    assert len(minimize(BOTOHE(museum), without, ("n_eval", 50), seed=1).F) > 0
+
+
+def test_parameters_are_checked():
+    with pytest.raises(ValueError, match="mutation to be a text or a mapping or of type Mutation"):
+        make_algorithm("nsga2", mutation=3)
+    with pytest.raises(ValueError, match="Expected a sampling of weight above 0"):
+        make_algorithm("nsga2", sampling={})
+
+
+def test_moead_replaces_by_violation_first(museum):
+    problem = BOTOHE(museum, min_survival=0.95)
+    algorithm = make_algorithm("moead", pop_size=30, sampling="random", corners=False)
+    algorithm.setup(problem, termination=("n_eval", 3_000), seed=1)
+    # Operators do not know the floor: children break it, and must not push out who keeps it.
+    broken = 0
+    while algorithm.has_next():
+        algorithm.next()
+        assert algorithm.pop.get("feas").all()
+        broken += (~algorithm.off.get("feas")).sum()
+    assert broken > 100
+
+
+def test_classes_of_your_own_need_no_init():
+    class Plain(PopulationAlgorithm, NSGA2):
+        pass
+
+    class Small(PopulationAlgorithm, NSGA2):
+        def __init__(self):
+            super().__init__({"pop_size": 10})
+
+    stated = inspect.signature(Plain).parameters
+    assert "mutation" in stated
+    assert "arguments" not in stated
+    assert not inspect.signature(Small).parameters  # it takes none
+    for kind, size in [(Plain, 100), (Small, 10)]:
+        solution = solve("toy", kind(), evaluations=130, seed=1)
+        assert solution.evaluations == 130
+        assert kind().pop_size == size
+
+
+class TestDottedPaths:
+    def test_directions_are_spread_over_the_population(self):
+        algorithm = make_algorithm("pymoo.algorithms.moo.nsga3:NSGA3", pop_size=11)
+        assert algorithm.ref_dirs.tolist() == [[w, 1 - w] for w in np.linspace(0, 1, 11)]
+
+    def test_own_parameters_reach_pymoo(self):
+        assert make_algorithm("pymoo.algorithms.moo.rvea:RVEA", alpha=3.0).survival.alpha == 3.0
+
+    def test_what_cannot_be_used_is_refused(self):
+        for path, message in [
+            ("pymoo.nowhere:X", "cannot be imported .ModuleNotFoundError"),
+            ("pymoo.algorithms.moo.cmopso:CMOPSO", "expected a population-based class of pymoo's"),
+            ("pymoo.algorithms.moo.gde3:GDE3", "mates in a way of its own"),
+            ("pymoo.algorithms.moo.moead:MOEAD", "it is wired already, as 'moead'"),
+            ("pymoo.algorithms.moo.dnsga2:DNSGA2", "it evaluates plans beside any budget"),
+            ("pymoo.algorithms.soo.nonconvex.ga:GA", "it minimises one objective"),
+            ("pymoo.algorithms.moo.ctaea:CTAEA", "it never ends where"),
+            ("numpy:pi", "it does not state that it makes an Algorithm"),
+        ]:
+            with pytest.raises(ValueError, match=message):
+                make_algorithm(path)

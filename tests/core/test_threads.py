@@ -1,0 +1,64 @@
+"""Arrays with cache lines of their own."""
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from botohe_moo.core.threads import apart
+
+LINE = 128
+RECORD = np.dtype([("n", np.int64), ("x", np.float64)])
+
+
+class Parts(NamedTuple):
+    """Arrays and others."""
+
+    n: np.record
+    items: np.ndarray
+    name: str
+
+
+def lines(array):
+    """The first and the last line that an array lies in."""
+    start = array.ctypes.data
+    return start // LINE, (start + max(array.nbytes, 1) - 1) // LINE
+
+
+@pytest.mark.parametrize("shape", [0, 1, 7, (3, 5), (0, 4), 8_000])
+@pytest.mark.parametrize("dtype", [np.int32, np.float64, RECORD])
+def test_copies_are_equal_and_begin_a_line(shape, dtype):
+    rng = np.random.default_rng(1)
+    raw = rng.integers(0, 100, np.prod(shape) * np.dtype(dtype).itemsize, np.uint8)
+    given = raw.view(dtype).reshape(shape)
+    found = apart(given)
+    assert found.dtype == given.dtype
+    assert found.tobytes() == given.tobytes()
+    assert found.shape == given.shape
+    if given.nbytes > 65_536:
+        assert found is given
+    elif given.size:
+        assert not np.shares_memory(found, given)
+        assert found.ctypes.data % LINE == 0
+
+
+def test_no_two_share_a_line():
+    moved = apart(tuple(np.full(1, i) for i in range(200)))
+    taken = sorted(lines(array) for array in moved)
+    assert all(before[1] < after[0] for before, after in itertools.pairwise(taken))
+    assert [int(array[0]) for array in moved] == list(range(200))
+
+
+def test_records_and_tuples_within_tuples():
+    record = np.array([(1, 0.5)], RECORD).view(np.recarray)[0]
+    records = np.zeros(3, RECORD).view(np.recarray)
+    parts, alone = apart((Parts(record, np.arange(3), "name"), records))
+    parts.n.n += 1  # still a place in memory, not a copy
+    assert (parts.n.n, parts.n.x, record.n) == (2, 0.5, 1)
+    assert_array_equal(parts.items, [0, 1, 2])
+    assert (parts.name, type(parts)) == ("name", Parts)
+    assert type(alone) is np.recarray
+    alone[1].x = 3.0
+    assert alone.x.tolist() == [0.0, 3.0, 0.0]
