@@ -127,8 +127,11 @@ def test_the_nearest_nodes_are_those_that_are_safest_to_reach(mission, n_near):
         assert len({*found[:n], node}) == n + 1
         assert found[n:] == [node] * (len(found) - n)
         assert not reach[n:].any()
-        assert reach[:n] == pytest.approx(np.exp([-costs[other] for other in found[:n]]))
-        assert reach[:n] == pytest.approx(np.exp([-cost for cost in sorted(costs.values())[:n]]))
+        to_found = np.exp([-costs[other] for other in found[:n]])
+        assert reach[:n] == pytest.approx(to_found, rel=1e-12)
+        assert reach[:n] == pytest.approx(
+            np.exp([-c for c in sorted(costs.values())[:n]]), rel=1e-12
+        )
 
 
 @examples(300)
