@@ -6,7 +6,6 @@ import subprocess
 import sys
 from multiprocessing.context import SpawnProcess
 
-import numba
 import pytest
 
 from botohe_moo import load_mission
@@ -24,7 +23,7 @@ def started(monkeypatch):
 
     monkeypatch.setattr(SpawnProcess, "start", recorded)
     monkeypatch.setattr(ahead, "n_cpus", lambda: 2)
-    monkeypatch.setattr(ahead, "_is_missing", lambda _: True)
+    monkeypatch.setattr(ahead, "is_kept", lambda _: False)
     return found
 
 
@@ -57,15 +56,10 @@ def test_nothing_is_started_with_one_processor(started, monkeypatch):
 
 
 def test_nothing_is_started_when_all_is_compiled(started, monkeypatch):
-    monkeypatch.setattr(ahead, "_is_missing", lambda _: False)
+    monkeypatch.setattr(ahead, "is_kept", lambda _: True)
     mission = load_mission("toy")
     ahead.compile_ahead(mission, mission.world, 100)
     assert started == []
-
-
-def test_what_cannot_be_kept_is_not_compiled_ahead():
-    assert not ahead._is_missing(numba.njit(lambda: 1))
-    assert not ahead._is_missing(lambda: 1)  # what numba makes of it with NUMBA_DISABLE_JIT
 
 
 SEARCH = """
@@ -78,9 +72,9 @@ from botohe_moo.algorithms.local_search.kernels.search import improve
 if __name__ == "__main__":
     ahead.n_cpus = lambda: 2  # also where there is one
     mission = load_mission("art_museum")
-    assert ahead._is_missing(improve)
+    assert not ahead.is_kept(improve)
     ahead.compile_ahead(mission, mission.limited(), 30_000)
-    assert not ahead._is_missing(improve)
+    assert ahead.is_kept(improve)
     solve(mission, evaluations=30_000, n_islands=2, n_threads=1)
     assert sum(improve.stats.cache_misses.values()) == 0
     assert sum(improve.stats.cache_hits.values()) == 1

@@ -2,6 +2,7 @@
 
 import ast
 import gc
+import importlib.util
 import os
 import pwd
 import sys
@@ -9,6 +10,7 @@ from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
+import numba
 import numpy as np
 import pytest
 from numba import config
@@ -16,8 +18,10 @@ from numba.core.cpu import CPUTargetOptions
 
 import botohe_moo
 from botohe_moo._base.types import FloatArray
+from botohe_moo.algorithms.local_search.kernels import recreate
 from botohe_moo.core import compile as decorators
-from botohe_moo.core.compile import _PRIVATE, array_maker, helper, kernel, shared
+from botohe_moo.core import world
+from botohe_moo.core.compile import _PRIVATE, array_maker, helper, is_kept, kernel, shared
 
 SOURCES = sorted(Path(botohe_moo.__file__).parent.rglob("*.py"))
 MOST_PARAMETERS, MOST_LINES = 8, 80
@@ -128,6 +132,68 @@ def test_the_garbage_collector_is_as_it_was_after_compiling():
         assert not gc.isenabled()
     finally:
         gc.enable()
+
+
+@compiled
+class TestMachineCodeOnDisk:
+    """That of the kernel of a module: it adds a number."""
+
+    @pytest.fixture
+    def loaded(self, tmp_path, monkeypatch):
+        def loaded(number):
+            """Load the module as another process would; return its kernel."""
+            path = tmp_path / "adding.py"
+            path.write_text(
+                "from botohe_moo.core.compile import kernel\n\n\n"
+                f"@kernel\ndef add(x):\n    return x + {number}\n"
+            )
+            for cached in (decorators._sources, decorators._digest):
+                cached.cache_clear()
+            spec = importlib.util.spec_from_file_location("adding", path)
+            module = importlib.util.module_from_spec(spec)
+            monkeypatch.setitem(sys.modules, "adding", module)
+            spec.loader.exec_module(module)
+            return module.add
+
+        return loaded
+
+    def test_it_is_that_of_the_present_source(self, loaded, tmp_path):
+        first = loaded(1)
+        assert not is_kept(first)
+        assert first(2) == 3
+        assert is_kept(first)
+        again = loaded(1)
+        assert is_kept(again)
+        assert again(2) == 3
+        assert sum(again.stats.cache_hits.values()) == 1
+        files = {*(tmp_path / "__pycache__").glob("*.nb?")}
+        changed = loaded(5)
+        assert not is_kept(changed)
+        assert changed(2) == 7
+        others = {*(tmp_path / "__pycache__").glob("*.nb?")}
+        assert len(others) == len(files) == 2
+        assert not others & files  # that of other sources is of no use
+
+    @pytest.mark.parametrize("kind", ["nbi", "nbc"])
+    @pytest.mark.parametrize("content", [b"", b"no code"])
+    def test_where_it_is_damaged_it_is_made_again(self, loaded, tmp_path, kind, content):
+        assert loaded(1)(2) == 3
+        [path] = (tmp_path / "__pycache__").glob(f"*.{kind}")
+        path.write_bytes(content)
+        assert loaded(1)(2) == 3
+        again = loaded(1)
+        assert again(2) == 3
+        assert sum(again.stats.cache_hits.values()) == 1
+
+    def test_where_none_could_be_there_is_nothing_to_wait_for(self):
+        assert is_kept(numba.njit(lambda: 1))
+        assert is_kept(lambda: 1)  # what numba makes of it with NUMBA_DISABLE_JIT
+
+
+def test_sources_of_a_kernel_are_all_that_it_is_compiled_from():
+    found = decorators._sources(recreate.__name__)
+    assert {recreate.__file__, world.__file__, decorators.__file__} <= found
+    assert not any(path.endswith(("engine.py", "model.py")) for path in found)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from botohe_moo.algorithms.greedy.planner import plan_sequentially
 from botohe_moo.mission import Kind, Mission, PlanError, load_mission
 from botohe_moo.outcomes.outcomes import plan_outcomes
 from botohe_moo.trails import PlanBatch, TrailPlan

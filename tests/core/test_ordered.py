@@ -214,17 +214,22 @@ def test_plans_are_drawn_uniformly(n):
     assert chi_square <= (n - 1) + 5 * np.sqrt(2 * n)
 
 
-@pytest.mark.parametrize("n", [1, 5, 300])
+@pytest.mark.parametrize("n", [1, 5, 2 * kernels._NEAR, 2 * kernels._NEAR + 1, 300])
 def test_neighbours_are_drawn_on_either_side(n):
-    """Beyond an end it is the plan there."""
+    """Of a front with plans enough: near an end also those farther away on the other side."""
     pair, near = shuffled(n), kernels._NEAR
     states = seed_states(np.random.default_rng(7), 1)
-    for index in {0, n // 3, n // 2, n - 1}:
+    for index in {0, 1, n // 3, n // 2, n - 1} & {*range(n)}:
         at, place = pair.place(index)
         for _ in range(300):
-            offset = below(states.copy(), 2 * near + 1) - near
+            before = states.copy()
             slot = kernels.draw_near(pair.front, states, at, place)
-            assert pair.front.slots[slot].survivors == min(max(0, index + offset), n - 1)
+            if n <= 2 * near:
+                assert slot == kernels.draw_slot(pair.front, before)
+                continue
+            offset = below(before, 2 * near + 1) - near
+            expected = index + offset if 0 <= index + offset < n else index - offset
+            assert pair.front.slots[slot].survivors == expected
 
 
 @pytest.mark.parametrize(("n", "every"), [(0, 1), (300, 1), (300, 3)])

@@ -112,6 +112,28 @@ def test_searches_find_the_nearest_nodes_first(mission, data, backwards):
             assert used[arc] != USED
 
 
+@examples(100)
+@given(missions(min_nodes=1, max_nodes=9) | team_missions(), st.integers(1, 8))
+def test_the_nearest_nodes_are_those_that_are_safest_to_reach(mission, n_near):
+    n_nodes = mission.world.graph.n_nodes
+    assert (paths.new_near(n_nodes, n_near).nodes == -1).all()
+    near, free = paths.find_near(mission.world, n_near), whole_graph(mission)
+    assert near.nodes.shape == near.reach.shape == (n_nodes, min(n_near, n_nodes - 1))
+    for node in range(n_nodes):
+        costs = nx.single_source_dijkstra_path_length(free, node, weight="cost")
+        del costs[node]
+        n = min(len(costs), near.nodes.shape[1])
+        found, reach = near.nodes[node].tolist(), near.reach[node]
+        assert len({*found[:n], node}) == n + 1
+        assert found[n:] == [node] * (len(found) - n)
+        assert not reach[n:].any()
+        to_found = np.exp([-costs[other] for other in found[:n]])
+        assert reach[:n] == pytest.approx(to_found, rel=1e-12)
+        assert reach[:n] == pytest.approx(
+            np.exp([-c for c in sorted(costs.values())[:n]]), rel=1e-12
+        )
+
+
 @examples(300)
 @given(
     missions(max_nodes=8, lengths=lengths) | team_missions(lengths=lengths),

@@ -386,25 +386,6 @@ class Beam:
         return list(self.best)
 
 
-class TestNearest:
-    @examples(50)
-    @given(missions(max_nodes=8), st.integers(1, 9))
-    def test_it_gives_the_safest_to_reach(self, mission, n_near):
-        found = find_near(mission.world, n_near)
-        graph = nx.DiGraph()
-        for (tail, head), survival in arc_survivals(mission).items():
-            graph.add_edge(tail, head, cost=-np.log(survival))
-        for node in graph:
-            costs = nx.single_source_dijkstra_path_length(graph, node, weight="cost")
-            expected = sorted(
-                (np.exp(-cost) for v, cost in costs.items() if v != node), reverse=True
-            )
-            near, reach = found.nodes[node].tolist(), found.reach[node]
-            assert len({*near, node}) == len(near) + 1
-            assert reach == pytest.approx(expected[: len(near)], rel=1e-12)
-            assert reach == pytest.approx([np.exp(-costs[v]) for v in near], rel=1e-12)
-
-
 def test_a_beam_can_be_used_again():
     museum = load_mission("art_museum")
     world, worth = museum.world, museum.rewards / museum.total_reward

@@ -55,19 +55,6 @@ def test_given_plans_that_do_not_keep_the_limits_are_left_out(museum, limits):
     assert search.objectives().tolist() == expected.tolist()
 
 
-def test_what_has_entered_since():
-    toy = load_mission("toy")
-    search = started(toy)
-    assert len(search.plans(search.version)[0]) == 0
-    search.insert(toy.batch([toy.plan([[1, 3, 1], [1]])]))
-    plans, objectives, numbers = search.plans(1)
-    # Robots come in the order of their trails.
-    assert [plan.trails for plan in plans] == [((0,), (0, 2, 0))]
-    assert objectives.tolist() == search.objectives()[:1].tolist()
-    assert numbers.tolist() == [1]
-    assert [len(search.plans(since)[0]) for since in (0, 1, 2)] == [2, 1, 0]
-
-
 def test_plans_are_inserted_where_others_wait_to_be_recreated(museum, monkeypatch):
     """Also where there is little room at first."""
     found = started(museum)

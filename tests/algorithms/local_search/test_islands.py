@@ -13,8 +13,8 @@ from botohe_moo import Mission, load_mission
 from botohe_moo.algorithms.local_search import islands as module
 from botohe_moo.algorithms.local_search.engine import LocalSearchSettings
 from botohe_moo.algorithms.local_search.islands import Islands
-from botohe_moo.algorithms.local_search.kernels.state import QUEUE
-from botohe_moo.trails import PlanBatch
+from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, QUEUE
+from botohe_moo.core.ordered import read_front
 from tests.algorithms.local_search.made import check, front_of, outcome, started
 from tests.examples import examples
 from tests.strategies import missions_with_plans, team_missions_with_plans
@@ -50,24 +50,129 @@ def outcomes(islands):
     return [outcome(island) for island in islands._islands]
 
 
-@examples(40)
-@given(missions_with_plans() | team_missions_with_plans(), st.integers(1, 3))
-def test_all_fronts_become_the_front_of_all(case, n):
-    """Of plans as good, but for rounding, any stays."""
-    mission, plan = case
-    with plain_local_search():
-        found = [started(mission, [plan], seed=seed) for seed in range(n)]
-        known = [search.version for search in found]
+class TestMigration:
+    """Of searches in plain Python."""
+
+    # Plans of the toy mission, none of which dominates another one.
+    PLANS = ([[1, 3, 1], [1]], [[1, 3, 1], [1, 3, 1]], [[1, 2, 4, 3, 1], [1]])
+
+    @pytest.fixture(autouse=True)
+    def plain(self):
+        with plain_local_search():
+            yield
+
+    @pytest.fixture
+    def toy(self):
+        return load_mission("toy")
+
+    def searches(self, mission, *given, n=2):
+        return [started(mission, map(mission.plan, given), seed=seed) for seed in range(n)]
+
+    def insert(self, search, *given):
+        search.insert(search.mission.batch([search.mission.plan(plan) for plan in given]))
+
+    def exchange(self, found, known=None):
+        """Let all searches take over what has entered the fronts since; return the migrants."""
+        known = known or [0] * len(found)
+        parts = [search.migrants(since) for search, since in zip(found, known, strict=True)]
+        migrants = module._together(parts)
         for search in found:
-            search.run(30)
-        expected = front_of(np.vstack([search.objectives() for search in found]), 1e-11)
-        migrants = [search.plans(n)[0] for search, n in zip(found, known, strict=True)]
-        migrants = PlanBatch.concatenate(migrants)
-        for search in found:
+            search.take_over(migrants)
+            check(search)
+        return migrants
+
+    @examples(40)
+    @given(missions_with_plans() | team_missions_with_plans(), st.integers(1, 3))
+    def test_all_fronts_become_the_front_of_all(self, case, n):
+        """Of plans as good, but for rounding, any stays."""
+        mission, plan = case
+        with plain_local_search():
+            found = [started(mission, [plan], seed=seed) for seed in range(n)]
+            known = [search.version for search in found]
+            for search in found:
+                search.run(30)
+            expected = front_of(np.vstack([search.objectives() for search in found]), 1e-11)
             for _ in range(2):
-                search.insert(migrants)
-                check(search)
-            np.testing.assert_allclose(front_of(search.objectives(), 1e-11), expected, rtol=1e-10)
+                self.exchange(found, known)
+                for search in found:
+                    objectives = front_of(search.objectives(), 1e-11)
+                    np.testing.assert_allclose(objectives, expected, rtol=1e-10)
+
+    def test_migrants_are_what_has_entered_since(self, toy):
+        [search] = self.searches(toy, n=1)
+        assert len(search.migrants(search.version).plan) == 0
+        self.insert(search, self.PLANS[0])
+        migrants = search.migrants(1)
+        assert migrants.objectives.tolist() == search.objectives()[:1].tolist()
+        # Robots come in the order of their trails.
+        trails = np.split(migrants.nodes, migrants.offsets[1:-1])
+        assert [[trails[t].tolist() for t in plan] for plan in migrants.plan] == [[[0], [0, 2, 0]]]
+        assert len(search.migrants(0).plan) == 2
+
+    def test_turns_as_a_parent_are_those_of_the_finder(self, toy):
+        """The first one is, also where it is still to come."""
+        one, other = self.searches(toy)
+        self.insert(one, *self.PLANS)
+        one._front.slots["tried"][read_front(one._front)[0]] = 0, 5, 1, 2
+        self.exchange([one, other], [1, 1])
+        assert [tried_of(search) for search in (one, other)] == [[0, 5, 1, 2], [1, 5, 1, 0]]
+
+    @pytest.mark.parametrize("room", [0, 1, 2])
+    def test_where_there_is_no_room_there_will_be(self, toy, room):
+        one, other = self.searches(toy)
+        self.insert(one, *self.PLANS)
+        spare, other._front.n.spare = other._front.n.spare, N_CHILDREN + room
+        other.take_over(one.migrants(1))
+        assert other._front.n.spare != spare
+        assert np.array_equal(one.objectives(), other.objectives())
+
+    @pytest.mark.parametrize("moves", [False, True])
+    def test_trails_that_are_there_are_not_stored_again(self, toy, moves):
+        """Nor where they have moved to where there is more room."""
+        one, other = self.searches(toy, self.PLANS[0])
+        if moves:
+            other._keep(read_front(other._front)[0])
+        before = n_stored(other)
+        self.insert(one, *self.PLANS)
+        self.exchange([one, other])
+        assert len(other) == 4
+        assert n_stored(other) == before + 1
+        self.insert(one, ([1, 2, 4, 3, 1], [1, 3, 1]))
+        self.exchange([one, other])
+        assert len(other) == 5
+        assert n_stored(other) == before + 1
+        assert np.array_equal(one.objectives(), other.objectives())
+
+    def test_a_trail_that_no_plan_has_any_more_is_stored_anew(self, toy):
+        one, other = self.searches(toy, [[1, 3, 4, 3, 1], [1]])
+        migrants = one.migrants(0)
+        other.restart()
+        other.take_over(migrants)
+        check(other)
+        assert np.array_equal(one.objectives(), other.objectives())
+
+    def test_a_plan_that_is_as_good_is_not_taken_over(self, toy):
+        one, other = self.searches(toy, self.PLANS[0])
+        before = other.version
+        self.exchange([one, other])
+        assert other.version == before
+
+    def test_trails_without_arcs_differ_by_kind(self):
+        drones = load_mission("drones_and_rovers")
+        [search] = self.searches(drones, n=1)
+        migrants = search.migrants(0)
+        starts = migrants.nodes.tolist()  # of trails that go nowhere
+        assert starts == drones.world.team.start.tolist()
+        assert len({*zip(starts, migrants.hash.tolist(), strict=True)}) == len(drones.kinds)
+        assert len(set(migrants.hash.tolist())) == len(drones.kinds)
+
+
+def tried_of(search):
+    return search._front.slots["tried"][read_front(search._front)[0]].tolist()
+
+
+def n_stored(search):
+    return np.count_nonzero(search._store.trails["n_users"])
 
 
 def test_one_island_is_the_search_alone(mission):
@@ -98,7 +203,7 @@ def test_all_islands_take_over_what_others_found(mission):
                 assert (island.objectives() >= point * (1 - 1e-11)).all(1).any()
     assert islands._migrants[0] is None
     for island, migrants in zip(islands._islands[1:], islands._migrants[1:], strict=True):
-        island.insert(migrants)
+        island.take_over(migrants)
         np.testing.assert_allclose(island.objectives(), islands.objectives(), rtol=1e-11)
     # Each draws for itself.
     assert len({island._states.tobytes() for island in islands._islands}) == 3

@@ -63,6 +63,7 @@ def found():
     return museum, search.plans()[0]
 
 
+@pytest.mark.compiled_only
 @pytest.mark.parametrize("name", DEFAULT_MOVES)
 def test_each_alone_makes_children(found, name):
     museum, batch = found
@@ -73,6 +74,7 @@ def test_each_alone_makes_children(found, name):
     check(search)
 
 
+@pytest.mark.compiled_only
 def test_moves_that_lead_nowhere_end_the_search():
     for name in ("splice", "graft", "swap-loops", "reverse"):
         search = started(load_mission("art_museum"), moves={name: 1.0}, prob_recreate=0.0)

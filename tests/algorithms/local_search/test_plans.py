@@ -125,6 +125,17 @@ def test_marginal_rewards_are_what_the_others_leave(case, data):
     check_clean(search)
 
 
+@pytest.mark.parametrize(
+    ("name", "patience"),
+    [("toy", plans.PATIENCE), ("art_museum_return", plans.PATIENCE_ON_RETURN)],
+)
+def test_the_search_is_stuck_when_nothing_has_entered_for_long(name, patience):
+    search = unstarted(load_mission(name))
+    for idle in (0, patience, patience + 1):
+        search._memory[0].idle = idle
+        assert plans.is_stuck(search._work, search.world.returns) == (idle > patience)
+
+
 @examples(200)
 @given(missions_with_plans(min_nodes=1, max_robots=5) | team_missions_with_plans(), st.randoms())
 def test_objectives_have_the_bits_of_evaluate(case, random):

@@ -15,6 +15,7 @@ from botohe_moo.algorithms.local_search.kernels import plans
 from botohe_moo.algorithms.local_search.kernels import recreate as kernels
 from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, new_store
 from botohe_moo.core.rng import uniform
+from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, new_limits
 from tests import twins
 from tests.algorithms.local_search.made import (
     check,
@@ -45,7 +46,8 @@ def plain():
 def holding(mission, plan, chosen, **options):
     """A search with a plan as parent, of which some robots are to be changed."""
     search = unstarted(mission, **options)
-    work, free = search._work, mission.world.with_limits(mission.limits(0.0, inf))
+    work, limits = search._work, new_limits([0.0], [inf], [mission.robots])
+    free = mission.world.with_limits(limits)
     for robot, trail in enumerate(plan):  # which may be beyond the limits
         n_arcs = write_child(search, trail)
         work.parent[robot] = plans.add_trail(search.parts._replace(world=free), robot, n_arcs)
@@ -170,6 +172,36 @@ def test_stops_that_stay_are_some_of_those_there_were(case, data):
         assert n == 0 if len(stops) <= 1 else 0 < n < len(stops)
         rest = iter(stops)
         assert all(node in rest for node in kept)  # in this order
+
+
+@examples(100)
+@given(team_missions_with_plans(max_nodes=6), st.data())
+def test_depots_are_stops_where_something_is_left(case, data):
+    """In order of the trail: what is collected, and the depots that it is brought to."""
+    mission, plan = case
+    robot = data.draw(st.integers(0, mission.robots - 1))
+    search = holding(mission, plan.trails, [robot])
+    world, work, returns = search.world, search._work, search.world.returns
+    assume(returns is not None)
+    start, *trail = plan.trails[robot]
+    layer = start - start % len(mission.nodes)
+    aboard = {layer + int(v) for v in returns.aboard[returns.first[robot] : returns.stop[robot]]}
+    expected, seen = [], {start, *aboard}
+    is_loaded = world.graph.reward[start] > 0 and returns.credit[start] == AT_NEXT_DEPOT
+    is_loaded = is_loaded or bool(aboard)
+    for node in trail:
+        is_new = node not in seen and work.nodes[node].marginal > 0
+        if is_new or (is_loaded and returns.credit[node] == AT_THIS_DEPOT):
+            expected.append(node)
+        if returns.credit[node] == AT_THIS_DEPOT:
+            is_loaded = False
+        elif is_new and returns.credit[node] == AT_NEXT_DEPOT:
+            is_loaded = True
+        seen.add(node)
+    if expected[-1:] == [int(world.team.end[start])]:  # where it ends anyway
+        expected.pop()
+    found = kernels._list_stops_and_depots(search.parts, returns, 0, start)
+    assert work.goals[:found].tolist() == expected
 
 
 def complete(n_nodes, seed, *, robots, scale=0.1, returns=False):

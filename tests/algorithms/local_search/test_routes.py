@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from botohe_moo import load_mission
 from botohe_moo.algorithms.local_search.kernels import routes as kernels
 from botohe_moo.algorithms.local_search.kernels.routes import FAR, UNKNOWN
+from botohe_moo.core.paths import search_near
 from tests.core.test_paths import whole_graph
 from tests.examples import examples
 from tests.strategies import missions, team_missions
@@ -77,25 +78,6 @@ def test_on_larger_missions_rows_are_truncated(mission, near):
     for goal in range(graph.n_nodes):
         kernels.search_routes(graph, routes, goal)
         assert_routes(mission, routes, goal, near)
-
-
-@examples(40)
-@given(missions(min_nodes=2, max_nodes=9), st.integers(1, 8))
-def test_the_nearest_nodes_are_those_that_are_safest_to_reach(mission, n_near):
-    graph, n_nodes = mission.world.graph, mission.world.graph.n_nodes
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernels, "_N_NEIGHBOURS", n_near)
-        routes = new_routes(mission.world)
-    assert routes.near.shape == (n_nodes, min(n_near, n_nodes - 1))
-    safest = [distances_to(mission, goal) for goal in range(n_nodes)]
-    for node in range(n_nodes):
-        assert (routes.near[node] == -1).all()
-        kernels.search_near(graph, routes, node)
-        near = routes.near[node].tolist()
-        assert len({*near, node}) == len(near) + 1
-        found = [safest[goal][node] for goal in near]
-        others = sorted(safest[goal][node] for goal in range(n_nodes) if goal != node)
-        assert found == pytest.approx(others[: len(near)], rel=1e-12, abs=1e-12)
 
 
 def ways(graph, source, target, limit):

@@ -152,6 +152,7 @@ def least_room(found, n_trails, n_arcs, n_visits):
     return new_store(n_trails + n_new, n_arcs, n_visits)
 
 
+@pytest.mark.compiled_only
 @pytest.mark.parametrize("name", ["art_museum", "drones_and_rovers", "art_museum_return"])
 def test_where_plans_lie_in_memory_changes_nothing(monkeypatch, name):
     """Where room is scarce, and plans and trails are moved all the time, it finds the same."""

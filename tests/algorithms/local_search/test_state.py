@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from botohe_moo import Mission
 from botohe_moo.algorithms.local_search.kernels import plans, state
 from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, N_TRAILS, NOT_STORED
+from botohe_moo.core.rng import GOLDEN, hash_step, mixed
 from tests import twins
 from tests.algorithms.local_search.made import trail_of, unstarted, write_child
 from tests.examples import examples
@@ -20,6 +21,13 @@ from tests.twins import plain_local_search
 def plain():
     with plain_local_search():
         yield
+
+
+def hash_of(start, arcs):
+    bits = GOLDEN ^ np.uint64(start)
+    for arc in arcs:
+        bits = hash_step(bits, arc)
+    return mixed(bits)
 
 
 class Stored:
@@ -66,6 +74,7 @@ class Stored:
             }
             assert len(found) == stored.n_visits
             assert {node: p for node, p in found.items() if p > 0} == pytest.approx(expected)
+            assert stored.hash == hash_of(nodes[0], store.arc[stored.first_arc : stored.end_arc])
             assert stored.alive == pytest.approx(twins.survival_of(mission, nodes))
 
 

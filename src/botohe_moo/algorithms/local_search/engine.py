@@ -227,7 +227,8 @@ class LocalSearch:
     def _timed(self, kernel: Any, *arguments: Any) -> int:
         """Call a kernel, and divide its time, but for compiling it, among the moves."""
         if kernel not in self._compiled:
-            kernel(self.parts, *arguments[:-1], 0)
+            nothing = (self._nothing, 0, 0) if kernel is improve else (0,)
+            kernel(self.parts, *nothing)
             self._compiled.add(kernel)
         before, started = self._tallies["ticks"].copy(), time.perf_counter()
         found: int = kernel(self.parts, *arguments)

@@ -256,8 +256,7 @@ def find_trails(
         n += 1
         if n > rule.n_most:
             break
-        level = alive / net.reach[node] * n_levels
-        value, pays = last.value, 0
+        level, value, pays = alive / net.reach[node] * n_levels, last.value, 0
         if graph.reward[node] > 0.0 and depths.met[node] != search and node != base:
             value += chord(prices, node, level)
             pays = 1
