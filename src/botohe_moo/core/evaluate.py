@@ -7,8 +7,8 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.core.compile import array_maker, helper, inlined, kernel, shared
 from botohe_moo.core.trails import sort_trails
-from botohe_moo.core.walk import Visits, new_visits, walk
-from botohe_moo.core.world import World, find_arc
+from botohe_moo.core.walk import Visits, begin_walk, end_walk, new_visits, visit
+from botohe_moo.core.world import Returns, World, find_arc
 
 # What may be wrong with a trail. ``evaluate`` returns the first fault as
 # (kind, plan, robot, position), which are all zero where there is none.
@@ -107,7 +107,6 @@ class _Scratch(NamedTuple):
     """Scratch of evaluations."""
 
     used: OffsetArray  # the last trail that used each arc (n_arcs)
-    arcs: OffsetArray  # the arcs of a trail, up to its first fault (n_arcs)
     visits: Visits
     reached: Reached
     order: OffsetArray  # robots, by their trails (n_robots)
@@ -115,10 +114,8 @@ class _Scratch(NamedTuple):
 
 @array_maker
 def _new_scratch(world: World) -> _Scratch:
-    n_arcs = world.graph.head.shape[0]
     return _Scratch(
-        np.full(n_arcs, -1),
-        np.empty(n_arcs, np.int64),
+        np.full(world.graph.head.shape[0], -1),
         new_visits(world.graph.reward.shape[0]),
         new_reached(world.team.reward.shape[0]),
         np.empty(world.team.start.shape[0], np.int64),
@@ -143,37 +140,55 @@ def _hop(world: World, used: OffsetArray, trail: int, tail: int, head: int) -> t
 
 
 @inlined
-def _read(
-    world: World, scratch: _Scratch, nodes: IntArray, start: int, stop: int, trail: int
-) -> tuple[int, int, int, int]:
-    """Write a trail's arcs, up to its first fault, to ``scratch.arcs``.
+def _follow(
+    world: World,
+    returns: Returns | None,
+    scratch: _Scratch,
+    nodes: IntArray,
+    start: int,
+    stop: int,
+    trail: int,
+    robot: int,
+) -> tuple[float, float, int, int, int]:
+    """Walk a trail up to its first fault, where the robot is lost, and add what it collects.
 
-    Returns how many these are, −1 where the trail does not begin where it should; the number of
-    faults; and kind and position of the first one.
+    Returns the probability to survive it, its length, the number of its faults, and kind and
+    position of the first fault.
     """
-    source = world.team.start[trail % world.team.start.shape[0]]
+    graph, visits, source = world.graph, scratch.visits, world.team.start[robot]
     node = int(nodes[start]) if stop > start else -1
-    kind = position = n_faults = 0
-    n = stop - start - 1
+    kind = position = n_faults = n = 0
     if node != source:
-        known = 0 <= node < world.graph.reward.shape[0]
+        n_faults = 1
+        known = 0 <= node < graph.reward.shape[0]
         kind = EMPTY_TRAIL if stop <= start else NOT_FROM_BASE if known else UNKNOWN_NODE
-        n, n_faults = -1, 1
-    for i in range(start + 1, stop):
+    else:
+        n = begin_walk(world, returns, robot, visits)
+    alive, length = 1.0, 0.0
+    i = start + 1
+    while kind == VALID and i < stop:
         head = int(nodes[i])
-        arc, fault = _hop(world, scratch.used, trail, node, head)
-        if fault != VALID:
-            n_faults += 1
-            if kind == VALID:
-                kind, position, n = fault, i - start, i - start - 1
-        elif kind == VALID:
-            scratch.arcs[i - start - 1] = arc
+        arc, kind = _hop(world, scratch.used, trail, node, head)
+        if kind == VALID:
+            alive *= graph.survival[arc]
+            length += graph.length[arc]
+            n = visit(world, returns, head, alive, n, visits)
+            node = head
+            i += 1
+        else:
+            position = i - start
+    end_walk(world, returns, robot, n, visits)
+    for v in range(n):
+        combine(scratch.reached, visits.node[v], visits.chance[v])
+    for j in range(i, stop):
+        head = int(nodes[j])
+        n_faults += _hop(world, scratch.used, trail, node, head)[1] != VALID
         node = head
     if node != world.team.end[source]:
         n_faults += 1
         if kind == VALID:
             kind, position = NOT_BACK_AT_BASE, stop - start - 1
-    return n, n_faults, kind, position
+    return alive if kind == VALID else 0.0, length, n_faults, kind, position
 
 
 @kernel
@@ -195,31 +210,32 @@ def evaluate(
     """
     world, values = shared(world), shared(values)
     scratch, n_robots = _new_scratch(world), world.team.start.shape[0]
-    reached, order, visits = scratch.reached, scratch.order, scratch.visits
+    order = scratch.order
     for plan in range(values.objectives.shape[0]):
         for k in range(n_robots):
             order[k] = plan * n_robots + k
         sort_trails(nodes, offsets, offsets[1:], order)
-        begin_plan(reached)
+        begin_plan(scratch.reached)
         n_faults = 0
         survivors = 0.0
         for k in range(n_robots):
             trail, robot = order[k], order[k] - plan * n_robots
-            start, stop = offsets[trail], offsets[trail + 1]
-            n_arcs, n, kind, at = _read(world, scratch, nodes, start, stop, trail)
+            alive, length, n, kind, at = _follow(
+                world,
+                world.returns,
+                scratch,
+                nodes,
+                offsets[trail],
+                offsets[trail + 1],
+                trail,
+                robot,
+            )
             if strict and kind != VALID:
                 return kind, plan, robot, at
-            alive = length = 0.0
-            if n_arcs >= 0:
-                walked = walk(world, world.returns, scratch.arcs, n_arcs, robot, visits)
-                n_visits, alive, length = walked
-                for i in range(n_visits):
-                    combine(reached, visits.node[i], visits.chance[i])
             n_faults += n
-            alive = alive if kind == VALID else 0.0
             survivors += alive
             values.alive[plan, robot], values.lengths[plan, robot] = alive, length
-        values.objectives[plan, 0] = expected_reward(world.team.reward, reached)
+        values.objectives[plan, 0] = expected_reward(world.team.reward, scratch.reached)
         values.objectives[plan, 1] = survivors
         values.faults[plan] = n_faults
     return VALID, 0, 0, 0

@@ -13,6 +13,7 @@ from botohe_moo.core.world import (
     World,
     aboard_at,
     aboard_of,
+    credit_of,
     layer_of,
 )
 
@@ -57,53 +58,59 @@ def walk(
     many visits there are, and the survival and the length of the trail. ``returns`` are those of
     the world.
     """
-    graph, source = world.graph, world.team.start[robot]
-    visits.n_walks[0] += 1
-    n = _visit(world, returns, visits, source, 1.0, _load(world, returns, visits, robot))
-    alive, length = 1.0, 0.0
+    graph = world.graph
+    alive, length, n = 1.0, 0.0, begin_walk(world, returns, robot, visits)
     for i in range(n_arcs):
         arc = arcs[i]
         alive *= graph.survival[arc]
         length += graph.length[arc]
-        n = _visit(world, returns, visits, graph.head[arc], alive, n)
-    _credit_carried(world, returns, visits, source, n, 0.0)  # the rest is lost
+        n = visit(world, returns, graph.head[arc], alive, n, visits)
+    end_walk(world, returns, robot, n, visits)
     return n, alive, length
 
 
 @inlined
-def _load(world: World, returns: Returns | None, visits: Visits, robot: int) -> int:
-    """List what a robot carries from the start as visits, and return how many they are."""
-    if returns is None:
-        return 0
-    layer, n = layer_of(world.team, world.team.start[robot]), 0
+def begin_walk(world: World, returns: Returns | None, robot: int, visits: Visits) -> int:
+    """List what a robot carries from the start, and its visit there; return how many these are."""
+    visits.n_walks[0] += 1
+    n, source = 0, world.team.start[robot]
     first, stop = aboard_of(returns, robot)
     for i in range(first, stop):
-        node = aboard_at(returns, layer, i)
+        node = aboard_at(returns, layer_of(world.team, source), i)
         visits.seen[node] = visits.n_walks[0]
         visits.node[n], visits.chance[n] = world.team.origin[node], CARRIED
         n += 1
-    return n
+    return visit(world, returns, source, 1.0, n, visits)
 
 
 @inlined
-def _visit(
-    world: World, returns: Returns | None, visits: Visits, node: int, alive: float, n: int
+def visit(
+    world: World, returns: Returns | None, node: int, alive: float, n: int, visits: Visits
 ) -> int:
     """Note that a robot gets to a node, with probability ``alive``, after ``n`` visits.
 
     Returns how many visits there are then.
     """
-    team = world.team
     if visits.seen[node] != visits.n_walks[0]:
         visits.seen[node] = visits.n_walks[0]
         if world.graph.reward[node] > 0.0:
-            visits.node[n], visits.chance[n] = team.origin[node], alive * team.share[node]
-            if returns is not None and returns.credit[node] == AT_NEXT_DEPOT:
+            visits.node[n], visits.chance[n] = (
+                world.team.origin[node],
+                alive * world.team.share[node],
+            )
+            if credit_of(returns, node) == AT_NEXT_DEPOT:
                 visits.chance[n] = CARRIED
             n += 1
-    if returns is not None and returns.credit[node] == AT_THIS_DEPOT:
+    if credit_of(returns, node) == AT_THIS_DEPOT:
         _credit_carried(world, returns, visits, node, n, alive)
     return n
+
+
+@inlined
+def end_walk(world: World, returns: Returns | None, robot: int, n: int, visits: Visits) -> None:
+    """Note that what a robot still carries at the end, or where it is lost, is never credited."""
+    if returns is not None:
+        _credit_carried(world, returns, visits, world.team.start[robot], n, 0.0)
 
 
 @helper
