@@ -96,7 +96,11 @@ dist: $(READY_FOR_DIST)
 	$(BIN)/python -m pytest checks/test_packaging.py checks/test_dist.py
 
 # Kernels run uncompiled for lines to be seen in them; the other tests take too long without compiled ones.
-COVERED_UNCOMPILED := tests/kernels tests/operators tests/outcomes tests/algorithms/annealing
+COVERED_UNCOMPILED := tests/core tests/operators tests/outcomes tests/bounds/test_kernels.py \
+	$(addprefix tests/algorithms/, annealing bo_aco/test_ants.py bo_aco/test_pheromone.py \
+	exact/test_teams.py exact/test_trails.py greedy/test_kernels.py) \
+	$(addprefix tests/algorithms/local_search/test_, \
+	moves.py plans.py recreate.py routes.py search.py state.py)
 coverage: $(READY)
 	$(BIN)/python -m coverage erase
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest -m "not compiled_only" $(COVERED_UNCOMPILED) \

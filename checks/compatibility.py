@@ -29,8 +29,8 @@ SHOWN = ("pymoo", "numpy", "numba")
 TOOLS = ("hypothesis", "jsonschema", "psutil", "pytest", "pytest-timeout", "pytest-xdist")
 STUDIES = ("collect", "loading", "report", "scores", "statistics")
 CHOSEN = (
-    "tests/algorithms", "tests/base", "tests/decide", "tests/kernels", "tests/mission",
-    "tests/operators", "tests/outcomes", "tests/plots", "tests/search", "tests/test_indicators.py",
+    "tests/algorithms", "tests/base", "tests/bounds", "tests/core", "tests/decide", "tests/mission",
+    "tests/operators", "tests/outcomes", "tests/plots", "tests/test_indicators.py",
     "tests/test_problem.py", "tests/test_solve.py", "tests/test_trails.py",
     *(f"tests/study/test_{name}.py" for name in STUDIES),
 )  # fmt: skip
