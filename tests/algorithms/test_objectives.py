@@ -98,7 +98,7 @@ def test_three_objectives_have_the_front_of_all_that_was_evaluated():
             return super().evaluate_batch(batch)
 
     problem = Watched(load_mission("toy"))
-    result = minimize(problem, small("nsga2"), ("n_eval", 300), seed=2)
+    result = minimize(problem, small("nsga2"), ("n_eval", 300), seed=4)
     plans = list(dict.fromkeys(seen))
     F = problem.evaluate(np.array([[plan] for plan in plans], object))
     beaten = ((F[:, None] >= F).all(axis=2) & (F[:, None] > F).any(axis=2)).any(axis=1)
@@ -106,7 +106,7 @@ def test_three_objectives_have_the_front_of_all_that_was_evaluated():
         plan for plan, lost in zip(plans, beaten, strict=True) if not lost
     }
     few = minimize(
-        problem, make_algorithm("nsga2", pop_size=20, max_ties=1), ("n_eval", 300), seed=2
+        problem, make_algorithm("nsga2", pop_size=20, max_ties=1), ("n_eval", 300), seed=4
     )
     points = np.unique(result.F, axis=0)
     assert len(few.F) == len(points) < len(result.F)

@@ -121,7 +121,7 @@ def bound_front(
         raise TypeError(f"Expected callback to be callable, got {quoted(callback)}.")
     known = check_objectives("front", () if front is None else front)
     check_boundable(mission, "bound_front")
-    relaxation, world = mission, mission.limited(min_survival, max_length)
+    relaxation, world = mission, mission.limited(min_survival, max_length, by=0.0)
     if not mission.is_plain:
         relaxation = relaxed_to_plain(mission, world.limits)
         world = relaxation.world

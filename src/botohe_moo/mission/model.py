@@ -293,9 +293,11 @@ class Mission:
         floors = [max(min_survival, kind.min_survival) for kind in self.kinds]
         return worlds.new_limits(floors, budgets, [kind.robots for kind in self.kinds])
 
-    def limited(self, min_survival: float = 0.0, max_length: float | None = None) -> World:
-        """Return the mission to plan with, within ``limits``, but for rounding."""
-        return self.world.with_limits(self.limits(min_survival, max_length).loosened(PLANNING))
+    def limited(
+        self, min_survival: float = 0.0, max_length: float | None = None, *, by: float = PLANNING
+    ) -> World:
+        """Return the mission for kernels, with ``limits`` that are loosened by a relative amount."""
+        return self.world.with_limits(self.limits(min_survival, max_length).loosened(by))
 
     def index(self, label: Hashable) -> int:
         """Return the index of a node in ``nodes``; a KeyError is raised for an unknown label."""

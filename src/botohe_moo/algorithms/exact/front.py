@@ -118,7 +118,7 @@ def exact_front(
     if not check_mission(mission).is_plain:
         found = f"mission {quoted(mission.name)}, which has {mission.specialities}"
         raise ValueError(f"exact_front does not support {found}.")
-    world = mission.limited(min_survival, longest)
+    world = mission.limited(min_survival, longest, by=0.0)
     search = FrontSearch(mission, world, time_limit=time_limit, memory_limit=memory_limit)
     while search.plans is None:
         search.advance()
