@@ -51,10 +51,10 @@ class CountedBOACO(BOACO):
 
     n_hops = 0
 
-    def _take_in(self, batch: Any) -> Any:
+    def evaluate_plans(self, batch: Any) -> Any:
         # A trail of n nodes takes n hops, the last along the base's self-loop.
         self.n_hops += len(batch.nodes)
-        return super()._take_in(batch)
+        return super().evaluate_plans(batch)
 
 
 def in_process(module: str, *arguments: object) -> list[str]:

@@ -127,7 +127,7 @@ def test_algorithms_of_other_people_honour_them_unless_they_say_otherwise():
     class Home(ArchiveAlgorithm):
         def _advance(self, **_):
             mission = self.problem.mission
-            self._take_in(mission.batch([mission.stay_home()]))
+            self.evaluate_plans(mission.batch([mission.stay_home()]))
 
     class InKernel(Home):
         evaluates_in_kernels = True
@@ -173,7 +173,7 @@ def test_constraints_of_your_own_are_kept_and_have_to_be_counted(name):
 def test_only_plans_are_taken_in():
     class Listed(ArchiveAlgorithm):
         def _advance(self, **_):
-            self._take_in([1, 2])
+            self.evaluate_plans([1, 2])
 
     with pytest.raises(TypeError, match=r"Plan 0: expected a TrailPlan, got 1; mission\.plan"):
         minimize(BOTOHE(load_mission("toy")), Listed(), ("n_eval", 40), seed=1)

@@ -51,7 +51,7 @@ class Raising(ArchiveAlgorithm):
 
 def sample(algorithm, n):
     batch = RandomTrailSampling().sample_batch(algorithm.problem, n, algorithm.random_state)
-    algorithm._take_in(batch)
+    algorithm.evaluate_plans(batch)
 
 
 class RaisingOnce(Raising):
@@ -134,7 +134,7 @@ class Slow(ArchiveAlgorithm):
 
     def _advance(self, **_):
         time.sleep(self.seconds)
-        sample(self, min(10, self._n_left()))
+        sample(self, min(10, self.n_left))
 
 
 class Printing(Slow):
@@ -195,7 +195,7 @@ class Understating(ArchiveAlgorithm):
         problem = self.problem
         batch = RandomTrailSampling().sample_batch(problem, 50, self.random_state)
         problem.evaluate_batch(batch)
-        self._take_in(batch[:1])
+        self.evaluate_plans(batch[:1])
 
 
 class Copying(Sampler):
@@ -217,7 +217,7 @@ class Changing(ArchiveAlgorithm):
         reward.setflags(write=True)
         reward *= 10
         reward.setflags(write=False)  # or kernels would be compiled for another type
-        sample(self, min(20, self._n_left()))
+        sample(self, min(20, self.n_left))
 
 
 class Remembering(ArchiveAlgorithm):
@@ -229,7 +229,7 @@ class Remembering(ArchiveAlgorithm):
         if len(set(Remembering.runs) | {id(self)}) > 1:
             raise RuntimeError("somebody was here before")
         Remembering.runs = (id(self),)
-        sample(self, min(20, self._n_left()))
+        sample(self, min(20, self.n_left))
 
 
 class Drawing(ArchiveAlgorithm):

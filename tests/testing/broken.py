@@ -28,7 +28,7 @@ class Walks(ArchiveAlgorithm):
         return RandomTrailSampling().sample_batch(self.problem, n, self.rng())
 
     def _advance(self, **_):
-        self._take_in(self.walks(min(self.n, self._n_left())))
+        self.evaluate_plans(self.walks(min(self.n, self.n_left)))
 
 
 class Loud(Walks):
@@ -73,7 +73,7 @@ class Boasts(Walks):
 class OwnWay(Walks):
     """Computes objectives itself, whatever the problem says."""
 
-    def _take_in(self, batch):
+    def evaluate_plans(self, batch):
         self.evaluator.n_eval += len(batch)
         objectives = self.problem.mission.evaluate(batch)
         if self.problem.n_ieq_constr:
@@ -94,14 +94,14 @@ class WholeGenerations(Walks):
     """Evaluates twenty plans a generation, whatever the budget."""
 
     def _advance(self, **_):
-        self._take_in(self.walks(20))
+        self.evaluate_plans(self.walks(20))
 
 
 class LeavesSome(Walks):
     """Does not begin a generation that it cannot end."""
 
     def _advance(self, **_):
-        if self._n_left() < 20:
+        if self.n_left < 20:
             self.termination.terminate()
         else:
             super()._advance()
@@ -113,8 +113,8 @@ class Secret(Walks):
     def _advance(self, **_):
         drawn = self.walks(3 * self.n)
         worth = self.problem.mission.evaluate(drawn)[:, 0]
-        best = np.argsort(-worth, kind="stable")[: min(self.n, self._n_left())]
-        self._take_in(drawn.take(best))
+        best = np.argsort(-worth, kind="stable")[: min(self.n, self.n_left)]
+        self.evaluate_plans(drawn.take(best))
 
 
 class Unseeded(Walks):
@@ -210,7 +210,7 @@ class AlikeAndSaysSo(Alike):
 class Reckless(Walks):
     """Does not look at constraints."""
 
-    def _take_in(self, batch):
+    def evaluate_plans(self, batch):
         self.evaluator.n_eval += len(batch)
         objectives = -self.problem.evaluate_batch(batch)
         return objectives, self.archive.insert(batch, objectives)

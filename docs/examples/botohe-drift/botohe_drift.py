@@ -34,7 +34,7 @@ class Drift(ArchiveAlgorithm):
         self.mutation = RuinRecreate(max_via=max_via)
 
     def _advance(self, **_):
-        size = min(self.n_children, self._n_left())  # never beyond the budget
+        size = min(self.n_children, self.n_left)  # never beyond the budget
         if size == 0:
             return
         rng = self.random_state
@@ -45,4 +45,4 @@ class Drift(ArchiveAlgorithm):
             parents = self.archive.plans.take(chosen)
             mission = self.problem.mission
             plans = self.mutation.mutate_batch(mission, parents, rng)
-        self._take_in(plans)  # evaluates, counts, archives
+        self.evaluate_plans(plans)  # evaluates, counts, archives

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from botohe_moo._plugins.types import SameResult as SameResult
     from botohe_moo.algorithms.annealing.algorithm import SimulatedAnnealing as SimulatedAnnealing
     from botohe_moo.algorithms.base import ArchiveAlgorithm as ArchiveAlgorithm
-    from botohe_moo.algorithms.baselines import Exact as Exact
     from botohe_moo.algorithms.bo_aco.algorithm import BOACO as BOACO
     from botohe_moo.algorithms.bo_aco.algorithm import RandomTrails as RandomTrails
+    from botohe_moo.algorithms.exact.algorithm import Exact as Exact
     from botohe_moo.algorithms.exact.front import TooLargeError as TooLargeError
     from botohe_moo.algorithms.exact.front import exact_front as exact_front
     from botohe_moo.algorithms.genetic.algorithms import PlanMOEAD as PlanMOEAD

@@ -76,8 +76,9 @@ class BudgetedAlgorithm(Algorithm):
             raise ValueError(f"Expected a budget of at least 1 evaluation, got {found}.")
         return self
 
-    def _n_left(self) -> int:
-        """Return the number of evaluations that the budget still allows."""
+    @property
+    def n_left(self) -> int:
+        """The number of evaluations that the budget still allows."""
         left = budget(self.termination) - self.evaluator.n_eval
         return max(0, math.ceil(left)) if left < sys.maxsize else sys.maxsize
 
@@ -85,10 +86,10 @@ class BudgetedAlgorithm(Algorithm):
 class ArchiveAlgorithm(BudgetedAlgorithm):
     """A pymoo algorithm whose optimum is an archive of all non-dominated plans it evaluated.
 
-    A subclass builds the plans of one iteration in ``_advance`` and hands them to ``_take_in``,
-    which evaluates them, counts them and inserts them into the archive. ``_n_left`` returns how
-    many evaluations the budget still allows. pymoo individuals are made when ``opt`` or ``pop`` is
-    read.
+    A subclass builds the plans of one iteration in ``_advance`` and hands them to
+    ``evaluate_plans``, which evaluates them, counts them and inserts them into the archive.
+    ``n_left`` is how many evaluations the budget still allows. pymoo individuals are made when
+    ``opt`` or ``pop`` is read.
 
     Parameters
     ----------
@@ -116,9 +117,9 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
     >>> class Draw(ArchiveAlgorithm):
     ...     '''Draw trails at random, a hundred plans at a time.'''
     ...     def _advance(self, **_):
-    ...         size = min(100, self._n_left())
+    ...         size = min(100, self.n_left)
     ...         drawn = RandomTrailSampling().sample_batch(self.problem, size, self.random_state)
-    ...         self._take_in(drawn)
+    ...         self.evaluate_plans(drawn)
     >>> solve("toy", Draw(), evaluations=250).evaluations
     250
     """
@@ -208,10 +209,10 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         if self.sampling:
             batch = self.problem.mission.batch(self.sampling)
             self.problem.mission.evaluate(batch)  # checks the plans, which a subclass may not do
-            self._take_in(batch[: self._n_left()])
+            self.evaluate_plans(batch[: self.n_left])
         self._advance()
 
-    def _take_in(self, batch: PlanBatch) -> tuple[FloatArray, OffsetArray]:
+    def evaluate_plans(self, batch: PlanBatch) -> tuple[FloatArray, OffsetArray]:
         """Evaluate plans, and insert the feasible ones into the archive.
 
         Returns their E[R] and E[S] (n, 2), and the indices of the Pareto set of the feasible ones.

@@ -259,7 +259,7 @@ def _search_and_write(
         try:
             with showing_search(how["evaluations"]) as progress:
                 if how["record"]["algorithm"] == "pareto-local-search":
-                    from botohe_moo.algorithms.ahead import compile_ahead
+                    from botohe_moo.algorithms.local_search.ahead import compile_ahead
 
                     compile_ahead(problem.mission, problem.world, how["evaluations"])
                 solution = search(

@@ -296,7 +296,7 @@ class Mission:
     def limited(
         self, min_survival: float = 0.0, max_length: float | None = None, *, by: float = PLANNING
     ) -> World:
-        """Return the mission for kernels, with ``limits`` that are loosened by a relative amount."""
+        """Return the mission for kernels, with ``limits`` loosened by a relative amount."""
         return self.world.with_limits(self.limits(min_survival, max_length).loosened(by))
 
     def index(self, label: Hashable) -> int:

@@ -155,8 +155,8 @@ class SimulatedAnnealing(ArchiveAlgorithm):
     def _advance(self, **_: Any) -> None:
         search, best_only = self._search, self.best_of_weights
         if not best_only and len(self.archive) == 0:
-            self._take_in(search.best()[0][: self._n_left()])
-        n_left = self._n_left()
+            self.evaluate_plans(search.best()[0][: self.n_left])
+        n_left = self.n_left
         if n_left == 0:
             return
         if search.steps_left == 0:

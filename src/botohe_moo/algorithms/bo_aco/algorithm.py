@@ -25,7 +25,7 @@ from botohe_moo.algorithms.bo_aco.colony import (
     InitialPheromone,
     tabulate_pheromone,
 )
-from botohe_moo.algorithms.iteration import IterationSearch
+from botohe_moo.algorithms.local_search.iteration import IterationSearch
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -204,11 +204,11 @@ class BOACO(ArchiveAlgorithm):
         )
 
     def _advance(self, **_: Any) -> None:
-        n_ants = min(self.n_ants, self._n_left())
+        n_ants = min(self.n_ants, self.n_left)
         if n_ants == 0:  # the plans to start from took the whole budget
             return
         batch = self.colony.construct(n_ants)
-        batch, objectives, members = self._improve(batch, *self._take_in(batch))
+        batch, objectives, members = self._improve(batch, *self.evaluate_plans(batch))
         self.colony.learn(batch, objectives, members, self.archive)
 
     def _improve(
@@ -218,7 +218,7 @@ class BOACO(ArchiveAlgorithm):
         if self._improver is None:
             return batch, objectives, members
         improved, gained, n_evaluated = self._improver.improve(
-            batch, members, self.random_state, self._n_left()
+            batch, members, self.random_state, self.n_left
         )
         self.evaluator.n_eval += n_evaluated
         if len(improved) == 0:

@@ -232,7 +232,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     def infill(self) -> Population | None:
         """Return the plans to evaluate next, no more than the budget allows."""
         infills = super().infill()
-        return None if infills is None else infills[: self._n_left()]
+        return None if infills is None else infills[: self.n_left]
 
     def advance(self, infills: Population | None = None, **kwargs: Any) -> Any:
         """Archive what was evaluated, and let pymoo's algorithm go on.

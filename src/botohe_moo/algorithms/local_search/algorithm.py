@@ -169,7 +169,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         if self.sampling:
             mission.evaluate(self.sampling)  # names what is wrong with plans from elsewhere
         plans = [*self.sampling, mission.stay_home(problem.world)]
-        if self.greedy_start and not mission.has_returns and len(plans) < self._n_left():
+        if self.greedy_start and not mission.has_returns and len(plans) < self.n_left:
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
             planner = SequentialPlanner(
                 mission,
@@ -177,7 +177,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
                 beam_width=_WIDE_BEAM if wide else _NARROW_BEAM,
             )
             plans += planner.plans(1.0)
-        batch = mission.batch(plans)[: self._n_left()]
+        batch = mission.batch(plans)[: self.n_left]
         self.evaluator.n_eval += len(batch)
         if problem.n_ieq_constr:
             batch = batch.take((problem.constrain_batch(batch) <= 0).all(axis=1))
@@ -192,7 +192,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     def _advance(self, **_: Any) -> None:
         n = max(_FIRST_GENERATION, self.evaluator.n_eval // 10)
         most = self.evaluations_per_generation * self._search.n_running
-        n = min(n, most, self._n_left())
+        n = min(n, most, self.n_left)
         if n == 0:
             return
         n_evaluated = self._search.run(n)

@@ -9,7 +9,7 @@ from multiprocessing.context import SpawnProcess
 import pytest
 
 from botohe_moo import load_mission
-from botohe_moo.algorithms import ahead
+from botohe_moo.algorithms.local_search import ahead
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_nothing_is_started_when_all_is_compiled(started, monkeypatch):
 
 SEARCH = """
 from botohe_moo import load_mission, solve
-from botohe_moo.algorithms import ahead
+from botohe_moo.algorithms.local_search import ahead
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
 from botohe_moo.algorithms.local_search.kernels.routes import search_all
 from botohe_moo.algorithms.local_search.kernels.search import improve

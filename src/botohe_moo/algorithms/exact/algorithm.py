@@ -108,12 +108,12 @@ class Exact(ArchiveAlgorithm):
             mission = self.problem.mission
             home = mission.stay_home()
             self._evaluated.add(home)
-            self._take_in(mission.batch([home]))
-        n_left = self._n_left()
+            self.evaluate_plans(mission.batch([home]))
+        n_left = self.n_left
         if n_left == 0:
             return
         self._search.advance()
         if self._search.plans is not None:
             plans = [plan for plan in self._search.plans if plan not in self._evaluated]
-            self._take_in(self.problem.mission.batch(plans[:n_left]))
+            self.evaluate_plans(self.problem.mission.batch(plans[:n_left]))
             self.termination.force_termination = True
