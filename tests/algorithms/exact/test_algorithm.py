@@ -54,6 +54,7 @@ class TestExact:
             assert [plan.trails for plan in result.X[:, 0]] == [((0,), (0,))]
             assert result.algorithm.evaluator.n_eval == 1
 
-    def test_what_is_too_large_is_refused(self, museum):
+    def test_what_is_too_large_is_refused(self):
+        museum = load_mission("art_museum")
         with pytest.raises(TooLargeError, match=r"'art_museum' \(27 nodes, 74 arcs, 3 robots\)"):
             minimize(BOTOHE(museum), Exact(), PLENTY)
