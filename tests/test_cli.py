@@ -528,7 +528,10 @@ class TestBadOptions:
                 ],
             ),
             (["--islands", "0"], ["Expected --islands >= 1, got 0."]),
-            (["--islands", "2", "-p", "n_islands=4"], ["--islands or the parameter n_islands, got both"]),
+            (
+                ["--islands", "2", "-p", "n_islands=4"],
+                ["--islands or the parameter n_islands, got both"],
+            ),
             (["--threads", "1025"], ["Expected --threads <= 1024, got 1025."]),
             (["-a", "greedy", "--threads", "2"], ["'greedy' has no threads: leave out --threads."]),
             (["-p", "n_ants"], ["Expected a parameter as NAME=VALUE, got 'n_ants'."]),
