@@ -156,7 +156,7 @@ class TestSolve:
         assert "5 nodes, 12 arcs, 2 robots, total reward 10" in ended.out
         assert "spent 250 evaluations" in ended.out
 
-    def test_lanes_and_threads(self, botohe, tmp_path):
+    def test_islands_and_threads(self, botohe, tmp_path):
         told = botohe("solve", "toy", "-n", 60, "--islands", 2, "--threads", 1, "-o", "out")
         assert told.status == 0
         assert plans_in(tmp_path / "out")["parameters"] == {"n_islands": 2, "n_threads": 1}
