@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.mission import Mission, PlanError
+from botohe_moo.mission import Kind, Mission, PlanError
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests.mission.made import harbour
 from tests.strategies import missions, missions_with_plans
@@ -64,6 +64,21 @@ class TestConstruction:
         graph.add_node("home", reward=2)
         mission = Mission(graph, base="home", robots=3)
         assert mission.evaluate([mission.plan([["home"]] * 3)]).tolist() == [[2, 3]]
+
+    @pytest.mark.parametrize(
+        ("ends", "is_plain"),
+        [
+            ({}, True),
+            ({"start": "dock", "end": "dock"}, True),
+            ({"start": "reef", "end": "reef"}, False),
+            ({"start": "reef"}, False),
+            ({"end": "reef"}, False),
+        ],
+    )
+    def test_robots_of_a_plain_mission_start_and_end_at_the_base(self, graph, ends, is_plain):
+        mission = Mission(graph, base="dock", kinds=[Kind("robot", 2, **ends)])
+        assert mission.is_plain == is_plain
+        assert mission.with_robots(3).is_plain == is_plain
 
 
 class TestCopies:

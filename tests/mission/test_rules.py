@@ -321,7 +321,7 @@ class TestWays:
         limits = {"min_survival": 0.8, "max_length": 1}  # which no way keeps
         mission = Mission(graph, kinds=[Kind("drone", 1, start="a", **limits)])
         with pytest.raises(ValueError, match=r"cannot keep min_survival 0\.8 and max_length 1\. T"):
-            mission.check_ways(mission.limits())
+            mission.check_ways(mission.limited())
 
     def test_lengths_that_are_fractions(self):
         graph = site(lab_dock={"length": Fraction(3, 2)})
