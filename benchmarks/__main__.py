@@ -2,8 +2,8 @@
 
 The names are curves, speed, growth, allocations (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, budgets, orienteering
-(results/local-search/), islands, threads (results/islands/), fronts, large (results/growth/), bounds
-(results/bounds/), pictures (results/choosing/), gallery (results/gallery/), explorer,
+(results/local-search/), islands, threads (results/islands/), fronts, large (results/growth/),
+bounds (results/bounds/), pictures (results/choosing/), gallery (results/gallery/), explorer,
 explorer_pictures (results/explorer/), teams (results/teams/), underway, learning
 (results/underway/), library (results/library/; two hours), ranks (results/algorithms/), start and
 pace (results/start/).

@@ -152,7 +152,7 @@ def plotly_page(solution: Solution, rows: list[int], path: Path) -> Path:
 
     mission = solution.mission
     xy = node_positions(mission).round(4)
-    ends = zip(mission.arrays.tail.tolist(), mission.arrays.head.tolist(), strict=True)
+    ends = zip(mission.world.graph.tail.tolist(), mission.world.graph.head.tolist(), strict=True)
     arcs = chain.from_iterable((tail, head, None) for tail, head in ends)
     ground = [(None, None) if node is None else xy[node] for node in arcs]
     figure = make_subplots(cols=2)

@@ -2,12 +2,12 @@
 
 ``areas.csv`` has a row for each mission, number of islands, and mark. A mark is a number of
 evaluations, either of the longest island, which the clock would see if each island had a processor
-(``counted`` is "an island"), or of all islands ("all"). Areas between the ends of two generations are
-interpolated by the logarithm of evaluations; ``evaluations`` are those of all islands at the mark.
-``behind`` is by how much the area is smaller than that of one island after as many evaluations of
-all, with its standard error: means of seeds 1, 2, ... ``memory.csv`` has the peak memory of a
-search on 10 000 nodes with 50 robots, and what each island after the first has added. ``threads`` has
-the clock.
+(``counted`` is "an island"), or of all islands ("all"). Areas between the ends of two generations
+are interpolated by the logarithm of evaluations; ``evaluations`` are those of all islands at the
+mark. ``behind`` is by how much the area is smaller than that of one island after as many
+evaluations of all, with its standard error: means of seeds 1, 2, ... ``memory.csv`` has the peak
+memory of a search on 10 000 nodes with 50 robots, and what each island after the first has added.
+``threads`` has the clock.
 """
 
 import math

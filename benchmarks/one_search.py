@@ -66,7 +66,7 @@ def measure(nodes: int, robots: int, name: str, seconds: float) -> Iterable[floa
     assert algorithm.opt is not None  # makes the plans of the front
     lengths = len(algorithm.archive.plans.nodes) / len(algorithm.archive)
     return (
-        mission.arrays.n_arcs,
+        mission.world.graph.n_arcs,
         algorithm.evaluator.n_eval,
         algorithm.n_iter - 1,
         spent,

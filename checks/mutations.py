@@ -27,24 +27,25 @@ import pandas as pd
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = Path("src", "botohe_moo")
-# How many places of each entry, and the tests that look at it. Kernels: one in each module.
-_OF_KERNELS = 0, ("kernels", "search", "operators", "outcomes")
+# How many places of each entry, and the tests that look at it. Kernels: 0 for one in each module.
 ENTRIES: dict[str, tuple[int, tuple[str, ...]]] = {
-    "core": _OF_KERNELS,
-    "kernels": _OF_KERNELS,
-    "operators/kernels": _OF_KERNELS,
-    "algorithms/local_search/kernels": _OF_KERNELS,
-    "algorithms/exact/kernels": _OF_KERNELS,
-    "bounds/kernels": _OF_KERNELS,
+    "core": (0, ("core", "operators", "outcomes", "algorithms")),
+    "operators/kernels.py": (0, ("operators",)),
+    "algorithms/annealing/kernels.py": (0, ("algorithms/annealing",)),
+    "algorithms/bo_aco/kernels.py": (0, ("algorithms/bo_aco",)),
+    "algorithms/exact/labels.py": (0, ("algorithms/exact",)),
+    "algorithms/exact/teams.py": (0, ("algorithms/exact",)),
+    "algorithms/greedy/kernels.py": (0, ("algorithms/greedy",)),
+    "algorithms/local_search/kernels": (0, ("algorithms/local_search",)),
+    "bounds/kernels": (0, ("bounds",)),
     "mission": (14, ("mission", "test_boundaries.py")),
-    "search": (6, ("search", "algorithms")),
-    "bounds": (6, ("search",)),
+    "bounds": (12, ("bounds",)),
     "operators": (8, ("operators",)),
     "algorithms": (8, ("algorithms",)),
     "decide": (10, ("decide",)),
     "study": (16, ("study",)),
 }
-MODULES_WITHOUT = {"compile.py", "sharing.py"}  # how kernels are compiled
+MODULES_WITHOUT = {"compile.py", "threads.py"}  # how kernels are compiled and called
 SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub,
     ast.Sub: ast.Add,
@@ -84,7 +85,8 @@ RUNS = (
 
 def runs_of(entry: str) -> tuple[Run, ...]:
     """Return how the tests of an entry are run, one after another."""
-    return RUNS if ENTRIES[entry] == _OF_KERNELS else RUNS[1:]
+    of_kernels = ENTRIES[entry][0] == 0
+    return RUNS if of_kernels else RUNS[1:]
 
 
 _PYTEST = ("-m", "pytest", "-x", "-p", "no:cacheprovider", "--tb=line", "--timeout=300")
@@ -131,7 +133,8 @@ def main() -> int:
 def draw_mutants(entry: str, rng: np.random.Generator) -> Iterator[Mutant]:
     """Draw one place in each module of kernels, or as many of all modules as the entry has."""
     n_places, _ = ENTRIES[entry]
-    paths = sorted((ROOT / PACKAGE / entry).rglob("*.py"))
+    place = ROOT / PACKAGE / entry
+    paths = [place] if place.is_file() else sorted(place.rglob("*.py"))
     modules = [list(mutants(path)) for path in paths if path.name not in MODULES_WITHOUT]
     if n_places:
         modules = [[mutant for module in modules for mutant in module]]
@@ -217,11 +220,6 @@ def run_tests(copy: Path, entry: str, run: Run) -> str | None:
         "PYTHONDONTWRITEBYTECODE": "1",
         "PYTHONPATH": os.pathsep.join([str(copy / "src"), str(copy)]),
     }
-    if (
-        ENTRIES[entry] == _OF_KERNELS
-    ):  # numba does not see that a module has changed which a kernel imports
-        for compiled in (copy / "src").rglob("*.nb?"):
-            compiled.unlink()
     tests = [f"tests/{name}" for name in ENTRIES[entry][1]]
     try:
         done = subprocess.run(

@@ -43,7 +43,7 @@ nitpick_ignore_regex = [
     ("py:class", r"(Algorithm|Population|Result)"),  # pymoo's, too
     ("py:class", r"(ndarray|pd\.DataFrame|Axes|Path)"),
     ("py:class", r"pytest\.MarkDecorator"),
-    ("py:class", r"(Run|Limits)"),  # what a Study lists, and what kernels take; not exported
+    ("py:class", r"(Run|Limits|World)"),  # what a Study lists, and what kernels take; not exported
 ]
 numpydoc_show_class_members = False
 numpydoc_attributes_as_param_list = True

@@ -11,9 +11,10 @@ import pytest
 
 import botohe_moo
 from botohe_moo import algorithms, decide, explorer, mission, operators, outcomes, plots, study
+from botohe_moo.algorithms import greedy
 
 LAZY_PACKAGES = [botohe_moo, algorithms, decide, explorer, mission, operators, outcomes]
-LAZY_PACKAGES += [plots, study]
+LAZY_PACKAGES += [plots, study, greedy]
 
 
 def imported_for_checkers(package):

@@ -156,7 +156,7 @@ class TestSolve:
         assert "5 nodes, 12 arcs, 2 robots, total reward 10" in ended.out
         assert "spent 250 evaluations" in ended.out
 
-    def test_lanes_and_threads(self, botohe, tmp_path):
+    def test_islands_and_threads(self, botohe, tmp_path):
         told = botohe("solve", "toy", "-n", 60, "--islands", 2, "--threads", 1, "-o", "out")
         assert told.status == 0
         assert plans_in(tmp_path / "out")["parameters"] == {"n_islands": 2, "n_threads": 1}
@@ -486,7 +486,7 @@ def test_a_route_graph_needs_a_base_and_a_danger(botohe, refused, tmp_path):
     Image.fromarray(np.zeros((9, 9), np.uint8)).save(tmp_path / "map.png")
     done = botohe(*site, "--base", 1, "--danger", 2, "--hazard", "map.yaml", "--out", "safe")
     assert done.status == 0, done.err
-    assert (read_solution(tmp_path / "safe").mission.arrays.survival == 1).all()
+    assert (read_solution(tmp_path / "safe").mission.world.graph.survival == 1).all()
 
 
 class TestBadMissions:
@@ -1292,7 +1292,7 @@ class TestFromMap:
         assert botohe("missions", "from-map", "site.yaml", *given).status == 0
         assert (tmp_path / "site.png").read_bytes() == before
         # Free space is white, where it is safe.
-        assert load_mission(tmp_path / "site.geojson").arrays.survival.min() > 0.99
+        assert load_mission(tmp_path / "site.geojson").world.graph.survival.min() > 0.99
 
 
 @pytest.mark.slow

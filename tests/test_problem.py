@@ -18,7 +18,6 @@ from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
 from pymoo.optimize import minimize
 
-from botohe_moo.core.graph import NO_LIMITS
 from botohe_moo.mission import Mission, load_mission
 from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -52,10 +51,10 @@ EXPECTED = [
 
 def random_trail(mission, random_state):
     """Walk at random, and return the way one came."""
-    trail = [mission.arrays.base]
+    trail = [mission.index(mission.base)]
     for _ in range(random_state.integers(6)):
-        arcs = mission.arrays.first[trail[-1] : trail[-1] + 2]
-        head = int(mission.arrays.head[random_state.integers(*arcs)])
+        arcs = mission.world.graph.first[trail[-1] : trail[-1] + 2]
+        head = int(mission.world.graph.head[random_state.integers(*arcs)])
         if head not in trail:
             trail.append(head)
     return trail + trail[-2::-1]
@@ -293,8 +292,8 @@ class TestTravelBudget:
             assert self.constraints(mission, trail, max_length=budget - 1e-9) > 0
         assert len(sums) > 1  # the order makes a difference
         assert max(sums) > budget
-        planning = BOTOHE(mission, max_length=budget).planning_limits.max_length
-        assert max(sums) <= planning < BOTOHE(mission, max_length=budget).travel_budget
+        problem = BOTOHE(mission, max_length=budget)
+        assert max(sums) <= problem.world.limits.budgets[0] < problem.limits.budgets[0]
 
     def test_a_budget_of_nothing(self):
         mission = there_and_back(0, 3)
@@ -313,8 +312,9 @@ class TestTravelBudget:
     def test_no_budget_is_no_constraint(self, toy):
         for problem in (BOTOHE(toy), BOTOHE(toy, max_length=math.inf)):
             assert (problem.n_ieq_constr, problem.max_length) == (0, None)
-            assert problem.planning_limits == NO_LIMITS
-            assert not problem.planning_limits.bind
+            for limits in (problem.limits, problem.world.limits):
+                assert (limits.bind, limits.has_budgets, limits.has_floors) == (False, False, False)
+                assert np.isinf(limits.budgets).all()
         lifted = BOTOHE(there_and_back(3, max_length=2.5), max_length=math.inf)
         assert (lifted.n_ieq_constr, lifted.max_length) == (0, None)
 

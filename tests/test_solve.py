@@ -242,7 +242,7 @@ class Given(Algorithm):
 
 
 class TestThisMachine:
-    def test_lanes_are_stated_where_there_are_any(self):
+    def test_islands_are_stated_where_there_are_any(self):
         """The number of threads is not, unless it is given: it changes nothing."""
         stated = {
             "pareto-local-search": {"n_islands": 8},

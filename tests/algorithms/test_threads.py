@@ -98,8 +98,8 @@ def test_in_a_forked_process(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_in_the_worker_of_a_study(name, tmp_path, monkeypatch):
     """Workers are other processes: work is shared as it is for users, where there is much."""
-    in_lanes = name in ISLANDS
-    mission, evaluations = ("art_museum", 30_000) if in_lanes else ("terrain_200", 2_000)
+    has_islands = name in ISLANDS
+    mission, evaluations = ("art_museum", 30_000) if has_islands else ("terrain_200", 2_000)
     parameters = ISLANDS.get(name, {})
     study = {
         "name": "threads",

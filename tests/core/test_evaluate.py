@@ -93,7 +93,7 @@ def test_one_kind_that_is_paid_on_arrival_is_nothing_special(trails):
     for name in ("robot", "drone"):
         mission = Mission(MUSEUM.graph, kinds=[Kind(name, 3)])
         assert mission.is_plain
-        for one, other in zip(mission.world.numbers, MUSEUM.world.numbers, strict=True):
+        for one, other in zip(mission.world.numbers(True), MUSEUM.world.numbers(True), strict=True):
             assert np.array_equal(one, other)
         found, expected = (each.evaluate([TrailPlan(trails)]) for each in (mission, MUSEUM))
         assert found.tobytes() == expected.tobytes()

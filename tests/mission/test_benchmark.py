@@ -78,7 +78,7 @@ def test_trails_lead_from_the_first_point_to_the_last():
     mission = read_mission(DATA / "points.txt")
     assert mission.kinds == (Kind("robot", 2, end=4),)
     assert mission.max_length == 10
-    assert mission.limits().budgets.tolist() == [10] * 5
+    assert mission.limits().budgets.tolist() == [10] * 2
     assert mission.labels(mission.stay_home()) == ((0, 4), (0, 4))
     with pytest.raises(ValueError, match="expected the trail to end at node 4, got 0"):
         mission.plan([[0, 1, 0], [0, 4]])

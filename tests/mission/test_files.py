@@ -131,8 +131,8 @@ class TestJSON:
         assert mission.nodes == (pier, "môle", 3)
         assert (mission.base, mission.robots, mission.name) == (pier, 2, "pier")
         assert mission.title == "A pier, its mole and two boats"
-        assert mission.arrays.reward.tolist() == [0, 2.5, 1]
-        assert mission.arrays.survival.tolist() == [0.9, 1, 0.8]
+        assert mission.rewards.tolist() == [0, 2.5, 1]
+        assert mission.world.graph.survival.tolist() == [0.9, 1, 0.8]
         assert mission.graph.nodes["môle"]["zone"] == "north"
         assert mission.graph.edges[pier, "môle"]["dangers"] == 1
         assert mission.graph.graph["notes"] == "by hand"
@@ -184,7 +184,7 @@ class TestJSON:
     def test_arcs_as_older_networkx_names_them(self, tmp_path):
         path = tmp_path / "links.json"
         path.write_text(json.dumps(content()).replace('"edges"', '"links"'))
-        assert read_mission(path).arrays.survival.tolist() == [0.5, 0.25]
+        assert read_mission(path).world.graph.survival.tolist() == [0.5, 0.25]
 
     def test_every_node_and_arc_that_is_named_twice_or_not_at_all(self, json_faults):
         data = content()
@@ -244,8 +244,8 @@ class TestGraphML:
         assert (mission.base, mission.robots, mission.name) == ("1", 2, "gephi")
         assert mission.graph.nodes["1"] == {"reward": 0.0, "label": "dock", "pos": [-3.5, 2.0]}
         assert mission.graph.nodes["2"] == {"reward": 5.0, "visited": True, "r": 153}
-        assert mission.arrays.reward.tolist() == [0, 5]
-        assert mission.arrays.survival.tolist() == [0.9, 0.8]
+        assert mission.rewards.tolist() == [0, 5]
+        assert mission.world.graph.survival.tolist() == [0.9, 0.8]
 
     def test_what_yed_has_drawn_moves_no_node(self, tmp_path):
         path = tmp_path / "drawn.graphml"
@@ -422,7 +422,7 @@ class TestRoundTrip:
         except MissionError as error:
             assert error.source == str(path)  # noqa: PT017
         else:
-            assert mission.arrays.survival[0] == survival
+            assert mission.world.graph.survival[0] == survival
 
     def test_json_is_standard_and_a_node_or_arc_a_line(self, tmp_path):
         path = tmp_path / "pier.json"

@@ -107,7 +107,7 @@ def test_passages_lead_both_ways(generate, seed):
 )
 def test_seed_zero(generate, expected):
     mission = generate()
-    arrays, size = mission.arrays, (len(mission.nodes), len(mission.graph.edges))
+    arrays, size = mission.world.graph, (len(mission.nodes), len(mission.graph.edges))
     sums = mission.total_reward, arrays.survival.sum(), arrays.length.sum()
     found = (mission.robots, *size, mission.base, *(round(float(number), 4) for number in sums))
     assert found == expected
@@ -174,7 +174,7 @@ class TestTwoCommunities:
         assert rewards[:, 1:13].mean() == pytest.approx(1.03, abs=0.05)  # truncated: above 1
         assert rewards[:, 13:21].mean() == pytest.approx(5.04, abs=0.2)
         assert (rewards[:, 1:] == 0).mean() < 0.002  # clipped would be 0.014
-        assert np.mean([m.arrays.n_arcs for m in missions]) == pytest.approx(82, abs=2)
+        assert np.mean([m.world.graph.n_arcs for m in missions]) == pytest.approx(82, abs=2)
         between = [sum((u < 13) != (v < 13) for u, v in m.graph.edges if u * v) for m in missions]
         assert np.mean(between) == pytest.approx(2 * 0.025 * 96, abs=0.7)
         drawn = np.concatenate([survivals(m)[2:, 0] for m in missions])
@@ -185,7 +185,7 @@ class TestTwoCommunities:
 class TestRandom:
     def test_numbers(self):
         mission = generators.random(nodes=150, arc_probability=0.3)
-        assert mission.arrays.n_arcs == pytest.approx(0.3 * 150 * 149, rel=0.05)
+        assert mission.world.graph.n_arcs == pytest.approx(0.3 * 150 * 149, rel=0.05)
         found = survivals(mission)
         assert 0 < found.min() < 0.01
         assert 0.99 < found.max() < 1
@@ -201,7 +201,7 @@ class TestRandom:
 
 def test_complete():
     missions = [generators.complete(seed=seed) for seed in range(20)]
-    assert {mission.arrays.n_arcs for mission in missions} == {25 * 24}
+    assert {mission.world.graph.n_arcs for mission in missions} == {25 * 24}
     found = np.concatenate([survivals(mission) for mission in missions])
     assert (found[:, 0] != found[:, 1]).mean() > 0.99
     assert found.mean() == pytest.approx(0.707, abs=0.01)  # truncated: below 0.75
@@ -214,14 +214,14 @@ def test_complete():
 
 class TestTerrain:
     def test_like_terrain_200(self):
-        arcs = [generators.terrain(seed=seed).arrays.n_arcs for seed in range(30)]
+        arcs = [generators.terrain(seed=seed).world.graph.n_arcs for seed in range(30)]
         assert min(arcs) < 1348 < max(arcs)
         assert np.mean(arcs) == pytest.approx(1300, abs=50)
 
     def test_as_many_arcs_a_node_at_every_size(self):
         nodes = 500
         mission = generators.terrain(nodes=nodes)
-        assert 6.5 < mission.arrays.n_arcs / nodes < 7.3
+        assert 6.5 < mission.world.graph.n_arcs / nodes < 7.3
         found = survivals(mission)
         assert 0.9 <= found.min() < 0.901
         assert 0.994 < found.max() <= 0.995
@@ -328,7 +328,7 @@ class TestTown:
         assert graph.nodes[graph.graph["base"]]["pos"] == [0, 0]
 
     def test_numbers(self):
-        arrays = generators.town(streets=30).arrays
+        arrays = generators.town(streets=30).world.graph
         for found, low, high in ((arrays.survival, 0.9, 1), (arrays.reward[1:], 0.1, 1)):
             near = (high - low) / 100
             assert_fills(found, low, high, near)
@@ -427,7 +427,7 @@ class TestDronesAndRovers:
         assert mission.kinds == (flying, Kind("rover", rovers))
         graph, n = mission.graph, len(mission.nodes)
         zones = dict(graph.nodes(data="zone"))
-        rewards = dict(zip(mission.nodes, mission.arrays.reward[n:].tolist(), strict=True))
+        rewards = dict(zip(mission.nodes, mission.world.graph.reward[n:].tolist(), strict=True))
         reached = {node for node, reward in rewards.items() if reward > 0}
         assert reached == {node for node, zone in zones.items() if zone in ("yard", "lab")}
         for arc in graph.edges.values():

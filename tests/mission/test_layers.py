@@ -9,12 +9,23 @@ import pytest
 from hypothesis import given
 
 from botohe_moo import BOTOHE
-from botohe_moo.core.graph import NO_LIMITS
-from botohe_moo.core.ways import uncollected
+from botohe_moo.core.world import new_limits, uncollected
 from botohe_moo.mission import Kind, Mission
 from botohe_moo.mission.rules import by_kind
 from tests.mission.made import BOTH, harbour, site
 from tests.strategies import team_missions
+
+PARTS = {
+    "graph": ("first", "tail", "head", "survival", "reward"),
+    "team": ("reward", "origin", "share", "end", "start"),
+    "limits": ("floors", "budgets"),
+    "ways": ("homeward", "home"),
+}
+
+
+def unlimited(mission):
+    """The mission without any limit."""
+    return mission.world.with_limits(new_limits([0.0], [math.inf], [mission.robots]))
 
 
 class TestFrozen:
@@ -58,10 +69,11 @@ class TestFrozen:
             with pytest.raises(nx.NetworkXError):
                 frozen.graph.add_edge("dock", "new")
             with pytest.raises(AttributeError):
-                frozen.arrays.base = 1
-            for key in ("first", "tail", "head", "survival", "reward"):
-                with pytest.raises(ValueError, match="read-only"):
-                    getattr(frozen.arrays, key)[0] = 0
+                frozen.world.graph = None
+            for part, keys in PARTS.items():
+                for key in keys:
+                    with pytest.raises(ValueError, match="read-only"):
+                        getattr(getattr(frozen.world, part), key)[0] = 0
             with pytest.raises(ValueError, match="read-only"):
                 frozen.rewards[0] = 0
 
@@ -69,7 +81,7 @@ class TestFrozen:
 class TestWays:
     @given(team_missions())
     def test_staying_home_takes_the_safest_way(self, mission):
-        home = mission.labels(mission.stay_home(NO_LIMITS))
+        home = mission.labels(mission.stay_home(unlimited(mission)))
         for trail, kind in zip(home, mission.kind_of, strict=True):
             start, end = kind.ends(mission.base)
             arcs = [mission.graph.edges[arc]["survival"] for arc in pairwise(trail)]
@@ -93,7 +105,7 @@ class TestWays:
                 if by_kind(nodes[label].get("share", 1), [kind])[0] > 0:
                     collected |= {label} if not on_return or ahead & depots else set()
         lost = [label for label in nodes if nodes[label]["reward"] > 0 and label not in collected]
-        assert [mission.nodes[node] for node in uncollected(mission.arrays)] == lost
+        assert [mission.nodes[node] for node in uncollected(mission.world)] == lost
 
     def test_ways_between_the_safest_and_the_shortest_are_not_tried(self):
         graph = nx.DiGraph()
@@ -103,8 +115,8 @@ class TestWays:
         nx.add_path(graph, "adb", survival=0.95, length=3)
         mission = Mission(graph, base="b", kinds=[Kind("drone", 1, start="a", max_length=3)])
         assert mission.labels(mission.stay_home()) == (("a", "b"),)
-        assert mission.labels(mission.stay_home(mission.limits(0, 6))) == (("a", "b"),)
-        assert mission.labels(mission.stay_home(NO_LIMITS)) == (("a", "d", "b"),)
+        assert mission.labels(mission.stay_home(mission.limited(0, 6))) == (("a", "b"),)
+        assert mission.labels(mission.stay_home(unlimited(mission))) == (("a", "d", "b"),)
         kept = r"'mission': robots of kind 'drone' cannot keep min_survival 0\.4 and max_length 3\."
         found = r"from 'a' to 'b', .* is survived with 0\.3 and is 1 long; no others are tried\.$"
         with pytest.raises(ValueError, match=f"{kept} .* {found}"):

@@ -42,7 +42,7 @@ class TestTrails:
     def test_by_hand(self):
         mission = Mission(ring())
         plan = mission.plan([[0, 1, 2, 0], [0]])
-        assert mission.arrays.length.tolist() == [1, 2.5, 0]
+        assert mission.world.graph.length.tolist() == [1, 2.5, 0]
         assert mission.trail_lengths([plan, plan]).tolist() == [[3.5, 0]] * 2
 
     def test_an_arc_without_a_length_is_one_hop(self):
@@ -61,7 +61,7 @@ class TestTrails:
     def test_numbers_of_other_types(self):
         graph = ring((Fraction(1, 2), np.float32(0.25), 3), max_length=Fraction(1, 4))
         mission = Mission(graph)
-        assert mission.arrays.length.tolist() == [0.5, 0.25, 3]
+        assert mission.world.graph.length.tolist() == [0.5, 0.25, 3]
         assert mission.max_length == 0.25
 
     def test_up_to_the_first_fault(self):
@@ -92,7 +92,7 @@ class TestIdentity:
         twin = pickle.loads(pickle.dumps(mission))
         assert twin == mission
         assert mission_digest(twin) == mission_digest(mission)
-        assert not twin.arrays.length.flags.writeable
+        assert not twin.world.graph.length.flags.writeable
         assert mission.with_robots(5).max_length == 3
 
     def test_digests_of_missions_without_lengths_stay(self):
@@ -113,10 +113,10 @@ class TestFromPos:
             graph.nodes[node]["pos"] = place
         mission = Mission(graph, name="ring")
         measured = mission.with_lengths_from_pos()
-        assert measured.arrays.length.tolist() == [5, 4, 3]
+        assert measured.world.graph.length.tolist() == [5, 4, 3]
         assert (measured.name, measured.title, measured.robots) == ("ring", "Ring", 2)
         assert measured.max_length == 3
-        assert mission.arrays.length.tolist() == [1, 9, 1]
+        assert mission.world.graph.length.tolist() == [1, 9, 1]
         assert measured.with_lengths_from_pos() == measured
 
     def test_nodes_without_a_place(self):
@@ -143,7 +143,7 @@ class TestFiles:
         save_mission(mission, path)
         read = read_mission(path)
         assert read == mission
-        assert read.arrays.length.tobytes() == mission.arrays.length.tobytes()
+        assert read.world.graph.length.tobytes() == mission.world.graph.length.tobytes()
         assert lengths_of(read) == lengths_of(mission)  # and no arc has been given one
         assert read.max_length == budget
         assert ("max_length" in path.read_text()) == (budget is not None)
@@ -159,11 +159,11 @@ class TestTables:
 
     def test_lengths_and_budget(self):
         mission = self.mission(["0.1", " 12 "], max_length=20)
-        assert mission.arrays.length.tolist() == [0.1, 12]
+        assert mission.world.graph.length.tolist() == [0.1, 12]
         assert mission.max_length == 20
         assert mission.graph.graph == {"base": "a", "max_length": 20}
 
     def test_cells_that_are_empty(self):
         mission = self.mission([None, 3])
-        assert mission.arrays.length.tolist() == [1, 3]
+        assert mission.world.graph.length.tolist() == [1, 3]
         assert "length" not in mission.graph.edges["a", "b"]

@@ -85,7 +85,7 @@ REEF = """
 @pytest.mark.parametrize(("name", "nodes", "arcs", "robots", "total"), SIZES)
 def test_case_studies(name, nodes, arcs, robots, total):
     mission = load_mission(name)
-    assert (len(mission.nodes), mission.arrays.n_arcs, mission.robots) == (nodes, arcs, robots)
+    assert (len(mission.nodes), mission.world.graph.n_arcs, mission.robots) == (nodes, arcs, robots)
     assert mission.total_reward == pytest.approx(total, abs=5e-5)
     assert mission.name == name
     assert mission.balanced
@@ -117,7 +117,7 @@ class TestPaths:
         for path in ("Pier.JSON", str(tmp_path / "Pier.JSON"), tmp_path / "Pier.JSON"):
             assert load_mission(path) == pier
         assert load_mission("Pier.JSON", robots=5) == pier.with_robots(5)
-        assert load_mission(DATA / "points.txt", neighbours=1).arrays.n_arcs == 8
+        assert load_mission(DATA / "points.txt", neighbours=1).world.graph.n_arcs == 8
 
     def test_what_looks_like_a_path_is_one(self):
         for path in ("lost.json", "lost/toy", "./toy", Path("toy")):
@@ -175,7 +175,7 @@ class TestOtherPackages:
         assert {"reef", "shoal", "toy"} <= set(mission_names())
         mission = load_mission("reef", width=4, danger=0.5)
         assert isinstance(mission, Mission)
-        assert mission.arrays.survival.tolist() == [0.5, 0.5, 0.5, 1, 1, 1]
+        assert mission.world.graph.survival.tolist() == [0.5, 0.5, 0.5, 1, 1, 1]
         assert load_mission("reef", width=4, robots=3).robots == 3
         assert len(load_mission("shoal", depth=5, robots=2).nodes) == 5
 

@@ -274,11 +274,11 @@ class TestRouteGraphs:
         for tail, head, arc in black.graph.edges(data=True):
             assert arc["survival"] == pytest.approx(alone.graph.edges[tail, head]["survival"])
         white = drawn(np.full((20, 20), 255), **AT_THE_SITE)
-        assert (load_mission(path, hazard=white, **self.GIVEN).arrays.survival == 1).all()
+        assert (load_mission(path, hazard=white, **self.GIVEN).world.graph.survival == 1).all()
         clear = drawn(np.full((20, 20, 4), CLEAR), **AT_THE_SITE)
         with pytest.warns(UserWarning, match="400 of 400 pixels are transparent"):
             mission = load_mission(path, hazard=clear, **self.GIVEN)
-        assert (mission.arrays.survival == 1).all()
+        assert (mission.world.graph.survival == 1).all()
 
     def test_a_black_map_is_the_danger_along_lines_that_are_longer(self, drawn, site):  # noqa: F811
         path = site(*both_ways((3, 4)), line(4, 7, metadata={"length": 9}), line(7, 3))

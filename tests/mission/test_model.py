@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.mission import Mission, PlanError
+from botohe_moo.mission import Kind, Mission, PlanError
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests.mission.made import harbour
 from tests.strategies import missions, missions_with_plans
@@ -39,13 +39,14 @@ class TestConstruction:
             mission.index("buoy")
 
     def test_arrays(self, mission):
-        arrays = mission.arrays
-        assert (arrays.n_nodes, arrays.n_arcs, arrays.base) == (3, 5, 0)
+        arrays, team = mission.world.graph, mission.world.team
+        assert (arrays.n_nodes, arrays.n_arcs) == (3, 5)
+        assert (team.start.tolist(), team.end.tolist()) == ([0, 0], [0, 0, 0])
         assert arrays.first.tolist() == [0, 2, 4, 5]
         assert arrays.tail.tolist() == [0, 0, 1, 1, 2]
         assert arrays.head.tolist() == [1, 2, 0, 2, 1]
         assert arrays.survival.tolist() == [0.9, 0.25, 0.8, 0.5, 1]
-        assert arrays.reward.tolist() == [1, 5, 0.5]
+        assert arrays.reward.tolist() == team.reward.tolist() == [1, 5, 0.5]
         assert arrays.tail.dtype == arrays.head.dtype == np.int64
         assert arrays.first.dtype == np.int64
 
@@ -64,6 +65,21 @@ class TestConstruction:
         mission = Mission(graph, base="home", robots=3)
         assert mission.evaluate([mission.plan([["home"]] * 3)]).tolist() == [[2, 3]]
 
+    @pytest.mark.parametrize(
+        ("ends", "is_plain"),
+        [
+            ({}, True),
+            ({"start": "dock", "end": "dock"}, True),
+            ({"start": "reef", "end": "reef"}, False),
+            ({"start": "reef"}, False),
+            ({"end": "reef"}, False),
+        ],
+    )
+    def test_robots_of_a_plain_mission_start_and_end_at_the_base(self, graph, ends, is_plain):
+        mission = Mission(graph, base="dock", kinds=[Kind("robot", 2, **ends)])
+        assert mission.is_plain == is_plain
+        assert mission.with_robots(3).is_plain == is_plain
+
 
 class TestCopies:
     def test_deep_copies_are_the_same(self, mission):
@@ -75,7 +91,7 @@ class TestCopies:
         assert twin is not mission
         assert (twin.name, twin.title) == (mission.name, mission.title)
         assert nx.is_frozen(twin.graph)
-        assert not twin.arrays.reward.flags.writeable
+        assert not twin.world.graph.reward.flags.writeable
         plan = [["dock", "reef", "dock"], ["dock"]]
         assert twin.plan(plan) == mission.plan(plan)
 
@@ -107,7 +123,7 @@ class TestEquality:
         assert larger.robots == 5
         assert type(larger.robots) is int
         assert mission.robots == 2
-        assert larger.arrays.survival.tolist() == mission.arrays.survival.tolist()
+        assert larger.world.graph.survival.tolist() == mission.world.graph.survival.tolist()
         assert larger.name == "harbour"
 
     @given(missions())

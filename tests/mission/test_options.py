@@ -402,7 +402,7 @@ def test_whether_a_mission_is_geographic_as_a_text(site, written, length):
     for arc in content["edges"]:
         del arc["survival"], arc["length"]
     (site / "site.json").write_text(json.dumps(content))
-    lengths = load_mission("site.json", danger=1e-9).arrays.length
+    lengths = load_mission("site.json", danger=1e-9).world.graph.length
     assert lengths == pytest.approx([length, length], rel=1e-3)
 
 

@@ -70,8 +70,8 @@ class TestNumbersAndFlags:
             dock = {"reward": np.int8(0), "pos": np.zeros(2)}
             arc = {"survival": survival, "length": 0}
             mission = Mission(harbour(reef=reef, dock=dock, dock_reef=arc))
-            assert (mission.rewards[1], mission.arrays.length.min()) == (0.5, 0)
-            assert mission.arrays.survival[0] == survival
+            assert (mission.rewards[1], mission.world.graph.length.min()) == (0.5, 0)
+            assert mission.world.graph.survival[0] == survival
 
     def test_decimal_commas(self):
         assert faults_of(harbour(reef={"reward": "2,5"}, dock_reef={"survival": "0,5"})) == [
@@ -321,7 +321,7 @@ class TestWays:
         limits = {"min_survival": 0.8, "max_length": 1}  # which no way keeps
         mission = Mission(graph, kinds=[Kind("drone", 1, start="a", **limits)])
         with pytest.raises(ValueError, match=r"cannot keep min_survival 0\.8 and max_length 1\. T"):
-            mission.check_ways(mission.limits())
+            mission.check_ways(mission.limited())
 
     def test_lengths_that_are_fractions(self):
         graph = site(lab_dock={"length": Fraction(3, 2)})

@@ -174,7 +174,7 @@ def test_played_to_its_end_nothing_is_left():
     toy = load_mission("toy")
     plan = toy.plan([[1, 2, 4, 2, 1], [1]])
     left = under_way(toy, plan, [Event(HOME, 0), Event(HOME, 1)])
-    assert left.mission.arrays.n_arcs == 0
+    assert left.mission.world.graph.n_arcs == 0
     assert left.mission.labels(left.plan) == ((1,), (1,))
     assert left.mission.evaluate([left.plan]).tolist() == [[0, 2]]
 

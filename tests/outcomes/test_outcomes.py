@@ -53,15 +53,15 @@ def museum(robots):
 
 def wandering_plan(mission, hops, seed):
     """Trails that take random unused arcs as long as they can, and from ``hops`` on go home."""
-    rng, arrays = np.random.default_rng(seed), mission.arrays
-    trails = []
+    rng, arrays = np.random.default_rng(seed), mission.world.graph
+    trails, base = [], mission.index(mission.base)
     for _ in range(mission.robots):
         unused = nx.DiGraph(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
-        trail = [arrays.base]
+        trail = [base]
         while len(trail) <= hops and unused.out_degree(trail[-1]):
             trail.append(int(rng.choice(list(unused[trail[-1]]))))
             unused.remove_edge(*trail[-2:])
-        trail += nx.shortest_path(unused, trail[-1], arrays.base)[1:]
+        trail += nx.shortest_path(unused, trail[-1], base)[1:]
         trails.append([mission.nodes[node] for node in trail])
     return mission.plan(trails)
 
@@ -161,7 +161,7 @@ def test_rewards_times_probabilities_to_reach_nodes_are_the_expected_reward(draw
     reached = reach_probabilities(mission, plan)
     assert reached.shape == (mission.robots, len(mission.nodes))
     team = team_reach(reached)
-    assert team @ mission.arrays.reward == pytest.approx(mission.evaluate([plan])[0, 0])
+    assert team @ mission.rewards == pytest.approx(mission.evaluate([plan])[0, 0])
     for robot, trail in enumerate(plan.trails):
         assert set(np.flatnonzero(reached[robot]).tolist()) == set(trail)
 

@@ -175,7 +175,7 @@ def pheromone(mission):
     nodes, n = mission.nodes, len(mission.nodes)
     rows = [
         {"kind": mission.kinds[tail // n].name, "tail": nodes[tail % n], "head": nodes[head % n]}
-        for tail, head in zip(mission.arrays.tail, mission.arrays.head, strict=True)
+        for tail, head in zip(mission.world.graph.tail, mission.world.graph.head, strict=True)
     ]
     return pd.DataFrame(rows).assign(reward=1.0, survival=2.0)
 

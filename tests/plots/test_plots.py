@@ -206,7 +206,7 @@ def test_nodes_are_darker_for_more_reward_and_hollow_for_none():
     mission = load("art_museum")
     ax = plot_mission(mission)
     fills = only(ax, "nodes").get_facecolors()
-    reward = np.delete(mission.arrays.reward, mission.arrays.base)
+    reward = np.delete(mission.rewards, mission.index(mission.base))
     white = (fills[:, :3] == 1).all(axis=1)
     assert white.sum() == 3
     assert np.array_equal(white, reward == 0)
@@ -291,7 +291,7 @@ def test_any_mission_is_drawn_whole(case):
         for u, v, s in mission.graph.edges(data="survival")
     )
     assert n_segments(ax, "lines") == twins / 2
-    assert n_segments(ax, "arrows") == mission.arrays.n_arcs - twins
+    assert n_segments(ax, "arrows") == mission.world.graph.n_arcs - twins
     assert n_segments(ax, "trails") == sum(len(trail) - 1 for trail in plan.trails)
 
 

@@ -213,7 +213,7 @@ class Changing(ArchiveAlgorithm):
     """Makes its mission pay ten times as much."""
 
     def _advance(self, **_):
-        reward = self.problem.mission.arrays.reward
+        reward = self.problem.mission.rewards
         reward.setflags(write=True)
         reward *= 10
         reward.setflags(write=False)  # or kernels would be compiled for another type

@@ -166,7 +166,7 @@ class TestEntries:
         table = kept.missions.set_index("mission")
         for label in kept.mission_labels:
             mission, row = kept.mission(label), table.loc[label]
-            assert (row["nodes"], row["arcs"]) == (len(mission.nodes), len(mission.arrays.tail))
+            assert (row["nodes"], row["arcs"]) == (len(mission.nodes), mission.world.graph.n_arcs)
             assert (row["robots"], row["total_reward"]) == (mission.robots, mission.total_reward)
         assert list(table["name"]) == ["toy", "two_communities", "two_communities"]
         assert list(table["family"]) == ["toy", "towns", "towns"]

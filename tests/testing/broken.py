@@ -56,7 +56,8 @@ class Teleports(Walks):
     def result(self):
         found = super().result()
         mission = self.problem.mission
-        jump = [mission.arrays.base, mission.arrays.n_nodes - 1, mission.arrays.base]
+        base = mission.index(mission.base)
+        jump = [base, mission.world.graph.n_nodes - 1, base]
         found.X = np.array([[TrailPlan([jump] * mission.robots)]] * len(found.F), object)
         return found
 
@@ -166,9 +167,10 @@ class BackTheSameWay(Walks):
 
     def walks(self, n):
         mission = self.problem.mission
-        arrays, rng = mission.arrays, self.random_state
-        there = arrays.head[arrays.first[arrays.base] : arrays.first[arrays.base + 1]]
-        home = [arrays.base]
+        graph, rng = mission.world.graph, self.random_state
+        base = mission.index(mission.base)
+        there = graph.head[graph.first[base] : graph.first[base + 1]]
+        home = [base]
         plans = [
             TrailPlan(
                 [

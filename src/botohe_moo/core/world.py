@@ -163,14 +163,13 @@ class World(NamedTuple):
         """Number of robots."""
         return len(self.team.start)
 
-    @property
-    def numbers(self) -> list[Any]:
-        """The arrays that objectives depend on."""
+    def numbers(self, is_plain: bool) -> list[Any]:
+        """Return the arrays that objectives depend on; those of a plain mission are fewer."""
         graph, team = self.graph, self.team
         numbers = [graph.tail, graph.head, graph.survival, graph.reward]
         if (graph.length != 1.0).any():  # by default all are 1
             numbers.append(graph.length)
-        if self.is_plain:
+        if is_plain:
             return numbers
         of_nodes = [team.origin, team.share, *(self.returns or ())[:1], team.end, team.reward]
         return [*numbers, *of_nodes, team.start, team.first, team.stop, *(self.returns or ())[1:]]

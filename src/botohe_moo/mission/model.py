@@ -84,8 +84,8 @@ class Mission:
     is_plain
         Whether robots are alike and start and end at the base, nodes pay on arrival, and there are
         neither shares nor closed arcs. Some searches can plan for such missions only.
-    arrays
-        The graph as arrays, for kernels.
+    world
+        The mission as arrays, for kernels.
 
     Raises
     ------
@@ -163,7 +163,8 @@ class Mission:
         self.balanced, self.rewards = self.world.graph.balanced, self.world.team.reward
         self.total_reward = float(self.rewards.sum())
         self.has_returns = self.world.returns is not None
-        self.is_plain = self.world.is_plain
+        ends = self.kinds[0].ends(self.base)
+        self.is_plain = self.world.is_plain and ends == (self.base, self.base)
 
     def _new_world(self) -> World:
         """Return the valid mission for kernels, with a layer of nodes and arcs for each kind."""
@@ -181,10 +182,8 @@ class Mission:
         aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
         taken = survival > 0.0
         for k, (start, end) in enumerate(ends.tolist()):
-            open_arcs = tail[taken[:, k]], head[taken[:, k]]
-            is_open = worlds.leading(*open_arcs, [end], n) & worlds.leading(
-                *open_arcs[::-1], [start], n
-            )
+            forth = tail[taken[:, k]], head[taken[:, k]]
+            is_open = worlds.leading(*forth, [end], n) & worlds.leading(*forth[::-1], [start], n)
             taken[:, k] &= is_open[tail] & is_open[head]
             is_open[aboard[k]] = True  # what robots carry may come from nodes that are closed now
             share[~is_open, k] = 0.0
@@ -552,7 +551,7 @@ def numbers_digest(mission: Mission, *labels: object) -> str:
     first = labels or [int(mission.world.team.end[0])]
     text = json.dumps([*first, mission.robots, *limits], separators=(",", ":"))
     hashed = hashlib.sha256(text.encode())
-    for values in mission.world.numbers:
+    for values in mission.world.numbers(mission.is_plain):
         hashed.update(np.ascontiguousarray(values, f"<{values.dtype.kind}8").tobytes())
     return hashed.hexdigest()[:16]
 
@@ -560,7 +559,7 @@ def numbers_digest(mission: Mission, *labels: object) -> str:
 def _identity(mission: Mission) -> list[object]:
     """Return what equal missions share: not names of missions, nor positions."""
     own: list[object] = [mission.nodes, mission.base, mission.kinds, mission.max_length]
-    return own + [values.tolist() for values in mission.world.numbers]
+    return own + [values.tolist() for values in mission.world.numbers(mission.is_plain)]
 
 
 def _fault_text(mission: Mission, batch: PlanBatch, fault: Sequence[int]) -> str:

@@ -1,4 +1,7 @@
-"""Bi-objective ant colony optimisation: kernels, the colony and the pymoo classes."""
+"""Bi-objective ant colony optimisation: kernels, the colony and the pymoo classes.
+
+Studies name the class by this package.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -6,9 +9,5 @@ from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
     from botohe_moo.algorithms.bo_aco.algorithm import BOACO as BOACO
-    from botohe_moo.algorithms.bo_aco.algorithm import RandomTrails as RandomTrails
-    from botohe_moo.algorithms.bo_aco.colony import JOURNAL as JOURNAL
-    from botohe_moo.algorithms.bo_aco.colony import Colony as Colony
-    from botohe_moo.algorithms.bo_aco.colony import ColonySettings as ColonySettings
 
-__getattr__, __dir__, __all__ = lazy_names(__name__)
+__getattr__, __dir__, _names = lazy_names(__name__)

@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from botohe_moo.algorithms.greedy.algorithm import Greedy as Greedy
-    from botohe_moo.algorithms.greedy.planner import SequentialPlanner as SequentialPlanner
     from botohe_moo.algorithms.greedy.planner import plan_sequentially as plan_sequentially
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

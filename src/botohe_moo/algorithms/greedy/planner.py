@@ -29,8 +29,6 @@ from botohe_moo.core.world import AT_NEXT_DEPOT, PLANNING, World, find_arc
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["plan_sequentially"]
-
 BEAM_WIDTH = 100
 MAX_BEAM_WIDTH = 100_000
 BeamWidth: TypeAlias = Annotated[int, Field(ge=1, le=MAX_BEAM_WIDTH)]
