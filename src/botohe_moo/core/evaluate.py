@@ -8,7 +8,7 @@ from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.core.compile import array_maker, helper, inlined, kernel, shared
 from botohe_moo.core.trails import sort_trails
 from botohe_moo.core.walk import Visits, begin_walk, end_walk, new_visits, visit
-from botohe_moo.core.world import Returns, World, find_arc
+from botohe_moo.core.world import Graph, Returns, Team, World, find_arc
 
 # What may be wrong with a trail. ``evaluate`` returns the first fault as
 # (kind, plan, robot, position), which are all zero where there is none.
@@ -113,24 +113,24 @@ class _Scratch(NamedTuple):
 
 
 @array_maker
-def _new_scratch(world: World) -> _Scratch:
+def _new_scratch(graph: Graph, team: Team) -> _Scratch:
     return _Scratch(
-        np.full(world.graph.head.shape[0], -1),
-        new_visits(world.graph.reward.shape[0]),
-        new_reached(world.team.reward.shape[0]),
-        np.empty(world.team.start.shape[0], np.int64),
+        np.full(graph.head.shape[0], -1),
+        new_visits(graph.reward.shape[0]),
+        new_reached(team.reward.shape[0]),
+        np.empty(team.start.shape[0], np.int64),
     )
 
 
 @inlined
-def _hop(world: World, used: OffsetArray, trail: int, tail: int, head: int) -> tuple[int, int]:
+def _hop(graph: Graph, used: OffsetArray, trail: int, tail: int, head: int) -> tuple[int, int]:
     """Return the arc of a hop, −1 where there is none, and what is wrong with it."""
-    n_nodes = world.graph.reward.shape[0]
+    n_nodes = graph.reward.shape[0]
     if head < 0 or head >= n_nodes:
         return -1, UNKNOWN_NODE
     if tail < 0 or tail >= n_nodes:
         return -1, MISSING_ARC
-    arc = find_arc(world.graph, tail, head)
+    arc = find_arc(graph, tail, head)
     if arc < 0:
         return -1, MISSING_ARC
     if used[arc] == trail:
@@ -141,12 +141,12 @@ def _hop(world: World, used: OffsetArray, trail: int, tail: int, head: int) -> t
 
 @inlined
 def _follow(
-    world: World,
+    graph: Graph,
+    team: Team,
     returns: Returns | None,
     scratch: _Scratch,
     nodes: IntArray,
-    start: int,
-    stop: int,
+    offsets: OffsetArray,
     trail: int,
     robot: int,
 ) -> tuple[float, float, int, int, int]:
@@ -155,7 +155,8 @@ def _follow(
     Returns the probability to survive it, its length, the number of its faults, and kind and
     position of the first fault.
     """
-    graph, visits, source = world.graph, scratch.visits, world.team.start[robot]
+    visits, source = scratch.visits, team.start[robot]
+    start, stop = offsets[trail], offsets[trail + 1]
     node = int(nodes[start]) if stop > start else -1
     kind = position = n_faults = n = 0
     if node != source:
@@ -163,35 +164,34 @@ def _follow(
         known = 0 <= node < graph.reward.shape[0]
         kind = EMPTY_TRAIL if stop <= start else NOT_FROM_BASE if known else UNKNOWN_NODE
     else:
-        n = begin_walk(world, returns, robot, visits)
+        n = begin_walk(graph, team, returns, robot, visits)
     alive, length = 1.0, 0.0
     i = start + 1
     while kind == VALID and i < stop:
         head = int(nodes[i])
-        arc, kind = _hop(world, scratch.used, trail, node, head)
+        arc, kind = _hop(graph, scratch.used, trail, node, head)
         if kind == VALID:
             alive *= graph.survival[arc]
             length += graph.length[arc]
-            n = visit(world, returns, head, alive, n, visits)
+            n = visit(graph, team, returns, head, alive, n, visits)
             node = head
             i += 1
         else:
             position = i - start
-    end_walk(world, returns, robot, n, visits)
+    end_walk(team, returns, robot, n, visits)
     for v in range(n):
         combine(scratch.reached, visits.node[v], visits.chance[v])
     for j in range(i, stop):
         head = int(nodes[j])
-        n_faults += _hop(world, scratch.used, trail, node, head)[1] != VALID
+        n_faults += _hop(graph, scratch.used, trail, node, head)[1] != VALID
         node = head
-    if node != world.team.end[source]:
+    if node != team.end[source]:
         n_faults += 1
         if kind == VALID:
             kind, position = NOT_BACK_AT_BASE, stop - start - 1
     return alive if kind == VALID else 0.0, length, n_faults, kind, position
 
 
-@kernel
 def evaluate(
     world: World, nodes: IntArray, offsets: OffsetArray, strict: bool, values: Values
 ) -> tuple[int, int, int, int]:
@@ -208,8 +208,22 @@ def evaluate(
     Returns (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none,
     or where it is not ``strict``.
     """
-    world, values = shared(world), shared(values)
-    scratch, n_robots = _new_scratch(world), world.team.start.shape[0]
+    graph, team, returns = world.graph, world.team, world.returns  # unpacking the rest takes time
+    return _evaluate(graph, team, returns, nodes, offsets, strict, values)
+
+
+@kernel
+def _evaluate(
+    graph: Graph,
+    team: Team,
+    returns: Returns | None,
+    nodes: IntArray,
+    offsets: OffsetArray,
+    strict: bool,
+    values: Values,
+) -> tuple[int, int, int, int]:
+    graph, team, values = shared(graph), shared(team), shared(values)
+    scratch, n_robots = _new_scratch(graph, team), team.start.shape[0]
     order = scratch.order
     for plan in range(values.objectives.shape[0]):
         for k in range(n_robots):
@@ -221,21 +235,14 @@ def evaluate(
         for k in range(n_robots):
             trail, robot = order[k], order[k] - plan * n_robots
             alive, length, n, kind, at = _follow(
-                world,
-                world.returns,
-                scratch,
-                nodes,
-                offsets[trail],
-                offsets[trail + 1],
-                trail,
-                robot,
+                graph, team, returns, scratch, nodes, offsets, trail, robot
             )
             if strict and kind != VALID:
                 return kind, plan, robot, at
             n_faults += n
             survivors += alive
             values.alive[plan, robot], values.lengths[plan, robot] = alive, length
-        values.objectives[plan, 0] = expected_reward(world.team.reward, scratch.reached)
+        values.objectives[plan, 0] = expected_reward(team.reward, scratch.reached)
         values.objectives[plan, 1] = survivors
         values.faults[plan] = n_faults
     return VALID, 0, 0, 0

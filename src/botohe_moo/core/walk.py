@@ -9,7 +9,9 @@ from botohe_moo.core.compile import array_maker, helper, inlined
 from botohe_moo.core.world import (
     AT_NEXT_DEPOT,
     AT_THIS_DEPOT,
+    Graph,
     Returns,
+    Team,
     World,
     aboard_at,
     aboard_of,
@@ -59,33 +61,41 @@ def walk(
     the world.
     """
     graph = world.graph
-    alive, length, n = 1.0, 0.0, begin_walk(world, returns, robot, visits)
+    alive, length, n = 1.0, 0.0, begin_walk(graph, world.team, returns, robot, visits)
     for i in range(n_arcs):
         arc = arcs[i]
         alive *= graph.survival[arc]
         length += graph.length[arc]
-        n = visit(world, returns, graph.head[arc], alive, n, visits)
-    end_walk(world, returns, robot, n, visits)
+        n = visit(graph, world.team, returns, graph.head[arc], alive, n, visits)
+    end_walk(world.team, returns, robot, n, visits)
     return n, alive, length
 
 
 @inlined
-def begin_walk(world: World, returns: Returns | None, robot: int, visits: Visits) -> int:
+def begin_walk(
+    graph: Graph, team: Team, returns: Returns | None, robot: int, visits: Visits
+) -> int:
     """List what a robot carries from the start, and its visit there; return how many these are."""
     visits.n_walks[0] += 1
-    n, source = 0, world.team.start[robot]
+    n, source = 0, team.start[robot]
     first, stop = aboard_of(returns, robot)
     for i in range(first, stop):
-        node = aboard_at(returns, layer_of(world.team, source), i)
+        node = aboard_at(returns, layer_of(team, source), i)
         visits.seen[node] = visits.n_walks[0]
-        visits.node[n], visits.chance[n] = world.team.origin[node], CARRIED
+        visits.node[n], visits.chance[n] = team.origin[node], CARRIED
         n += 1
-    return visit(world, returns, source, 1.0, n, visits)
+    return visit(graph, team, returns, source, 1.0, n, visits)
 
 
 @inlined
 def visit(
-    world: World, returns: Returns | None, node: int, alive: float, n: int, visits: Visits
+    graph: Graph,
+    team: Team,
+    returns: Returns | None,
+    node: int,
+    alive: float,
+    n: int,
+    visits: Visits,
 ) -> int:
     """Note that a robot gets to a node, with probability ``alive``, after ``n`` visits.
 
@@ -93,34 +103,31 @@ def visit(
     """
     if visits.seen[node] != visits.n_walks[0]:
         visits.seen[node] = visits.n_walks[0]
-        if world.graph.reward[node] > 0.0:
-            visits.node[n], visits.chance[n] = (
-                world.team.origin[node],
-                alive * world.team.share[node],
-            )
+        if graph.reward[node] > 0.0:
+            visits.node[n], visits.chance[n] = team.origin[node], alive * team.share[node]
             if credit_of(returns, node) == AT_NEXT_DEPOT:
                 visits.chance[n] = CARRIED
             n += 1
     if credit_of(returns, node) == AT_THIS_DEPOT:
-        _credit_carried(world, returns, visits, node, n, alive)
+        _credit_carried(team, returns, visits, node, n, alive)
     return n
 
 
 @inlined
-def end_walk(world: World, returns: Returns | None, robot: int, n: int, visits: Visits) -> None:
+def end_walk(team: Team, returns: Returns | None, robot: int, n: int, visits: Visits) -> None:
     """Note that what a robot still carries at the end, or where it is lost, is never credited."""
     if returns is not None:
-        _credit_carried(world, returns, visits, world.team.start[robot], n, 0.0)
+        _credit_carried(team, returns, visits, team.start[robot], n, 0.0)
 
 
 @helper
 def _credit_carried(
-    world: World, returns: Returns | None, visits: Visits, node: int, n: int, alive: float
+    team: Team, returns: Returns | None, visits: Visits, node: int, n: int, alive: float
 ) -> None:
     """Credit what is carried of ``n`` visits at a depot, with probability ``alive``."""
     if returns is None:
         return
-    layer = layer_of(world.team, node)
+    layer = layer_of(team, node)
     for i in range(n):
         if visits.chance[i] == CARRIED:
-            visits.chance[i] = alive * world.team.share[layer + visits.node[i]]
+            visits.chance[i] = alive * team.share[layer + visits.node[i]]

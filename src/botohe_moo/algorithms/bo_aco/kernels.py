@@ -182,6 +182,7 @@ def _tabulate(world: World, build: Build, block: int, which: int, node: int) -> 
     graph, team, n_ants = world.graph, world.team, build.n_ants
     heuristic, levels, scratch = build.heuristic, build.levels, build.scratch
     scratch.tabulated[which, node] = block
+    seen, fresh = scratch.seen[which], scratch.fresh[which]
     step = 1.0 / (n_ants - 1) if n_ants > 1 else 0.0
     first = block * BLOCK * step if n_ants > 1 else 0.5
     n_here = min(BLOCK, n_ants - block * BLOCK)
@@ -197,8 +198,8 @@ def _tabulate(world: World, build: Build, block: int, which: int, node: int) -> 
         factor = math.exp((1.0 - first) * heuristic.log_fresh[arc])
         factor_ratio = math.exp(-step * heuristic.log_fresh[arc])
         for ant in range(n_here):
-            scratch.seen[which, ant, arc] = weight
-            scratch.fresh[which, ant, arc] = weight * factor
+            seen[ant, arc] = weight
+            fresh[ant, arc] = weight * factor
             weight *= ratio
             factor *= factor_ratio
 
@@ -351,9 +352,10 @@ def _visit(
     chance = alive * world.team.share[node]
     if credit_of(returns, node) == AT_NEXT_DEPOT:
         chance *= world.ways.home[node]
-    n_origins = world.team.reward.shape[0]
-    for copy in range(world.team.origin[node], scratch.unreached.shape[0], n_origins):
+    copy = world.team.origin[node]
+    while copy < scratch.unreached.shape[0]:  # a range with a step would divide
         scratch.unreached[copy] *= 1.0 - chance
+        copy += world.team.reward.shape[0]
 
 
 @inlined
@@ -374,18 +376,17 @@ def _begin_trail(
 
 
 @inlined
-def _walk(world: World, build: Build, paths: Paths | None, trail: int) -> bool:
+def _walk(world: World, build: Build, paths: Paths | None, number: int, robot: int) -> bool:
     """Extend a robot's trail: to its end, or by one hop where all robots are out at once.
 
     Returns whether its trail has ended.
     """
-    graph, scratch, n_robots = world.graph, build.scratch, world.team.start.shape[0]
-    number, robot = trail // n_robots, trail % n_robots
+    graph, scratch = world.graph, build.scratch
     row, which = robot if build.concurrent else 0, robot if build.levels.shape[0] > 1 else 0
     block, end = number // BLOCK, world.team.end[world.team.start[robot]]
     ant = Ant(
         number,
-        trail,
+        number * world.team.start.shape[0] + robot,
         robot,
         1.0 - (number * (1.0 / (build.n_ants - 1)) if build.n_ants > 1 else 0.5),
         end,
@@ -419,6 +420,36 @@ def _walk(world: World, build: Build, paths: Paths | None, trail: int) -> bool:
     return bool(node < 0)
 
 
+@inlined
+def _build_plan(world: World, build: Build, ant: int) -> int:
+    """Build the plan of an ant in the scratch; return the number of nodes of all its trails."""
+    scratch, n_robots = build.scratch, world.team.start.shape[0]
+    for node in range(scratch.unreached.shape[0]):
+        scratch.unreached[node] = 1.0
+    for robot in range(n_robots):
+        scratch.node[robot], scratch.n_hops[robot] = world.team.start[robot], 0
+        scratch.alive[robot], scratch.length[robot] = 1.0, 0.0
+    robot, n_out = 0, n_robots
+    while n_out > 0:
+        if scratch.node[robot] >= 0:
+            n_out -= _walk(world, build, build.paths, ant, robot)
+        robot = robot + 1 if robot + 1 < n_robots else 0
+    size = 0
+    for robot in range(n_robots):
+        size += scratch.n_hops[robot]
+    return size
+
+
+@inlined
+def _append_plan(scratch: Scratch, nodes: IntArray, offsets: OffsetArray, trail: int) -> None:
+    """Append the plan of an ant, whose first trail will be ``trail``, to the plans of others."""
+    for robot in range(scratch.n_hops.shape[0]):
+        n, n_hops = offsets[trail + robot], scratch.n_hops[robot]
+        for i in range(n_hops):
+            nodes[n + i] = scratch.trail[robot, i]
+        offsets[trail + robot + 1] = n + n_hops
+
+
 @kernel
 def construct(world: World, build: Build, begin: int, end: int) -> tuple[IntArray, OffsetArray]:
     """Build the plans of the ants ``begin`` to ``end``; return their nodes and offsets, ragged.
@@ -429,35 +460,18 @@ def construct(world: World, build: Build, begin: int, end: int) -> tuple[IntArra
     trail. What an ant builds depends on its own random numbers only, whose state is advanced.
     """
     world, scratch, n_robots = shared(world), build.scratch, world.team.start.shape[0]
-    nodes, offsets = (
-        np.empty(_FIRST_NODES, np.int32),
-        np.zeros((end - begin) * n_robots + 1, np.int64),
-    )
-    n = t = 0
+    nodes = np.empty(_FIRST_NODES, np.int32)
+    offsets = np.zeros((end - begin) * n_robots + 1, np.int64)
+    n = 0
     for ant in range(begin, end):
-        for node in range(scratch.unreached.shape[0]):
-            scratch.unreached[node] = 1.0
-        for robot in range(n_robots):
-            scratch.node[robot], scratch.n_hops[robot] = world.team.start[robot], 0
-            scratch.alive[robot], scratch.length[robot] = 1.0, 0.0
-        robot, n_out = 0, n_robots
-        while n_out > 0:
-            if scratch.node[robot] >= 0:
-                trail = ant * n_robots + robot
-                n_out -= _walk(world, build, build.paths, trail)
-            robot = robot + 1 if robot + 1 < n_robots else 0
-        for robot in range(n_robots):
-            n_hops = scratch.n_hops[robot]
-            if n + n_hops > nodes.shape[0]:
-                larger = np.empty(2 * (n + n_hops), np.int32)
-                for i in range(n):  # assigning slices takes two seconds to compile
-                    larger[i] = nodes[i]
-                nodes = larger
-            for i in range(n_hops):
-                nodes[n + i] = scratch.trail[robot, i]
-            n += n_hops
-            t += 1
-            offsets[t] = n
+        size = _build_plan(world, build, ant)
+        if n + size > nodes.shape[0]:
+            larger = np.empty(2 * (n + size), np.int32)
+            for i in range(n):  # assigning slices takes two seconds to compile
+                larger[i] = nodes[i]
+            nodes = larger
+        _append_plan(scratch, nodes, offsets, (ant - begin) * n_robots)
+        n += size
     return nodes[:n], offsets
 
 
