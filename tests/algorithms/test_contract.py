@@ -144,7 +144,7 @@ def test_results_keep_both_limits_and_are_not_above_the_truth(name, case, floor,
     assert_limits_are_kept(problem, batch)
     assert result.G.shape == (len(result.F), int(floor > 0) + (budget is not None))
     assert (result.G <= 0).all()
-    allowed = within(mission, trails, problem.survival_floor, problem.travel_budget)
+    allowed = within(mission, trails, problem.limits.floors[0], problem.limits.budgets[0])
     truth = all_objectives(mission, allowed)
     assert_nothing_lies_above(-result.F, truth, mission)
     if name == "exact":

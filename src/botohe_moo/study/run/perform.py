@@ -29,9 +29,9 @@ from botohe_moo.study.run.task import Outcome, Record, failure
 from botohe_moo.trails import PlanBatch
 
 # A run that only compiles kernels, and limits that do not limit its plans. Evaluations in kernels
-# are fast, and after so many a local search in one island has called all of its kernels.
+# are fast, and after so many a local search has called all of its kernels.
 _WARM_UP_EVALUATIONS = 250
-_WARM_UP_IN_KERNELS = 2_000
+_WARM_UP_IN_KERNELS = 6_000
 _WARM_UP_SURVIVAL = 1e-9
 _WARM_UP_LENGTH = 1e9
 
