@@ -52,6 +52,7 @@ class CountedBOACO(BOACO):
     n_hops = 0
 
     def evaluate_plans(self, batch: Any) -> Any:
+        """Count hops, and evaluate."""
         # A trail of n nodes takes n hops, the last along the base's self-loop.
         self.n_hops += len(batch.nodes)
         return super().evaluate_plans(batch)
