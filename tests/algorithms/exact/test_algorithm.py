@@ -57,4 +57,4 @@ class TestExact:
     def test_what_is_too_large_is_refused(self):
         museum = load_mission("art_museum")
         with pytest.raises(TooLargeError, match=r"'art_museum' \(27 nodes, 74 arcs, 3 robots\)"):
-            minimize(BOTOHE(museum), Exact(), PLENTY)
+            minimize(BOTOHE(museum), Exact(time_limit=2), PLENTY)
