@@ -193,8 +193,8 @@ class Mission:
         layer, arc = np.nonzero(taken.T)
         of_arcs = tail[arc] + n * layer, head[arc] + n * layer, survival[arc, layer], length[arc]
         ends += n * np.arange(len(kinds))[:, None]
-        kind_of = np.repeat(np.arange(len(kinds)), counts := [kind.robots for kind in kinds])
-        first = np.cumsum([0, *counts])
+        first = np.cumsum([0, *(kind.robots for kind in kinds)])
+        kind_of = np.repeat(np.arange(len(kinds)), np.diff(first))
         team = worlds.Team(
             reward=reward,
             origin=np.tile(np.arange(n), len(kinds)),
@@ -211,9 +211,8 @@ class Mission:
         returns = None
         if (reward[credit == worlds.AT_NEXT_DEPOT] > 0.0).any():
             carried = np.array([node for nodes in aboard for node in nodes], np.int64)
-            first = np.cumsum([0, *map(len, aboard)])
-            of_layers = np.tile(credit, len(kinds))
-            returns = worlds.Returns(of_layers, carried, first[kind_of], first[kind_of + 1])
+            first, credit = np.cumsum([0, *map(len, aboard)]), np.tile(credit, len(kinds))
+            returns = worlds.Returns(credit, carried, first[kind_of], first[kind_of + 1])
         expected = (reward[:, None] * share).T.ravel()
         return worlds.new_world(*of_arcs, expected, team, self.limits(), returns)
 
