@@ -124,12 +124,6 @@ class TestSearch:
         assert solution.area == area_indicator(solution.objectives, toy) > 0.5
         assert solve(toy, BOACO(), evaluations=1).algorithm == "BOACO"
 
-    def test_what_each_move_brought(self, toy):
-        found = solve(toy, evaluations=2_000, n_islands=1, greedy_start=False)
-        assert found.statistics["tried"].sum() == found.evaluations - 1  # all but staying home
-        assert found.statistics["entered"].sum() >= len(found.plans) - 1
-        assert solve(toy, "greedy", evaluations=100).statistics is None
-
     def test_the_budget_is_exact(self, toy, monkeypatch):
         counted = []
         evaluate = BOTOHE.evaluate_batch

@@ -228,7 +228,6 @@ def search(
         evaluations=algorithm.evaluator.n_eval,
         seconds=seconds,
         interrupted=algorithm.has_next(),
-        statistics=getattr(algorithm, "statistics", None),
         **{**record, "algorithm": name},
         **startup,
     )

@@ -72,7 +72,7 @@ BROKEN = {
     ),
     broken.Pairs: ("IndexError: tuple index out of range (broken.py, line", "one_robot"),
     broken.Alike: ("got 5 of kind 'drone'", "kinds"),
-    broken.Reckless: ("a robot survives with", "survival_floor", "travel_budget", "kinds"),
+    broken.Reckless: ("a limit is broken", "survival_floor", "travel_budget", "kinds"),
 }
 
 

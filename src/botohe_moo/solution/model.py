@@ -80,9 +80,6 @@ class Solution:
         Arguments of :func:`load_mission` that make the mission, where they are known.
     min_survival, max_length
         The survival floor, 0 for none, and the travel budget, None for none.
-    statistics
-        What each part of the search brought, where the algorithm tells: see
-        :class:`ParetoLocalSearch`. None if the solution was read from files.
 
     Examples
     --------
@@ -113,7 +110,6 @@ class Solution:
     source: Mapping[str, Any] = field(default_factory=dict)
     min_survival: float = 0.0
     max_length: float | None = None
-    statistics: pd.DataFrame | None = None
 
     @property
     def area(self) -> float:
