@@ -994,7 +994,7 @@ class TestCertify:
 
     def test_ctrl_c_keeps_what_is_proved(self, botohe, tmp_path):
         code = when_called("botohe_moo.bounds.proof", "LocalSearch")
-        args = ["solve", "art_museum", "-n", 200, "--out", "out", "--certify", 500]
+        args = ["solve", "art_museum", "-n", 200, "--out", "out", "--certify", 20]
         ended = botohe(*args, code=code)
         assert ended.status == 130
         assert ended.err.count("botohe: ") == 1
