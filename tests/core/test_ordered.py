@@ -189,7 +189,7 @@ def test_contributions_by_hand():
 
 
 def shuffled(n):
-    """A front of as many plans, of which some come and go."""
+    """A front of this many plans, after some have entered and left."""
     pair, rng = Pair(n), np.random.default_rng(1)
     for _ in range(2):
         for i in rng.permutation(n).tolist():

@@ -252,7 +252,7 @@ def slope_at(front: OrderedFront, slot: int) -> float:
 
 @inlined
 def _link(front: OrderedFront, before: int, after: int) -> None:
-    """Make two slots, of which one may be −1, neighbours."""
+    """Make two slots neighbours; −1 stands for the outside of the front."""
     if before >= 0:
         front.slots[before].after = after
     if after >= 0:

@@ -44,7 +44,7 @@ def plain():
 
 
 def holding(mission, plan, chosen, **options):
-    """A search with a plan as parent, of which some robots are to be changed."""
+    """A search with a plan as parent, and some of its robots chosen to change."""
     search = unstarted(mission, **options)
     work, limits = search._work, new_limits([0.0], [inf], [mission.robots])
     free = mission.world.with_limits(limits)

@@ -249,7 +249,7 @@ def _draw(
     total: float,
     drawn: float,
 ) -> int:
-    """Choose one of the ``n`` arcs that ``_weigh`` has weighed, of which there are several.
+    """Choose one of the ``n`` arcs that ``_weigh`` has weighed; there are at least two.
 
     ``drawn`` is a random number from 0 to 1 + exploration / n. From 1 on it chooses uniformly: this
     is what exploration adds to every weight.

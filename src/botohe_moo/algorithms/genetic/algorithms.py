@@ -238,7 +238,7 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
             self.ideal = -self.archive.objectives.max(axis=0)
 
     def _replace(self, weight: int, child: Individual) -> None:
-        """Put a child in the place of each plan of neighbouring weights that is worse than it."""
+        """Replace each plan of a neighbouring weight that is worse than the child by the child."""
         near = self.neighbors[weight]
         rivals, weights = self.pop[near], self.ref_dirs[near]
         values = self.decomposition.do(rivals.get("F"), weights, ideal_point=self.ideal)

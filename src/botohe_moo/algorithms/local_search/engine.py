@@ -197,7 +197,7 @@ class LocalSearch:
         np.add.at(trails["n_users"], found[is_stored], 1)  # some may be given twice
 
     def run(self, n_evaluations: int) -> int:
-        """Search from the plans of the front, of which there must be one.
+        """Search from the plans of the front, which must not be empty.
 
         Returns how many plans were evaluated: fewer than ``n_evaluations`` where no move makes any
         other plan.

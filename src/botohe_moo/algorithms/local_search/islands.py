@@ -67,7 +67,7 @@ class Islands:
             island.insert(batch)
 
     def run(self, n_evaluations: int) -> int:
-        """Search from the plans of the front, of which there must be one.
+        """Search from the plans of the front, which must not be empty.
 
         Returns how many plans were evaluated: fewer than ``n_evaluations`` where no move makes any
         other plan.
