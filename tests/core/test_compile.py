@@ -140,6 +140,9 @@ class TestMachineCodeOnDisk:
 
     @pytest.fixture
     def loaded(self, tmp_path, monkeypatch):
+        # Python takes bytecode for that of a file of the same size and second.
+        monkeypatch.setattr(sys, "dont_write_bytecode", True)
+
         def loaded(number):
             """Load the module as another process would; return its kernel."""
             path = tmp_path / "adding.py"
