@@ -261,7 +261,7 @@ def _search_and_write(
                 if how["record"]["algorithm"] == "pareto-local-search":
                     from botohe_moo.algorithms.local_search.ahead import compile_ahead
 
-                    compile_ahead(problem.mission, problem.world, how["evaluations"])
+                    compile_ahead(problem.mission, problem.world)
                 solution = search(
                     problem, algorithm, progress=progress, stop=stop, started=_STARTED, **how
                 )

@@ -30,7 +30,7 @@ def started(monkeypatch):
 @pytest.mark.parametrize("name", ["toy", "drones_and_rovers", "art_museum_return"])
 def test_both_processes_come_to_an_end(started, name):
     mission, handler = load_mission(name), signal.getsignal(signal.SIGINT)
-    ahead.compile_ahead(mission, mission.limited(), 100_000)
+    ahead.compile_ahead(mission, mission.limited())
     assert [process.exitcode for process in started] == [0]
     assert signal.getsignal(signal.SIGINT) is handler
 
@@ -42,7 +42,7 @@ def test_the_other_process_ends_when_this_one_is_interrupted(started, monkeypatc
     monkeypatch.setattr(ahead, "recreate", interrupt)
     mission = load_mission("toy")
     with pytest.raises(KeyboardInterrupt):
-        ahead.compile_ahead(mission, mission.world, 100)
+        ahead.compile_ahead(mission, mission.world)
     [process] = started
     process.join()
     assert process.exitcode == -signal.SIGKILL
@@ -51,14 +51,14 @@ def test_the_other_process_ends_when_this_one_is_interrupted(started, monkeypatc
 def test_nothing_is_started_with_one_processor(started, monkeypatch):
     monkeypatch.setattr(ahead, "n_cpus", lambda: 1)
     mission = load_mission("toy")
-    ahead.compile_ahead(mission, mission.world, 100)
+    ahead.compile_ahead(mission, mission.world)
     assert started == []
 
 
 def test_nothing_is_started_when_all_is_compiled(started, monkeypatch):
     monkeypatch.setattr(ahead, "is_kept", lambda _: True)
     mission = load_mission("toy")
-    ahead.compile_ahead(mission, mission.world, 100)
+    ahead.compile_ahead(mission, mission.world)
     assert started == []
 
 
@@ -66,19 +66,19 @@ SEARCH = """
 from botohe_moo import load_mission, solve
 from botohe_moo.algorithms.local_search import ahead
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
-from botohe_moo.algorithms.local_search.kernels.routes import search_all
+from botohe_moo.algorithms.local_search.kernels.routes import _search_all
 from botohe_moo.algorithms.local_search.kernels.search import improve
 
 if __name__ == "__main__":
     ahead.n_cpus = lambda: 2  # also where there is one
     mission = load_mission("art_museum")
     assert not ahead.is_kept(improve)
-    ahead.compile_ahead(mission, mission.limited(), 30_000)
+    ahead.compile_ahead(mission, mission.limited())
     assert ahead.is_kept(improve)
     solve(mission, evaluations=30_000, n_islands=2, n_threads=1)
     assert sum(improve.stats.cache_misses.values()) == 0
     assert sum(improve.stats.cache_hits.values()) == 1
-    for kernel in (improve, recreate, search_all):  # what was compiled ahead is what is called
+    for kernel in (improve, recreate, _search_all):  # what was compiled ahead is what is called
         assert len(kernel.signatures) == 1, kernel
 """
 

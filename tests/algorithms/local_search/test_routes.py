@@ -1,6 +1,6 @@
 """Safest paths to a node against networkx, from all nodes or those that are safest to come from."""
 
-from math import inf, log
+from math import log
 
 import networkx as nx
 import numpy as np
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from botohe_moo import load_mission
 from botohe_moo.algorithms.local_search.kernels import routes as kernels
 from botohe_moo.algorithms.local_search.kernels.routes import FAR, UNKNOWN
-from botohe_moo.core.paths import search_near
+from botohe_moo.core.paths import find_near
 from tests.core.test_paths import whole_graph
 from tests.examples import examples
 from tests.strategies import missions, team_missions
@@ -23,8 +23,8 @@ def distances_to(mission, goal):
     return nx.single_source_dijkstra_path_length(backwards, goal, weight="cost")
 
 
-def new_routes(world, per_length=0.0):
-    return kernels.new_routes(world, np.full(world.graph.n_nodes, per_length))
+def find_routes(world, per_length=0.0):
+    return kernels.find_routes(world, np.full(world.graph.n_nodes, per_length))
 
 
 def assert_routes(mission, routes, goal, n_known):
@@ -32,11 +32,7 @@ def assert_routes(mission, routes, goal, n_known):
     graph, safest = mission.world.graph, distances_to(mission, goal)
     assert routes.n_known[goal] == n_known
     entries = [kernels.route_entry(routes, goal, node) for node in range(graph.n_nodes)]
-    known = {
-        node: entry
-        for node, entry in enumerate(entries)
-        if entry != UNKNOWN and routes.entries[goal, entry].cost < inf
-    }
+    known = {node: entry for node, entry in enumerate(entries) if entry != UNKNOWN}
     assert len(known) == min(n_known, len(safest))
     farthest = max(safest[node] for node in known)
     assert all(safest[node] >= farthest - 1e-9 for node in safest.keys() - known.keys())
@@ -54,16 +50,11 @@ def assert_routes(mission, routes, goal, n_known):
 
 
 @examples(60)
-@given(missions(min_nodes=1, max_nodes=9) | team_missions(), st.data())
-def test_rows_hold_the_safest_paths_from_all_nodes(mission, data):
-    graph, routes = mission.world.graph, new_routes(mission.world)
-    assert not routes.n_known.any()  # nothing is searched before somebody asks
-    goals = data.draw(st.permutations(range(graph.n_nodes)))
-    for i, goal in enumerate(goals):
-        kernels.search_routes(graph, routes, goal)
-        assert (routes.n_known > 0).sum() == i + 1
-    for goal in goals:
-        assert_routes(mission, routes, goal, graph.n_nodes)
+@given(missions(min_nodes=1, max_nodes=9) | team_missions())
+def test_rows_hold_the_safest_paths_from_all_nodes(mission):
+    routes = find_routes(mission.world)
+    for goal in range(mission.world.graph.n_nodes):
+        assert_routes(mission, routes, goal, mission.world.graph.n_nodes)
 
 
 @examples(60)
@@ -73,10 +64,10 @@ def test_on_larger_missions_rows_are_truncated(mission, near):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernels, "FULL_UP_TO", 3)
         patch.setattr(kernels, "NEAR", near)
-        routes = new_routes(mission.world)
+        routes = find_routes(mission.world)
     assert routes.entries.shape == (graph.n_nodes, near)
+    assert routes.leaving.size == 0
     for goal in range(graph.n_nodes):
-        kernels.search_routes(graph, routes, goal)
         assert_routes(mission, routes, goal, near)
 
 
@@ -97,22 +88,18 @@ def ways(graph, source, target, limit):
 @given(
     missions(min_nodes=1, max_nodes=6) | team_missions(max_nodes=4),
     st.sampled_from([None, None, 0.2, 1.0, 30.0]),
-    st.randoms(),
 )
-def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_length, random):
+def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_length):
     """Without a travel budget lengths cost nothing, and are not known."""
     world = mission.world.with_limits(mission.limits()._replace(has_budgets=per_length is not None))
     price, graph = per_length or 0.0, whole_graph(mission)
     for _, _, arc in graph.edges(data=True):
         arc["cost"] += price * arc["length"]
     priced = world.with_costs(world.graph.cost + price * world.graph.length)
-    routes, n_nodes = new_routes(priced, price), world.graph.n_nodes
+    routes, n_nodes = find_routes(priced, price), world.graph.n_nodes
     assert routes.prices_length == (per_length is not None)
     costs = dict(nx.all_pairs_dijkstra_path_length(graph, weight="cost"))
-    for node in random.sample(range(n_nodes), n_nodes):
-        assert routes.is_known[node] == 0
-        for _ in range(2):  # the second time it is known
-            kernels.search_costs(priced.graph, routes, node)
+    for node in range(n_nodes):
         for other in range(n_nodes):
             for there, found, lengths in (
                 ((node, other), routes.leaving, routes.leaving_length),
@@ -130,32 +117,7 @@ def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_len
 
 def test_a_named_mission():
     museum = load_mission("art_museum")
-    routes = new_routes(museum.world)
+    routes = find_routes(museum.world)
+    assert (routes.near == find_near(museum.world, 12).nodes).all()
     for goal in range(len(museum.nodes)):
-        kernels.search_routes(museum.world.graph, routes, goal)
         assert_routes(museum, routes, goal, len(museum.nodes))
-
-
-@pytest.mark.parametrize("full_up_to", [3, 100])
-@pytest.mark.parametrize("with_costs", [False, True])
-def test_all_at_once_are_those_one_by_one(monkeypatch, full_up_to, with_costs):
-    monkeypatch.setattr(kernels, "FULL_UP_TO", full_up_to)
-    monkeypatch.setattr(kernels, "NEAR", 4)
-    world = load_mission("art_museum").world
-    graph, with_costs = world.graph, with_costs and full_up_to == 100
-    whole, single = new_routes(world), new_routes(world)
-    kernels.search_routes(graph, whole, 7)  # some may be known
-    if with_costs:
-        kernels.search_costs(graph, whole, 5)
-    search_all = getattr(kernels.search_all, "py_func", kernels.search_all)
-    search_all(graph, whole, with_costs)
-    for node in range(graph.n_nodes):
-        search_near(graph, single.paths, single.used, single.near, node)
-        kernels.search_routes(graph, single, node)
-        if with_costs:
-            kernels.search_costs(graph, single, node)
-    assert (whole.near.nodes == single.near.nodes).all()
-    for name in ("n_known", *(("is_known", "leaving", "coming") if with_costs else ())):
-        assert (getattr(whole, name) == getattr(single, name)).all(), name
-    for node, n in enumerate(single.n_known):
-        assert (whole.entries[node, :n] == single.entries[node, :n]).all()

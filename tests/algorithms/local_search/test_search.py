@@ -132,18 +132,6 @@ def test_the_bound_changes_nothing_but_the_time_it_takes(pays):
     assert outcomes[0] == outcomes[1]
 
 
-@pytest.mark.compiled_only
-def test_paths_searched_before_change_nothing():
-    mission = load_mission("art_museum")
-    with plain_local_search():
-        one, other = started(mission), started(mission)
-        for goal in range(len(mission.nodes)):
-            routes.search_routes(mission.world.graph, other._routes, goal)
-        one.run(100)
-        other.run(100)
-        assert outcome(one) == outcome(other)
-
-
 def least_room(found, n_trails, n_arcs, n_visits):
     """A store with room for what one parent needs beside what is there, and no more."""
     n_new = max(N_TRAILS, found.mission.robots + 1)

@@ -8,7 +8,6 @@ import numpy as np
 from botohe_moo._base.cpus import n_cpus
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.algorithms.local_search.engine import LocalSearch
-from botohe_moo.algorithms.local_search.islands import FIRST_ALONE
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
 from botohe_moo.algorithms.local_search.kernels.search import improve
 from botohe_moo.core.compile import is_kept
@@ -16,7 +15,7 @@ from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
 
 
-def compile_ahead(mission: Mission, world: World, n_evaluations: int) -> None:
+def compile_ahead(mission: Mission, world: World) -> None:
     """Compile the kernels of a Pareto local search, unless that has been done.
 
     Another process compiles the largest, ``improve``; meanwhile this one compiles the others. With
@@ -37,8 +36,6 @@ def compile_ahead(mission: Mission, world: World, n_evaluations: int) -> None:
         search = _new_search(mission, world)
         if search.is_recreating:
             recreate(search.parts, 0)
-        if n_evaluations > FIRST_ALONE:
-            search.share_routes(())
         other.join()  # if it fails, the search compiles what is missing
     finally:
         other.kill()

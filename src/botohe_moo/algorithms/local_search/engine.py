@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, RecordArray, SeedArray
 from botohe_moo.algorithms.local_search.kernels.moves import MOVES
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
-from botohe_moo.algorithms.local_search.kernels.routes import FULL_UP_TO, new_routes, search_all
+from botohe_moo.algorithms.local_search.kernels.routes import FULL_UP_TO, Routes, find_routes
 from botohe_moo.algorithms.local_search.kernels.search import improve
 from botohe_moo.algorithms.local_search.kernels.state import (
     MEMORY,
@@ -116,8 +117,7 @@ class LocalSearch:
         kept = apart(kept)
         self._memory, self._waiting, self._states, self._tallies, self._front, self._store = kept
         self._compiled: set[Any] = set()  # kernels that have been called, and so compiled
-        self._priced, per_length = _priced(self.world)
-        self._routes = new_routes(self._priced, per_length)
+        self._priced, self._per_length = _priced(self.world)
         self._work = new_workspace(
             self._priced,
             memory=self._memory[0],
@@ -127,12 +127,17 @@ class LocalSearch:
             tallies=self._tallies,
         )
 
+    @cached_property
+    def routes(self) -> Routes:
+        """The mission's cheapest paths, which searches of the same mission may share."""
+        return find_routes(self._priced, self._per_length)
+
     @property
     def parts(self) -> Search:
         """What the kernels work with."""
         return Search(
             world=self._priced,
-            routes=self._routes,
+            routes=self.routes,
             store=self._store,
             front=self._front,
             work=self._work,
@@ -155,16 +160,6 @@ class LocalSearch:
         self._front = new_front(*self._front.plan.shape)
         store = self._store
         self._store = new_store(len(store.trails), len(store.arc), len(store.node))
-
-    def share_routes(self, others: Iterable[LocalSearch]) -> None:
-        """Search all safest paths, and let others that search the same mission read them.
-
-        Then these stay in the caches of processors, and in memory once.
-        """
-        search_all(self._priced.graph, self._routes, self.is_recreating)
-        for other in others:
-            own = other._routes.paths
-            other._routes = self._routes._replace(paths=own)
 
     def insert(self, batch: PlanBatch) -> None:
         """Insert valid plans for the mission's team into the front, unless it dominates them.
@@ -327,7 +322,7 @@ class LocalSearch:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = ("_compiled", "_priced", "_routes", "_work")
+        derived = ("_compiled", "_priced", "_per_length", "routes", "_work")
         return {key: value for key, value in vars(self).items() if key not in derived}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -112,7 +112,7 @@ class Islands:
         self._islands += others
         for island in self._islands:
             island.let_wait(_QUEUE)
-        first.share_routes(others)
+        self._share_routes()
         self._migrants = [None, *[first.migrants(0)] * len(others)]
 
     def __len__(self) -> int:
@@ -136,10 +136,14 @@ class Islands:
         """Return the front by descending E[R], as :meth:`LocalSearch.plans` does."""
         return self._islands[0].plans()
 
+    def _share_routes(self) -> None:
+        """Let all islands read the same paths, which then stay in the caches of processors."""
+        for island in self._islands[1:]:
+            island.routes = self._islands[0].routes
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        if self.n_running > 1:
-            self._islands[0].share_routes(self._islands[1:])
+        self._share_routes()
 
 
 def _run_island(

@@ -6,12 +6,7 @@ is cut out, so that every child is a trail, on any graph.
 
 import numpy as np
 
-from botohe_moo.algorithms.local_search.kernels.routes import (
-    UNKNOWN,
-    Routes,
-    route_entry,
-    search_routes,
-)
+from botohe_moo.algorithms.local_search.kernels.routes import UNKNOWN, Routes, route_entry
 from botohe_moo.algorithms.local_search.kernels.state import TOLERANCE, Search, Workspace
 from botohe_moo.core.compile import helper
 from botohe_moo.core.ordered import best_reward
@@ -77,10 +72,8 @@ def _append_path(search: Search, node: int, goal: int, n_detours: int) -> bool:
     is_homeward = is_end and n_entries < routes.entries.shape[0]
     entry = 0
     if not is_homeward:
-        if routes.n_known[goal] == 0:
-            search_routes(graph, routes, goal)
         entry = route_entry(routes, goal, node)
-        if entry == UNKNOWN or routes.entries[goal, entry].cost == np.inf:
+        if entry == UNKNOWN:
             return False
     while node != goal:
         if is_homeward:

@@ -20,7 +20,6 @@ from botohe_moo.algorithms.local_search.kernels.state import (
 )
 from botohe_moo.core.compile import helper, inlined
 from botohe_moo.core.ordered import draw_near, draw_slot
-from botohe_moo.core.paths import search_near
 from botohe_moo.core.rng import below, uniform
 from botohe_moo.core.world import Returns
 
@@ -77,17 +76,13 @@ def _visit(search: Search, n_visits: int) -> bool:
 @helper
 def _draw_visits(search: Search, n_visits: int) -> None:
     """Draw nodes to visit: any node, or one nearby of much marginal reward."""
-    world, work = search.world, search.work
-    states, routes, nodes = work.states, search.routes, work.nodes
-    node = work.steps[work.draft.prefix].node
-    near = routes.near.nodes
-    n_near = near.shape[1]
+    work = search.work
+    states, near, nodes = work.states, search.routes.near, work.nodes
+    node, n_near = work.steps[work.draft.prefix].node, near.shape[1]
     for i in range(n_visits):
         if uniform(states, 0) >= _P_NEAR:
-            node = work.draft.layer + below(states, world.team.reward.shape[0])
+            node = work.draft.layer + below(states, search.world.team.reward.shape[0])
         else:
-            if near[node, 0] < 0:
-                search_near(world.graph, routes.paths, routes.used, routes.near, node)
             best = near[node, below(states, n_near)]
             for _ in range(below(states, _MOST_COMPARED)):
                 other = near[node, below(states, n_near)]

@@ -25,7 +25,6 @@ from botohe_moo.algorithms.local_search.kernels.plans import (
     pop_newest,
     release_parent,
 )
-from botohe_moo.algorithms.local_search.kernels.routes import Routes, search_costs
 from botohe_moo.algorithms.local_search.kernels.state import (
     NOT_STORED,
     TOLERANCE,
@@ -42,7 +41,6 @@ from botohe_moo.core.world import (
     AT_NEXT_DEPOT,
     AT_THIS_DEPOT,
     Returns,
-    World,
     aboard_at,
     aboard_of,
 )
@@ -208,12 +206,11 @@ def _make_child(search: Search) -> bool:
 @helper
 def _build_tour(search: Search, which: int) -> None:
     """Build a tour of some of the stops of a chosen robot's trail, which are marked as seen."""
-    world, routes, work = search.world, search.routes, search.work
-    graph, returns, draft, slack = world.graph, world.returns, work.draft, work.slacks[which]
+    world, work = search.world, search.work
+    returns, draft, slack = world.returns, work.draft, work.slacks[which]
     _draw_slack(search, which)
     source, goals = world.team.start[work.chosen[which]], work.goals
     n, end = _draw_stops(search, which, source), world.team.end[source]
-    search_costs(graph, routes, source)
     work.nodes[source].seen = draft.mark
     begun, stopped = aboard_of(returns, work.chosen[which])
     for i in range(begun, stopped):
@@ -222,8 +219,7 @@ def _build_tour(search: Search, which: int) -> None:
     for i in range(n + 1):
         is_last = i == n
         after = end if is_last else goals[i]
-        search_costs(graph, routes, after)
-        _set_leg(routes, work, draft.n_legs, stop, after)
+        _set_leg(search, draft.n_legs, stop, after)
         leg = work.legs[draft.n_legs]
         leg.following, leg.tour = NONE if is_last else draft.n_legs + 1, which
         slack.danger -= leg.danger
@@ -327,9 +323,9 @@ def _list_stops_and_depots(search: Search, returns: Returns | None, which: int, 
 
 
 @helper
-def _set_leg(routes: Routes, work: Workspace, number: int, before: int, after: int) -> None:
+def _set_leg(search: Search, number: int, before: int, after: int) -> None:
     """Set the two stops of a leg, and compute what it costs."""
-    leg = work.legs[number]
+    leg, routes = search.work.legs[number], search.routes
     leg.before, leg.after = before, after
     leg.cost, leg.length = routes.leaving[before, after], 0.0
     leg.danger = leg.cost
@@ -345,7 +341,7 @@ def _fill_tours(search: Search) -> None:
 
     What each is worth is its marginal reward, lowered at random.
     """
-    world, routes, work = search.world, search.routes, search.work
+    world, work = search.world, search.work
     draft, nodes, worth, legs = work.draft, work.nodes, work.worth, work.legs
     states, first = work.states, draft.layer
     behind = first + world.team.reward.shape[0]
@@ -356,28 +352,28 @@ def _fill_tours(search: Search) -> None:
         if nodes[node].marginal > 0.0 and nodes[node].seen != draft.mark:
             worth[node] = nodes[node].marginal * (1.0 - noise * uniform(states, 0))
     for number in range(draft.n_legs):
-        _update_insertion_costs(world, routes, work, number)
+        _update_insertion_costs(search, number)
     for which in range(draft.n_chosen):
         _evaluate_tour(world.returns, work, which)
     while True:
         best = _find_best_node(search, world.returns)
         if best == NONE:
             break
-        search_costs(world.graph, routes, best)
         number = work.cheapest_leg[best]
-        _insert_node(routes, work, number, best)
+        _insert_node(search, number, best)
         worth[best] = 0.0
         for i in range(cheapest.shape[0]):
             cheapest[i] = UNKNOWN if cheapest[i] == number else cheapest[i]
-        _update_insertion_costs(world, routes, work, number)
-        _update_insertion_costs(world, routes, work, draft.n_legs - 1)
+        _update_insertion_costs(search, number)
+        _update_insertion_costs(search, draft.n_legs - 1)
         _evaluate_tour(world.returns, work, legs[number].tour)
 
 
 @helper
-def _update_insertion_costs(world: World, routes: Routes, work: Workspace, number: int) -> None:
+def _update_insertion_costs(search: Search, number: int) -> None:
     """Compute what it costs to insert each node into a leg, and note whether that is least."""
-    n, first = world.team.reward.shape[0], work.draft.layer
+    routes, work = search.routes, search.work
+    n, first = search.world.team.reward.shape[0], work.draft.layer
     leg = work.legs[number]
     # The part of each array that belongs to the layer: indices that begin at 0 are faster.
     costs, cheapest = work.insertion_cost[first : first + n], work.cheapest_leg[first : first + n]
@@ -432,9 +428,9 @@ def _find_best_node(search: Search, returns: Returns | None) -> int:
     A node gains its worth, less what the danger of the detour takes from the stops after it. For
     small costs c, 1 / (1 + c) takes the place of exp(−c).
     """
-    world, routes, work = search.world, search.routes, search.work
+    routes, work = search.routes, search.work
     legs, best, highest = work.legs, NONE, 0.0
-    n, first = world.team.reward.shape[0], work.draft.layer
+    n, first = search.world.team.reward.shape[0], work.draft.layer
     per_length = routes.per_length[first]
     costs, worth = work.insertion_cost[first : first + n], work.worth[first : first + n]
     cheapest = work.cheapest_leg[first : first + n]
@@ -443,7 +439,7 @@ def _find_best_node(search: Search, returns: Returns | None) -> int:
             continue
         node = first + i
         if cheapest[i] == UNKNOWN:
-            _find_cheapest_leg(world, routes, work, node)
+            _find_cheapest_leg(search, node)
         leg, cost = legs[cheapest[i]], max(costs[i], _LEAST_COST)
         slack, way = work.slacks[leg.tour], routes.leaving[leg.before, node]
         danger = cost
@@ -469,10 +465,9 @@ def _find_best_node(search: Search, returns: Returns | None) -> int:
 
 
 @helper
-def _find_cheapest_leg(world: World, routes: Routes, work: Workspace, node: int) -> None:
+def _find_cheapest_leg(search: Search, node: int) -> None:
     """Find the leg where inserting a node costs least."""
-    search_costs(world.graph, routes, node)
-    leaving, coming = routes.leaving[node], routes.coming[node]
+    work, leaving, coming = search.work, search.routes.leaving[node], search.routes.coming[node]
     least, cheapest = np.inf, 0
     for number in range(work.draft.n_legs):
         leg = work.legs[number]
@@ -483,16 +478,17 @@ def _find_cheapest_leg(world: World, routes: Routes, work: Workspace, node: int)
 
 
 @helper
-def _insert_node(routes: Routes, work: Workspace, number: int, node: int) -> None:
+def _insert_node(search: Search, number: int, node: int) -> None:
     """Split a leg in two by a node; the second is the last one of ``work.legs`` then."""
+    work = search.work
     legs, added = work.legs, work.draft.n_legs
     leg, slack = legs[number], work.slacks[legs[number].tour]
     slack.danger += leg.danger
     slack.length += leg.length
     legs[added].following, legs[added].tour = leg.following, leg.tour
     leg.following = added
-    _set_leg(routes, work, added, node, leg.after)
-    _set_leg(routes, work, number, leg.before, node)
+    _set_leg(search, added, node, leg.after)
+    _set_leg(search, number, leg.before, node)
     slack.danger -= leg.danger + legs[added].danger
     slack.length -= leg.length + legs[added].length
     work.draft.n_legs += 1

@@ -1,8 +1,8 @@
-"""Safest paths to every node, searched when a move first needs them.
+"""Cheapest paths to every node, searched before the search begins.
 
 On missions of up to ``FULL_UP_TO`` nodes a row holds the paths to a node from all nodes. On larger
-ones it holds those from the ``NEAR`` nodes that are safest to come from, so that memory grows with
-the number of nodes, not with its square. Only the ways to the base are known from everywhere.
+ones it holds those from the ``NEAR`` nodes that are cheapest to come from, so that memory grows
+with the number of nodes, not with its square. Only the ways to the base are known from everywhere.
 """
 
 from typing import NamedTuple
@@ -30,129 +30,106 @@ UNKNOWN = -1  # instead of an entry, where no path is known
 
 _N_NEIGHBOURS = 12
 _ENTRY = np.dtype(
-    [("cost", np.float64), ("source", np.int32), ("arc", np.int32), ("onward", np.int32)]
+    [("cost", np.float64), ("length", np.float64)]
+    + [(name, np.int32) for name in ("source", "arc", "onward")]
 )
 
 
 class Routes(NamedTuple):
-    """Safest paths, a row for every node where they lead to."""
+    """Cheapest paths, a row for every node where they lead to."""
 
-    n_known: OffsetArray  # entries in each row; 0 before the row has been searched (n_nodes)
-    # Where a path begins (``source``, ascending along the known part of a row), its ``cost``, its
-    # first ``arc``, −1 at the goal itself, and the entry, in the same row, of that arc's head
-    # (``onward``; n_nodes, n_entries).
+    n_known: OffsetArray  # entries in each row (n_nodes)
+    # Where a path begins (``source``, ascending along the known part of a row), its ``cost`` and
+    # its ``length``, its first ``arc``, −1 at the goal itself, and the entry, in the same row, of
+    # that arc's head (``onward``; n_nodes, n_entries).
     entries: RecordArray
-    near: Near  # rows are searched when they are needed
+    near: OffsetArray  # of each node, the others that are cheapest to reach (n_nodes, n_near)
     # Costs of the cheapest paths from each node to all (``leaving``), and to it from all
-    # (``coming``; n_nodes, n_nodes), for nodes where they have been searched (``is_known``;
-    # n_nodes). Empty on missions of more than ``FULL_UP_TO`` nodes.
-    is_known: OffsetArray
+    # (``coming``), and the lengths of these paths (n_nodes, n_nodes). Without travel budgets there
+    # are no lengths, and on missions of more than ``FULL_UP_TO`` nodes neither.
     leaving: FloatArray
     coming: FloatArray
-    # With travel budgets also the lengths of these paths; what a unit of length costs in the layer
-    # of each node (n_nodes); and whether lengths cost anything.
     leaving_length: FloatArray
     coming_length: FloatArray
+    # What a unit of length costs in the layer of each node (n_nodes), and whether lengths cost
+    # anything.
     per_length: FloatArray
     prices_length: bool
-    used: OffsetArray  # 0 for all arcs: every search may take all of them (n_arcs)
-    paths: Paths  # scratch of the search
 
 
-def new_routes(world: World, per_length: FloatArray) -> Routes:
-    """Return room for cheapest paths; none of them is searched yet.
+def find_routes(world: World, per_length: FloatArray) -> Routes:
+    """Search all cheapest paths.
 
     ``per_length`` is what a unit of length adds to the costs of arcs in the layer of each node.
     """
-    n_nodes, prices_length = world.graph.n_nodes, world.limits.has_budgets
-    n_entries = n_nodes if n_nodes <= FULL_UP_TO else NEAR
-    n_costs = n_nodes if n_nodes <= FULL_UP_TO else 0
+    n_nodes, is_full = world.graph.n_nodes, world.graph.n_nodes <= FULL_UP_TO
+    n_known = np.zeros(n_nodes, np.int64)
+    entries = np.empty((n_nodes, n_nodes if is_full else NEAR), _ENTRY).view(np.recarray)
+    entries.cost, entries.length = FAR, 0.0
+    near = new_near(n_nodes, _N_NEIGHBOURS)
+    used = np.zeros(world.graph.n_arcs, np.int64)  # every path may take all arcs
+    _search_all(world.graph, new_paths(world), used, near, n_known, entries)
+    costs = entries["cost"].copy() if is_full else np.empty((0, 0))
+    prices_length = world.limits.has_budgets
+    lengths = entries["length"].copy() if is_full and prices_length else np.empty((0, 0))
     return Routes(
-        n_known=np.zeros(n_nodes, np.int64),
-        entries=np.empty((n_nodes, n_entries), _ENTRY).view(np.recarray),
-        near=new_near(n_nodes, _N_NEIGHBOURS),
-        is_known=np.zeros(n_nodes, np.int64),
-        leaving=np.empty((n_costs, n_costs)),
-        coming=np.empty((n_costs, n_costs)),
-        leaving_length=np.zeros((n_costs, n_costs) if prices_length else (0, 0)),
-        coming_length=np.zeros((n_costs, n_costs) if prices_length else (0, 0)),
+        n_known=n_known,
+        entries=entries,
+        near=near.nodes,
+        leaving=costs.T.copy(),
+        coming=costs,
+        leaving_length=lengths.T.copy(),
+        coming_length=lengths,
         per_length=per_length,
         prices_length=prices_length,
-        used=np.zeros(world.graph.n_arcs, np.int64),
-        paths=new_paths(world),
     )
 
 
 @kernel
-def search_all(graph: Graph, routes: Routes, with_costs: bool) -> None:
-    """Search all paths that have not been searched yet, so that several threads may read them."""
-    graph, routes = shared(graph), shared(routes)
+def _search_all(
+    graph: Graph,
+    paths: Paths,
+    used: OffsetArray,
+    near: Near,
+    n_known: OffsetArray,
+    entries: RecordArray,
+) -> None:
+    graph, paths, near = shared(graph), shared(paths), shared(near)
     for node in range(graph.reward.shape[0]):
-        if routes.near.nodes.shape[1] > 0 and routes.near.nodes[node, 0] < 0:
-            search_near(graph, routes.paths, routes.used, routes.near, node)
-        if routes.n_known[node] == 0:
-            search_routes(graph, routes, node)
-        if with_costs:
-            search_costs(graph, routes, node)
+        search_near(graph, paths, used, near, node)
+        n = search_paths(graph, paths, used, 1, node, ANYWHERE, entries.shape[1], True)
+        n_known[node] = _fill_row(graph, paths, n, entries[node])
 
 
 @helper
-def search_costs(graph: Graph, routes: Routes, node: int) -> None:
-    """Find the costs of the cheapest paths from a node to all, and to it from all."""
-    if routes.is_known[node] > 0:
-        return
-    routes.is_known[node] = 1
-    paths, n_nodes = routes.paths, graph.reward.shape[0]
-    for backwards in (False, True):
-        costs = routes.coming[node] if backwards else routes.leaving[node]
-        for i in range(n_nodes):
-            costs[i] = FAR
-        n = search_paths(graph, paths, routes.used, 1, node, ANYWHERE, n_nodes, backwards)
-        for i in range(n):
-            costs[paths.order[i]] = paths.distance[paths.order[i]]
-        if not routes.prices_length:
-            continue
-        lengths = routes.coming_length[node] if backwards else routes.leaving_length[node]
-        lengths[node] = 0.0
-        for i in range(1, n):
-            arc = paths.entry[paths.order[i]]
-            before = graph.head[arc] if backwards else graph.tail[arc]
-            lengths[paths.order[i]] = lengths[before] + graph.length[arc]
-
-
-@helper
-def search_routes(graph: Graph, routes: Routes, goal: int) -> None:
-    """Fill in a row: the safest paths to a node from those that are safest to come from."""
-    paths, n_entries = routes.paths, routes.entries.shape[1]
-    n = search_paths(graph, paths, routes.used, 1, goal, ANYWHERE, n_entries, True)
-    found, place = -paths.n_searches[0], paths.heap_nodes
+def _fill_row(graph: Graph, paths: Paths, n: int, row: RecordArray) -> int:
+    """Fill in the row of a goal from the last search, which found ``n`` paths; return its size."""
+    place, n_nodes = paths.heap_nodes, paths.met.shape[0]
+    is_full = row.shape[0] == n_nodes
+    found = -paths.n_searches[0]
     for i in range(n):
         paths.met[paths.order[i]] = found  # negative, as no search marks nodes
-    n = 0
-    for node in range(paths.met.shape[0]):
-        if paths.met[node] == found:
-            place[node] = n
-            n += 1
-    for node in range(paths.met.shape[0]):
-        if paths.met[node] == found:
-            at = node if n_entries == routes.entries.shape[0] else place[node]
-            entry, arc = routes.entries[goal, at], paths.entry[node]
-            entry.cost, entry.source, entry.arc = paths.distance[node], node, arc
-            following = graph.head[arc] if arc >= 0 else node
-            entry.onward = following if n_entries == routes.entries.shape[0] else place[following]
-    if n_entries == routes.entries.shape[0]:  # from other layers there is none
-        for node in range(n_entries):
-            if paths.met[node] != found:
-                routes.entries[goal, node].cost = np.inf
-        n = n_entries
-    routes.n_known[goal] = n
+    n_known = 0
+    for node in range(n_nodes):
+        if is_full or paths.met[node] == found:
+            place[node] = n_known
+            n_known += 1
+    for i in range(n):  # the nearest first, so that the rest of a path is known
+        node = paths.order[i]
+        entry, arc = row[place[node]], paths.entry[node]
+        entry.cost, entry.source, entry.arc = paths.distance[node], node, arc
+        entry.onward, entry.length = place[node], 0.0
+        if arc >= 0:
+            entry.onward = place[graph.head[arc]]
+            entry.length = graph.length[arc] + row[entry.onward].length
+    return n_known
 
 
 @helper
 def route_entry(routes: Routes, goal: int, node: int) -> int:
-    """Return the entry of the path from ``node`` in a row that was searched, or ``UNKNOWN``."""
+    """Return the entry of the path from ``node`` in the row of a goal, or ``UNKNOWN``."""
     if routes.entries.shape[1] == routes.entries.shape[0]:
-        return node
+        return node if routes.entries[goal, node].cost < FAR else UNKNOWN
     low, high = 0, routes.n_known[goal]
     while low < high:
         middle = (low + high) // 2
