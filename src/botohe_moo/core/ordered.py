@@ -76,30 +76,20 @@ def read_front(front: OrderedFront) -> tuple[OffsetArray, FloatArray]:
     return places["slot"].copy(), np.column_stack([places["reward"], places["survivors"]])
 
 
-def copy_front(front: OrderedFront, kept: OffsetArray, n_slots: int) -> OrderedFront:
-    """Copy the plans of some slots, given in order, to a front with room for ``n_slots``."""
-    copy, n = new_front(n_slots, front.plan.shape[1]), len(kept)
-    slots, objectives = read_front(front)
-    rows = np.flatnonzero(np.isin(slots, kept))
-    full = BLOCK // 2 + 1  # the least that two neighbours have together: there is room to enter
-    n_blocks = -(-n // full)
-    at, place = np.divmod(np.arange(n), full)
-    copy.directory[:n_blocks] = np.arange(n_blocks)
-    copy.size[:n_blocks] = np.bincount(at, minlength=n_blocks)
-    copy.places["slot"][at, place] = np.arange(n)
-    copy.places["reward"][at, place] = objectives[rows, 0]
-    copy.places["survivors"][at, place] = objectives[rows, 1]
-    copy.plan[:n], copied = front.plan[kept], copy.slots[:n]
-    copied[:] = front.slots[kept]
-    copied["before"], copied["after"] = np.arange(n) - 1, np.arange(n) + 1
-    copied["after"][n - 1 :] = -1
-    by_member = np.argsort(copied["member"])
-    copy.members[:n], copied["member"][by_member] = by_member, np.arange(n)
-    counts = copy.n
-    counts.blocks, counts.plans, counts.entered = n_blocks, n, front.n.entered
-    counts.free -= n_blocks
-    counts.spare -= n
-    return copy
+def grow_front(front: OrderedFront, n_slots: int) -> OrderedFront:
+    """Return the same front with room for ``n_slots`` plans, at least as many as now."""
+    grown = new_front(n_slots, front.plan.shape[1])
+    for name in ("directory", "size", "places", "plan", "slots", "members"):
+        old = getattr(front, name)
+        getattr(grown, name)[: len(old)] = old
+    n = grown.n
+    n.blocks, n.plans, n.entered = front.n.blocks, front.n.plans, front.n.entered
+    for name, of in (("free", "free_blocks"), ("spare", "spare_slots")):
+        stack, old, n_old = getattr(grown, of), getattr(front, of), getattr(front.n, name)
+        n_new = len(stack) - len(old)  # these numbers are at the bottom of the stack
+        stack[n_new : n_new + n_old] = old[:n_old]
+        setattr(n, name, n_new + n_old)
+    return grown
 
 
 @inlined

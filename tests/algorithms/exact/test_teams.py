@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo.algorithms.exact import teams
-from botohe_moo.core.ordered import best_reward, copy_front, insert, new_front, read_front
+from botohe_moo.core.ordered import best_reward, grow_front, insert, new_front, read_front
 from botohe_moo.core.world import CHECKING
 from tests.examples import examples
 
@@ -48,7 +48,7 @@ class TestTeams:
         while state != teams.FINISHED:
             state = teams.choose_teams(choices, front, n_looks, most_reward=False)
             if state == teams.FULL:
-                front = copy_front(front, read_front(front)[0], 2 * len(front.plan))
+                front = grow_front(front, 2 * len(front.plan))
         slots, found = read_front(front)
         every = np.array(list(every_team(*pool)))
         near = CHECKING * np.array([reward.sum(), n_robots])

@@ -12,6 +12,7 @@ import pytest
 from botohe_moo import Kind, Mission, MissionError, TrailPlan, area_indicator, load_mission
 from botohe_moo.algorithms.local_search import engine
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, RUIN_AND_RECREATE
+from botohe_moo.algorithms.local_search.kernels.search import trim
 from tests import twins
 from tests.algorithms.local_search.made import (
     check,
@@ -310,15 +311,19 @@ def test_small_missions_of_kinds_are_solved(pays):
         assert area - 0.002 <= area_indicator(search.objectives(), mission) <= area + 1e-9
 
 
-def test_thinning_takes_what_contributes_least_and_leaves_the_ends():
-    n, thinned = 100, engine._most_contributing
-    objectives = np.column_stack([100.0 - np.arange(n), np.arange(n)])
-    objectives[50, 0] -= 0.9  # the next one stands close to it
-    assert np.delete(np.arange(n), 51).tolist() == thinned(objectives, n - 1).tolist()
-    for n_most in range(n, 1, -1):
-        kept = thinned(objectives, n_most)
-        assert len(kept) == n_most
-        assert (kept[0], kept[-1]) == (0, n - 1)
-        assert (np.diff(kept) > 0).all()
-    # Evenly spaced plans: no gap is wide.
-    assert np.diff(thinned(objectives, 50)).max() <= 3
+@pytest.mark.compiled_only
+def test_trimming_takes_what_contributes_least_and_leaves_the_ends(museum):
+    search = started(museum, seed=1)
+    search.run(20_000)
+    expected, n_users = search.objectives(), search._store.trails["n_users"].sum()
+    for _ in range(60):
+        reward, survivors = expected.T
+        area = (reward[:-2] - reward[2:]) * (survivors[2:] - survivors[:-2])
+        expected = np.delete(expected, np.argmin(area) + 1, axis=0)
+    trim(search.parts, len(expected))
+    assert search.objectives().tolist() == expected.tolist()
+    assert search._store.trails["n_users"].sum() == n_users - 60 * museum.robots
+    trim(search.parts, 2)
+    assert search.objectives().tolist() == expected[[0, -1]].tolist()
+    search.run(2_000)
+    check(search)

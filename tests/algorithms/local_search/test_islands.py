@@ -131,7 +131,7 @@ class TestMigration:
         """Nor where they have moved to where there is more room."""
         one, other = self.searches(toy, self.PLANS[0])
         if moves:
-            other._keep(read_front(other._front)[0])
+            other._make_room()
         before = n_stored(other)
         self.insert(one, *self.PLANS)
         self.exchange([one, other])

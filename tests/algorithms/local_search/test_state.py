@@ -114,25 +114,23 @@ def test_trails_are_kept_as_long_as_somebody_has_them(mission, data):
 
 @examples(60)
 @given(missions(min_nodes=1) | team_missions(), st.data())
-def test_a_trail_that_is_discarded_leaves_no_trace(mission, data):
+def test_a_trail_that_was_stored_last_leaves_no_trace(mission, data):
     stored = Stored(mission)
     some = [trail for trail in draw_some(data, stored, 0, 3) if trail != NOT_STORED]
     before, users = stored.store.n.item(), stored.store.trails["n_users"].tolist()
     for trail in reversed(draw_some(data, stored, 1, 3)):
         if trail != NOT_STORED:
-            state.discard(stored.store, trail)
-            del stored.trails[trail]
+            stored.release(trail)
     assert stored.store.n.item() == before
     assert stored.store.trails["n_users"].tolist() == users
     stored.check()
     # Where another plan has it, and where others lie behind it, its room stays in use.
     for trail in some:
         stored.store.trails[trail].n_users += 1
-        state.discard(stored.store, trail)
+        state.release(stored.store, trail)
     assert stored.store.n.item() == before
     for trail in some[:-1]:
-        state.discard(stored.store, trail)
-        del stored.trails[trail]
+        stored.release(trail)
     stored.check()
     draw_some(data, stored, 3, 3)
     stored.check()

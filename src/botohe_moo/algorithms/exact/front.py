@@ -20,7 +20,7 @@ from botohe_moo.algorithms.exact.labels import n_bytes
 from botohe_moo.algorithms.exact.trails import TrailSearch, without_base_reward
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.core.evaluate import evaluate, new_values
-from botohe_moo.core.ordered import best_reward, copy_front, insert, new_front, read_front
+from botohe_moo.core.ordered import best_reward, grow_front, insert, new_front, read_front
 from botohe_moo.core.world import CHECKING, World
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission, check_mission
@@ -224,8 +224,7 @@ class FrontSearch:
         state = teams.choose_teams(choices, self._front, _CHOICES_A_PORTION, most_reward=False)
         if state == teams.FULL:
             self._require(2 * n_bytes(self._front))
-            slots, _ = read_front(self._front)
-            self._front = copy_front(self._front, slots, 2 * len(slots))
+            self._front = grow_front(self._front, 2 * len(self._front.slots))
         elif state == teams.FINISHED:
             self.plans = self._plans()
 

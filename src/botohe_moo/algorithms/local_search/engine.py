@@ -15,7 +15,7 @@ from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, RecordArra
 from botohe_moo.algorithms.local_search.kernels.moves import MOVES
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
 from botohe_moo.algorithms.local_search.kernels.routes import FULL_UP_TO, Routes, find_routes
-from botohe_moo.algorithms.local_search.kernels.search import improve
+from botohe_moo.algorithms.local_search.kernels.search import improve, trim
 from botohe_moo.algorithms.local_search.kernels.state import (
     MEMORY,
     N_CHILDREN,
@@ -32,7 +32,7 @@ from botohe_moo.algorithms.local_search.kernels.state import (
     new_workspace,
     ragged,
 )
-from botohe_moo.core.ordered import copy_front, new_front, read_front
+from botohe_moo.core.ordered import grow_front, new_front, read_front
 from botohe_moo.core.rng import draw_state
 from botohe_moo.core.threads import apart
 from botohe_moo.core.world import World
@@ -213,10 +213,11 @@ class LocalSearch:
                 found += self._timed(recreate, n_evaluations - n - found)
             n += found
             if found == 0 and not has_room(self.parts):
-                self._keep(read_front(self._front)[0])
+                self._make_room()
             elif found == 0 and not are_waiting:  # no move makes another plan
                 break
-        self._trim()
+        if self.max_size is not None and len(self) > self.max_size:
+            trim(self.parts, self.max_size)
         return n
 
     def _timed(self, kernel: Any, *arguments: Any) -> int:
@@ -294,23 +295,16 @@ class LocalSearch:
         nodes[is_head] = self.world.graph.head[arcs]
         return nodes, offsets
 
-    def _trim(self) -> None:
-        """Keep only as many plans as the front may have."""
-        if self.max_size is not None and len(self) > self.max_size:
-            slots, objectives = read_front(self._front)
-            self._keep(slots[_most_contributing(objectives, self.max_size)])
-
-    def _keep(self, slots: OffsetArray) -> None:
-        """Keep only the plans of some slots of the front; make room for twice as many."""
-        front, store = self._front, self._store
-        users = np.bincount(front.plan[slots].ravel(), minlength=len(store.trails))
-        store.trails["n_users"] = users
-        used = np.flatnonzero(users)
-        n_arcs, n_visits = (int(store.trails[name][used].sum()) for name in ("n_arcs", "n_visits"))
+    def _make_room(self) -> None:
+        """Make room for twice as many plans and trails, and drop trails that no plan has."""
+        trails = self._store.trails
+        used = np.flatnonzero(trails["n_users"])
+        n_arcs, n_visits = (int(trails[name][used].sum()) for name in ("n_arcs", "n_visits"))
         n_trails = max(int(used.max(initial=0)) + 1, 2 * len(used))
-        self._store = self._new_store(n_trails, 4 * n_arcs, 4 * n_visits)
-        copy_trails(store, self._store)
-        self._front = copy_front(front, slots, 2 * len(slots) + _N_ADDED + _FIRST_PLANS)
+        store = self._new_store(n_trails, 4 * n_arcs, 4 * n_visits)
+        copy_trails(self._store, store)
+        n_plans = max(len(self._front.slots), 2 * len(self) + _N_ADDED + _FIRST_PLANS)
+        self._store, self._front = store, grow_front(self._front, n_plans)
 
     def _new_store(self, n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
         """Return a store with this room, and room for the trails of a few parents' children."""
@@ -351,16 +345,3 @@ def _priced(world: World) -> tuple[World, FloatArray]:
     if not limits.has_budgets:
         return world, per_length
     return world.with_costs(graph.cost + per_length[graph.tail] * graph.length), per_length
-
-
-def _most_contributing(objectives: FloatArray, n_most: int) -> OffsetArray:
-    """Return which plans stay, by index, when the one of least area is removed again and again.
-
-    Areas are those of the rectangles between a plan's two neighbours; both ends stay.
-    """
-    kept = np.arange(len(objectives))
-    while len(kept) > n_most:
-        reward, survivors = objectives[kept].T
-        area = (reward[:-2] - reward[2:]) * (survivors[2:] - survivors[:-2])
-        kept = np.delete(kept, np.argmin(area) + 1)
-    return kept

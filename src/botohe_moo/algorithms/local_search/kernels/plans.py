@@ -272,6 +272,14 @@ def evaluate_trails(world: World, store: TrailStore, work: Workspace) -> tuple[f
 
 
 @helper
+def remove_plan(store: TrailStore, front: OrderedFront, block: int, place: int) -> None:
+    """Remove a plan from the front, and release its trails."""
+    slot = remove_place(front, block, place)
+    for k in range(front.plan.shape[1]):
+        release(store, front.plan[slot, k])
+
+
+@helper
 def _insert(
     store: TrailStore,
     front: OrderedFront,
@@ -292,9 +300,7 @@ def _insert(
         block, place = find_dominated(front, reward, no_more)
         if block < 0:
             break
-        slot = remove_place(front, block, place)
-        for k in range(front.plan.shape[1]):
-            release(store, front.plan[slot, k])
+        remove_plan(store, front, block, place)
     slot = add_place(front, reward, survivors)
     for k in range(trails.shape[0]):
         front.plan[slot, k] = trails[k]

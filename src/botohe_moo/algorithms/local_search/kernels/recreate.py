@@ -30,7 +30,6 @@ from botohe_moo.algorithms.local_search.kernels.state import (
     TOLERANCE,
     Search,
     Workspace,
-    discard,
     has_room,
     release,
 )
@@ -153,7 +152,7 @@ def _recreate_parent(search: Search, n_most: int) -> int:
                 release(store, work.parent[robot])
                 work.parent[robot] = work.recreated[robot]
             else:
-                discard(store, work.recreated[robot])
+                release(store, work.recreated[robot])
     return n_children
 
 

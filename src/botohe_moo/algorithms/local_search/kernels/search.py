@@ -22,6 +22,7 @@ from botohe_moo.algorithms.local_search.kernels.plans import (
     lay_out,
     pop_newest,
     release_parent,
+    remove_plan,
 )
 from botohe_moo.algorithms.local_search.kernels.state import (
     BUSY,
@@ -96,6 +97,26 @@ def improve(search: Search, given: Given, begin: int, n_evaluations: int) -> int
             release(search.store, given.stored[trail])
             given.stored[trail] = NOT_STORED
     return n
+
+
+@kernel
+def trim(search: Search, n_most: int) -> None:
+    """Remove the plan of the front that contributes the least area until ``n_most`` are left.
+
+    Both ends of the front stay.
+    """
+    search = shared(search)
+    front = search.front
+    while front.n.plans > n_most:
+        least, removed = np.inf, -1
+        slot = front.slots[front.places[front.directory[0], 0].slot].after
+        while front.slots[slot].after >= 0:
+            area = contribution(front, slot)
+            if area < least:
+                least, removed = area, slot
+            slot = front.slots[slot].after
+        block, place = find_place(front, front.slots[removed].survivors)
+        remove_plan(search.store, front, block, place)
 
 
 @helper

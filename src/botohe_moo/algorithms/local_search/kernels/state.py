@@ -307,18 +307,15 @@ def has_room(search: Search) -> bool:
 
 @helper
 def release(store: TrailStore, trail: int) -> None:
-    """Note that a trail has one user less; where none is left, its number is free."""
-    store.trails[trail].n_users -= 1
-    if store.trails[trail].n_users == 0:
-        store.spare[store.n.spare] = trail
-        store.n.spare += 1
+    """Note that a trail has one user less; where none is left, its number is free.
 
-
-@helper
-def discard(store: TrailStore, trail: int) -> None:
-    """Release a trail; if it was stored last and has no user left, free its room, too."""
-    n, last = store.n, store.trails[trail]
-    release(store, trail)
-    ends = last.end_arc, last.first_visit + last.n_visits
-    if last.n_users == 0 and ends == (n.arcs, n.visits):
-        n.arcs, n.visits = last.first_arc, last.first_visit
+    So is its room, if it was stored last.
+    """
+    n, left = store.n, store.trails[trail]
+    left.n_users -= 1
+    if left.n_users > 0:
+        return
+    store.spare[n.spare] = trail
+    n.spare += 1
+    if left.end_arc == n.arcs and left.first_visit + left.n_visits == n.visits:
+        n.arcs, n.visits = left.first_arc, left.first_visit
