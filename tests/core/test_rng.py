@@ -1,9 +1,10 @@
 """Random numbers of the kernels: xoroshiro128+ by the book, evenly spread, seeded by numpy."""
 
 import numpy as np
+import pytest
 
 from botohe_moo.core.compile import kernel
-from botohe_moo.core.rng import hash_keys, mixed, seed_states, uniform
+from botohe_moo.core.rng import draw_weighted, hash_keys, mixed, seed_states, uniform
 
 MASK = 2**64 - 1
 
@@ -68,3 +69,13 @@ def test_hash_keys_are_what_splitmix64_draws():
     assert hash_keys(0).tolist() == []
     words = [(i * 0x9E3779B97F4A7C15) & MASK for i in (1, 2, 3)]
     assert [mix(np.uint64(word)) for word in words] == expected
+
+
+def test_indices_are_drawn_by_weight():
+    weights, n = np.array([0.0, 2.0, 0.0, 1.0, 5.0, 0.0]), 20_000
+    states = seed_states(np.random.default_rng(4), 1)
+    with np.errstate(all="ignore"):
+        drawn = [draw_weighted(np.cumsum(weights), states) for _ in range(n)]
+    counts = np.bincount(drawn, minlength=len(weights))
+    assert counts == pytest.approx(n * weights / weights.sum(), abs=5 * np.sqrt(n) / 2)
+    assert not counts[weights == 0].any()

@@ -8,7 +8,7 @@ import pytest
 from botohe_moo import TrailPlan
 from botohe_moo.algorithms.local_search import engine
 from botohe_moo.algorithms.local_search.engine import LocalSearch, LocalSearchSettings
-from botohe_moo.algorithms.local_search.kernels import children, plans, recreate, routes, search
+from botohe_moo.algorithms.local_search.kernels import children, plans, routes, search
 from botohe_moo.algorithms.local_search.kernels.state import NEVER
 from botohe_moo.core.ordered import best_reward, nearest_place, read_front
 from botohe_moo.core.world import CHECKING, find_arc
@@ -206,8 +206,7 @@ def note_entering(patch):
             entering.append((plan_of(parts, parts.front.plan[slot]), objectives))
         return entered
 
-    for module in (search, recreate):
-        patch.setattr(module, "insert_trails", noted)
+    patch.setattr(plans, "insert_trails", noted)
     return entering
 
 
@@ -223,14 +222,14 @@ def watched(
         patch.setattr(routes, "NEAR", 2)
         found, made = started(mission, start, **options), []
         patch.setattr(search, "MAX_FRUITLESS", FEW)
-        evaluate_child = search.evaluate_child
+        evaluate_child = children.evaluate_child
 
         def noted(*arguments):
             gained = evaluate_child(*arguments)
             made.append(Child(found, gained))
             return gained
 
-        patch.setattr(search, "evaluate_child", noted)
+        patch.setattr(children, "evaluate_child", noted)
         if len(found):
             found.run(n_evaluations)
     return found, made

@@ -1,19 +1,13 @@
 """Moves: how they are declared, that each makes children, and all children of some by hand."""
 
-from types import SimpleNamespace
-
 import networkx as nx
-import numpy as np
 import pytest
 
 from botohe_moo import Mission, TrailPlan, load_mission
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES
 from botohe_moo.algorithms.local_search.kernels import moves, plans, search
 from botohe_moo.algorithms.local_search.kernels.moves import MOVES, N_MOVES, Move
-from botohe_moo.algorithms.local_search.kernels.state import NOT_STORED
-from botohe_moo.core.rng import seed_states
-from tests.algorithms.local_search.made import check, started, trail_of, watched
-from tests.twins import plain_local_search
+from tests.algorithms.local_search.made import check, started, watched
 
 
 class TestDeclarations:
@@ -24,35 +18,24 @@ class TestDeclarations:
         assert min(move.weight for move in MOVES) > 0
         assert sum(move.weight for move in MOVES) == pytest.approx(1.0, abs=0.1)
         assert {move.name: move.weight for move in MOVES} == DEFAULT_MOVES
-        assert len({move.draw for move in MOVES}) == N_MOVES
+        assert len({move[2:] for move in MOVES}) == N_MOVES
 
     def test_each_has_a_function(self, monkeypatch):
-        with pytest.raises(TypeError, match="draw"):
+        with pytest.raises(TypeError, match="make"):
             Move("new", 0.1)
         monkeypatch.setattr(moves, "MOVES", (*MOVES[:-1], ("new", 0.1)))
-        with pytest.raises(AttributeError, match="draw"):  # as it would when it is imported
+        with pytest.raises(ValueError, match="unpack"):  # as it would when it is imported
             moves._chained(0)
 
     @pytest.mark.parametrize("n", [1, 2, N_MOVES + 1])
     def test_one_is_called_by_its_number(self, monkeypatch, n):
-        called = [Move(f"move {i}", 1.0, lambda of, i=i: of.append(i)) for i in range(n)]
+        called = [Move(f"move {i}", 1.0, lambda of, i: of.append(i), i) for i in range(n)]
         monkeypatch.setattr(moves, "MOVES", called)
         monkeypatch.setattr(moves, "N_MOVES", n)
-        draw_move, drawn = moves._chained(0), []
+        make_move, made = moves._chained(0), []
         for number in range(n):
-            draw_move(drawn, number)
-        assert drawn == list(range(n))
-
-    def test_they_are_drawn_by_weight(self):
-        rng, n = np.random.default_rng(4), 20_000
-        weights = [move.weight * (i % 3 > 0) for i, move in enumerate(MOVES)]
-        states = seed_states(rng, 1)
-        work = SimpleNamespace(weights=np.cumsum(weights), states=states)
-        with np.errstate(all="ignore"):
-            counts = np.bincount([search._draw_move(work) for _ in range(n)], minlength=N_MOVES)
-        expected = n * np.array(weights) / sum(weights)
-        assert counts == pytest.approx(expected, abs=5 * np.sqrt(n) / 2)
-        assert not counts[::3].any()
+            make_move(made, number)
+        assert made == list(range(n))
 
 
 @pytest.fixture(scope="module")
@@ -141,43 +124,3 @@ class TestByHand:
         # Before it and behind it; in its place; and on the way back from it.
         assert {(0, 1, 0), (0, 2, 0), (0, 1, 0, 3, 0), (0, 3, 0, 2, 0)} <= found
         assert all(len(trail) <= 5 for trail in found)
-
-
-@pytest.mark.parametrize(
-    ("name", "patience", "is_stuck"),
-    [("art_museum_return", -1, True), ("art_museum_return", 10**6, False), ("toy", -1, False)],
-)
-def test_once_stuck_with_rewards_on_return(name, patience, is_stuck):
-    """Robots follow others of their plan, and trails of some are replaced by children of them."""
-    mission = load_mission(name)
-    found = started(mission, prob_recreate=0.0)
-    found.run(2_000)
-    shaken, followed = [], []
-    with plain_local_search() as patch:
-        for module, constant, value in (
-            (plans, "PATIENCE_ON_RETURN", patience),
-            (moves, "P_FOLLOW", 1.0),
-            (search, "P_OTHER", 1.0),
-            (search, "P_SHAKE", 1.0),
-        ):
-            patch.setattr(module, constant, value)
-        shake, adopt = search._shake, MOVES[-1].draw
-
-        def noted(parts, robot):
-            trail = shake(parts, robot)
-            parent = parts.work.parent[robot]
-            if trail != NOT_STORED:
-                shaken.append((trail_of(parts, trail), trail_of(parts, parent)))
-            return trail
-
-        patch.setattr(search, "_shake", noted)
-        found.run(300)
-        check(found)
-        for _ in range(50):
-            search._select_robot(found.parts, 0, 0)
-            adopt(found.parts)
-            followed.append(found._work.draft.adopted in found._work.parent)
-            search.release_parent(found.parts)
-    assert (len(shaken) > 50) == is_stuck
-    assert all(trail != before for trail, before in shaken)
-    assert all(followed) == is_stuck

@@ -15,7 +15,7 @@ from botohe_moo.algorithms.local_search.kernels import plans
 from botohe_moo.algorithms.local_search.kernels import recreate as kernels
 from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, new_store
 from botohe_moo.core.rng import uniform
-from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, new_limits
+from botohe_moo.core.world import new_limits
 from tests import twins
 from tests.algorithms.local_search.made import (
     check,
@@ -38,7 +38,6 @@ def plain():
     """The search in plain Python, always stuck: children may be the steps of a walk."""
     with plain_local_search() as patch:
         patch.setattr(plans, "PATIENCE", -1)
-        patch.setattr(plans, "PATIENCE_ON_RETURN", -1)
         patch.setattr(kernels, "P_WALK", 0.0)
         yield patch
 
@@ -174,36 +173,6 @@ def test_stops_that_stay_are_some_of_those_there_were(case, data):
         assert all(node in rest for node in kept)  # in this order
 
 
-@examples(100)
-@given(team_missions_with_plans(max_nodes=6), st.data())
-def test_depots_are_stops_where_something_is_left(case, data):
-    """In order of the trail: what is collected, and the depots that it is brought to."""
-    mission, plan = case
-    robot = data.draw(st.integers(0, mission.robots - 1))
-    search = holding(mission, plan.trails, [robot])
-    world, work, returns = search.world, search._work, search.world.returns
-    assume(returns is not None)
-    start, *trail = plan.trails[robot]
-    layer = start - start % len(mission.nodes)
-    aboard = {layer + int(v) for v in returns.aboard[returns.first[robot] : returns.stop[robot]]}
-    expected, seen = [], {start, *aboard}
-    is_loaded = world.graph.reward[start] > 0 and returns.credit[start] == AT_NEXT_DEPOT
-    is_loaded = is_loaded or bool(aboard)
-    for node in trail:
-        is_new = node not in seen and work.nodes[node].marginal > 0
-        if is_new or (is_loaded and returns.credit[node] == AT_THIS_DEPOT):
-            expected.append(node)
-        if returns.credit[node] == AT_THIS_DEPOT:
-            is_loaded = False
-        elif is_new and returns.credit[node] == AT_NEXT_DEPOT:
-            is_loaded = True
-        seen.add(node)
-    if expected[-1:] == [int(world.team.end[start])]:  # where it ends anyway
-        expected.pop()
-    found = kernels._list_stops_and_depots(search.parts, returns, 0, start)
-    assert work.goals[:found].tolist() == expected
-
-
 def complete(n_nodes, seed, *, robots, scale=0.1, returns=False):
     """A mission with all arcs, of which the direct one is always the cheapest path.
 
@@ -243,16 +212,13 @@ def test_where_nothing_is_dangerous_there_is_always_room(plain, max_length):
 class Filler:
     """Fills tours the naive way: every node is tried in every leg each time."""
 
-    def __init__(self, mission, per_length, marginal, worth):
+    def __init__(self, mission, per_length, marginal, worth, power):
         graph, n_nodes = mission.world.graph, len(mission.nodes)
         self.danger, self.length = np.zeros((2, n_nodes, n_nodes))
         self.danger[graph.tail, graph.head] = -np.log(graph.survival)
         self.length[graph.tail, graph.head] = graph.length
         self.cost = self.danger + per_length * self.length
-        self.marginal, self.worth = marginal, worth
-        nodes = mission.graph.nodes
-        self.depots = {v for v in nodes if v == mission.base or nodes[v].get("depot")}
-        self.returns = {v for v in nodes if nodes[v].get("pays") == "return"} - self.depots
+        self.marginal, self.worth, self.power = marginal, worth, power
 
     @staticmethod
     def more(of, before, node, after):
@@ -260,28 +226,13 @@ class Filler:
         return of[before, node] + of[node, after] - of[before, after]
 
     def gain(self, stops, i, node):
-        """What a node gains between stops i and i + 1, less what that takes from other stops.
-
-        These are the stops behind it, and those whose reward is carried to a depot behind it.
-        """
+        """What a node gains between stops i and i + 1, less what the stops behind it lose."""
         dangers = [self.danger[hop] for hop in pairwise(stops)]
         alive = [exp(-sum(dangers[:j])) for j in range(len(stops))]
-        paid_at = [
-            next(k for k in range(j, len(stops)) if k > j and stops[k] in self.depots)
-            if stops[j] in self.returns
-            else j
-            for j in range(len(stops) - 1)
-        ]
-        at_stake = sum(
-            self.marginal[stop] * alive[at]
-            for stop, at in zip(stops, paid_at, strict=False)
-            if at > i
-        )
+        behind = range(i + 1, len(stops) - 1)
+        at_stake = sum(self.marginal[stops[j]] * alive[j] for j in behind)
         danger = self.more(self.danger, stops[i], node, stops[i + 1])
         reached = self.worth[node] * alive[i] / (1 + self.danger[stops[i], node])
-        if node in self.returns:
-            depot = next(k for k in range(i + 1, len(stops)) if stops[k] in self.depots)
-            reached = self.worth[node] * alive[depot] / (1 + danger)
         return reached - at_stake * danger / (1 + danger)
 
     def choices(self, tours, slacks):
@@ -298,7 +249,7 @@ class Filler:
                 continue
             gain = self.gain(tours[which], i, node)
             if gain > 0:
-                yield gain / extra, node, which, i, danger, longer
+                yield gain**self.power / extra, node, which, i, danger, longer
 
     def fill(self, tours, slacks):
         tours, slacks = [list(stops) for stops in tours], [list(slack) for slack in slacks]
@@ -333,11 +284,13 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
         kernels._build_tour(search.parts, which)
     opened, slacks = tours_of(work), slacks_of(work)
     states, marginal = work.states.copy(), work.nodes["marginal"].copy()
-    noise, worth = uniform(states, 0), np.zeros(n_nodes)
+    noise, worth, power = uniform(states, 0), np.zeros(n_nodes), 1
+    if floor > 0 or budget < inf:
+        power += uniform(states, 0) < kernels.P_SQUARED
     for node in range(n_nodes):
         if marginal[node] > 0 and all(node not in stops for stops in opened):
             worth[node] = marginal[node] * (1 - noise * uniform(states, 0))
-    expected = Filler(mission, routes.per_length[0], marginal, worth).fill(opened, slacks)
+    expected = Filler(mission, routes.per_length[0], marginal, worth, power).fill(opened, slacks)
     kernels._fill_tours(search.parts)
     assert work.states.tolist() == states.tolist()
     assert tours_of(work) == expected[0]
@@ -516,7 +469,7 @@ def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, thre
     start = [TrailPlan(random_tours(mission, seed)) for seed in range(9)]
     search = recreating(mission, start, seed=4)
     work = search._work
-    make_child, release_parent, steps = kernels._make_child, kernels.release_parent, []
+    make_child, release_parent, steps = kernels._make_child, plans.release_parent, []
     n_worse = 0
 
     def trails_of(numbers):
@@ -548,7 +501,7 @@ def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, thre
         release_parent(*arguments)
 
     plain.setattr(kernels, "_make_child", noted)
-    plain.setattr(kernels, "release_parent", check)
+    plain.setattr(plans, "release_parent", check)
     assert recreate(search, 400) in (240, 320, 400)
     assert (n_worse > 0) == (threshold > 0)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from botohe_moo import Mission, TrailPlan, load_mission
 from botohe_moo.algorithms.local_search import engine
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, LocalSearch
-from botohe_moo.algorithms.local_search.kernels import moves, plans, recreate, routes, search
+from botohe_moo.algorithms.local_search.kernels import moves, plans, recreate, routes, search, state
 from botohe_moo.algorithms.local_search.kernels.state import N_TRAILS, new_store
 from tests import twins
 from tests.algorithms.local_search.made import (
@@ -75,11 +75,10 @@ def test_every_plan_that_enters_is_valid_and_has_the_bits_of_evaluate(
     with plain_local_search() as patch:
         for module, name, value in (
             (plans, "PATIENCE", patience),
-            (plans, "PATIENCE_ON_RETURN", patience),
             (search, "MAX_FRUITLESS", 50),
             (recreate, "P_WALK", 0.5),
             (recreate, "N_WALK", 2),
-            (engine, "QUEUE", 2),
+            (state, "QUEUE", 2),
         ):
             patch.setattr(module, name, value)
         entering = note_entering(patch)
@@ -120,13 +119,13 @@ def test_the_bound_changes_nothing_but_the_time_it_takes(pays):
         with plain_local_search() as patch:
             found = started(mission)
             if not bounded:
-                lay_out = search.lay_out
+                lay_out = plans.lay_out
 
                 def unbounded(world, returns, store, work, trail, lay_out=lay_out):
                     lay_out(world, returns, store, work, trail)
                     work.steps["ahead"] = np.inf
 
-                patch.setattr(search, "lay_out", unbounded)
+                patch.setattr(plans, "lay_out", unbounded)
             found.run(500)
         outcomes.append(outcome(found))
     assert outcomes[0] == outcomes[1]

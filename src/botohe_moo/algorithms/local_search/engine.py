@@ -12,27 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, RecordArray, SeedArray
+from botohe_moo.algorithms.local_search.kernels import state
 from botohe_moo.algorithms.local_search.kernels.moves import MOVES
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
 from botohe_moo.algorithms.local_search.kernels.routes import FULL_UP_TO, Routes, find_routes
 from botohe_moo.algorithms.local_search.kernels.search import improve, trim
-from botohe_moo.algorithms.local_search.kernels.state import (
-    MEMORY,
-    N_CHILDREN,
-    N_TRAILS,
-    NOT_STORED,
-    QUEUE,
-    TALLY,
-    Given,
-    Search,
-    TrailStore,
-    copy_trails,
-    has_room,
-    new_store,
-    new_workspace,
-    ragged,
-)
-from botohe_moo.core.ordered import grow_front, new_front, read_front
+from botohe_moo.algorithms.local_search.kernels.state import Given, Search, TrailStore
+from botohe_moo.core import ordered
 from botohe_moo.core.rng import draw_state
 from botohe_moo.core.threads import apart
 from botohe_moo.core.world import World
@@ -56,7 +42,7 @@ _RECREATED_UP_TO = 1_000
 _MOST_COST, _LEAST_LENGTH = 1e12, 1e-300
 
 # How many plans the front has room for at first, and how many plans a parent adds at most.
-_FIRST_PLANS, _N_ADDED = 256, N_CHILDREN + 1
+_FIRST_PLANS, _N_ADDED = 256, state.N_CHILDREN + 1
 
 
 @dataclass(frozen=True)
@@ -97,11 +83,11 @@ class LocalSearch:
         self._weights: FloatArray = np.cumsum(given)
         self._states: SeedArray = draw_state(random_state)
         # An array, since numpy writes to a copy of a record alone, once it is unpickled.
-        self._memory = np.array([(-1.0, 0, 0, QUEUE, 0)], MEMORY).view(np.recarray)
-        self._waiting = np.zeros(QUEUE)
-        self._tallies: RecordArray = np.zeros(len(MOVES) + 1, TALLY).view(np.recarray)
+        self._memory = np.array([(-1.0, 0, 0, state.QUEUE, 0)], state.MEMORY).view(np.recarray)
+        self._waiting = np.zeros(state.QUEUE)
+        self._tallies: RecordArray = np.zeros(len(MOVES) + 1, state.TALLY).view(np.recarray)
         self._seconds = np.zeros(len(MOVES) + 1)
-        self._front = new_front(_FIRST_PLANS, mission.robots)
+        self._front = ordered.new_front(_FIRST_PLANS, mission.robots)
         self._store = self._new_store(0, 0, 0)
         self._prepare()
 
@@ -118,7 +104,7 @@ class LocalSearch:
         self._memory, self._waiting, self._states, self._tallies, self._front, self._store = kept
         self._compiled: set[Any] = set()  # kernels that have been called, and so compiled
         self._priced, self._per_length = _priced(self.world)
-        self._work = new_workspace(
+        self._work = state.new_workspace(
             self._priced,
             memory=self._memory[0],
             waiting=self._waiting,
@@ -157,9 +143,9 @@ class LocalSearch:
         """Forget all plans, but not the random numbers."""
         memory = self._memory[0]
         memory.newest, memory.idle, memory.n_waiting = -1.0, 0, 0
-        self._front = new_front(*self._front.plan.shape)
+        self._front = ordered.new_front(*self._front.plan.shape)
         store = self._store
-        self._store = new_store(len(store.trails), len(store.arc), len(store.node))
+        self._store = state.new_store(len(store.trails), len(store.arc), len(store.node))
 
     def insert(self, batch: PlanBatch) -> None:
         """Insert valid plans for the mission's team into the front, unless it dominates them.
@@ -182,7 +168,7 @@ class LocalSearch:
         trails = self._store.trails
         known = np.flatnonzero(trails["n_users"])
         known = known[np.argsort(trails["hash"][known])]
-        given.stored[:] = NOT_STORED
+        given.stored[:] = state.NOT_STORED
         if len(known) == 0:
             return
         at = np.searchsorted(trails["hash"][known], given.hash)
@@ -212,7 +198,7 @@ class LocalSearch:
             if are_waiting:
                 found += self._timed(recreate, n_evaluations - n - found)
             n += found
-            if found == 0 and not has_room(self.parts):
+            if found == 0 and not state.has_room(self.parts):
                 self._make_room()
             elif found == 0 and not are_waiting:  # no move makes another plan
                 break
@@ -256,14 +242,14 @@ class LocalSearch:
 
     def objectives(self) -> FloatArray:
         """Return E[R] and E[S] of the front, by descending E[R] (n_plans, 2), without its plans."""
-        return read_front(self._front)[1]
+        return ordered.read_front(self._front)[1]
 
     def plans(self) -> tuple[PlanBatch, FloatArray, OffsetArray]:
         """Return the front by descending E[R].
 
         Its plans, their E[R] and E[S] (n_plans, 2), and how many plans had entered before each.
         """
-        slots, objectives = read_front(self._front)
+        slots, objectives = ordered.read_front(self._front)
         trails = self._front.plan[slots].ravel()
         nodes, offsets = self._read_trails(trails, np.tile(self.world.team.start, len(slots)))
         batch = PlanBatch._wrap(nodes, offsets, self.mission.robots)
@@ -274,7 +260,7 @@ class LocalSearch:
 
         Their first turn as a parent is the one here: elsewhere they count as tried.
         """
-        slots, objectives = read_front(self._front)
+        slots, objectives = ordered.read_front(self._front)
         is_new = self._front.slots["serial"][slots] >= since
         plan = self._front.plan[slots[is_new]]
         trails, places, numbers = np.unique(plan, return_index=True, return_inverse=True)
@@ -291,7 +277,7 @@ class LocalSearch:
         offsets = np.append(0, np.cumsum(stored["n_arcs"] + 1))
         nodes, is_head = np.empty(offsets[-1], np.int32), np.ones(offsets[-1], bool)
         is_head[offsets[:-1]], nodes[offsets[:-1]] = False, starts
-        arcs = self._store.arc[ragged(stored["first_arc"], stored["n_arcs"])]
+        arcs = self._store.arc[state.ragged(stored["first_arc"], stored["n_arcs"])]
         nodes[is_head] = self.world.graph.head[arcs]
         return nodes, offsets
 
@@ -302,14 +288,14 @@ class LocalSearch:
         n_arcs, n_visits = (int(trails[name][used].sum()) for name in ("n_arcs", "n_visits"))
         n_trails = max(int(used.max(initial=0)) + 1, 2 * len(used))
         store = self._new_store(n_trails, 4 * n_arcs, 4 * n_visits)
-        copy_trails(self._store, store)
+        state.copy_trails(self._store, store)
         n_plans = max(len(self._front.slots), 2 * len(self) + _N_ADDED + _FIRST_PLANS)
-        self._store, self._front = store, grow_front(self._front, n_plans)
+        self._store, self._front = store, ordered.grow_front(self._front, n_plans)
 
     def _new_store(self, n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
         """Return a store with this room, and room for the trails of a few parents' children."""
-        graph, n_new = self.world.graph, 2 * max(N_TRAILS, self.mission.robots + 1)
-        return new_store(
+        graph, n_new = self.world.graph, 2 * max(state.N_TRAILS, self.mission.robots + 1)
+        return state.new_store(
             n_trails + 4 * n_new + 1_000,
             n_arcs + n_new * graph.n_arcs,
             n_visits + n_new * graph.n_nodes,
@@ -319,8 +305,8 @@ class LocalSearch:
         derived = ("_compiled", "_priced", "_per_length", "routes", "_work")
         return {key: value for key, value in vars(self).items() if key not in derived}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        self.__dict__.update(kept)
         self._prepare()
 
 

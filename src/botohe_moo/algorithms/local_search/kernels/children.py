@@ -6,12 +6,13 @@ is cut out, so that every child is a trail, on any graph.
 
 import numpy as np
 
+from botohe_moo.algorithms.local_search.kernels.plans import collect
 from botohe_moo.algorithms.local_search.kernels.routes import UNKNOWN, Routes, route_entry
 from botohe_moo.algorithms.local_search.kernels.state import TOLERANCE, Search, Workspace
 from botohe_moo.core.compile import helper
 from botohe_moo.core.ordered import best_reward
 from botohe_moo.core.rng import uniform
-from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, Graph, Returns, credit_of
+from botohe_moo.core.world import Graph, Returns
 
 # The weight of a step to a node with something to collect, beside 1 for a step to another.
 _FRESH = 4.0
@@ -195,16 +196,10 @@ def evaluate_child(search: Search, returns: Returns | None) -> float:
     for i in range(draft.n_middle):
         arc = work.middle[i]
         alive *= graph.survival[arc]
-        node, credit = nodes[graph.head[arc]], credit_of(returns, graph.head[arc])
+        node, worth = nodes[graph.head[arc]], 0.0
         if node.met > prefix and node.seen != mark:
-            node.seen = mark
-            if credit == AT_NEXT_DEPOT:
-                carried += node.marginal
-            else:
-                gained += node.marginal * alive
-        if credit == AT_THIS_DEPOT:
-            gained += carried * alive
-            carried = 0.0
+            node.seen, worth = mark, node.marginal
+        gained, carried = collect(returns, graph.head[arc], worth, alive, gained, carried)
     ratio = alive / steps[suffix].alive
     home = steps[length].alive * ratio
     if home < limits.floors[draft.robot]:
@@ -223,16 +218,11 @@ def evaluate_child(search: Search, returns: Returns | None) -> float:
     if needed >= bound:
         return -1.0
     for i in range(suffix + 1, length + 1):
-        node, credit = nodes[steps[i].node], credit_of(returns, steps[i].node)
+        node, worth = nodes[steps[i].node], 0.0
         if node.met > prefix and node.seen != mark:
-            node.seen = mark
-            if credit == AT_NEXT_DEPOT:
-                carried += node.marginal
-            else:
-                gained += node.marginal * steps[i].alive * ratio
-        if credit == AT_THIS_DEPOT:
-            gained += carried * steps[i].alive * ratio
-            carried = 0.0
+            node.seen, worth = mark, node.marginal
+        there = steps[i].alive * ratio
+        gained, carried = collect(returns, steps[i].node, worth, there, gained, carried)
     return float(gained) if (draft.others + gained) * (1.0 - TOLERANCE) > needed else -1.0
 
 

@@ -10,18 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from botohe_moo.algorithms.local_search.kernels import state
 from botohe_moo.algorithms.local_search.kernels.children import connect_child
-from botohe_moo.algorithms.local_search.kernels.plans import is_stuck
-from botohe_moo.algorithms.local_search.kernels.state import (
-    MOST_GOALS,
-    NOT_STORED,
-    Search,
-    Workspace,
-)
+from botohe_moo.algorithms.local_search.kernels.state import Search, Workspace
+from botohe_moo.core import ordered
 from botohe_moo.core.compile import helper, inlined
-from botohe_moo.core.ordered import draw_near, draw_slot
 from botohe_moo.core.rng import below, uniform
-from botohe_moo.core.world import Returns
 
 # A node to visit is the best of one, two or three nodes nearby.
 _MOST_COMPARED = 3
@@ -42,9 +36,6 @@ _P_STEP = 0.3
 _P_MORE = 0.6
 # that two trails are joined at the node drawn if they meet there;
 _P_MEET = 0.9
-# once the search is stuck, with rewards on return, that the trail of another robot of the same
-# plan is adopted.
-P_FOLLOW = 0.5
 
 
 @helper
@@ -61,10 +52,10 @@ def _draw_segment(work: Workspace, n_short: int) -> None:
 
 @helper
 def _visit(search: Search, n_visits: int) -> bool:
-    """Replace a segment by paths over a number of nodes, or by as many random steps."""
+    """Replace a segment by paths over no node, one, or from two on, or by as many random steps."""
     draft, states = search.work.draft, search.work.states
     _draw_segment(search.work, _N_SHORT)
-    while 1 < n_visits < MOST_GOALS and uniform(states, 0) < _P_MORE:
+    while 1 < n_visits < state.MOST_GOALS and uniform(states, 0) < _P_MORE:
         n_visits += 1
     if n_visits > 0 and uniform(states, 0) < _P_STEP:
         draft.n_steps = n_visits
@@ -94,40 +85,22 @@ def _draw_visits(search: Search, n_visits: int) -> None:
 
 
 @helper
-def _shortcut(search: Search) -> bool:
-    """Cut out a segment, and reconnect the trail by a safest path."""
-    return _visit(search, 0)
-
-
-@helper
-def _visit_one(search: Search) -> bool:
-    """Replace a segment by paths over one node."""
-    return _visit(search, 1)
-
-
-@helper
-def _visit_more(search: Search) -> bool:
-    """Replace a segment by paths over two nodes or more."""
-    return _visit(search, 2)
-
-
-@helper
 def draw_trail(search: Search, robot: int) -> int:
     """Draw a trail that a robot may take, of a plan near the parent or of any plan."""
     front, team, states = search.front, search.world.team, search.work.states
     if uniform(states, 0) < _P_NEIGHBOUR:
-        slot = draw_near(front, states, search.work.draft.block, search.work.draft.place)
+        slot = ordered.draw_near(front, states, search.work.draft.block, search.work.draft.place)
     else:
-        slot = draw_slot(front, states)
+        slot = ordered.draw_slot(front, states)
     donor = team.first[robot] + below(states, team.stop[robot] - team.first[robot])
     return int(np.int64(front.plan[slot, donor]))
 
 
 @helper
-def _draw_piece(search: Search, to_end: bool) -> bool:
-    """Draw a piece of a trail of another plan to replace a segment of this trail.
+def _graft(search: Search, to_end: int) -> bool:
+    """Replace a segment by a piece of another plan's trail; with ``to_end``, go on to its end.
 
-    With ``to_end`` it reaches to the end of that trail. Where the trails meet at an end of the
+    Where the trails meet at an end of the
     piece, they are mostly joined there.
     """
     graph, store, work = search.world.graph, search.store, search.work
@@ -157,19 +130,7 @@ def _draw_piece(search: Search, to_end: bool) -> bool:
 
 
 @helper
-def _splice(search: Search) -> bool:
-    """Go on along the trail of another plan to its end."""
-    return _draw_piece(search, True)
-
-
-@helper
-def _graft(search: Search) -> bool:
-    """Replace a segment by one of a trail of another plan."""
-    return _draw_piece(search, False)
-
-
-@helper
-def _reverse(search: Search) -> bool:
+def _reverse(search: Search, _: int) -> bool:
     """Draw a segment to walk in the other direction; a segment that is a loop stays one.
 
     Croes, "A method for solving traveling-salesman problems", Operations Research 6(6), 1958.
@@ -191,7 +152,7 @@ def _reverse(search: Search) -> bool:
 
 
 @helper
-def _swap_loops(search: Search) -> bool:
+def _swap_loops(search: Search, _: int) -> bool:
     """Draw two loops, one after the other at a node, to swap: survival stays as it is."""
     work = search.work
     draft, steps = work.draft, work.steps
@@ -215,40 +176,27 @@ def _swap_loops(search: Search) -> bool:
 
 
 @helper
-def _adopt(search: Search) -> bool:
+def _adopt(search: Search, _: int) -> bool:
     """Take over a whole trail of another plan."""
-    work, team = search.work, search.world.team
-    draft, robot = work.draft, work.draft.robot
-    if _follows(search, search.world.returns):
-        other = team.first[robot] + below(work.states, team.stop[robot] - team.first[robot])
-        draft.adopted = work.parent[other]
-    else:
-        draft.adopted = draw_trail(search, robot)
+    search.work.draft.adopted = draw_trail(search, search.work.draft.robot)
     return True
 
 
-@helper
-def _follows(search: Search, returns: Returns | None) -> bool:
-    """Draw whether the trail of another robot of the same plan is adopted instead."""
-    if returns is None:
-        return False
-    return is_stuck(search.work, returns) and uniform(search.work.states, 0) < P_FOLLOW
-
-
 class Move(NamedTuple):
-    """A move: its name, how likely it is to be drawn by default, relative, and what draws it."""
+    """A move: its name, how likely it is to be drawn by default, relative, and what makes it."""
 
     name: str
     weight: float
-    draw: Callable[[Search], bool]
+    make: Callable[[Search, int], bool]
+    argument: int = 0  # what ``make`` takes beside the search
 
 
 # Weights were measured: results/local-search/moves.csv shows what each move brings.
 MOVES = (
-    Move("shortcut", 0.07, _shortcut),
-    Move("visit", 0.18, _visit_one),
-    Move("visit-two", 0.11, _visit_more),
-    Move("splice", 0.25, _splice),
+    Move("shortcut", 0.07, _visit, 0),
+    Move("visit", 0.18, _visit, 1),
+    Move("visit-two", 0.11, _visit, 2),
+    Move("splice", 0.25, _graft, 1),
     Move("graft", 0.25, _graft),
     Move("swap-loops", 0.02, _swap_loops),
     Move("reverse", 0.06, _reverse),
@@ -258,20 +206,20 @@ N_MOVES = len(MOVES)
 
 
 def _chained(number: int) -> Callable[[Search, int], bool]:
-    """Return a function that calls a move by its number, from this one on."""
-    draw = MOVES[number].draw
+    """Return a function that makes a move by its number, from this one on."""
+    _, _, make, argument = MOVES[number]
     if number == N_MOVES - 1:
-        return inlined(lambda search, _: draw(search))
-    draw_later = _chained(number + 1)
+        return inlined(lambda search, _: make(search, argument))
+    make_later = _chained(number + 1)
 
     @inlined
-    def draw_move(search: Search, move: int) -> bool:
-        return draw(search) if move == number else draw_later(search, move)
+    def make_move(search: Search, move: int) -> bool:
+        return make(search, argument) if move == number else make_later(search, move)
 
-    return draw_move
+    return make_move
 
 
-_draw_move = _chained(0)
+_make_move = _chained(0)
 
 
 @helper
@@ -280,7 +228,7 @@ def make_child(search: Search, move: int) -> bool:
     draft, states = search.work.draft, search.work.states
     n_detours = _MAX_DETOURS if uniform(states, 0) < P_DETOUR else 0
     draft.n_steps = draft.n_goals = draft.n_piece = 0
-    draft.adopted = NOT_STORED
-    if not _draw_move(search, move):
+    draft.adopted = state.NOT_STORED
+    if not _make_move(search, move):
         return False
-    return draft.adopted != NOT_STORED or connect_child(search, n_detours)
+    return draft.adopted != state.NOT_STORED or connect_child(search, n_detours)

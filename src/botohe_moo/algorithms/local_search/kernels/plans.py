@@ -9,25 +9,12 @@ bounded before the suffix is walked.
 import numpy as np
 
 from botohe_moo._base.types import OffsetArray
-from botohe_moo.algorithms.local_search.kernels.state import (
-    NEVER,
-    NOT_STORED,
-    TOLERANCE,
-    Search,
-    TrailStore,
-    Workspace,
-    release,
-)
-from botohe_moo.core.compile import helper
+from botohe_moo.algorithms.local_search.kernels import state
+from botohe_moo.algorithms.local_search.kernels.state import Search, TrailStore, Workspace
+from botohe_moo.core import ordered
+from botohe_moo.core.compile import helper, inlined
 from botohe_moo.core.evaluate import begin_plan, combine, expected_reward
-from botohe_moo.core.ordered import (
-    OrderedFront,
-    add_place,
-    best_reward,
-    find_dominated,
-    nearest_place,
-    remove_place,
-)
+from botohe_moo.core.ordered import OrderedFront
 from botohe_moo.core.rng import GOLDEN, below, hash_step, mixed, uniform
 from botohe_moo.core.trails import sort_trails
 from botohe_moo.core.walk import walk
@@ -44,9 +31,8 @@ from botohe_moo.core.world import (
 
 # The probability that the next parent is the plan that has just entered the front.
 P_NEWEST = 0.9
-# The search is stuck when no plan has entered the front within as many evaluations; and the same
-# with rewards on return, where more fronts are small.
-PATIENCE, PATIENCE_ON_RETURN = 2_000, 500
+# The search is stuck when no plan has entered the front within this many evaluations.
+PATIENCE = 2_000
 
 
 @helper
@@ -58,9 +44,9 @@ def pop_newest(work: Workspace) -> float:
 
 
 @helper
-def is_stuck(work: Workspace, returns: Returns | None) -> bool:
+def is_stuck(work: Workspace) -> bool:
     """Return whether no plan has entered the front for long."""
-    return bool(work.memory.idle > (PATIENCE if returns is None else PATIENCE_ON_RETURN))
+    return bool(work.memory.idle > PATIENCE)
 
 
 @helper
@@ -81,20 +67,17 @@ def release_parent(search: Search) -> None:
     """Release the parent's trails, and leave nodes as they were before ``evaluate_others``."""
     clear_others(search.world, search.work)
     for k in range(search.work.parent.shape[0]):
-        release(search.store, search.work.parent[k])
+        state.release(search.store, search.work.parent[k])
 
 
 @helper
 def evaluate_others(world: World, store: TrailStore, work: Workspace) -> None:
     """Compute what the parent's other robots collect, and the marginal rewards that are left."""
     draft, nodes, touched = work.draft, work.nodes, work.touched
-    draft.n_touched, draft.survivors, draft.others = 0, 0.0, 0.0
+    draft.n_touched, draft.survivors, draft.others, draft.carried = 0, 0.0, 0.0, 0.0
     draft.layer = layer_of(world.team, world.team.start[draft.robot])
     for k in range(work.parent.shape[0]):
-        is_changed = k == draft.robot
-        for i in range(1, draft.n_chosen):
-            is_changed |= k == work.chosen[i]
-        if is_changed:
+        if _is_changed(work, k):
             continue
         trail = store.trails[work.parent[k]]
         for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
@@ -111,15 +94,42 @@ def evaluate_others(world: World, store: TrailStore, work: Workspace) -> None:
     for i in range(draft.n_touched):
         index = draft.layer + touched[i]
         nodes[index].marginal = world.graph.reward[index] * nodes[touched[i]].unreached
+    _load(world, work)
+
+
+@helper
+def _load(world: World, work: Workspace) -> None:
+    """Note what changed robots carry from the start; on the way it counts no more."""
+    for k in range(work.parent.shape[0]):
+        first, stop = aboard_of(world.returns, k) if _is_changed(work, k) else (0, 0)
+        for i in range(first, stop):
+            node = work.nodes[aboard_at(world.returns, work.draft.layer, i)]
+            work.draft.carried += node.marginal
+            node.marginal = 0.0
+
+
+@inlined
+def _is_changed(work: Workspace, robot: int) -> bool:
+    """Return whether a robot's trail is to be changed."""
+    found: bool = robot == work.draft.robot
+    for i in range(1, work.draft.n_chosen):
+        found |= robot == work.chosen[i]
+    return found
 
 
 @helper
 def clear_others(world: World, work: Workspace) -> None:
     """Leave nodes as they were before ``evaluate_others``."""
-    for i in range(work.draft.n_touched):
-        index = work.draft.layer + work.touched[i]
-        work.nodes[index].marginal = world.graph.reward[index]
-        work.nodes[work.touched[i]].unreached = -1.0
+    draft, nodes = work.draft, work.nodes
+    for i in range(draft.n_touched):
+        index = draft.layer + work.touched[i]
+        nodes[index].marginal = world.graph.reward[index]
+        nodes[work.touched[i]].unreached = -1.0
+    for k in range(work.parent.shape[0]):
+        first, stop = aboard_of(world.returns, k) if _is_changed(work, k) else (0, 0)
+        for i in range(first, stop):
+            index = aboard_at(world.returns, draft.layer, i)
+            nodes[index].marginal = world.graph.reward[index]
 
 
 @helper
@@ -132,54 +142,49 @@ def lay_out(
     work.draft.length = length
     source = world.team.start[work.draft.robot]
     nodes[source].met = 0
-    alive, gained, walked = 1.0, 0.0, 0.0
-    carried = _load(returns, work)
-    if credit_of(returns, source) == AT_NEXT_DEPOT:
-        carried += nodes[source].marginal
-    else:
-        gained = nodes[source].marginal
+    alive, walked = 1.0, 0.0
+    gained, carried = collect(returns, source, nodes[source].marginal, 1.0, 0.0, work.draft.carried)
+    steps[0].node, steps[0].alive, steps[0].gained, steps[0].walked = source, 1.0, gained, 0.0
     if returns is not None:
-        if returns.credit[source] == AT_THIS_DEPOT:
-            gained, carried = gained + carried, 0.0
         loads[0].carried = carried
-    steps[0].node, steps[0].alive, steps[0].gained = source, alive, gained
-    steps[0].walked = walked
     for i in range(length):
         arc = np.int64(store.arc[start + i])
-        head = graph.head[arc]
+        head, worth = graph.head[arc], 0.0
         steps[i].arc = arc
         work.arcs[arc].position = i
         alive *= graph.survival[arc]
         walked += graph.length[arc]
-        credit = credit_of(returns, head)
-        if nodes[head].met == NEVER:
-            nodes[head].met = i + 1
-            if credit == AT_NEXT_DEPOT:
-                carried += nodes[head].marginal
-            else:
-                gained += nodes[head].marginal * alive
+        if nodes[head].met == state.NEVER:
+            nodes[head].met, worth = i + 1, nodes[head].marginal
+        gained, carried = collect(returns, head, worth, alive, gained, carried)
         if returns is not None:
-            if credit == AT_THIS_DEPOT:
-                gained += carried * alive
-                carried = 0.0
             loads[i + 1].carried = carried
-        steps[i + 1].node, steps[i + 1].alive, steps[i + 1].gained = head, alive, gained
-        steps[i + 1].walked = walked
+        after = steps[i + 1]
+        after.node, after.alive, after.gained, after.walked = head, alive, gained, walked
     _look_ahead(world, returns, work)
 
 
-@helper
-def _load(returns: Returns | None, work: Workspace) -> float:
-    """Return the reward that the robot carries from the start; on the way it counts no more."""
-    if returns is None:
-        return 0.0
-    carried = 0.0
-    first, stop = aboard_of(returns, work.draft.robot)
-    for i in range(first, stop):
-        node = work.nodes[aboard_at(returns, work.draft.layer, i)]
-        carried += node.marginal
-        node.marginal = 0.0
-    return carried
+@inlined
+def collect(
+    returns: Returns | None,
+    node: int,
+    worth: float,
+    alive: float,
+    gained: float,
+    carried: float,
+) -> tuple[float, float]:
+    """Return what is gained and carried once a robot is at a node, with probability ``alive``.
+
+    ``worth`` is the node's marginal reward at the first visit, else 0.
+    """
+    credit = credit_of(returns, node)
+    if credit == AT_NEXT_DEPOT:
+        carried += worth
+    else:
+        gained += worth * alive
+    if credit == AT_THIS_DEPOT:
+        gained, carried = gained + carried * alive, 0.0
+    return gained, carried
 
 
 @helper
@@ -211,21 +216,14 @@ def _look_ahead(world: World, returns: Returns | None, work: Workspace) -> None:
 
 
 @helper
-def clear_trail(world: World, returns: Returns | None, work: Workspace) -> None:
+def clear_trail(work: Workspace) -> None:
     """Leave the workspace as it was before ``lay_out``."""
     nodes, steps, draft = work.nodes, work.steps, work.draft
-    if returns is not None:
-        first, stop = aboard_of(returns, draft.robot)
-        for i in range(first, stop):
-            node = aboard_at(returns, draft.layer, i)
-            unreached = nodes[world.team.origin[node]].unreached
-            share = unreached if unreached >= 0.0 else 1.0
-            nodes[node].marginal = world.graph.reward[node] * share
     for i in range(draft.length):
         node = steps[i + 1].node
         work.arcs[steps[i].arc].position = -1
-        nodes[node].met, nodes[node].later = NEVER, 0.0
-    nodes[steps[0].node].met = NEVER
+        nodes[node].met, nodes[node].later = state.NEVER, 0.0
+    nodes[steps[0].node].met = state.NEVER
 
 
 @helper
@@ -239,7 +237,7 @@ def add_trail(search: Search, robot: int, length: int) -> int:
     n, visits, limits = store.n, work.visits, world.limits
     n_visits, alive, walked = walk(world, world.returns, work.child, length, robot, visits)
     if alive < limits.floors[robot] or walked > limits.budgets[robot]:
-        return NOT_STORED
+        return state.NOT_STORED
     n.spare -= 1
     trail = store.spare[n.spare]
     added = store.trails[trail]
@@ -274,9 +272,9 @@ def evaluate_trails(world: World, store: TrailStore, work: Workspace) -> tuple[f
 @helper
 def remove_plan(store: TrailStore, front: OrderedFront, block: int, place: int) -> None:
     """Remove a plan from the front, and release its trails."""
-    slot = remove_place(front, block, place)
+    slot = ordered.remove_place(front, block, place)
     for k in range(front.plan.shape[1]):
-        release(store, front.plan[slot, k])
+        state.release(store, front.plan[slot, k])
 
 
 @helper
@@ -293,15 +291,15 @@ def _insert(
     It enters only if no plan of the front is as good, but for a relative ``tolerance``. Returns
     whether it has entered.
     """
-    if best_reward(front, survivors * (1.0 - tolerance)) >= reward * (1.0 - tolerance):
+    if ordered.best_reward(front, survivors * (1.0 - tolerance)) >= reward * (1.0 - tolerance):
         return False
-    no_more = survivors * (1.0 + TOLERANCE)  # survivors, but for rounding
+    no_more = survivors * (1.0 + state.TOLERANCE)  # survivors, but for rounding
     while True:
-        block, place = find_dominated(front, reward, no_more)
+        block, place = ordered.find_dominated(front, reward, no_more)
         if block < 0:
             break
         remove_plan(store, front, block, place)
-    slot = add_place(front, reward, survivors)
+    slot = ordered.add_place(front, reward, survivors)
     for k in range(trails.shape[0]):
         front.plan[slot, k] = trails[k]
         store.trails[trails[k]].n_users += 1
@@ -323,5 +321,5 @@ def insert_trails(search: Search, tolerance: float) -> bool:
     entered = _insert(store, search.front, work.trails, reward, survivors, tolerance)
     if entered:
         work.memory.newest, work.memory.idle = survivors, 0
-        work.draft.block, work.draft.place = nearest_place(search.front, work.draft.at)
+        work.draft.block, work.draft.place = ordered.nearest_place(search.front, work.draft.at)
     return entered

@@ -13,36 +13,12 @@ It is a kernel of its own, so that runs which end before any plan is ruined do n
 
 import numpy as np
 
+from botohe_moo.algorithms.local_search.kernels import plans, state
 from botohe_moo.algorithms.local_search.kernels.children import connect_child, write_child
-from botohe_moo.algorithms.local_search.kernels.plans import (
-    acquire_parent,
-    add_trail,
-    clear_others,
-    evaluate_others,
-    evaluate_trails,
-    insert_trails,
-    is_stuck,
-    pop_newest,
-    release_parent,
-)
-from botohe_moo.algorithms.local_search.kernels.state import (
-    NOT_STORED,
-    TOLERANCE,
-    Search,
-    Workspace,
-    has_room,
-    release,
-)
+from botohe_moo.algorithms.local_search.kernels.state import Search, Workspace
 from botohe_moo.core.compile import helper, kernel, shared, ticks
 from botohe_moo.core.ordered import nearest_place, slope_at
 from botohe_moo.core.rng import below, uniform
-from botohe_moo.core.world import (
-    AT_NEXT_DEPOT,
-    AT_THIS_DEPOT,
-    Returns,
-    aboard_at,
-    aboard_of,
-)
 
 NONE = -1  # instead of a leg or a node
 # Instead of a node's cheapest leg, where that has been split and the next has to be found. Until
@@ -55,6 +31,10 @@ _LEAST_COST = 1e-300
 # The probability that a tour may use up the limits; and by how much its danger may differ from the
 # trail's otherwise, on the scale of logarithms.
 P_FULL, SPREAD = 0.5, 0.6
+
+# Where trails have limits, the probability that gains are squared before they are divided by costs,
+# so that large rewards come before what is near.
+P_SQUARED = 0.5
 
 N_RECREATED = 4  # how many children a ruined plan has
 # The probability that a second robot is changed together with the one drawn, that a third follows
@@ -77,14 +57,14 @@ def recreate(search: Search, n_most: int) -> int:
     work, memory = search.work, search.work.memory
     tally = work.tallies[work.tallies.shape[0] - 1]
     n, before = 0, ticks()
-    while n < n_most and memory.n_waiting > 0 and has_room(search):
-        survivors = pop_newest(work)
+    while n < n_most and memory.n_waiting > 0 and state.has_room(search):
+        survivors = plans.pop_newest(work)
         if survivors < 0.0:
             memory.n_waiting -= 1
             survivors = work.waiting[memory.n_waiting]
         _select_robots(search, survivors)
         n += _recreate_parent(search, n_most - n)
-        release_parent(search)
+        plans.release_parent(search)
     tally.tried += n
     tally.ticks += ticks() - before
     return n
@@ -99,14 +79,14 @@ def _select_robots(search: Search, survivors: float) -> None:
     """
     front, work, draft = search.front, search.work, search.work.draft
     block, place = nearest_place(front, survivors)
-    acquire_parent(search, block, place)
+    plans.acquire_parent(search, block, place)
     slot = front.places[front.directory[block], place].slot
     found = front.slots[slot]
     found.tried += 1
     draft.slope = slope_at(front, slot) if found.before >= 0 else 0.0
     draft.value = found.reward + draft.slope * found.survivors
     _draw_robots(search)
-    evaluate_others(search.world, search.store, work)
+    plans.evaluate_others(search.world, search.store, work)
 
 
 @helper
@@ -134,25 +114,25 @@ def _recreate_parent(search: Search, n_most: int) -> int:
     """
     store, work = search.store, search.work
     n_nodes, tally = search.world.team.reward.shape[0], work.tallies[work.tallies.shape[0] - 1]
-    is_walk = is_stuck(work, search.world.returns) and uniform(work.states, 0) < P_WALK
+    is_walk = plans.is_stuck(work) and uniform(work.states, 0) < P_WALK
     n_children = min(n_most, N_WALK * n_nodes if is_walk else N_RECREATED)
     for child in range(n_children):
-        if not has_room(search):
+        if not state.has_room(search):
             return child
         if is_walk and child > 0:
             _draw_other_robots(search)
         work.memory.idle += 1
         is_next = False
         if _make_child(search):
-            tally.entered += insert_trails(search, TOLERANCE)
+            tally.entered += plans.insert_trails(search, state.TOLERANCE)
             is_next = is_walk and _is_good_enough(search, THRESHOLD * (1.0 - child / n_children))
         for which in range(work.draft.n_chosen - 1, -1, -1):
             robot = work.chosen[which]
             if is_next:
-                release(store, work.parent[robot])
+                state.release(store, work.parent[robot])
                 work.parent[robot] = work.recreated[robot]
             else:
-                release(store, work.recreated[robot])
+                state.release(store, work.recreated[robot])
     return n_children
 
 
@@ -160,17 +140,17 @@ def _recreate_parent(search: Search, n_most: int) -> int:
 def _draw_other_robots(search: Search) -> None:
     """Draw anew which robots of the parent change, and evaluate the others."""
     world, work = search.world, search.work
-    clear_others(world, work)
+    plans.clear_others(world, work)
     work.draft.robot = below(work.states, work.parent.shape[0])
     _draw_robots(search)
-    evaluate_others(world, search.store, work)
+    plans.evaluate_others(world, search.store, work)
 
 
 @helper
 def _is_good_enough(search: Search, loss: float) -> bool:
     """Return whether the child loses at most this share of its parent's value; note its own."""
     draft = search.work.draft
-    reward, survivors = evaluate_trails(search.world, search.store, search.work)
+    reward, survivors = plans.evaluate_trails(search.world, search.store, search.work)
     value = reward + draft.slope * survivors
     if value < draft.value * (1.0 - loss):
         return False
@@ -206,14 +186,11 @@ def _make_child(search: Search) -> bool:
 def _build_tour(search: Search, which: int) -> None:
     """Build a tour of some of the stops of a chosen robot's trail, which are marked as seen."""
     world, work = search.world, search.work
-    returns, draft, slack = world.returns, work.draft, work.slacks[which]
+    draft, slack = work.draft, work.slacks[which]
     _draw_slack(search, which)
     source, goals = world.team.start[work.chosen[which]], work.goals
     n, end = _draw_stops(search, which, source), world.team.end[source]
     work.nodes[source].seen = draft.mark
-    begun, stopped = aboard_of(returns, work.chosen[which])
-    for i in range(begun, stopped):
-        work.nodes[aboard_at(returns, draft.layer, i)].seen = draft.mark
     stop, work.first[which] = source, draft.n_legs
     for i in range(n + 1):
         is_last = i == n
@@ -261,10 +238,7 @@ def _draw_slack(search: Search, which: int) -> None:
 def _draw_stops(search: Search, which: int, source: int) -> int:
     """Draw which stops of a trail stay, write them to ``work.goals``, and return how many."""
     goals, states = search.work.goals, search.work.states
-    if search.world.returns is None:
-        n = _list_stops(search, which, source)
-    else:
-        n = _list_stops_and_depots(search, search.world.returns, which, source)
+    n = _list_stops(search, which, source)
     if n == 0:
         return n
     share = uniform(states, 0)
@@ -293,35 +267,6 @@ def _list_stops(search: Search, which: int, source: int) -> int:
 
 
 @helper
-def _list_stops_and_depots(search: Search, returns: Returns | None, which: int, source: int) -> int:
-    """List the stops of a trail, and the depots where it leaves something."""
-    if returns is None:  # of an argument: then numba compiles nothing of what follows
-        return 0
-    graph, store, work = search.world.graph, search.store, search.work
-    goals, layer = work.goals, work.draft.layer
-    trail = store.trails[work.parent[work.chosen[which]]]
-    first, stop = aboard_of(returns, work.chosen[which])
-    n, visit, end = 0, trail.first_visit + stop - first, trail.first_visit + trail.n_visits
-    is_loaded = stop > first
-    if visit < end and layer + store.node[visit] == source:
-        visit += 1
-        is_loaded = is_loaded or returns.credit[source] == AT_NEXT_DEPOT
-    for i in range(trail.first_arc, trail.end_arc):
-        node, is_first = graph.head[store.arc[i]], False
-        if visit < end and layer + store.node[visit] == node:
-            is_first = work.nodes[node].marginal > 0.0
-            visit += 1
-        credit = returns.credit[node]
-        if is_first or (is_loaded and credit == AT_THIS_DEPOT):
-            goals[n] = node
-            n += 1
-            is_loaded = credit == AT_NEXT_DEPOT or (is_loaded and credit != AT_THIS_DEPOT)
-    if n > 0 and goals[n - 1] == search.world.team.end[source]:  # where the tour ends anyway
-        n -= 1
-    return n
-
-
-@helper
 def _set_leg(search: Search, number: int, before: int, after: int) -> None:
     """Set the two stops of a leg, and compute what it costs."""
     leg, routes = search.work.legs[number], search.routes
@@ -342,10 +287,12 @@ def _fill_tours(search: Search) -> None:
     """
     world, work = search.world, search.work
     draft, nodes, worth, legs = work.draft, work.nodes, work.worth, work.legs
-    states, first = work.states, draft.layer
+    states, first, limits = work.states, draft.layer, world.limits
     behind = first + world.team.reward.shape[0]
     cheapest = work.cheapest_leg[first:behind]
     noise = uniform(states, 0)
+    floor, budget = limits.floors[work.chosen[0]], limits.budgets[work.chosen[0]]
+    is_squared = (floor > 0.0 or budget < np.inf) and uniform(states, 0) < P_SQUARED
     for node in range(first, behind):
         work.insertion_cost[node], worth[node] = np.inf, 0.0
         if nodes[node].marginal > 0.0 and nodes[node].seen != draft.mark:
@@ -353,9 +300,9 @@ def _fill_tours(search: Search) -> None:
     for number in range(draft.n_legs):
         _update_insertion_costs(search, number)
     for which in range(draft.n_chosen):
-        _evaluate_tour(world.returns, work, which)
+        _evaluate_tour(work, which)
     while True:
-        best = _find_best_node(search, world.returns)
+        best = _find_best_node(search, is_squared)
         if best == NONE:
             break
         number = work.cheapest_leg[best]
@@ -365,7 +312,7 @@ def _fill_tours(search: Search) -> None:
             cheapest[i] = UNKNOWN if cheapest[i] == number else cheapest[i]
         _update_insertion_costs(search, number)
         _update_insertion_costs(search, draft.n_legs - 1)
-        _evaluate_tour(world.returns, work, legs[number].tour)
+        _evaluate_tour(work, legs[number].tour)
 
 
 @helper
@@ -387,45 +334,32 @@ def _update_insertion_costs(search: Search, number: int) -> None:
 
 
 @helper
-def _evaluate_tour(returns: Returns | None, work: Workspace, which: int) -> None:
+def _evaluate_tour(work: Workspace, which: int) -> None:
     """Compute with what probability each leg of a tour is begun, and what lies ahead of it."""
-    legs, loads, order, nodes = work.legs, work.leg_loads, work.order, work.nodes
-    n, alive, carried = 0, 1.0, 0.0
-    first, stop = aboard_of(returns, work.chosen[which])
-    for i in range(first, stop):
-        carried += nodes[aboard_at(returns, work.draft.layer, i)].marginal
-    number = work.first[which]
+    legs, order = work.legs, work.order
+    n, alive, number = 0, 1.0, work.first[which]
     while number != NONE:
         leg = legs[number]
         order[n] = number
         n += 1
         leg.alive = alive
         alive *= leg.survival
-        if returns is not None:
-            credit = returns.credit[leg.before]
-            carried = 0.0 if credit == AT_THIS_DEPOT else carried
-            carried += nodes[leg.before].marginal if credit == AT_NEXT_DEPOT else 0.0
-            loads[order[n - 1]].carried = carried
         number = leg.following
-    ahead = to_depot = 0.0
+    ahead = 0.0
     for i in range(n - 1, -1, -1):
         leg = legs[order[i]]
         leg.ahead = ahead * leg.survival
-        worth = nodes[leg.before].marginal
-        if returns is not None:
-            is_depot = returns.credit[leg.after] == AT_THIS_DEPOT
-            to_depot = leg.survival if is_depot else leg.survival * to_depot
-            loads[order[i]].to_depot = to_depot
-            worth *= to_depot if returns.credit[leg.before] == AT_NEXT_DEPOT else 1.0
-        ahead = leg.ahead + worth
+        ahead = leg.ahead + work.nodes[leg.before].marginal
 
 
 @helper
-def _find_best_node(search: Search, returns: Returns | None) -> int:
+def _find_best_node(search: Search, is_squared: bool) -> int:
     """Return the node that fits and has the largest gain per insertion cost, or ``NONE``.
 
-    A node gains its worth, less what the danger of the detour takes from the stops after it. For
-    small costs c, 1 / (1 + c) takes the place of exp(−c).
+    With ``is_squared`` it is that of the largest square of the gain.
+
+    A node gains its worth, less what the danger of the detour takes from the stops after it, as if
+    all rewards counted on arrival. For small costs c, 1 / (1 + c) takes the place of exp(−c).
     """
     routes, work = search.routes, search.work
     legs, best, highest = work.legs, NONE, 0.0
@@ -434,7 +368,8 @@ def _find_best_node(search: Search, returns: Returns | None) -> int:
     costs, worth = work.insertion_cost[first : first + n], work.worth[first : first + n]
     cheapest = work.cheapest_leg[first : first + n]
     for i in range(n):
-        if worth[i] <= highest * costs[i]:
+        most = worth[i] * worth[i] if is_squared else worth[i]
+        if most <= highest * costs[i]:
             continue
         node = first + i
         if cheapest[i] == UNKNOWN:
@@ -449,15 +384,11 @@ def _find_best_node(search: Search, returns: Returns | None) -> int:
                 continue
             way -= per_length * length
             danger = max(0.0, cost - per_length * longer)
-        if danger > slack.danger + TOLERANCE:
+        if danger > slack.danger + state.TOLERANCE:
             continue
         gain = leg.alive * (worth[i] / (1.0 + way) - leg.ahead * danger / (1.0 + danger))
-        if returns is not None:
-            load = work.leg_loads[cheapest[i]]
-            if returns.credit[node] == AT_NEXT_DEPOT:
-                paid = worth[i] * load.to_depot / (1.0 + danger)
-                gain = leg.alive * (paid - leg.ahead * danger / (1.0 + danger))
-            gain -= leg.alive * load.carried * load.to_depot * danger / (1.0 + danger)
+        if is_squared:
+            gain *= max(gain, 0.0)
         if gain > highest * cost:
             best, highest = node, gain / cost
     return best
@@ -512,10 +443,10 @@ def _store_tour(search: Search, which: int) -> int:
         work.goals[draft.n_goals] = legs[number].after
         draft.n_goals += 1
         number = legs[number].following
-    trail = NOT_STORED
+    trail = state.NOT_STORED
     if connect_child(search, 0):
-        trail = add_trail(search, robot, write_child(work))
-    if trail == NOT_STORED:
+        trail = plans.add_trail(search, robot, write_child(work))
+    if trail == state.NOT_STORED:
         trail = work.parent[robot]
         store.trails[trail].n_users += 1
     return int(trail)

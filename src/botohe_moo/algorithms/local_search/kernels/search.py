@@ -5,51 +5,13 @@ A child differs from its parent in the trail of one robot.
 
 import numpy as np
 
-from botohe_moo.algorithms.local_search.kernels.children import (
-    evaluate_child,
-    evaluate_trail,
-    write_child,
-)
-from botohe_moo.algorithms.local_search.kernels.moves import N_MOVES, draw_trail, make_child
-from botohe_moo.algorithms.local_search.kernels.plans import (
-    acquire_parent,
-    add_trail,
-    clear_others,
-    clear_trail,
-    evaluate_others,
-    insert_trails,
-    is_stuck,
-    lay_out,
-    pop_newest,
-    release_parent,
-    remove_plan,
-)
-from botohe_moo.algorithms.local_search.kernels.state import (
-    BUSY,
-    MOST_SHAKEN,
-    N_CHILDREN,
-    N_CHILDREN_BUSY,
-    N_DRAWN,
-    N_DRAWN_BUSY,
-    NOT_STORED,
-    TIMED_EVERY,
-    TOLERANCE,
-    Given,
-    Search,
-    Workspace,
-    has_room,
-    release,
-)
+from botohe_moo.algorithms.local_search.kernels import children, plans, state
+from botohe_moo.algorithms.local_search.kernels.moves import draw_trail, make_child
+from botohe_moo.algorithms.local_search.kernels.state import Given, Search
+from botohe_moo.core import ordered
 from botohe_moo.core.compile import helper, kernel, shared, ticks
-from botohe_moo.core.ordered import (
-    best_reward,
-    contribution,
-    draw_slot,
-    find_place,
-    nearest_place,
-)
-from botohe_moo.core.rng import below, uniform
-from botohe_moo.core.world import Returns, find_arc
+from botohe_moo.core.rng import below, draw_weighted, uniform
+from botohe_moo.core.world import find_arc
 
 # After this many parents in a row without any child there is nothing left to try.
 MAX_FRUITLESS = 10_000
@@ -60,9 +22,6 @@ P_END, _P_SAFE_END = 0.1, 0.4
 # Once the search is stuck, the probability that another robot of a parent takes a trail of another
 # plan, so that two trails change. Without this, a mission of six nodes was not solved.
 P_OTHER = 0.5
-# With rewards on return, the probability that it takes a child of its own trail instead. Without
-# this, one of fifty missions of five nodes was not solved.
-P_SHAKE = 0.7
 
 
 @kernel
@@ -77,7 +36,7 @@ def improve(search: Search, given: Given, begin: int, n_evaluations: int) -> int
     memory = search.work.memory
     n_given = given.plan.shape[0] - begin
     n = fruitless = 0
-    while n < n_evaluations and fruitless < MAX_FRUITLESS and has_room(search):
+    while n < n_evaluations and fruitless < MAX_FRUITLESS and state.has_room(search):
         if n < n_given:
             _insert_given(search, given, begin + n)
             n += 1
@@ -89,13 +48,13 @@ def improve(search: Search, given: Given, begin: int, n_evaluations: int) -> int
             continue
         _select_robot(search, block, place)
         n_children = _make_children(search, n_evaluations - n)
-        release_parent(search)
+        plans.release_parent(search)
         n += n_children
         fruitless = 0 if n_children > 0 else fruitless + 1
     for trail in range(given.stored.shape[0]):
-        if given.stored[trail] != NOT_STORED:
-            release(search.store, given.stored[trail])
-            given.stored[trail] = NOT_STORED
+        if given.stored[trail] != state.NOT_STORED:
+            state.release(search.store, given.stored[trail])
+            given.stored[trail] = state.NOT_STORED
     return n
 
 
@@ -111,28 +70,29 @@ def trim(search: Search, n_most: int) -> None:
         least, removed = np.inf, -1
         slot = front.slots[front.places[front.directory[0], 0].slot].after
         while front.slots[slot].after >= 0:
-            area = contribution(front, slot)
+            area = ordered.contribution(front, slot)
             if area < least:
                 least, removed = area, slot
             slot = front.slots[slot].after
-        block, place = find_place(front, front.slots[removed].survivors)
-        remove_plan(search.store, front, block, place)
+        block, place = ordered.find_place(front, front.slots[removed].survivors)
+        plans.remove_plan(search.store, front, block, place)
 
 
 @helper
 def _insert_given(search: Search, given: Given, plan: int) -> None:
     """Insert a given plan that keeps the limits into the front, unless that has one as good."""
     reward, survivors = given.objectives[plan, 0], given.objectives[plan, 1]
-    if best_reward(search.front, survivors * (1.0 - TOLERANCE)) >= reward * (1.0 - TOLERANCE):
+    least = reward * (1.0 - state.TOLERANCE)
+    if ordered.best_reward(search.front, survivors * (1.0 - state.TOLERANCE)) >= least:
         return
     for k in range(search.work.trails.shape[0]):
         trail = np.int64(given.plan[plan, k])
-        if given.stored[trail] == NOT_STORED:
+        if given.stored[trail] == state.NOT_STORED:
             given.stored[trail] = _store_given(search, given, int(trail), k)
-        if given.stored[trail] == NOT_STORED:
+        if given.stored[trail] == state.NOT_STORED:
             return
         search.work.trails[k] = given.stored[trail]
-    if insert_trails(search, TOLERANCE):
+    if plans.insert_trails(search, state.TOLERANCE):
         slot = search.front.members[search.front.n.plans - 1]  # that of the last to enter
         search.front.slots[slot].tried = given.tried[plan]
 
@@ -144,7 +104,7 @@ def _store_given(search: Search, given: Given, trail: int, robot: int) -> int:
     for i in range(start, stop - 1):
         arc = find_arc(search.world.graph, given.nodes[i], given.nodes[i + 1])
         search.work.child[i - start] = arc
-    return add_trail(search, robot, stop - start - 1)
+    return plans.add_trail(search, robot, stop - start - 1)
 
 
 @helper
@@ -175,62 +135,24 @@ def _select_robot(search: Search, block: int, place: int) -> None:
     """
     store, work = search.store, search.work
     draft, parent = work.draft, work.parent
-    acquire_parent(search, block, place)
+    plans.acquire_parent(search, block, place)
     if store.trails[parent[draft.robot]].n_arcs == 0:
         draft.robot = below(work.states, parent.shape[0])
-    if is_stuck(work, search.world.returns) and uniform(work.states, 0) < P_OTHER:
+    if parent.shape[0] > 1 and plans.is_stuck(work) and uniform(work.states, 0) < P_OTHER:
         _change_another(search)
-    evaluate_others(search.world, store, work)
+    plans.evaluate_others(search.world, store, work)
 
 
 @helper
 def _change_another(search: Search) -> None:
-    """Replace the trail of another robot, if there is one, by a trail of another plan.
-
-    With rewards on return, trails of a few robots are mostly replaced by children of them, instead.
-    """
+    """Replace the trail of another robot by a trail of another plan."""
     store, work = search.store, search.work
     n_robots = work.parent.shape[0]
-    if _change_some(search, search.world.returns) or n_robots == 1:
-        return
     other = (work.draft.robot + 1 + below(work.states, n_robots - 1)) % n_robots
     trail = draw_trail(search, other)
     store.trails[trail].n_users += 1
-    release(store, work.parent[other])
+    state.release(store, work.parent[other])
     work.parent[other] = trail
-
-
-@helper
-def _change_some(search: Search, returns: Returns | None) -> bool:
-    """Replace trails of a few robots by children of them; return whether this was drawn."""
-    if returns is None:  # of an argument: then numba compiles nothing of what follows
-        return False
-    work = search.work
-    if uniform(work.states, 0) >= P_SHAKE:
-        return False
-    for _ in range(1 + below(work.states, MOST_SHAKEN)):
-        robot = below(work.states, work.parent.shape[0])
-        trail = _shake(search, robot)
-        if trail != NOT_STORED:
-            release(search.store, work.parent[robot])
-            work.parent[robot] = trail
-    return True
-
-
-@helper
-def _shake(search: Search, robot: int) -> int:
-    """Store a child of a robot's trail, whatever it is worth; ``NOT_STORED`` if none is made."""
-    world, store, work, draft = search.world, search.store, search.work, search.work.draft
-    changed, draft.robot = draft.robot, robot
-    evaluate_others(world, store, work)
-    lay_out(world, world.returns, store, work, work.parent[robot])
-    trail = NOT_STORED
-    if make_child(search, _draw_move(work)) and draft.adopted == NOT_STORED:
-        trail = add_trail(search, robot, write_child(work))
-    clear_trail(world, world.returns, work)
-    clear_others(world, work)
-    draft.robot = changed
-    return trail
 
 
 @helper
@@ -241,30 +163,19 @@ def _draw_parent(search: Search) -> tuple[int, int]:
     often it has been a parent; the highest score wins.
     """
     front, work = search.front, search.work
-    newest = pop_newest(work)
+    newest = plans.pop_newest(work)
     if newest >= 0.0:
-        return nearest_place(front, newest)
+        return ordered.nearest_place(front, newest)
     survivors, n_robots = front.places[front.directory[0], 0].survivors, work.parent.shape[0]
     if uniform(work.states, 0) < max(P_END, _P_SAFE_END * survivors / n_robots):
         return 0, 0
     best, highest = 0, -1.0
-    for _ in range(N_DRAWN_BUSY if work.memory.idle <= BUSY else N_DRAWN):
-        slot = draw_slot(front, work.states)
-        score = contribution(front, slot) / (1.0 + front.slots[slot].tried)
+    for _ in range(state.N_DRAWN_BUSY if work.memory.idle <= state.BUSY else state.N_DRAWN):
+        slot = ordered.draw_slot(front, work.states)
+        score = ordered.contribution(front, slot) / (1.0 + front.slots[slot].tried)
         if score > highest:
             best, highest = slot, score
-    return find_place(front, front.slots[best].survivors)
-
-
-@helper
-def _draw_move(work: Workspace) -> int:
-    """Draw a move by its cumulated weight."""
-    weights = work.weights
-    drawn = uniform(work.states, 0) * weights[N_MOVES - 1]
-    move = 0
-    while weights[move] <= drawn and move < N_MOVES - 1:
-        move += 1
-    return move
+    return ordered.find_place(front, front.slots[best].survivors)
 
 
 @helper
@@ -272,15 +183,15 @@ def _make_children(search: Search, n_most: int) -> int:
     """Make children of the parent, at most ``n_most``, insert them, and return how many."""
     world, store, work = search.world, search.store, search.work
     changed, memory = work.parent[work.draft.robot], work.memory
-    lay_out(world, world.returns, store, work, changed)
+    plans.lay_out(world, world.returns, store, work, changed)
     n = 0
-    is_timed = memory.n_parents % TIMED_EVERY == 0
+    is_timed = memory.n_parents % state.TIMED_EVERY == 0
     memory.n_parents += 1
     before = ticks() if is_timed else 0
-    for _ in range(N_CHILDREN_BUSY if memory.idle <= BUSY else N_CHILDREN):
+    for _ in range(state.N_CHILDREN_BUSY if memory.idle <= state.BUSY else state.N_CHILDREN):
         if n == n_most:
             break
-        move = _draw_move(work)
+        move = draw_weighted(work.weights, work.states)
         tally = work.tallies[move]
         if make_child(search, move) and work.draft.adopted != changed:
             n += 1
@@ -289,9 +200,9 @@ def _make_children(search: Search, n_most: int) -> int:
             tally.entered += _insert_child(search)
         if is_timed:
             now = ticks()
-            tally.ticks += TIMED_EVERY * (now - before)
+            tally.ticks += state.TIMED_EVERY * (now - before)
             before = now
-    clear_trail(world, world.returns, work)
+    plans.clear_trail(work)
     return n
 
 
@@ -300,20 +211,20 @@ def _insert_child(search: Search) -> bool:
     """Insert the parent with the child into the front, if it may enter; return whether it has."""
     store, work = search.store, search.work
     draft, trail = work.draft, work.draft.adopted
-    if trail != NOT_STORED:
-        gained = evaluate_trail(search, trail)
+    if trail != state.NOT_STORED:
+        gained = children.evaluate_trail(search, trail)
     else:
-        gained = evaluate_child(search, search.world.returns)
+        gained = children.evaluate_child(search, search.world.returns)
     if gained < 0.0:
         return False
-    if trail != NOT_STORED:
+    if trail != state.NOT_STORED:
         store.trails[trail].n_users += 1
     else:
-        trail = add_trail(search, draft.robot, write_child(work))
-        if trail == NOT_STORED:  # by rounding
+        trail = plans.add_trail(search, draft.robot, children.write_child(work))
+        if trail == state.NOT_STORED:  # by rounding
             return False
     for k in range(work.parent.shape[0]):
         work.trails[k] = trail if k == draft.robot else work.parent[k]
-    entered = insert_trails(search, 0.0)
-    release(store, trail)
+    entered = plans.insert_trails(search, 0.0)
+    state.release(store, trail)
     return entered

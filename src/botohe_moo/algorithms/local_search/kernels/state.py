@@ -29,10 +29,8 @@ NOT_STORED = -1  # instead of the number of a trail
 N_CHILDREN, N_DRAWN = 24, 2
 # The same while the search is busy: a plan has entered the front within ``BUSY`` evaluations.
 N_CHILDREN_BUSY, N_DRAWN_BUSY, BUSY = 8, 8, 100
-# Once the search is stuck, how many other trails of a parent may be replaced at most.
-MOST_SHAKEN = 3
 # How many trails a parent may need, beside those of a whole new plan.
-N_TRAILS = N_CHILDREN + MOST_SHAKEN + 1
+N_TRAILS = N_CHILDREN + 1
 
 # How many plans wait for ruin and recreate, one after another: a short run does not compile it.
 QUEUE = 32
@@ -61,7 +59,7 @@ _CHILD = ("length", "prefix", "n_middle", "suffix", "n_goals", "n_piece", "n_leg
 _MOVE = ("n_steps", "adopted")
 _DRAFT = np.dtype(
     [(name, np.int64) for name in (*_PARENT, *_CHILD, *_MOVE)]
-    + [(name, np.float64) for name in ("at", "others", "survivors", "value", "slope")]
+    + [(name, np.float64) for name in ("at", "others", "survivors", "carried", "value", "slope")]
 )
 _STEP = np.dtype(
     [(name, np.int64) for name in ("arc", "node")]
@@ -115,7 +113,8 @@ class Workspace(NamedTuple):
     # Of the parent: its ``block`` and ``place`` in the front, or those next to its E[S] (``at``)
     # once it has left; the ``robot`` that changes, and
     # the first node of its kind's layer (``layer``); how many nodes the others reach
-    # (``n_touched``), and E[R] and E[S] of these (``others`` and ``survivors``). Of the trail: how
+    # (``n_touched``), and E[R] and E[S] of these (``others`` and ``survivors``); the reward that it
+    # carries from the start (``carried``). Of the trail: how
     # many arcs it has (``length``). Of the child: how many arcs are kept from the trail's start
     # (``prefix``), how many are new (``n_middle``), from which position the trail is kept to its
     # end (``suffix``), how many goals there are (``n_goals``), and arcs in the piece (``n_piece``).
@@ -164,10 +163,6 @@ class Workspace(NamedTuple):
     # its ``cost``, ``length``, ``danger`` and ``survival``; with what probability it is begun
     # (``alive``), and what a robot that begins it collects behind it (``ahead``).
     legs: RecordArray
-    # With rewards on return, what a robot carries that begins each leg, and with what probability
-    # it gets to the next depot, as in ``loads``. Apart from ``legs``, which have to be small to be
-    # fast.
-    leg_loads: RecordArray
     order: OffsetArray  # the legs of a tour in order (n_legs)
     # Of each node, what it is ``worth``, what it costs to insert it where this is cheapest, and
     # the leg where that is (n_nodes).
@@ -214,8 +209,7 @@ def new_workspace(
     """Return a workspace of what a search remembers, with new scratch."""
     n_nodes, n_arcs, n_robots = world.graph.n_nodes, world.graph.n_arcs, world.n_robots
     on_return = world.returns is not None
-    n_stops = 2 * n_nodes if on_return else n_nodes  # of a tour, depots among them
-    n_legs = (n_stops + 1) * (n_robots + 1)
+    n_legs = (n_nodes + 1) * (n_robots + 1)
     nodes, arcs = np.zeros(n_nodes, _NODE), np.zeros(n_arcs, _ARC)
     nodes["marginal"], nodes["unreached"], nodes["met"] = world.graph.reward, -1.0, NEVER
     arcs["position"] = -1
@@ -232,7 +226,7 @@ def new_workspace(
         arcs=arcs.view(np.recarray),
         middle=np.empty(n_arcs, np.int64),
         child=np.empty(n_arcs, np.int64),
-        goals=np.empty(max(MOST_GOALS, n_stops), np.int64),
+        goals=np.empty(max(MOST_GOALS, n_nodes), np.int64),
         piece=np.empty(n_arcs, np.int64),
         touched=np.empty(len(world.team.reward), np.int64),
         visits=new_visits(n_nodes),
@@ -244,7 +238,6 @@ def new_workspace(
         slacks=np.zeros(n_robots, _SLACK).view(np.recarray),
         first=np.zeros(n_robots, np.int64),
         legs=np.zeros(n_legs, _LEG).view(np.recarray),
-        leg_loads=np.zeros(n_legs if on_return else 0, _LOAD).view(np.recarray),
         order=np.empty(n_legs, np.int64),
         worth=np.empty(n_nodes),
         insertion_cost=np.empty(n_nodes),
