@@ -28,6 +28,11 @@ UNKNOWN = -1
 # Smaller costs count as this much, since worth is divided by them.
 _LEAST_COST = 1e-300
 
+# Costs differ by up to this at random, so that chance decides between legs into which a node may be
+# inserted at the same cost. If it were always the first, fronts would be worse (10 000 evaluations
+# on the power plant: 0.3382 instead of 0.3392).
+SHUFFLED = 1e-12
+
 # The probability that a tour may use up the limits; and by how much its danger may differ from the
 # trail's otherwise, on the scale of logarithms.
 P_FULL, SPREAD = 0.5, 0.6
@@ -277,6 +282,7 @@ def _set_leg(search: Search, number: int, before: int, after: int) -> None:
         leg.length = routes.leaving_length[before, after]
         leg.danger -= routes.per_length[before] * leg.length
     leg.survival = np.exp(-leg.danger)
+    leg.cost += SHUFFLED * uniform(search.work.states, 0)
 
 
 @helper
