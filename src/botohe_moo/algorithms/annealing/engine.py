@@ -201,16 +201,16 @@ class Annealing:
         """
         self.steps_left -= n_steps
         n_robots, n_nodes = self.mission.robots, len(self.state.tried.items)
-        most = min(n_steps, max(1, _MOST_NODES // n_nodes))
-        nodes, offsets = np.empty(most * n_nodes, np.int32), np.zeros(most * n_robots + 1, np.int64)
-        records = Batch(np.empty((most, 2)), nodes, offsets)
         batches, objectives = [], []
         while n_steps > 0:
-            n = anneal(self.world, self._rule, self.state, records, min(n_steps, most))
-            n_steps -= min(n_steps, most)
-            ends = offsets[: n * n_robots + 1].copy()
-            batches.append(PlanBatch._wrap(nodes[: ends[-1]].copy(), ends, n_robots))
-            objectives.append(records.objectives[:n].copy())
+            n = min(n_steps, max(1, _MOST_NODES // n_nodes))
+            nodes, offsets = np.empty(n * n_nodes, np.int32), np.zeros(n * n_robots + 1, np.int64)
+            records = Batch(np.empty((n, 2)), nodes, offsets)
+            n_recorded = anneal(self.world, self._rule, self.state, records, n)
+            offsets = offsets[: n_recorded * n_robots + 1]
+            batches.append(PlanBatch._wrap(nodes[: offsets[-1]], offsets, n_robots))
+            objectives.append(records.objectives[:n_recorded])
+            n_steps -= n
         if self.settings.best_of_weights and self.steps_left == 0:
             return self.best()
         return PlanBatch.concatenate(batches), np.concatenate(objectives)

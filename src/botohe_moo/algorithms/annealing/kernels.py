@@ -76,16 +76,18 @@ class AnnealState(NamedTuple):
     best_score: FloatArray
     temperature: FloatArray  # (1)
     random: SeedArray  # state of the random numbers (1, 2)
-    # Scratch of moves: 1 for arcs of the trail that is changed, else 0 (n_arcs); the arcs that a move
-    # puts in; and paths of detours.
+    # Scratch of moves: 1 for arcs of the trail that is changed, else 0 (n_arcs); the arcs that a
+    # move puts in; and paths of detours.
     used: OffsetArray
     way: OffsetArray
     paths: Paths
-    # Of each robot in the plan that is tried: its visits (a row of ``node`` and of ``chance``), how
-    # many they are, and the probability that it survives (n_robots).
+    # Of the last walk of each robot in the plan that is tried, and of the one before: the visits (a
+    # row of ``node`` and of ``chance``), how many they are, and the probability that it survives
+    # (2 · n_robots). And which of them is the last one (n_robots).
     visits: Visits
     n_visits: OffsetArray
     alive: FloatArray
+    last: OffsetArray
     # Scratch of evaluations.
     reached: Reached
     order: OffsetArray  # robots in the order of their trails (n_robots)
@@ -107,10 +109,12 @@ def new_state(world: World, random: SeedArray) -> AnnealState:
         way=np.zeros(2 * n_nodes + world.graph.n_arcs, np.int64),
         paths=new_paths(world),
         visits=visits._replace(
-            node=np.zeros((n_robots, n_nodes), np.int64), chance=np.zeros((n_robots, n_nodes))
+            node=np.zeros((2 * n_robots, n_nodes), np.int64),
+            chance=np.zeros((2 * n_robots, n_nodes)),
         ),
-        n_visits=np.zeros(n_robots, np.int64),
-        alive=np.zeros(n_robots),
+        n_visits=np.zeros(2 * n_robots, np.int64),
+        alive=np.zeros(2 * n_robots),
+        last=np.arange(n_robots),
         reached=new_reached(len(world.team.reward)),
         order=np.zeros(n_robots, np.int64),
     )
@@ -310,20 +314,28 @@ def _copy(plan: Plan, into: Plan, first: int, stop: int) -> None:
 @helper
 def _walk(world: World, state: AnnealState, robot: int) -> bool:
     """Walk a robot's trail in the plan that is tried; return whether it keeps the limits."""
-    plan, limits = state.tried, world.limits
+    plan, limits, lists, last = state.tried, world.limits, state.visits, state.last[robot]
     trail = plan.items[plan.starts[robot] + 1 : plan.stops[robot]]
-    lists = state.visits
-    visits = Visits(lists.node[robot], lists.chance[robot], lists.seen, lists.n_walks)
+    visits = Visits(lists.node[last], lists.chance[last], lists.seen, lists.n_walks)
     n, alive, length = walk(world, world.returns, trail, trail.shape[0], robot, visits)
-    state.n_visits[robot], state.alive[robot] = n, alive
+    state.n_visits[last], state.alive[last] = n, alive
     return bool(alive >= limits.floors[robot] and length <= limits.budgets[robot])
 
 
+@inlined
+def _take_other_walk(state: AnnealState, robot: int) -> None:
+    """Take the walk before a robot's last one for the last one."""
+    n_robots = state.last.shape[0]
+    state.last[robot] = (state.last[robot] + n_robots) % (2 * n_robots)
+
+
 @helper
-def _try_again(world: World, state: AnnealState, plan: Plan, first: int, stop: int) -> None:
-    """Let some robots of the plan that is tried take their trails in another plan again."""
-    _copy(plan, state.tried, first, stop)
-    for robot in range(first, stop):
+def _begin_at(world: World, state: AnnealState, plan: Plan) -> None:
+    """Make a plan the current one, and the one that is tried."""
+    n_robots = state.last.shape[0]
+    _copy(plan, state.current, 0, n_robots)
+    _copy(plan, state.tried, 0, n_robots)
+    for robot in range(n_robots):
         _walk(world, state, robot)
 
 
@@ -337,6 +349,7 @@ def change_trail(world: World, rule: AnnealRule, state: AnnealState, robot: int)
     plan = state.tried
     trail, n = plan.items[plan.starts[robot] :], plan.stops[robot] - plan.starts[robot] - 1
     mark(state, trail, 1, n + 1, 1)
+    _take_other_walk(state, robot)
     for attempt in range(_MAX_TRIES + _LAST_TRIES):
         move = draw_weighted(rule.moves, state.random) if attempt < _MAX_TRIES else DETOUR
         changed = make_move(world, state, trail, n, move)
@@ -344,8 +357,11 @@ def change_trail(world: World, rule: AnnealRule, state: AnnealState, robot: int)
             plan.stops[robot] = plan.starts[robot] + changed + 1
             if _walk(world, state, robot):
                 break
-            _try_again(world, state, state.current, robot, robot + 1)
+            _copy(state.current, plan, robot, robot + 1)
+            changed = CANNOT
     mark(state, state.current.items[plan.starts[robot] :], 1, n + 1, 0)
+    if changed == CANNOT:
+        _walk(world, state, robot)
 
 
 @helper
@@ -358,10 +374,10 @@ def _evaluate(world: World, state: AnnealState) -> None:
     begin_plan(reached)
     survivors = 0.0
     for k in range(order.shape[0]):
-        robot = order[k]
-        for i in range(state.n_visits[robot]):
-            combine(reached, visits.node[robot, i], visits.chance[robot, i])
-        survivors += state.alive[robot]
+        last = state.last[order[k]]
+        for i in range(state.n_visits[last]):
+            combine(reached, visits.node[last, i], visits.chance[last, i])
+        survivors += state.alive[last]
     plan.objectives[0], plan.objectives[1] = expected_reward(world.team.reward, reached), survivors
 
 
@@ -410,7 +426,7 @@ def anneal(world: World, rule: AnnealRule, state: AnnealState, records: Batch, n
     world, rule, state, records = shared(world), shared(rule), shared(state), shared(records)
     current, tried, best, states = state.current, state.tried, state.best, state.random
     n_robots, n_recorded = state.order.shape[0], 0
-    _try_again(world, state, current, 0, n_robots)
+    _begin_at(world, state, current)
     for _ in range(n_steps):
         first, stop = 0, n_robots
         if not rule.every_robot and n_robots > 1:
@@ -430,9 +446,10 @@ def anneal(world: World, rule: AnnealRule, state: AnnealState, records: Batch, n
         if change >= 0.0 or uniform(states, 0) < math.exp(change / state.temperature[0]):
             _copy(tried, current, first, stop)
         elif rule.return_probability > 0.0 and uniform(states, 0) < rule.return_probability:
-            _copy(best, current, 0, n_robots)
-            _try_again(world, state, best, 0, n_robots)
+            _begin_at(world, state, best)
         else:
-            _try_again(world, state, current, first, stop)
+            _copy(current, tried, first, stop)
+            for robot in range(first, stop):
+                _take_other_walk(state, robot)
         state.temperature[0] *= rule.cooling
     return n_recorded
