@@ -98,10 +98,13 @@ def new_state(world: World, random: SeedArray) -> AnnealState:
     n_robots, n_nodes, width = world.n_robots, world.graph.n_nodes, world.graph.n_arcs + 1
     starts, items = width * np.arange(n_robots), np.zeros(n_robots * width, np.int64)
     items[starts] = world.team.start
-    plans = [Plan(items.copy(), starts, starts + 1, np.zeros(2)) for _ in range(3)]
+    plans = (Plan(items.copy(), starts, starts + 1, np.zeros(2)) for _ in range(3))
+    current, tried, best = plans
     visits = new_visits(n_nodes)
     return AnnealState(
-        *plans,
+        current,
+        tried,
+        best,
         best_score=np.full(1, -np.inf),
         temperature=np.ones(1),
         random=random,

@@ -221,12 +221,11 @@ class FrontSearch:
         return teams.new_choices(*self._trails.found(), reward, slack, n_robots)
 
     def _advance_teams(self, choices: teams.Choices) -> None:
-        state = teams.choose_teams(choices, self._front, _CHOICES_A_PORTION, most_reward=False)
-        if state == teams.FULL:
+        if self._front.n.spare == 0:
             self._require(2 * n_bytes(self._front))
             slots, _ = read_front(self._front)
             self._front = copy_front(self._front, slots, 2 * len(slots))
-        elif state == teams.FINISHED:
+        if teams.choose_teams(choices, self._front, _CHOICES_A_PORTION, most_reward=False):
             self.plans = self._plans()
 
     def _plans(self) -> PlanBatch:

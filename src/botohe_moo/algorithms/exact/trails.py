@@ -36,12 +36,13 @@ class TrailSearch:
         self._visits = new_visits(world.graph.n_nodes)
         stay = (int(world.team.start[0]),)
         self._known = list(dict.fromkeys([stay, *known]))[:_ROWS]
-        others = labels.new_trails(_ROWS, len(self._search.current.column))
+        trails = self._search.trails
         for row, trail in enumerate(self._known):
             survives, reached = self.follow(trail)
-            others.rows[row] = -1 - row, -1, survives
-            labels.as_column(self._search, reached, others.reached[row])
-        labels.add_trails(self._search, others, np.arange(len(self._known)))
+            trails.rows[row] = -1 - row, -1, survives
+            labels.as_column(self._search, reached, trails.reached[row])
+        self.progress.n_trails = len(self._known)
+        self._tidy()
 
     @property
     def progress(self) -> Record:
@@ -80,7 +81,7 @@ class TrailSearch:
         is_full = labels.grow(search, n_looks)
         if is_full:
             require(self.n_bytes)
-            larger = labels.chained_again(labels.doubled(search.labels), progress.n_labels)
+            larger = labels.doubled(search.labels)
             self._search = search._replace(labels=larger, trails=labels.doubled(search.trails))
         ended = bool(progress.next == progress.n_labels)
         if ended:
@@ -98,21 +99,22 @@ class TrailSearch:
 
     def trail(self, row: int) -> list[int]:
         """Return a trail of the table as nodes."""
-        table, current, world = self._search.labels, self._search.current, self._search.world
-        label, arc, _ = self._search.trails.rows[row].tolist()
+        search, table = self._search, self._search.labels
+        graph, paths = search.world.graph, search.paths
+        label, arc, _ = search.trails.rows[row].tolist()
         if label < 0:
             return list(self._known[-1 - label])
-        current.used[:] = [labels.has(table.used[label], i) for i in range(world.graph.n_arcs)]
-        current.used[arc] = 1
-        current.row["length"] = table.rows["length"][label] + world.graph.length[arc]
-        current.row["node"] = world.graph.head[arc]
-        labels.look_around(self._search)
-        home = [int(world.team.start[0])]
-        while (last := current.paths.entry[home[-1]]) >= 0:
-            home.append(int(world.graph.tail[last]))
+        search.used[:] = [labels.has(table.used[label], i) for i in range(graph.n_arcs)]
+        search.used[arc] = 1
+        last = table.rows[self.progress.n_labels]
+        last.length, last.node = table.rows.length[label] + graph.length[arc], graph.head[arc]
+        labels.look_around(search)
+        home = [int(search.world.team.start[0])]
+        while (entry := paths.entry[home[-1]]) >= 0:
+            home.append(int(graph.tail[entry]))
         out: list[int] = []
         while label >= 0:
-            label, _, node, *_ = table.rows[label].tolist()
+            label, node, *_ = table.rows[label].tolist()
             out.append(node)
         return out[::-1] + home[::-1]
 
