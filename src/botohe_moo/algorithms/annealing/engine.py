@@ -92,15 +92,6 @@ class Annealing:
         # A sweep is the turns of all weights, in each pass once; ``_turn`` of them have begun.
         self._n_steps, self._n_weights, self._n_turns, self._turn = 0, 1, 0, 0
         self.steps_left, self.weight = 0, 0.0
-        self._rule = AnnealRule(
-            moves=np.cumsum(self.weights_of_moves()),
-            every_robot=settings.every_robot,
-            records=not settings.best_of_weights,
-            total_reward=mission.total_reward or 1.0,
-            weight=0.0,
-            cooling=1.0,
-            return_probability=settings.return_probability,
-        )
 
     def weights_of_moves(self) -> FloatArray:
         """Return how likely each move is to be drawn, relative to the others.
@@ -150,15 +141,21 @@ class Annealing:
         self.weight = place / (self._n_weights - 1) if self._n_weights > 1 else 0.5
         done, self._turn = self._n_steps * self._turn // self._n_turns, self._turn + 1
         self.steps_left = self._n_steps * self._turn // self._n_turns - done
-        cooling = settings.cooling or _FALL ** (1.0 / self.steps_left)
-        self._rule = self._rule._replace(weight=self.weight, cooling=cooling)
+        self._rule = AnnealRule(
+            moves=np.cumsum(self.weights_of_moves()),
+            every_robot=settings.every_robot,
+            records=not settings.best_of_weights,
+            total_reward=self.mission.total_reward or 1.0,
+            weight=self.weight,
+            cooling=settings.cooling or _FALL ** (1.0 / self.steps_left),
+            return_probability=settings.return_probability,
+        )
         if archive is not None:
             self.start_from(archive)
         for values, best in zip(state.current, state.best, strict=True):
             values[:] = best
-        state.best_score[:] = self._scores(state.best.objectives)
-        if settings.best_of_weights:
-            state.best_score[:] = -np.inf
+        known = self._scores(state.best.objectives)
+        state.best_score[:] = -np.inf if settings.best_of_weights else known
         shares = self.mission.rewards / self._rule.total_reward
         usual = _INITIAL_TEMPERATURE * (float(shares @ shares) or 1.0)
         state.temperature[:] = settings.initial_temperature or usual

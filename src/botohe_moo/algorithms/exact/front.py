@@ -40,7 +40,6 @@ _N_GUIDES, _MOST_GUIDES, _GUIDE_WIDTH, _GUIDE_LABELS = 11, 20, 20, 5_000
 # In shares of all reward and of all robots: a team has to be better by more than this to count.
 # Points of the front that differ by less than ``CHECKING`` are one.
 _SLACK = 0.1 * CHECKING
-_LOOSE_LENGTH = 1e9  # a travel budget that compiles what budgets need, and limits nothing
 _REMEDY = "Raise the limits, take fewer robots, or another algorithm such as BOACO."
 
 
@@ -129,7 +128,7 @@ def exact_front(
 def _compile_kernels(has_budget: bool) -> None:
     """Search a small mission: the time limit is not for compiling, which takes long."""
     toy = load_mission("toy")
-    world = toy.limited(0.0, _LOOSE_LENGTH if has_budget else math.inf)
+    world = toy.limited(max_length=1e9 if has_budget else math.inf)  # a budget that limits nothing
     search = FrontSearch(toy, world, time_limit=1e9, memory_limit=1e9)
     while search.plans is None:
         search._advance()
@@ -149,10 +148,8 @@ class FrontSearch:
         time_limit: float = TIME_LIMIT,
         memory_limit: float = MEMORY_LIMIT,
     ) -> None:
-        self.mission = mission
-        self.world = world
-        self.time_limit = time_limit
-        self.memory_limit = memory_limit
+        self.mission, self.world = mission, world
+        self.time_limit, self.memory_limit = time_limit, memory_limit
         self.plans: PlanBatch | None = None
         self._without_base = without_base_reward(world)
         self._choices: teams.Choices | None = None
