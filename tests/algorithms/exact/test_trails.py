@@ -229,21 +229,7 @@ class TestTrails:
         assert found.tolist() == [[0, 0, 0, 1], [0.5, 0.25, 0.125, 0.0625]]
 
 
-class TestKnownTrails:
-    @examples(50)
-    @given(small_missions(max_trails=50))
-    def test_nothing_is_missed_beside_them(self, case):
-        mission, every = case
-        mission = mission.with_robots(2)
-        found = found_trails(search_for(mission))
-        knowing = TrailSearch(without_base_reward(mission.world), every)
-        assert knowing.progress.n_trails >= len(found)
-        again = found_trails(knowing)
-        assert covers(again, found)
-        assert covers(found, again)
-        for row in range(knowing.progress.n_trails):
-            assert tuple(knowing.trail(row)) in every
-
+class TestTrailsAsNodes:
     @examples(50)
     @given(
         small_missions(max_trails=200, lengths=lengths),
@@ -258,7 +244,7 @@ class TestKnownTrails:
         for row, figures in enumerate(found):
             trail = tuple(search.trail(row))
             assert trail in every
-            survives, reached = search.follow(trail)
-            assert survives == pytest.approx(figures[-1])
+            expected = figures_of(mission, trail)
+            assert figures[-1] == pytest.approx(expected[-1])
             if robots == 2:
-                assert reached == pytest.approx(figures[:-1])
+                assert figures == pytest.approx(expected)

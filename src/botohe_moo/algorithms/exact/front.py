@@ -152,6 +152,7 @@ class FrontSearch:
         self.time_limit, self.memory_limit = time_limit, memory_limit
         self.plans: PlanBatch | None = None
         self._without_base = without_base_reward(world)
+        self._trails = TrailSearch(self._without_base)
         self._choices: teams.Choices | None = None
         self._spent = 0.0
 
@@ -192,11 +193,6 @@ class FrontSearch:
         keeps = (values.alive >= limits.floors) & (values.lengths <= limits.budgets)
         kept = np.flatnonzero(keeps.all(axis=1))
         return [plans[i] for i in kept.tolist()], values.objectives[kept]
-
-    @cached_property
-    def _trails(self) -> TrailSearch:
-        known = {trail for plan in self._guides[0] for trail in plan.trails}
-        return TrailSearch(self._without_base, sorted(known))
 
     def _advance_trails(self) -> None:
         graph, trails = self.world.graph, self._trails

@@ -56,7 +56,7 @@ LABEL = np.dtype(
     + [("alive", np.float64), ("length", np.float64), ("key", np.uint64)]
 )
 # A trail: the label and the arc after which it goes home by the safest way, and the probability to
-# survive it. Parents below 0 number trails known from elsewhere.
+# survive it. The trail that stays at base has no parent: −1.
 TRAIL = np.dtype([("parent", np.int64), ("arc", np.int64), ("survives", np.float64)])
 # How many labels and trails there are, and the next label to go on from.
 PROGRESS = np.dtype([(name, np.int64) for name in ("n_labels", "next", "n_trails")])
@@ -114,7 +114,7 @@ class LabelSearch(NamedTuple):
 
 
 def new_search(world: World, n: int) -> LabelSearch:
-    """Return a search whose only label is that of a robot that has not left the base.
+    """Return a search whose only label and whose only trail are a robot's that stays at base.
 
     It has room for ``n`` labels and as many trails: a multiple of ``SHELF``.
     """
@@ -149,7 +149,9 @@ def new_search(world: World, n: int) -> LabelSearch:
     )
     search.labels.rows[0] = -1, base, -1, 1.0, 0.0, search.node_keys[base]
     search.last[_place_of(search.node_keys[base])] = 0
-    search.progress["n_labels"] = 1
+    search.trails.rows[0] = -1, -1, 1.0
+    search.trails.shelf_survives[0] = 1.0
+    search.progress[0] = 1, 0, 1
     return search
 
 
