@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.algorithms.exact.teams import FINISHED, choose_teams, new_choices
+from botohe_moo.algorithms.exact.teams import choose_teams, new_choices
 from botohe_moo.bounds.envelopes import EDGE, add_stairs, falling, last_steps, least_total
 from botohe_moo.bounds.kernels.states import ROUNDING
 from botohe_moo.bounds.kernels.trails import Stairs, follow_trails
@@ -168,6 +168,6 @@ class Steps:
         with self._relaxation.turns.aside():
             ended = choose_teams(choices, front, n_most, most_reward=True)
         clock.count(_SECONDS_A_CHOICE * int(choices.turn[0].n_looks))
-        if ended != FINISHED and n_most < _MOST_TEAMS:
+        if not ended and n_most < _MOST_TEAMS:
             clock.end()
-        return best_reward(front, np.inf) if ended == FINISHED else None
+        return best_reward(front, np.inf) if ended else None

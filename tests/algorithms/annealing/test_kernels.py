@@ -10,7 +10,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from botohe_moo.algorithms.annealing.kernels import AnnealRule, anneal, new_records, new_state
+from botohe_moo.algorithms.annealing.kernels import AnnealRule, anneal, new_state
+from botohe_moo.core.archive import Batch
 from botohe_moo.core.rng import seed_states
 from botohe_moo.mission import load_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -48,7 +49,6 @@ class Search:
         self.state = new_state(self.world, seed_states(np.random.default_rng(seed), 1))
         self.state.temperature[0] = temperature
         self.start(mission.stay_home(self.world).trails)
-        self.records = new_records(mission.robots, 2_000, 100_000)
 
     def start(self, trails):
         state, best = self.state, self.state.best
@@ -57,7 +57,8 @@ class Search:
             best.items[best.starts[robot] : best.stops[robot]] = items_of(self.world, trail)
         best.objectives[:] = self.mission.evaluate([TrailPlan(trails)])[0]
         state.best_score[0] = self.score(best.objectives)
-        state.to_best[0] = 1
+        for values, of_best in zip(state.current, best, strict=True):
+            values[:] = of_best
 
     def score(self, objectives):
         mission, weight = self.mission, self.weight
@@ -65,12 +66,11 @@ class Search:
         total = mission.total_reward or 1.0
         return weight * (reward / total) + (1 - weight) * (survivors / mission.robots)
 
-    def steps(self, n_steps):
-        """Let the kernel make steps; gives what it gives."""
-        options = self.options
+    def run(self, n_steps):
+        """Let the kernel make steps; gives the plans recorded, and their objectives."""
+        options, robots = self.options, self.mission.robots
         rule = AnnealRule(
             moves=np.cumsum(options["kinds"]),
-            max_tries=200,
             every_robot=options["every_robot"],
             records=options["record"],
             total_reward=self.mission.total_reward or 1.0,
@@ -78,28 +78,20 @@ class Search:
             cooling=options["cooling"],
             return_probability=options["returning"],
         )
-        return anneal(self.world, rule, self.state, self.records, n_steps)
-
-    def recorded(self):
-        """Give the plans recorded so far, and forget them."""
-        robots, n = self.mission.robots, int(self.records.n_plans[0])
-        self.records.n_plans[0] = 0
-        offsets = self.records.offsets[: n * robots + 1].copy()
-        nodes = self.records.nodes[: offsets[-1]].copy()
-        return PlanBatch(nodes, offsets, robots), self.records.objectives[:n].copy()
-
-    def run(self, n_steps):
-        assert self.steps(n_steps) == n_steps
-        return self.recorded()
+        room = n_steps * len(self.state.tried.items)
+        offsets = np.zeros(n_steps * robots + 1, np.int64)
+        records = Batch(np.empty((n_steps, 2)), np.empty(room, np.int32), offsets)
+        n = anneal(self.world, rule, self.state, records, n_steps)
+        offsets = offsets[: n * robots + 1]
+        return PlanBatch(records.nodes[: offsets[-1]], offsets, robots), records.objectives[:n]
 
     @property
     def objectives(self):
-        state = self.state
-        return (state.best if state.to_best[0] else state.current).objectives
+        return self.state.current.objectives
 
     @property
     def trails(self):
-        return self.best_trails if self.state.to_best[0] else self.trails_of(self.state.current)
+        return self.trails_of(self.state.current)
 
     @property
     def best_trails(self):
@@ -184,8 +176,7 @@ def test_searches_end_with_the_chances_of_the_twin(every_robot, cooling, returni
     for _ in range(N_TIMES):
         search.start(START)
         search.state.temperature[0] = rule["temperature"]
-        search.records.n_plans[0] = 0
-        assert search.steps(N_STEPS) == N_STEPS
+        search.run(N_STEPS)
         counted[alike(search.trails, search.best_trails)] += 1
     agree(counted, chances_after(rule), N_TIMES)
     assert len(counted) > 50
@@ -339,32 +330,9 @@ def test_one_robot_drawn_uniformly_or_every_robot(every_robot):
     differs, n_times = np.zeros(4), 4_000
     for _ in range(n_times):
         search.start(plan.trails)
-        search.steps(1)
-        search.records.n_plans[0] = 0
+        search.run(1)
         changed = [now != then for now, then in zip(search.trails, plan.trails, strict=True)]
         assert sum(changed) == (4 if every_robot else 1)
         differs += changed
     if not every_robot:
         assert np.abs(differs / n_times - 0.25).max() < 5 * (0.25 * 0.75 / n_times) ** 0.5
-
-
-def test_a_search_stops_where_no_plan_can_be_recorded():
-    mission = load_mission("art_museum")
-    whole, parts = (
-        Search(mission, seed=2, temperature=0.01),
-        Search(mission, seed=2, temperature=0.01),
-    )
-    batch, objectives = whole.run(300)
-    parts.records = new_records(mission.robots, 3, 2_000)
-    n_steps, batches, found = 300, [], []
-    while n_steps:
-        made = parts.steps(n_steps)
-        assert 0 < made <= n_steps
-        n_steps -= made
-        recorded, values = parts.recorded()
-        assert len(recorded) <= 3
-        batches.append(recorded)
-        found += values.tolist()
-    assert len(batches) > 3
-    assert PlanBatch.concatenate(batches).nodes.tolist() == batch.nodes.tolist()
-    assert found == objectives.tolist()

@@ -17,8 +17,7 @@ from botohe_moo.algorithms.annealing.kernels import (
     AnnealRule,
     change_trail,
     make_move,
-    mark_trail,
-    new_moves,
+    mark,
     new_state,
 )
 from botohe_moo.core.compile import kernel, shared
@@ -224,8 +223,8 @@ def agree(counted, expected, n_times):
 
 
 @kernel
-def move(world, scratch, trail, n, number, states):
-    return make_move(world, scratch, trail, n, number, states)
+def move(world, state, trail, n, number):
+    return make_move(world, shared(state), trail, n, number)
 
 
 def crossroads_of_kinds():
@@ -246,25 +245,25 @@ ROVERS = [(5, 6, 8), (5, 7, 8, 6, 8), (5, 7, 6, 5, 9, 8), (5, 9, 8, 7, 5, 6, 8)]
 def test_one_move_has_the_outcomes_of_the_twin(name, robot, trails):
     mission = crossroads_of_kinds() if robot else crossroads()
     world, n_times = mission.world, 3_000
-    states = seed_states(np.random.default_rng(1), 1)
-    scratch = new_moves(world)
+    state = new_state(world, seed_states(np.random.default_rng(1), 1))
     makeable = 0
     for trail in trails:
         expected = Moves(mission, robot).outcomes(name, trail)
         assert sum(expected.values()) == pytest.approx(1)
         makeable += set(expected) != {None}
         counted, n = Counter(), len(trail) - 1
-        mark_trail(scratch, buffer(world, trail), n)
-        marked = scratch.used == scratch.mark
+        mark(state, buffer(world, trail), 1, n + 1, 1)
+        marked = state.used.copy()
         assert marked.sum() == n
         for _ in range(n_times):
             items = buffer(world, trail)
-            changed = move(world, scratch, items, n, NUMBERS[name], states)
+            changed = move(world, state, items, n, NUMBERS[name])
             if changed == CANNOT:
                 assert items.tolist() == buffer(world, trail).tolist()
             outcome = None if changed == CANNOT else nodes_of(world, items[: changed + 1])
             counted[outcome] += 1
-        assert np.array_equal(scratch.used == scratch.mark, marked)
+        assert np.array_equal(state.used, marked)
+        state.used[:] = 0
         agree(counted, expected, n_times)
     assert makeable >= (0 if robot and name == "reverse" else 2)
 
@@ -292,13 +291,10 @@ def limited(mission, least=0.0, longest=np.inf):
     return mission.world.with_limits(Limits(floors, budgets, longest < np.inf))
 
 
-def rule_of(weights, tries=1_000):
-    return AnnealRule(np.cumsum(weights), tries, True, True, 1.0, 0.5, 1.0, 0.0)
-
-
-def change(mission, batch, *, weights=PUBLISHED, world=None, seed=0, tries=1_000):
+def change(mission, batch, *, weights=PUBLISHED, world=None, seed=0):
     """Change every trail of plans by a move."""
-    world, rule = limited(mission) if world is None else world, rule_of(weights, tries)
+    world = limited(mission) if world is None else world
+    rule = AnnealRule(np.cumsum(weights), True, True, 1.0, 0.5, 1.0, 0.0)
     state = new_state(world, seed_states(np.random.default_rng(seed), 1))
     plans = []
     for plan in batch:
@@ -309,6 +305,7 @@ def change(mission, batch, *, weights=PUBLISHED, world=None, seed=0, tries=1_000
                 each.items[start:stop], each.stops[robot] = items_of(world, trail), stop
             change_one(world, rule, state, robot)
             assert nodes_of(world, state.current.items[start:stop]) == trail
+            assert not state.used.any()
             trails.append(nodes_of(world, state.tried.items[start : state.tried.stops[robot]]))
         plans.append(TrailPlan(trails))
     return mission.batch(plans)
@@ -324,7 +321,7 @@ def test_trails_stay_trails_on_one_way_missions(mission_and_plan, seed):
     batch = mission.batch([plan] * 20)
     weights = np.ones(len(MOVES))
     for i in range(5):
-        batch = change(mission, batch, weights=weights, seed=seed + i, tries=20)
+        batch = change(mission, batch, weights=weights, seed=seed + i)
         mission.evaluate(batch)  # raises PlanError for any trail that is not valid
 
 
@@ -337,7 +334,7 @@ def test_no_move_leaves_the_limits(mission_and_plan, floor, budget, data):
     least = float(mission.robot_survival(batch).min()) if floor else 0.0
     longest = float(mission.trail_lengths(batch).max()) if budget else np.inf
     for seed in range(3):
-        batch = change(mission, batch, world=limited(mission, least, longest), seed=seed, tries=20)
+        batch = change(mission, batch, world=limited(mission, least, longest), seed=seed)
         assert (mission.robot_survival(batch) >= least).all()
         assert (mission.trail_lengths(batch) <= longest).all()
 
@@ -351,7 +348,7 @@ def test_no_move_leaves_the_limits_of_a_kind(mission, seed):
     )
     assume((mission.robot_survival(batch) >= least).all())  # no way that compromises
     for _ in range(3):
-        batch = change(mission, batch, world=mission.world, seed=seed, tries=20)
+        batch = change(mission, batch, world=mission.world, seed=seed)
         mission.evaluate(batch)
         assert (mission.robot_survival(batch) >= least).all()
         assert (mission.trail_lengths(batch) <= longest).all()

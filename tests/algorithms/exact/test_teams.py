@@ -44,10 +44,9 @@ class TestTeams:
         reached, survives, reward, n_robots = pool
         slack = 1e-13 * np.array([reward.sum(), n_robots])
         choices = teams.new_choices(survives, reached, reward, slack, n_robots)
-        front, state = new_front(1, n_robots), teams.PAUSED
-        while state != teams.FINISHED:
-            state = teams.choose_teams(choices, front, n_looks, most_reward=False)
-            if state == teams.FULL:
+        front = new_front(1, n_robots)
+        while not teams.choose_teams(choices, front, n_looks, most_reward=False):
+            if front.n.spare == 0:
                 front = grow_front(front, 2 * len(front.plan))
         slots, found = read_front(front)
         every = np.array(list(every_team(*pool)))
@@ -70,7 +69,7 @@ class TestTeams:
         front = new_front(3, n_robots)
         insert(front, inf, least * (1 - CHECKING) - 1e-300)
         insert(front, height, inf)
-        assert teams.choose_teams(choices, front, 10**6, most_reward=True) == teams.FINISHED
+        assert teams.choose_teams(choices, front, 10**6, most_reward=True)
         every = np.array(list(every_team(*pool)))
         best = every[every[:, 1] >= least * (1 - 1e-11), 0].max(initial=height)
         strict = every[every[:, 1] >= least, 0].max(initial=height)

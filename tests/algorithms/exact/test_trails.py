@@ -63,12 +63,13 @@ class TestLookingAround:
         trail = data.draw(trails(mission))
         partial = trail[: data.draw(st.integers(1, len(trail)))]
         search = search_for(mission, longest=longest)
-        graph, current = mission.world.graph, search._search.current
+        graph, search = mission.world.graph, search._search
+        labels, new = search.labels, search.progress[0].n_labels
         arcs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
         used = set(pairwise(partial))
-        current.used[:] = [ends in used for ends in arcs]
-        current.row["length"], current.row["node"] = length_of(mission, partial), partial[-1]
-        look_around(search._search)
+        search.used[:] = [ends in used for ends in arcs]
+        labels.rows[new].length, labels.rows[new].node = length_of(mission, partial), partial[-1]
+        look_around(search)
         left = nx.DiGraph(arc for arc in arcs if arc not in used)
         left.add_nodes_from(range(graph.n_nodes))
         if longest < inf:
@@ -79,12 +80,12 @@ class TestLookingAround:
         costs = nx.single_source_dijkstra_path_length(left, partial[-1], weight="cost")
         for node in range(graph.n_nodes):
             expected = np.exp(-costs[node]) if node in costs else 0.0
-            assert current.reach[node] == pytest.approx(expected, rel=1e-9)
+            assert search.reach[node] == pytest.approx(expected, rel=1e-9)
         base = mission.index(mission.base)
         homeward = {base, *nx.ancestors(left, base)}
         for arc, (tail, head) in enumerate(arcs):
             useful = (tail, head) in left.edges and tail in costs and head in homeward
-            assert labelling.has(current.bits, arc) == current.used[arc] == (not useful)
+            assert labelling.has(labels.used[new], arc) == search.used[arc] == (not useful)
 
 
 def arcs_too_far(mission, left, partial, longest):
@@ -228,36 +229,7 @@ class TestTrails:
         assert found.tolist() == [[0, 0, 0, 1], [0.5, 0.25, 0.125, 0.0625]]
 
 
-class TestChains:
-    def test_they_are_made_again_with_more_room(self):
-        """Each label is in the chain of its key's place, and before those that came later."""
-        labels = labelling.new_labels(8, 1, 1)
-        labels.rows["key"] = [3, 11, 4, 3, 19, 0, 0, 0]
-        larger = labelling.chained_again(labelling.doubled(labels), 5)
-        assert len(larger.last) == 16
-        assert {place: label for place, label in enumerate(larger.last) if label >= 0} == {
-            3: 4,
-            4: 2,
-            11: 1,
-        }
-        assert larger.rows["before"][:5].tolist() == [-1, -1, -1, 0, 3]
-
-
-class TestKnownTrails:
-    @examples(50)
-    @given(small_missions(max_trails=50))
-    def test_nothing_is_missed_beside_them(self, case):
-        mission, every = case
-        mission = mission.with_robots(2)
-        found = found_trails(search_for(mission))
-        knowing = TrailSearch(without_base_reward(mission.world), every)
-        assert knowing.progress.n_trails >= len(found)
-        again = found_trails(knowing)
-        assert covers(again, found)
-        assert covers(found, again)
-        for row in range(knowing.progress.n_trails):
-            assert tuple(knowing.trail(row)) in every
-
+class TestTrailsAsNodes:
     @examples(50)
     @given(
         small_missions(max_trails=200, lengths=lengths),
@@ -272,7 +244,7 @@ class TestKnownTrails:
         for row, figures in enumerate(found):
             trail = tuple(search.trail(row))
             assert trail in every
-            survives, reached = search.follow(trail)
-            assert survives == pytest.approx(figures[-1])
+            expected = figures_of(mission, trail)
+            assert figures[-1] == pytest.approx(expected[-1])
             if robots == 2:
-                assert reached == pytest.approx(figures[:-1])
+                assert figures == pytest.approx(expected)

@@ -19,22 +19,21 @@ from botohe_moo.algorithms.annealing.kernels import (
     MOVES,
     AnnealRule,
     anneal,
-    new_records,
     new_state,
     score,
 )
 from botohe_moo.algorithms.archive import PlanArchive
+from botohe_moo.core.archive import Batch
 from botohe_moo.core.rng import seed_states
 from botohe_moo.core.world import World, find_arc
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch, TrailPlan
 
-_MAX_TRIES = 100  # draws, before a few detours are tried
 _WEIGHTS_A_PASS = 10  # at least: where generations are few, there are fewer passes
 # If the user does not say otherwise, the temperature begins at this many times the share of the
 # total reward that a node pays, and ends at a hundredth of that.
 _INITIAL_TEMPERATURE, _FALL = 0.2, 0.002 / 0.2
-_RECORDS, _NODES_EACH = 1_000, 16  # plans that a call of the kernel may record, nodes of each
+_MOST_NODES = 4_000_000  # that a call of the kernel may record; untouched memory costs nothing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,22 +89,9 @@ class Annealing:
         self.state = new_state(world, seed_states(random_state, 1))
         home = mission.stay_home(world)
         self._set_best(home, mission.evaluate_drafts([home])[0][0])  # no evaluation of the budget
-        longest = mission.robots * (world.graph.n_arcs + 1)
-        self._records = new_records(mission.robots, _RECORDS, _RECORDS * _NODES_EACH + longest)
         # A sweep is the turns of all weights, in each pass once; ``_turn`` of them have begun.
         self._n_steps, self._n_weights, self._n_turns, self._turn = 0, 1, 0, 0
-        self.steps_left = 0
-        self.weight = 0.0
-        self._rule = AnnealRule(
-            moves=np.cumsum(self.weights_of_moves()),
-            max_tries=_MAX_TRIES,
-            every_robot=settings.every_robot,
-            records=not settings.best_of_weights,
-            total_reward=mission.total_reward or 1.0,
-            weight=0.0,
-            cooling=1.0,
-            return_probability=settings.return_probability,
-        )
+        self.steps_left, self.weight = 0, 0.0
 
     def weights_of_moves(self) -> FloatArray:
         """Return how likely each move is to be drawn, relative to the others.
@@ -149,18 +135,30 @@ class Annealing:
         settings, state = self.settings, self.state
         if self._turn == self._n_turns:
             self._plan_sweep(n_left, n_generations)
-        self.weight, self.steps_left = self._plan_turn()
-        self._turn += 1
-        cooling = settings.cooling or _FALL ** (1.0 / self.steps_left)
-        self._rule = self._rule._replace(weight=self.weight, cooling=cooling)
+        # Weights ascend in one pass and descend in the next. Turns differ by one step at most.
+        place = self._turn % (2 * self._n_weights)
+        place = min(place, 2 * self._n_weights - 1 - place)
+        self.weight = place / (self._n_weights - 1) if self._n_weights > 1 else 0.5
+        done, self._turn = self._n_steps * self._turn // self._n_turns, self._turn + 1
+        self.steps_left = self._n_steps * self._turn // self._n_turns - done
+        self._rule = AnnealRule(
+            moves=np.cumsum(self.weights_of_moves()),
+            every_robot=settings.every_robot,
+            records=not settings.best_of_weights,
+            total_reward=self.mission.total_reward or 1.0,
+            weight=self.weight,
+            cooling=settings.cooling or _FALL ** (1.0 / self.steps_left),
+            return_probability=settings.return_probability,
+        )
         if archive is not None:
             self.start_from(archive)
-        state.to_best[0] = 1
-        found = self._scores(state.best.objectives[np.newaxis])
-        state.best_score[:] = -np.inf if settings.best_of_weights else found
-        rewards = self.mission.rewards / (self.mission.total_reward or 1.0)
-        share = float(rewards @ rewards) or 1.0
-        state.temperature[0] = settings.initial_temperature or _INITIAL_TEMPERATURE * share
+        for values, best in zip(state.current, state.best, strict=True):
+            values[:] = best
+        known = self._scores(state.best.objectives)
+        state.best_score[:] = -np.inf if settings.best_of_weights else known
+        shares = self.mission.rewards / self._rule.total_reward
+        usual = _INITIAL_TEMPERATURE * (float(shares @ shares) or 1.0)
+        state.temperature[:] = settings.initial_temperature or usual
 
     def _plan_sweep(self, n_left: int | None, n_generations: float) -> None:
         """Divide the steps that are left, or those of a usual sweep, into turns of weights."""
@@ -174,36 +172,22 @@ class Annealing:
         else:
             n_steps = settings.sweep_evaluations if n_left is None else n_left
             usual_weights = max(1, round(n_steps**settings.weights_exponent))
-        self._n_steps = n_steps
+        self._n_steps, self._turn = n_steps, 0
         self._n_weights = min(settings.n_weights or usual_weights, n_steps)
         self._n_turns = self._n_weights * min(n_passes, n_steps // self._n_weights)
-        self._turn = 0
-
-    def _plan_turn(self) -> tuple[float, int]:
-        """Return the weight whose turn it is, and its steps.
-
-        Weights ascend in one pass and descend in the next. Turns differ by one step at most.
-        """
-        n_steps, n_weights, n_turns = self._n_steps, self._n_weights, self._n_turns
-        which_pass, place = divmod(self._turn, n_weights)
-        if which_pass % 2:
-            place = n_weights - 1 - place
-        steps = n_steps * (self._turn + 1) // n_turns - n_steps * self._turn // n_turns
-        return place / (n_weights - 1) if n_weights > 1 else 0.5, steps
 
     def _scores(self, objectives: FloatArray) -> FloatArray:
-        """Return the scores of plans for the weight, from their E[R] and E[S] (n, 2)."""
-        return score(self._rule, self.mission.robots, objectives[:, 0], objectives[:, 1])
+        """Return the scores of plans for the weight, from their E[R] and E[S] (..., 2)."""
+        return score(self._rule, self.mission.robots, *objectives.T)
 
     def start_from(self, archive: PlanArchive) -> None:
         """Make the archive's best plan for the weight the best one, if it is better."""
-        objectives = archive.objectives
         if len(archive) == 0:
             return
-        scores = self._scores(objectives)
+        scores = self._scores(archive.objectives)
         row = int(np.argmax(scores))
-        if scores[row] > self._scores(self.state.best.objectives[np.newaxis])[0]:
-            self._set_best(archive.plans[row], objectives[row])
+        if scores[row] > self._scores(self.state.best.objectives):
+            self._set_best(archive.plans[row], archive.objectives[row])
 
     def run(self, n_steps: int) -> tuple[PlanBatch, FloatArray]:
         """Make some of the ``steps_left`` of the weight's turn, each of which evaluates a plan.
@@ -212,17 +196,18 @@ class Annealing:
         evaluated that neither the current nor the best plan dominated; with ``best_of_weights``,
         the best plan when the turn ends.
         """
-        records, n_robots = self._records, self.mission.robots
         self.steps_left -= n_steps
+        n_robots, n_nodes = self.mission.robots, len(self.state.tried.items)
         batches, objectives = [], []
         while n_steps > 0:
-            records.n_plans[0] = 0
-            n_steps -= anneal(self.world, self._rule, self.state, records, n_steps)
-            n_plans = records.n_plans[0]
-            offsets = records.offsets[: n_plans * n_robots + 1].copy()
-            nodes = records.nodes[: offsets[-1]].copy()
-            batches.append(PlanBatch._wrap(nodes, offsets, n_robots))
-            objectives.append(records.objectives[:n_plans].copy())
+            n = min(n_steps, max(1, _MOST_NODES // n_nodes))
+            nodes, offsets = np.empty(n * n_nodes, np.int32), np.zeros(n * n_robots + 1, np.int64)
+            records = Batch(np.empty((n, 2)), nodes, offsets)
+            n_recorded = anneal(self.world, self._rule, self.state, records, n)
+            offsets = offsets[: n_recorded * n_robots + 1]
+            batches.append(PlanBatch._wrap(nodes[: offsets[-1]], offsets, n_robots))
+            objectives.append(records.objectives[:n_recorded])
+            n_steps -= n
         if self.settings.best_of_weights and self.steps_left == 0:
             return self.best()
         return PlanBatch.concatenate(batches), np.concatenate(objectives)

@@ -40,7 +40,6 @@ _N_GUIDES, _MOST_GUIDES, _GUIDE_WIDTH, _GUIDE_LABELS = 11, 20, 20, 5_000
 # In shares of all reward and of all robots: a team has to be better by more than this to count.
 # Points of the front that differ by less than ``CHECKING`` are one.
 _SLACK = 0.1 * CHECKING
-_LOOSE_LENGTH = 1e9  # a travel budget that compiles what budgets need, and limits nothing
 _REMEDY = "Raise the limits, take fewer robots, or another algorithm such as BOACO."
 
 
@@ -129,7 +128,7 @@ def exact_front(
 def _compile_kernels(has_budget: bool) -> None:
     """Search a small mission: the time limit is not for compiling, which takes long."""
     toy = load_mission("toy")
-    world = toy.limited(0.0, _LOOSE_LENGTH if has_budget else math.inf)
+    world = toy.limited(max_length=1e9 if has_budget else math.inf)  # a budget that limits nothing
     search = FrontSearch(toy, world, time_limit=1e9, memory_limit=1e9)
     while search.plans is None:
         search._advance()
@@ -149,12 +148,11 @@ class FrontSearch:
         time_limit: float = TIME_LIMIT,
         memory_limit: float = MEMORY_LIMIT,
     ) -> None:
-        self.mission = mission
-        self.world = world
-        self.time_limit = time_limit
-        self.memory_limit = memory_limit
+        self.mission, self.world = mission, world
+        self.time_limit, self.memory_limit = time_limit, memory_limit
         self.plans: PlanBatch | None = None
         self._without_base = without_base_reward(world)
+        self._trails = TrailSearch(self._without_base)
         self._choices: teams.Choices | None = None
         self._spent = 0.0
 
@@ -196,11 +194,6 @@ class FrontSearch:
         kept = np.flatnonzero(keeps.all(axis=1))
         return [plans[i] for i in kept.tolist()], values.objectives[kept]
 
-    @cached_property
-    def _trails(self) -> TrailSearch:
-        known = {trail for plan in self._guides[0] for trail in plan.trails}
-        return TrailSearch(self._without_base, sorted(known))
-
     def _advance_trails(self) -> None:
         graph, trails = self.world.graph, self._trails
         self._require(0)
@@ -221,11 +214,10 @@ class FrontSearch:
         return teams.new_choices(*self._trails.found(), reward, slack, n_robots)
 
     def _advance_teams(self, choices: teams.Choices) -> None:
-        state = teams.choose_teams(choices, self._front, _CHOICES_A_PORTION, most_reward=False)
-        if state == teams.FULL:
+        if self._front.n.spare == 0:
             self._require(2 * n_bytes(self._front))
             self._front = grow_front(self._front, 2 * len(self._front.slots))
-        elif state == teams.FINISHED:
+        if teams.choose_teams(choices, self._front, _CHOICES_A_PORTION, most_reward=False):
             self.plans = self._plans()
 
     def _plans(self) -> PlanBatch:

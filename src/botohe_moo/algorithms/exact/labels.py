@@ -46,16 +46,17 @@ from botohe_moo.core.rng import hash_keys
 from botohe_moo.core.world import CHECKING, Shortest, World
 
 SHELF = 32  # trails that are skipped together where none can be as good
+_PLACES = 2**18  # for chains of labels: a power of two
 
-# A label: the label that it goes on from and the arc by which, −1 for the first one; the node where
-# it ends; the label before it in its chain, or −1; the probability to get there, and how long it
-# is; and a hash of the node and the goals reached.
+# A label: the label that it goes on from, −1 for the first one; the node where it ends; the label
+# before it in its chain, or −1; the probability to get there, and how long it is; and a hash of the
+# node and the goals reached.
 LABEL = np.dtype(
-    [(name, np.int64) for name in ("parent", "arc", "node", "before")]
+    [(name, np.int64) for name in ("parent", "node", "before")]
     + [("alive", np.float64), ("length", np.float64), ("key", np.uint64)]
 )
 # A trail: the label and the arc after which it goes home by the safest way, and the probability to
-# survive it. Parents below 0 number trails known from elsewhere.
+# survive it. The trail that stays at base has no parent: −1.
 TRAIL = np.dtype([("parent", np.int64), ("arc", np.int64), ("survives", np.float64)])
 # How many labels and trails there are, and the next label to go on from.
 PROGRESS = np.dtype([(name, np.int64) for name in ("n_labels", "next", "n_trails")])
@@ -63,15 +64,12 @@ Table = TypeVar("Table", bound=tuple[Any, ...])
 
 
 class LabelTable(NamedTuple):
-    """Labels, one a row; those at the same node that have reached the same goals are chained."""
+    """Labels, one a row. The row behind the last one is that of the label that is being made."""
 
     rows: RecordArray  # as ``LABEL``
     # Probability to have reached each goal, 0 where it has not been visited (n, n_goals).
     reached: FloatArray
     used: SeedArray  # bits of the arcs that it cannot use any more (n, n_words)
-    # The last label of each chain, −1 for none, at the place that the low bits of its key give; the
-    # number of places is a power of two, and at most that of rows. Each place has one chain.
-    last: OffsetArray
 
 
 class TrailTable(NamedTuple):
@@ -88,22 +86,6 @@ class TrailTable(NamedTuple):
     shelf_reached: FloatArray
 
 
-class CurrentLabel(NamedTuple):
-    """Scratch: a label, and what it may still reach."""
-
-    row: RecordArray  # as ``LABEL`` (1)
-    # Which arcs it cannot use any more (n_arcs), and the same as bits (n_words).
-    used: OffsetArray
-    bits: SeedArray
-    # Probability to have reached each goal, and the most that this may become (n_goals).
-    reached: FloatArray
-    prospect: FloatArray
-    column: FloatArray  # one row of ``TrailTable.reached``
-    paths: Paths  # the safest ways from its node over arcs that it can use
-    reach: FloatArray  # survival of these, 0 where there is none (n_nodes)
-    homeward: OffsetArray  # whether arcs that it can use lead home from each node (n_nodes)
-
-
 class LabelSearch(NamedTuple):
     """A search for all trails that teams may need."""
 
@@ -114,66 +96,63 @@ class LabelSearch(NamedTuple):
     node_keys: SeedArray
     goal_keys: SeedArray
     labels: LabelTable
+    # Labels are chained by the low bits of their keys: the last one of each chain, −1 for none.
+    last: OffsetArray
     trails: TrailTable
     progress: RecordArray  # as ``PROGRESS`` (1)
-    current: CurrentLabel
+    # Scratch for the label that is being made: which arcs it cannot use any more (n_arcs), the most
+    # that its probability to reach each goal may become (n_goals), and a row of
+    # ``TrailTable.reached``;
+    used: OffsetArray
+    prospect: FloatArray
+    column: FloatArray
+    # the safest ways from its node over arcs that it can use, the survival of these, 0 where there
+    # is none, and whether arcs that it can use lead home from each node (n_nodes).
+    paths: Paths
+    reach: FloatArray
+    homeward: OffsetArray
 
 
 def new_search(world: World, n: int) -> LabelSearch:
-    """Return a search whose only label is that of a robot that has not left the base.
+    """Return a search whose only label and whose only trail are a robot's that stays at base.
 
-    It has room for ``n`` labels and as many trails: a power of two, and a multiple of ``SHELF``.
+    It has room for ``n`` labels and as many trails: a multiple of ``SHELF``.
     """
-    graph, is_goal = world.graph, world.graph.reward > 0.0
+    graph, is_goal, base = world.graph, world.graph.reward > 0.0, world.team.start[0]
     n_nodes, n_arcs, n_goals = graph.n_nodes, graph.n_arcs, int(is_goal.sum())
-    n_words, keys = n_arcs // 64 + 1, hash_keys(2 * n_nodes)
-    current = CurrentLabel(
-        row=np.zeros(1, LABEL).view(np.recarray),
-        used=np.zeros(n_arcs, np.int64),
-        bits=np.zeros(n_words, np.uint64),
-        reached=np.zeros(n_goals),
-        prospect=np.zeros(n_goals),
-        column=np.zeros(1 if world.n_robots == 1 else n_goals),
-        paths=new_paths(world),
-        reach=np.zeros(n_nodes),
-        homeward=np.zeros(n_nodes, np.int64),
-    )
+    n_columns, keys = 1 if world.n_robots == 1 else n_goals, hash_keys(2 * n_nodes)
     search = LabelSearch(
         world=world,
         goal=np.where(is_goal, np.cumsum(is_goal) - 1, -1),
         reward=graph.reward[is_goal],
         node_keys=keys[:n_nodes].copy(),
         goal_keys=keys[n_nodes:].copy(),
-        labels=new_labels(n, n_goals, n_words),
-        trails=new_trails(n, len(current.column)),
+        labels=LabelTable(
+            rows=np.zeros(n, LABEL).view(np.recarray),
+            reached=np.zeros((n, n_goals)),
+            used=np.zeros((n, n_arcs // 64 + 1), np.uint64),
+        ),
+        last=np.full(_PLACES, -1),
+        trails=TrailTable(
+            rows=np.zeros(n, TRAIL).view(np.recarray),
+            reached=np.zeros((n, n_columns)),
+            shelf_survives=np.zeros(n // SHELF),
+            shelf_reached=np.zeros((n // SHELF, n_columns)),
+        ),
         progress=np.zeros(1, PROGRESS).view(np.recarray),
-        current=current,
+        used=np.zeros(n_arcs, np.int64),
+        prospect=np.zeros(n_goals),
+        column=np.zeros(n_columns),
+        paths=new_paths(world),
+        reach=np.zeros(n_nodes),
+        homeward=np.zeros(n_nodes, np.int64),
     )
-    base = world.team.start[0]
-    search.labels.rows[0] = -1, -1, base, -1, 1.0, 0.0, search.node_keys[base]
-    search.labels.last[int(search.node_keys[base]) & (n - 1)] = 0
-    search.progress["n_labels"] = 1
+    search.labels.rows[0] = -1, base, -1, 1.0, 0.0, search.node_keys[base]
+    search.last[_place_of(search.node_keys[base])] = 0
+    search.trails.rows[0] = -1, -1, 1.0
+    search.trails.shelf_survives[0] = 1.0
+    search.progress[0] = 1, 0, 1
     return search
-
-
-def new_labels(n: int, n_goals: int, n_words: int) -> LabelTable:
-    """Return room for ``n`` labels, a power of two."""
-    return LabelTable(
-        rows=np.zeros(n, LABEL).view(np.recarray),
-        reached=np.zeros((n, n_goals)),
-        used=np.zeros((n, n_words), np.uint64),
-        last=np.full(n, -1, np.int64),
-    )
-
-
-def new_trails(n: int, n_columns: int) -> TrailTable:
-    """Return room for ``n`` trails, a multiple of ``SHELF``."""
-    return TrailTable(
-        rows=np.zeros(n, TRAIL).view(np.recarray),
-        reached=np.zeros((n, n_columns)),
-        shelf_survives=np.zeros(n // SHELF),
-        shelf_reached=np.zeros((n // SHELF, n_columns)),
-    )
 
 
 def doubled(table: Table) -> Table:
@@ -184,22 +163,15 @@ def doubled(table: Table) -> Table:
     return type(table)(*larger)
 
 
-def chained_again(labels: LabelTable, n_labels: int) -> LabelTable:
-    """Chain all labels again, after the table has got room for more chains."""
-    labels.last[:] = -1
-    rows = labels.rows[:n_labels]
-    place = (rows["key"] & np.uint64(len(labels.last) - 1)).astype(np.int64)
-    order = np.argsort(place, kind="stable")  # chain by chain, the oldest label first
-    follows = place[order[1:]] == place[order[:-1]]
-    rows["before"] = -1
-    rows["before"][order[1:][follows]] = order[:-1][follows]
-    labels.last[place[order]] = order  # the last one of each place stays
-    return labels
-
-
 def n_bytes(*tables: tuple[Any, ...]) -> int:
     """Count the bytes of named tuples of arrays."""
     return sum(column.nbytes for table in tables for column in table)
+
+
+@inlined
+def _place_of(key: np.uint64) -> int:
+    """Return the number of the chain of a key."""
+    return int(np.int64(key & np.uint64(_PLACES - 1)))
 
 
 @inlined
@@ -223,7 +195,7 @@ def grow(search: LabelSearch, n_looks: int) -> bool:
         node = labels.rows[parent].node
         degree = graph.first[node + 1] - graph.first[node]
         n_free = search.trails.rows.shape[0] - state.n_trails
-        if min(labels.rows.shape[0] - state.n_labels, n_free) < degree:
+        if min(labels.rows.shape[0] - state.n_labels - 1, n_free) < degree:
             return True
         state.next += 1
         for arc in range(graph.first[node], graph.first[node + 1]):
@@ -244,83 +216,87 @@ def add_trails(search: LabelSearch, others: TrailTable, order: OffsetArray) -> N
 @helper
 def _extend(search: LabelSearch, parent: int, arc: int) -> None:
     """Extend a label by an arc; add the new label, the trail that goes home from there, or both."""
-    world, current = search.world, search.current
-    _copy_label(search, parent)
-    row, node, base = current.row[0], world.graph.head[arc], world.team.start[0]
-    row.parent, row.arc, row.node = parent, arc, node
-    row.alive *= world.graph.survival[arc]
-    row.length += world.graph.length[arc]
-    current.used[arc] = 1
+    world, labels, state = search.world, search.labels, search.progress[0]
+    node, base, floor = world.graph.head[arc], world.team.start[0], world.limits.floors[0]
+    row, before, reached = (
+        labels.rows[state.n_labels],
+        labels.rows[parent],
+        labels.reached[state.n_labels],
+    )
+    row.parent, row.node = parent, node
+    row.alive = before.alive * world.graph.survival[arc]
+    row.length = before.length + world.graph.length[arc]
+    row.key = before.key ^ search.node_keys[before.node] ^ search.node_keys[node]
+    for goal in range(reached.shape[0]):
+        reached[goal] = labels.reached[parent, goal]
+    for each in range(search.used.shape[0]):
+        search.used[each] = has(labels.used[parent], each)
+    search.used[arc] = 1
     look_around(search)
-    home = row.alive * current.reach[base]
+    home, goal = row.alive * search.reach[base], search.goal[node]
     if home <= 0.0:  # a dead end, or one to any precision
         return
-    goal = search.goal[node]
-    is_fresh = goal >= 0 and current.reached[goal] == 0.0
+    is_fresh = goal >= 0 and reached[goal] == 0.0
     if is_fresh:
-        current.reached[goal] = row.alive
+        reached[goal] = row.alive
+        row.key = row.key ^ search.goal_keys[goal]
     survives = _look_ahead(search)
     if _is_dominated(search):
         return
-    floor = world.limits.floors[0]
     if is_fresh or (node == base and world.ways.shortest is not None):
         if home >= floor and _go_home(search) <= world.limits.budgets[0]:
-            _add_trail(search, parent, arc, current.column, home)
+            _add_trail(search, parent, arc, search.column, home)
         _look_ahead(search)  # the way home has been written over the prospects
     if survives <= 0.0 or survives < floor * (1.0 - CHECKING):
         return
-    as_column(search, current.prospect, current.column)
-    if not _is_covered(search, current.column, survives):
-        _add_label(search)
-
-
-@helper
-def _copy_label(search: LabelSearch, label: int) -> None:
-    """Make a label of the table the current one."""
-    labels, current = search.labels, search.current
-    row, copied = current.row[0], labels.rows[label]
-    row.node, row.alive, row.length = copied.node, copied.alive, copied.length
-    for arc in range(current.used.shape[0]):
-        current.used[arc] = has(labels.used[label], arc)
-    for goal in range(current.reached.shape[0]):
-        current.reached[goal] = labels.reached[label, goal]
+    as_column(search, search.prospect, search.column)
+    if not _is_covered(search, search.column, survives):
+        place = _place_of(row.key)
+        row.before, search.last[place] = search.last[place], state.n_labels
+        state.n_labels += 1
 
 
 @helper
 def look_around(search: LabelSearch) -> None:
-    """Find the safest ways from the current label over arcs that it can use.
+    """Find the safest ways from the label that is being made over arcs that it can use.
 
-    Arcs of no use are marked as used, and ``current.bits`` is written.
+    Arcs of no use are marked as used, too, and the label's bits are written.
     """
-    graph, current = search.world.graph, search.current
-    reach, paths, used, n_nodes = current.reach, current.paths, current.used, graph.reward.shape[0]
-    node = current.row[0].node
-    _mark_arcs_too_far(search, search.world.ways.shortest)
-    _find_ways_home(search)
+    world, graph, paths, used = search.world, search.world.graph, search.paths, search.used
+    reach, homeward, n_nodes = search.reach, search.homeward, search.reach.shape[0]
+    label, base = search.progress[0].n_labels, world.team.start[0]
+    node, bits = search.labels.rows[label].node, search.labels.used[label]
+    _mark_arcs_too_far(search, world.ways.shortest)
+    n, everywhere = 0, graph.balanced and world.ways.shortest is None  # what is reached leads home
+    if not everywhere:
+        n = search_paths(graph, paths, used, 1, base, ANYWHERE, n_nodes, True)
     for v in range(n_nodes):
-        reach[v] = 0.0
+        reach[v], homeward[v] = 0.0, everywhere
+    for i in range(n):
+        homeward[paths.order[i]] = 1
     reach[node] = 1.0
     n = search_paths(graph, paths, used, 1, node, ANYWHERE, n_nodes, False)
     for i in range(1, n):
         arc = paths.entry[paths.order[i]]
         reach[paths.order[i]] = reach[graph.tail[arc]] * graph.survival[arc]
-    for word in range(current.bits.shape[0]):
-        current.bits[word] = 0
-    for arc in range(graph.head.shape[0]):
-        if reach[graph.tail[arc]] == 0.0 or current.homeward[graph.head[arc]] == 0:
+    for word in range(bits.shape[0]):
+        bits[word] = 0
+    for arc in range(used.shape[0]):
+        if reach[graph.tail[arc]] == 0.0 or homeward[graph.head[arc]] == 0:
             used[arc] = 1
         if used[arc] == 1:
-            current.bits[arc >> 6] |= np.uint64(1) << np.uint64(arc & 63)
+            bits[arc >> 6] |= np.uint64(1) << np.uint64(arc & 63)
 
 
 @helper
 def _mark_arcs_too_far(search: LabelSearch, shortest: Shortest | None) -> None:
-    """Mark arcs over which the current label cannot get home within the travel budget as used."""
+    """Mark arcs over which the label cannot get home within the travel budget as used."""
     if shortest is None:
         return
-    graph, current = search.world.graph, search.current
-    paths, used, row, n_nodes = current.paths, current.used, current.row[0], graph.reward.shape[0]
+    graph, paths, used = search.world.graph, search.paths, search.used
+    row = search.labels.rows[search.progress[0].n_labels]
     longest = search.world.limits.budgets[0] * (1.0 + CHECKING) - row.length
+    n_nodes = search.reach.shape[0]
     n = search_paths(shortest.graph, paths, used, 1, row.node, ANYWHERE, n_nodes, False)
     for i in range(n):
         tail = paths.order[i]
@@ -331,43 +307,26 @@ def _mark_arcs_too_far(search: LabelSearch, shortest: Shortest | None) -> None:
 
 
 @helper
-def _find_ways_home(search: LabelSearch) -> None:
-    """Find the nodes from which arcs that the current label can use lead home."""
-    world, current = search.world, search.current
-    homeward, n_nodes = current.homeward, current.homeward.shape[0]
-    # What can be reached leads home.
-    everywhere = world.graph.balanced and world.ways.shortest is None
-    for v in range(n_nodes):
-        homeward[v] = 1 if everywhere else 0
-    if everywhere:
-        return
-    base, paths = world.team.start[0], current.paths
-    n = search_paths(world.graph, paths, current.used, 1, base, ANYWHERE, n_nodes, True)
-    for i in range(n):
-        homeward[paths.order[i]] = 1
-
-
-@helper
 def _look_ahead(search: LabelSearch) -> float:
-    """Write ``prospect`` of the current label, after a call of ``look_around``.
+    """Write ``prospect`` of the label that is being made, after a call of ``look_around``.
 
     Returns the most with which a robot may survive that goes on to a goal that it has not reached,
     or, with a travel budget, to the base; −1 where it can do neither.
     """
-    world, current, survives = search.world, search.current, -1.0
-    reached, prospect, row = current.reached, current.prospect, current.row[0]
+    world, prospect, label = search.world, search.prospect, search.progress[0].n_labels
+    row, reached, survives = search.labels.rows[label], search.labels.reached[label], -1.0
     for goal in range(reached.shape[0]):
         prospect[goal] = reached[goal]
     for node in range(search.goal.shape[0]):
         goal = search.goal[node]
-        if goal < 0 or reached[goal] > 0.0 or current.homeward[node] == 0:
+        if goal < 0 or reached[goal] > 0.0 or search.homeward[node] == 0:
             continue
-        reach = row.alive * current.reach[node]
+        reach = row.alive * search.reach[node]
         if reach > 0.0:
             prospect[goal] = reach
             survives = max(survives, reach * world.ways.home[node])
     if world.ways.shortest is not None and row.node != world.team.start[0]:
-        survives = max(survives, row.alive * current.reach[world.team.start[0]])
+        survives = max(survives, row.alive * search.reach[world.team.start[0]])
     return survives
 
 
@@ -375,19 +334,21 @@ def _look_ahead(search: LabelSearch) -> float:
 def _go_home(search: LabelSearch) -> float:
     """Return the length of the trail that goes home by the safest way.
 
-    What it reaches is written to ``current.column``.
+    What it reaches is written to ``column``.
     """
-    graph, current = search.world.graph, search.current
-    for goal in range(current.reached.shape[0]):
-        current.prospect[goal] = current.reached[goal]
-    node, entry, length = search.world.team.start[0], current.paths.entry, current.row[0].length
+    graph, entry, prospect = search.world.graph, search.paths.entry, search.prospect
+    label, node = search.progress[0].n_labels, search.world.team.start[0]
+    row, reached = search.labels.rows[label], search.labels.reached[label]
+    length = row.length
+    for goal in range(reached.shape[0]):
+        prospect[goal] = reached[goal]
     while entry[node] >= 0:
         length += graph.length[entry[node]]
         goal = search.goal[node]
-        if goal >= 0 and current.reached[goal] == 0.0:
-            current.prospect[goal] = current.row[0].alive * current.reach[node]
+        if goal >= 0 and reached[goal] == 0.0:
+            prospect[goal] = row.alive * search.reach[node]
         node = graph.tail[entry[node]]
-    as_column(search, current.prospect, current.column)
+    as_column(search, prospect, search.column)
     return float(length)
 
 
@@ -407,15 +368,14 @@ def as_column(search: LabelSearch, reached: FloatArray, column: FloatArray) -> N
 
 @helper
 def _is_dominated(search: LabelSearch) -> bool:
-    """Return whether some label of the table dominates the current one."""
-    labels, current = search.labels, search.current.row[0]
-    has_budget, key = search.world.ways.shortest is not None, _key_of(search)
-    label = labels.last[np.int64(key & np.uint64(labels.last.shape[0] - 1))]
+    """Return whether some label of the table dominates the one that is being made."""
+    rows, has_budget = search.labels.rows, search.world.ways.shortest is not None
+    own = rows[search.progress[0].n_labels]
+    label = search.last[_place_of(own.key)]
     while label >= 0:
-        row = labels.rows[label]
-        same = row.key == key and row.node == current.node
-        same = same and not (has_budget and row.length > current.length)
-        if same and row.alive >= current.alive and _dominates(search, label):
+        row = rows[label]
+        same = row.key == own.key and row.node == own.node and row.alive >= own.alive
+        if same and not (has_budget and row.length > own.length) and _dominates(search, label):
             return True
         label = row.before
     return False
@@ -423,52 +383,22 @@ def _is_dominated(search: LabelSearch) -> bool:
 
 @inlined
 def _dominates(search: LabelSearch, label: int) -> bool:
-    """Return whether a label at the same node, and alive as probably, dominates the current one."""
-    labels, current = search.labels, search.current
-    for word in range(current.bits.shape[0]):
-        if labels.used[label, word] & ~current.bits[word]:
+    """Return whether a label at the same node, and alive as probably, dominates the new one."""
+    labels, new = search.labels, search.progress[0].n_labels
+    for word in range(labels.used.shape[1]):
+        if labels.used[label, word] & ~labels.used[new, word]:
             return False
-    if search.world.team.start.shape[0] > 1:
-        for goal in range(current.reached.shape[0]):
-            if labels.reached[label, goal] < current.reached[goal]:
-                return False
-        return True
     ahead = 0.0
-    for goal in range(current.reached.shape[0]):
-        known, own = labels.reached[label, goal], current.reached[goal]
-        if known > 0.0 and own == 0.0:
-            own = current.prospect[goal]
-        ahead += search.reward[goal] * (known - own)
+    for goal in range(search.reward.shape[0]):
+        known, own = labels.reached[label, goal], labels.reached[new, goal]
+        if search.world.team.start.shape[0] > 1:
+            if known < own:
+                return False
+        else:
+            if known > 0.0 and own == 0.0:
+                own = search.prospect[goal]
+            ahead += search.reward[goal] * (known - own)
     return ahead >= 0.0
-
-
-@inlined
-def _key_of(search: LabelSearch) -> np.uint64:
-    """Hash the node of the current label and the goals that it has reached."""
-    reached = search.current.reached
-    key: np.uint64 = search.node_keys[search.current.row[0].node]
-    for goal in range(reached.shape[0]):
-        if reached[goal] > 0.0:
-            key ^= search.goal_keys[goal]
-    return key
-
-
-@helper
-def _add_label(search: LabelSearch) -> None:
-    """Put the current label into the next row of the table, for which there must be room."""
-    labels, current = search.labels, search.current
-    n = search.progress[0].n_labels
-    search.progress[0].n_labels += 1
-    # By their fields: copying records whole goes byte by byte.
-    row, copied = labels.rows[n], current.row[0]
-    row.parent, row.arc, row.node = copied.parent, copied.arc, copied.node
-    row.alive, row.length, row.key = copied.alive, copied.length, _key_of(search)
-    for goal in range(current.reached.shape[0]):
-        labels.reached[n, goal] = current.reached[goal]
-    for word in range(current.bits.shape[0]):
-        labels.used[n, word] = current.bits[word]
-    place = np.int64(row.key & np.uint64(labels.last.shape[0] - 1))
-    row.before, labels.last[place] = labels.last[place], n
 
 
 @helper

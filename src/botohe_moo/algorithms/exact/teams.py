@@ -25,7 +25,6 @@ ROBOT = np.dtype(
     [(name, np.int64) for name in ("n_listed", "at", "n_hull")]
     + [(name, np.float64) for name in ("reward", "survivors")]
 )
-FINISHED, FULL, PAUSED = 0, 1, 2
 
 
 class Choices(NamedTuple):
@@ -155,12 +154,12 @@ def _list_choices(choices: Choices, front: OrderedFront, robot: int) -> None:
 
 
 @kernel
-def choose_teams(choices: Choices, front: OrderedFront, n_looks: int, most_reward: bool) -> int:
-    """Continue the search for teams, and pause after a number of looks at choices.
+def choose_teams(choices: Choices, front: OrderedFront, n_looks: int, most_reward: bool) -> bool:
+    """Go on with the search for teams; return whether it has ended.
 
-    With ``most_reward`` only the most rewarding team is looked for: teams are put into the front as
-    if all robots survived for sure. Returns ``FINISHED``, ``FULL`` where the front has no room, or
-    ``PAUSED``.
+    It pauses after a number of looks at choices, and where the front has no room. With
+    ``most_reward`` only the most rewarding team is looked for: teams are put into the front as if
+    all robots survived for sure.
     """
     choices, front = shared(choices), shared(front)
     state, n_robots = choices.turn[0], choices.robots.shape[0]
@@ -168,16 +167,14 @@ def choose_teams(choices: Choices, front: OrderedFront, n_looks: int, most_rewar
     if state.robot < 0:
         state.robot = 0
         _list_choices(choices, front, 0)
-    while state.n_looks < limit:
+    while state.n_looks < limit and front.n.spare > 0:
         robot, own = state.robot, choices.robots[state.robot]
         if own.at == own.n_listed:
             if robot == 0:
-                return FINISHED
+                return True
             state.robot -= 1
             choices.robots[robot - 1].at += 1
             continue
-        if front.n.spare == 0:
-            return FULL
         state.n_looks += 1
         trail = choices.listed[robot, own.at]
         reward = own.reward + choices.gain[robot, own.at]
@@ -198,4 +195,4 @@ def choose_teams(choices: Choices, front: OrderedFront, n_looks: int, most_rewar
             for i in range(n_robots):
                 front.plan[slot, i] = choices.listed[i, choices.robots[i].at]
             own.at += 1
-    return PAUSED
+    return False

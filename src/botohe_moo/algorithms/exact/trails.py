@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from itertools import pairwise
+from collections.abc import Callable
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, Record
 from botohe_moo.algorithms.exact import labels
 from botohe_moo.algorithms.exact.labels import TrailTable
-from botohe_moo.core.walk import new_visits, walk
-from botohe_moo.core.world import World, find_arc, read_only
+from botohe_moo.core.world import World, read_only
 
 _ROWS = 1024  # that tables have room for at first
 
@@ -27,21 +25,11 @@ def without_base_reward(world: World) -> World:
 class TrailSearch:
     """The search for all trails of a plain mission that a best team may need.
 
-    Every trail keeps the limits of ``world``, whose base has no reward. Trails that a ``known`` one
-    is as good as need not be found.
+    Every trail keeps the limits of ``world``, whose base has no reward.
     """
 
-    def __init__(self, world: World, known: Iterable[tuple[int, ...]] = ()) -> None:
+    def __init__(self, world: World) -> None:
         self._search = labels.new_search(world, _ROWS)
-        self._visits = new_visits(world.graph.n_nodes)
-        stay = (int(world.team.start[0]),)
-        self._known = list(dict.fromkeys([stay, *known]))[:_ROWS]
-        others = labels.new_trails(_ROWS, len(self._search.current.column))
-        for row, trail in enumerate(self._known):
-            survives, reached = self.follow(trail)
-            others.rows[row] = -1 - row, -1, survives
-            labels.as_column(self._search, reached, others.reached[row])
-        labels.add_trails(self._search, others, np.arange(len(self._known)))
 
     @property
     def progress(self) -> Record:
@@ -63,7 +51,7 @@ class TrailSearch:
         return labels.n_bytes(self._search.labels, self._search.trails)
 
     def found(self) -> tuple[FloatArray, FloatArray]:
-        """Return the survivals of known trails, and the probabilities that they reach each goal.
+        """Return the survivals of trails, and the probabilities that they reach each goal.
 
         Survivals descend once the search has ended. For one robot, shares of reward take the place
         of the probabilities.
@@ -74,53 +62,40 @@ class TrailSearch:
     def advance(self, n_looks: int, require: Callable[[int], None]) -> bool:
         """Go on from ``n_looks`` labels at most; return whether all trails are known.
 
-        Before memory is taken, ``require`` is called with the number of bytes.
+        Before memory is taken, ``require`` is called with the number of bytes. In the end trails
+        are sorted by descending survival, without those that another is as good as.
         """
         search, progress = self._search, self.progress
-        is_full = labels.grow(search, n_looks)
-        if is_full:
+        if labels.grow(search, n_looks):
             require(self.n_bytes)
-            larger = labels.chained_again(labels.doubled(search.labels), progress.n_labels)
+            larger = labels.doubled(search.labels)
             self._search = search._replace(labels=larger, trails=labels.doubled(search.trails))
-        ended = bool(progress.next == progress.n_labels)
-        if ended:
-            self._tidy()
-        return ended
-
-    def _tidy(self) -> None:
-        """Sort the trails by descending survival, without those that another is as good as."""
-        trails, progress = self._search.trails, self.progress
-        n, others = progress.n_trails, TrailTable(*[column.copy() for column in trails])
+        if progress.next < progress.n_labels:
+            return False
+        n, others = progress.n_trails, TrailTable(*[column.copy() for column in search.trails])
         total = sum(others.reached[:n].T, np.zeros(n))
         progress.n_trails = 0
         # Of trails that survive alike, one that another is as good as comes after it.
-        labels.add_trails(self._search, others, np.lexsort((-total, -others.rows["survives"][:n])))
+        labels.add_trails(search, others, np.lexsort((-total, -others.rows["survives"][:n])))
+        return True
 
     def trail(self, row: int) -> list[int]:
         """Return a trail of the table as nodes."""
-        table, current, world = self._search.labels, self._search.current, self._search.world
-        label, arc, _ = self._search.trails.rows[row].tolist()
+        search, table = self._search, self._search.labels
+        graph, paths = search.world.graph, search.paths
+        label, arc, _ = search.trails.rows[row].tolist()
+        home = [int(search.world.team.start[0])]
         if label < 0:
-            return list(self._known[-1 - label])
-        current.used[:] = [labels.has(table.used[label], i) for i in range(world.graph.n_arcs)]
-        current.used[arc] = 1
-        current.row["length"] = table.rows["length"][label] + world.graph.length[arc]
-        current.row["node"] = world.graph.head[arc]
-        labels.look_around(self._search)
-        home = [int(world.team.start[0])]
-        while (last := current.paths.entry[home[-1]]) >= 0:
-            home.append(int(world.graph.tail[last]))
+            return home
+        search.used[:] = [labels.has(table.used[label], i) for i in range(graph.n_arcs)]
+        search.used[arc] = 1
+        last = table.rows[self.progress.n_labels]
+        last.length, last.node = table.rows.length[label] + graph.length[arc], graph.head[arc]
+        labels.look_around(search)
+        while (entry := paths.entry[home[-1]]) >= 0:
+            home.append(int(graph.tail[entry]))
         out: list[int] = []
         while label >= 0:
-            label, _, node, *_ = table.rows[label].tolist()
+            label, node, *_ = table.rows[label].tolist()
             out.append(node)
         return out[::-1] + home[::-1]
-
-    def follow(self, trail: tuple[int, ...]) -> tuple[float, FloatArray]:
-        """Return the probabilities to survive a trail, and to reach each goal on it."""
-        search, visits = self._search, self._visits
-        arcs = np.array([find_arc(search.world.graph, *hop) for hop in pairwise(trail)], np.int64)
-        n, survives, _ = walk(search.world, None, arcs, len(arcs), 0, visits)
-        reached = np.zeros(len(search.reward))
-        reached[search.goal[visits.node[:n]]] = visits.chance[:n]
-        return survives, reached
