@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import numpy as np
@@ -26,7 +26,8 @@ from botohe_moo.algorithms.bo_aco.kernels import (
 from botohe_moo.core.paths import new_paths
 from botohe_moo.core.rng import seed_states
 from botohe_moo.core.threads import mapping
-from botohe_moo.core.world import AT_NEXT_DEPOT, World, find_arc, ways_to_ends
+from botohe_moo.core.trails import write_trails
+from botohe_moo.core.world import AT_NEXT_DEPOT, World
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 # Trails of an iteration times arcs: with fewer, one thread builds them in the time that it takes to
 # start others.
 _MUCH = 50_000
+
+_HOPS = 16  # of a trail, for which there is room at first
 
 
 Evaporation: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
@@ -92,13 +95,11 @@ class Colony:
         self.settings = settings
         self.n_threads = n_threads
         self._world = world
-        self._first_way = _first_way(world)
         self._states = seed_states(random_state, settings.n_ants)
         self._heuristic = _new_heuristic(world, settings)
         self._pheromone = _new_pheromone(mission, settings)
         self._builds: dict[int, Build] = {}  # of each thread
         self._deposited_version = -1  # of the archive, when its deposit was last summed up
-        self._archived: Depositors  # the plans of that version
         # Arguments of ``learn`` that the last iteration has left for the next one.
         self._to_learn: tuple[Depositors, Depositors, bool] | None = None
 
@@ -134,7 +135,10 @@ class Colony:
         build = self._builds[part]._replace(n_ants=n_ants)
         for last in (build.scratch.tabulated, build.scratch.used, build.scratch.visited):
             last.fill(-1)
-        nodes, offsets = construct(self._world, build, begin, end)
+        n_trails, n_hops = (end - begin) * self._world.n_robots, build.scratch.trail.size
+        nodes, offsets = write_trails(
+            n_trails, n_hops + n_trails * _HOPS, partial(construct, self._world, build, begin, end)
+        )
         return PlanBatch._wrap(nodes, offsets, self._world.n_robots)
 
     def _new_build(self) -> Build:
@@ -148,7 +152,7 @@ class Colony:
             self._heuristic,
             levels,
             new_paths(world) if is_careful else None,
-            new_scratch(world, self._first_way, len(levels), concurrent, self._states),
+            new_scratch(world, len(levels), concurrent, self._states),
         )
 
     def learn(
@@ -162,14 +166,13 @@ class Colony:
         if not self.settings.pheromone or len(archive) == 0:
             return
         self._catch_up()
-        is_new = archive.version != self._deposited_version
-        if is_new:
-            everyone, archived = np.arange(len(archive)), archive.arrays
-            self._archived = Depositors(
-                archived.objectives, everyone, archived.nodes, archived.offsets
-            )
-            self._deposited_version = archive.version
-        self._to_learn = Depositors(objectives, members, *batch.arrays), self._archived, is_new
+        everyone, kept = np.arange(len(archive)), archive.arrays
+        self._to_learn = (
+            Depositors(objectives, members, *batch.arrays),
+            Depositors(kept.objectives, everyone, kept.nodes, kept.offsets),
+            archive.version != self._deposited_version,
+        )
+        self._deposited_version = archive.version
 
     def _catch_up(self) -> None:
         """Learn what the last iteration has found, if it has not been learned yet.
@@ -183,15 +186,6 @@ class Colony:
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_builds": {}}
-
-
-def _first_way(world: World) -> OffsetArray:
-    """Return the arcs by which ``ways_to_ends`` leave their nodes; −1 at the ends."""
-    first_way = world.ways.homeward.copy()
-    for way in ways_to_ends(world):
-        for tail, head in pairwise(way.nodes):
-            first_way[tail] = find_arc(world.graph, tail, head)
-    return first_way
 
 
 def _new_pheromone(mission: Mission, settings: ColonySettings) -> Pheromone:
