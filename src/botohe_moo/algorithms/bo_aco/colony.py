@@ -25,9 +25,9 @@ from botohe_moo.algorithms.bo_aco.kernels import (
 )
 from botohe_moo.core.paths import new_paths
 from botohe_moo.core.rng import seed_states
-from botohe_moo.core.threads import mapping
+from botohe_moo.core.threads import in_spans
 from botohe_moo.core.trails import write_trails
-from botohe_moo.core.world import AT_NEXT_DEPOT, World
+from botohe_moo.core.world import World, brought_home
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
@@ -66,14 +66,8 @@ class ColonySettings:
     pooled_deposit: bool = True
 
 
-# What made the curves published in PeerJ Computer Science, 2025.
-JOURNAL = ColonySettings(
-    evaporation=0.1,
-    initial_pheromone="bounds",
-    unvisited_bonus=0.05,
-    exploration=0.01,
-    pooled_deposit=False,
-)
+# Those with which the curves were made that PeerJ Computer Science published in 2025.
+JOURNAL_BONUS, JOURNAL_EXPLORATION = 0.05, 0.01
 
 
 class Colony:
@@ -120,15 +114,11 @@ class Colony:
         """
         self._catch_up()
         is_much = n_ants * self._world.n_robots * self._world.graph.n_arcs > _MUCH
-        n_threads = min(self.n_threads, n_ants) if is_much else 1
-        if n_threads == 1:
-            return self._construct_span(0, n_ants, 0, n_ants)
-        cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
-        spans = range(n_threads), [n_ants] * n_threads, cuts[:-1], cuts[1:]
-        with mapping(n_threads) as map_:
-            return PlanBatch.concatenate(map_(self._construct_span, *spans))
+        build = partial(self._construct_span, n_ants)
+        spans = in_spans(n_ants, self.n_threads if is_much else 1, build)
+        return spans[0] if len(spans) == 1 else PlanBatch.concatenate(spans)
 
-    def _construct_span(self, part: int, n_ants: int, begin: int, end: int) -> PlanBatch:
+    def _construct_span(self, n_ants: int, part: int, begin: int, end: int) -> PlanBatch:
         """Build the plans of the ants ``begin`` to ``end``, in the thread with number ``part``."""
         if part not in self._builds:
             self._builds[part] = self._new_build()
@@ -204,11 +194,8 @@ def _new_heuristic(world: World, settings: ColonySettings) -> Heuristic:
     if not settings.heuristic:
         nothing = np.zeros(len(survival))
         return Heuristic(0.0, nothing, nothing, nothing)
-    reward = world.graph.reward
-    if world.returns is not None:  # what is paid on return depends on coming home
-        on_return = world.returns.credit == AT_NEXT_DEPOT
-        reward = np.where(on_return, reward * world.ways.home, reward)
-    reward = reward[[*world.graph.head, *np.unique(world.team.end)]]
+    heads = np.append(world.graph.head, np.unique(world.team.end))
+    reward = brought_home(world, world.graph.reward)[heads]
     with np.errstate(over="ignore"):
         gain = (settings.unvisited_bonus + survival * reward) / settings.reward_epsilon
     gain = np.minimum(gain, np.exp(LOG_HIGH))
@@ -226,14 +213,15 @@ def tabulate_pheromone(mission: Mission, colony: Colony) -> pd.DataFrame:
 
     graph, nodes, kinds = mission.world.graph, mission.nodes, mission.kinds
     loops = np.unique(mission.world.team.end)
-    tails, heads = (np.append(ends, loops) for ends in (graph.tail, graph.head))
-    labels = [
-        pd.Series([nodes[i] for i in ends % len(nodes)], dtype=object) for ends in (tails, heads)
-    ]
-    names = [kinds[k].name for k in tails // len(nodes)]
-    columns = ["robot", "kind", "tail", "head", "reward", "survival"]
+    tails, heads = np.append(graph.tail, loops), np.append(graph.head, loops)
+    labels = np.fromiter(nodes, object, len(nodes))
+    arcs = {
+        "kind": [kinds[k].name for k in tails // len(nodes)],
+        "tail": labels[tails % len(nodes)],
+        "head": labels[heads % len(nodes)],
+    }
     maps = [
-        pd.DataFrame(dict(zip(columns, [robot, names, *labels, *levels.T], strict=True)))
+        pd.DataFrame({"robot": robot, **arcs, "reward": levels[:, 0], "survival": levels[:, 1]})
         for robot, levels in enumerate(colony.pheromone)
     ]
     table = pd.concat(maps, ignore_index=True)

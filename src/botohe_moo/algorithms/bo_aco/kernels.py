@@ -233,21 +233,14 @@ def _weigh(
 
 
 @inlined
-def _draw(
-    graph: Graph,
-    exploration: float,
-    cumulated: FloatArray,
-    ant: Ant,
-    node: int,
-    n: int,
-    total: float,
-    drawn: float,
-) -> int:
-    """Choose one of the ``n`` arcs that ``_weigh`` has weighed; there are at least two.
+def _draw(graph: Graph, build: Build, ant: Ant, node: int, n: int, total: float) -> int:
+    """Draw one of the ``n`` arcs that ``_weigh`` has weighed; there are at least two.
 
-    ``drawn`` is a random number from 0 to 1 + exploration / n. From 1 on it chooses uniformly: this
-    is what exploration adds to every weight.
+    A random number from 0 to 1 + exploration / n decides. From 1 on it chooses uniformly: this is
+    what exploration adds to every weight.
     """
+    exploration, cumulated = build.exploration, build.scratch.cumulated
+    drawn = uniform(build.scratch.states, ant.number) * (1.0 + exploration / n)
     low, n_arcs = graph.first[node], graph.first[node + 1] - graph.first[node]
     n_listed = n_arcs + 1 if node == ant.end else n_arcs
     place = 0
@@ -284,8 +277,7 @@ def _choose(world: World, build: Build, ant: Ant, node: int, alive: float) -> in
     while True:
         n, total, arc = _weigh(world, build.heuristic, scratch, ant, node)
         if n > 1:
-            drawn = uniform(scratch.states, ant.number) * (1.0 + build.exploration / n)
-            arc = _draw(graph, build.exploration, scratch.cumulated, ant, node, n, total, drawn)
+            arc = _draw(graph, build, ant, node, n, total)
         ant.used[arc] = ant.trail
         if arc == ant.loop or n == 1 or arc == ant.onward[node]:
             break
@@ -437,14 +429,14 @@ def construct(world: World, build: Build, begin: int, end: int, n_done: int, out
         first = (ant - begin) * n_robots
         n = out.offsets[first]
         if n + n_robots * scratch.trail.shape[1] > out.nodes.shape[0]:
-            return first
+            return int(first)
         _build_plan(world, build, ant)
         for robot in range(n_robots):
             for i in range(scratch.n_hops[robot]):
                 out.nodes[n + i] = scratch.trail[robot, i]
             n += scratch.n_hops[robot]
             out.offsets[first + robot + 1] = n
-    return (end - begin) * n_robots
+    return int((end - begin) * n_robots)
 
 
 @kernel
@@ -490,6 +482,7 @@ def learn(
         _deposit(world.graph, n_nodes, plans, amounts)
     levels *= 1.0 - evaporation
     n_pooled = len(iteration.members) + len(archive.members)
-    for plans, amounts in changed:
-        levels += amounts / max(1, n_pooled if pooled else len(plans.members))
+    with np.errstate(over="ignore"):
+        for plans, amounts in changed:
+            levels += amounts / max(1, n_pooled if pooled else len(plans.members))
     np.maximum(levels, LEAST, out=levels)

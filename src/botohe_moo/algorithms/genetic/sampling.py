@@ -1,14 +1,18 @@
 """Samplings: plans to start from."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from pymoo.core.sampling import Sampling
 
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import ObjectArray, Rng
-from botohe_moo.algorithms.bo_aco.colony import JOURNAL, Colony
+from botohe_moo.algorithms.bo_aco.colony import (
+    JOURNAL_BONUS,
+    JOURNAL_EXPLORATION,
+    Colony,
+    ColonySettings,
+)
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.operators.repair import check_part
 from botohe_moo.operators.variation import Mixture
@@ -103,13 +107,14 @@ class GuidedTrailSampling(PlanSampling):
 
 def _walk(problem: BOTOHE, n_samples: int, rng: Rng, *, heuristic: bool) -> PlanBatch:
     """Let ants without pheromone build plans."""
-    colony = Colony(
-        problem.mission,
-        problem.world,
-        replace(JOURNAL, n_ants=n_samples, heuristic=heuristic, pheromone=False),
-        random_state=rng,
+    settings = ColonySettings(
+        n_ants=n_samples,
+        heuristic=heuristic,
+        pheromone=False,
+        unvisited_bonus=JOURNAL_BONUS,
+        exploration=JOURNAL_EXPLORATION,
     )
-    return colony.construct(n_samples)
+    return Colony(problem.mission, problem.world, settings, random_state=rng).construct(n_samples)
 
 
 class _FilledSampling(PlanSampling):
