@@ -26,7 +26,6 @@ from botohe_moo.algorithms.bo_aco.kernels import (
 from botohe_moo.core.paths import new_paths
 from botohe_moo.core.rng import seed_states
 from botohe_moo.core.threads import in_spans
-from botohe_moo.core.trails import write_trails
 from botohe_moo.core.world import World, brought_home
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
@@ -37,8 +36,6 @@ if TYPE_CHECKING:
 # Trails of an iteration times arcs: with fewer, one thread builds them in the time that it takes to
 # start others.
 _MUCH = 50_000
-
-_HOPS = 16  # of a trail, for which there is room at first
 
 
 Evaporation: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
@@ -125,10 +122,7 @@ class Colony:
         build = self._builds[part]._replace(n_ants=n_ants)
         for last in (build.scratch.tabulated, build.scratch.used, build.scratch.visited):
             last.fill(-1)
-        n_trails, n_hops = (end - begin) * self._world.n_robots, build.scratch.trail.size
-        nodes, offsets = write_trails(
-            n_trails, n_hops + n_trails * _HOPS, partial(construct, self._world, build, begin, end)
-        )
+        nodes, offsets = construct(self._world, build, begin, end)
         return PlanBatch._wrap(nodes, offsets, self._world.n_robots)
 
     def _new_build(self) -> Build:

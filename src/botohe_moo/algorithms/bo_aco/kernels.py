@@ -13,7 +13,6 @@ from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.core.compile import helper, inlined, kernel, shared
 from botohe_moo.core.paths import Paths, leads_home, way_within
 from botohe_moo.core.rng import uniform
-from botohe_moo.core.trails import Trails
 from botohe_moo.core.world import (
     AT_NEXT_DEPOT,
     Graph,
@@ -31,9 +30,6 @@ from botohe_moo.core.world import (
 # Ants whose weights are tabulated together: enough to share the exponentials, few enough that
 # the tables of a small mission stay in the fastest caches.
 BLOCK = 50
-
-# Up to this many arcs a scan that stops early beats one without branches (measured).
-_SHORT_SCAN = 5
 
 # The least pheromone. On arcs that no Pareto set uses pheromone falls by the same factor for
 # thousands of iterations: this is far below any amount that matters, and far above where floats
@@ -246,12 +242,8 @@ def _draw(graph: Graph, build: Build, ant: Ant, node: int, n: int, total: float)
     place = 0
     if drawn < 1.0:
         drawn *= total
-        if n_listed > _SHORT_SCAN:
-            for c in range(n_listed - 1):
-                place += cumulated[c] <= drawn
-        else:
-            while place < n_listed - 1 and cumulated[place] <= drawn:
-                place += 1
+        while place < n_listed - 1 and cumulated[place] <= drawn:
+            place += 1
     else:
         skip = min(n - 1, int((drawn - 1.0) / exploration * n * n))
         while place < n_arcs and (ant.used[low + place] == ant.trail or skip > 0):
@@ -279,7 +271,7 @@ def _choose(world: World, build: Build, ant: Ant, node: int, alive: float) -> in
         if n > 1:
             arc = _draw(graph, build, ant, node, n, total)
         ant.used[arc] = ant.trail
-        if arc == ant.loop or n == 1 or arc == ant.onward[node]:
+        if arc == ant.loop or n == 1 or (build.paths is not None and arc == ant.onward[node]):
             break
         reached = graph.head[arc], alive * graph.survival[arc], length + graph.length[arc]
         if _leads_home(world, world.ways.shortest, build.paths, ant, *reached):
@@ -413,30 +405,26 @@ def _build_plan(world: World, build: Build, ant: int) -> None:
 
 
 @kernel
-def construct(world: World, build: Build, begin: int, end: int, n_done: int, out: Trails) -> int:
-    """Build the plans of the ants ``begin`` to ``end``, as long as there is room to write them.
+def construct(world: World, build: Build, begin: int, end: int) -> tuple[IntArray, OffsetArray]:
+    """Build the plans of the ants ``begin`` to ``end``; return their nodes and offsets, ragged.
 
     An ant at a node weighs each arc a that this trail has not used yet with
     (τ_R η_R)^(1 − λ) (τ_S η_S)^λ, where η_R is ``1 + gain[a] · (probability that no other robot
     reaches its head, by the trails as they are so far)`` times that of a head already in this
     trail. What an ant builds depends on its own random numbers only, whose state is advanced.
-
-    ``n_done`` trails have been written to ``out`` before. Returns how many are in the end.
     """
-    world, build, out = shared(world), shared(build), shared(out)
-    scratch, n_robots = build.scratch, world.team.start.shape[0]
-    for ant in range(begin + n_done // n_robots, end):
-        first = (ant - begin) * n_robots
-        n = out.offsets[first]
-        if n + n_robots * scratch.trail.shape[1] > out.nodes.shape[0]:
-            return int(first)
+    world, scratch, n_robots = shared(world), build.scratch, world.team.start.shape[0]
+    n_trails, n = (end - begin) * n_robots, 0
+    nodes = np.empty(n_trails * scratch.trail.shape[1], np.int32)  # takes memory where written to
+    offsets = np.zeros(n_trails + 1, np.int64)
+    for ant in range(begin, end):
         _build_plan(world, build, ant)
         for robot in range(n_robots):
             for i in range(scratch.n_hops[robot]):
-                out.nodes[n + i] = scratch.trail[robot, i]
+                nodes[n + i] = scratch.trail[robot, i]
             n += scratch.n_hops[robot]
-            out.offsets[first + robot + 1] = n
-    return int((end - begin) * n_robots)
+            offsets[(ant - begin) * n_robots + robot + 1] = n
+    return nodes[:n], offsets
 
 
 @kernel
