@@ -119,7 +119,9 @@ class Colony:
         """Build the plans of the ants ``begin`` to ``end``, in the thread with number ``part``."""
         if part not in self._builds:
             self._builds[part] = self._new_build()
-        build = self._builds[part]._replace(n_ants=n_ants)
+        build = self._builds[part]
+        if build.n_ants != n_ants:
+            build = build._replace(n_ants=n_ants)
         for last in (build.scratch.tabulated, build.scratch.used, build.scratch.visited):
             last.fill(-1)
         nodes, offsets = construct(self._world, build, begin, end)

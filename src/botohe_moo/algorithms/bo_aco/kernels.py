@@ -91,6 +91,7 @@ class Scratch(NamedTuple):
     # With limits, the way home that each robot knows: the arc by which it leaves each of its nodes
     # (n_rows, n_nodes).
     onward: OffsetArray
+    loop: OffsetArray  # the self-loop that ends each robot's trail (n_robots)
     # Where each robot is, −1 where its trail has ended, with what probability, how long its trail
     # is, and its nodes so far: how many (n_robots), and which (n_robots, n_arcs + 1).
     node: OffsetArray
@@ -123,8 +124,8 @@ class Build(NamedTuple):
 
 def new_scratch(world: World, n_maps: int, concurrent: bool, states: SeedArray) -> Scratch:
     """Return scratch for ants; ``states`` are those of their random numbers (n_ants, 2)."""
-    n_robots, n_nodes = world.n_robots, world.graph.n_nodes
-    n_arcs = world.graph.n_arcs + world.team.n_kinds
+    n_robots, n_nodes, team = world.n_robots, world.graph.n_nodes, world.team
+    n_arcs = world.graph.n_arcs + team.n_kinds
     n_rows = n_robots if concurrent else 1
     return Scratch(
         seen=np.empty((n_maps, BLOCK, n_arcs)),
@@ -133,6 +134,7 @@ def new_scratch(world: World, n_maps: int, concurrent: bool, states: SeedArray) 
         used=np.empty((n_rows, n_arcs), np.int64),
         visited=np.empty((n_rows, n_nodes), np.int64),
         onward=np.full((n_rows, n_nodes), -1),
+        loop=world.graph.n_arcs + team.end[team.start] // len(team.reward),
         node=np.empty(n_robots, np.int64),
         alive=np.empty(n_robots),
         length=np.empty(n_robots),
@@ -176,9 +178,9 @@ def _tabulate(world: World, build: Build, block: int, which: int, node: int) -> 
     step = 1.0 / (n_ants - 1) if n_ants > 1 else 0.0
     first = block * BLOCK * step if n_ants > 1 else 0.5
     n_here = min(BLOCK, n_ants - block * BLOCK)
-    low, high, loop = graph.first[node], graph.first[node + 1], loop_at(graph, team, node)
+    low, high = graph.first[node], graph.first[node + 1]
     for i in range(low, high + 1 if node == team.end[node] else high):
-        arc = i if i < high else loop
+        arc = i if i < high else loop_at(graph, team, node)
         reward = math.log(levels[which, arc, 0]) + heuristic.log_reward
         survival = math.log(levels[which, arc, 1]) + heuristic.log_survival[arc]
         reward = min(max(reward, LOG_LOW), LOG_HIGH)
@@ -229,14 +231,16 @@ def _weigh(
 
 
 @inlined
-def _draw(graph: Graph, build: Build, ant: Ant, node: int, n: int, total: float) -> int:
+def _draw(
+    graph: Graph, exploration: float, scratch: Scratch, ant: Ant, node: int, n: int, total: float
+) -> int:
     """Draw one of the ``n`` arcs that ``_weigh`` has weighed; there are at least two.
 
     A random number from 0 to 1 + exploration / n decides. From 1 on it chooses uniformly: this is
     what exploration adds to every weight.
     """
-    exploration, cumulated = build.exploration, build.scratch.cumulated
-    drawn = uniform(build.scratch.states, ant.number) * (1.0 + exploration / n)
+    cumulated = scratch.cumulated
+    drawn = uniform(scratch.states, ant.number) * (1.0 + exploration / n)
     low, n_arcs = graph.first[node], graph.first[node + 1] - graph.first[node]
     n_listed = n_arcs + 1 if node == ant.end else n_arcs
     place = 0
@@ -253,7 +257,7 @@ def _draw(graph: Graph, build: Build, ant: Ant, node: int, n: int, total: float)
 
 
 @inlined
-def _choose(world: World, build: Build, ant: Ant, node: int, alive: float) -> int:
+def _choose(world: World, build: Build, scratch: Scratch, ant: Ant, node: int, alive: float) -> int:
     """Choose the next arc of a robot, after which a way home is left; return the arc.
 
     Another arc is drawn if no unused arcs lead home from that one. There may be such dead ends
@@ -264,12 +268,12 @@ def _choose(world: World, build: Build, ant: Ant, node: int, alive: float) -> in
     look for the rest of that way again, since another way may be as safe but longer. With a travel
     budget, plans are lost if the only ways home are neither the safest nor the shortest ones.
     """
-    graph, scratch, n_rejected = world.graph, build.scratch, 0
+    graph, n_rejected = world.graph, 0
     length = scratch.length[ant.robot]
     while True:
         n, total, arc = _weigh(world, build.heuristic, scratch, ant, node)
         if n > 1:
-            arc = _draw(graph, build, ant, node, n, total)
+            arc = _draw(graph, build.exploration, scratch, ant, node, n, total)
         ant.used[arc] = ant.trail
         if arc == ant.loop or n == 1 or (build.paths is not None and arc == ant.onward[node]):
             break
@@ -328,7 +332,9 @@ def _visit(
 
 
 @inlined
-def _begin_trail(world: World, returns: Returns | None, build: Build, ant: Ant, node: int) -> None:
+def _begin_trail(
+    world: World, returns: Returns | None, build: Build, scratch: Scratch, ant: Ant, node: int
+) -> None:
     """Note where a robot starts, what it carries, and a way from there to its end."""
     _leads_home(world, world.ways.shortest, build.paths, ant, node, 1.0, 0.0)
     home, layer, (first, stop) = (
@@ -339,17 +345,19 @@ def _begin_trail(world: World, returns: Returns | None, build: Build, ant: Ant, 
     for i in range(first, stop):
         carried = aboard_at(returns, layer, i)
         # It is brought home from here, not from where it was collected.
-        _visit(world, returns, build.scratch, ant, carried, home[node] / home[carried])
-    _visit(world, returns, build.scratch, ant, node, 1.0)
+        _visit(world, returns, scratch, ant, carried, home[node] / home[carried])
+    _visit(world, returns, scratch, ant, node, 1.0)
 
 
 @inlined
-def _walk(world: World, build: Build, paths: Paths | None, number: int, robot: int) -> bool:
+def _walk(
+    world: World, build: Build, scratch: Scratch, paths: Paths | None, number: int, robot: int
+) -> bool:
     """Extend a robot's trail: to its end, or by one hop where all robots are out at once.
 
     Returns whether its trail has ended.
     """
-    graph, scratch = world.graph, build.scratch
+    graph = world.graph
     row, which = robot if build.concurrent else 0, robot if build.levels.shape[0] > 1 else 0
     block, end = number // BLOCK, world.team.end[world.team.start[robot]]
     ant = Ant(
@@ -358,7 +366,7 @@ def _walk(world: World, build: Build, paths: Paths | None, number: int, robot: i
         robot,
         1.0 - (number * (1.0 / (build.n_ants - 1)) if build.n_ants > 1 else 0.5),
         end,
-        loop_at(graph, world.team, end),
+        scratch.loop[robot],
         scratch.used[row],
         scratch.visited[row],
         scratch.onward[row],
@@ -367,11 +375,11 @@ def _walk(world: World, build: Build, paths: Paths | None, number: int, robot: i
     )
     node, alive, n_hops = scratch.node[robot], scratch.alive[robot], scratch.n_hops[robot]
     if n_hops == 0:
-        _begin_trail(world, world.returns, build, ant, node)
+        _begin_trail(world, world.returns, build, scratch, ant, node)
     while True:
         if scratch.tabulated[which, node] != block:
             _tabulate(world, build, block, which, node)
-        arc = _choose(world, build, ant, node, alive)
+        arc = _choose(world, build, scratch, ant, node, alive)
         scratch.trail[robot, n_hops] = node
         n_hops += 1
         if arc == ant.loop:
@@ -389,9 +397,9 @@ def _walk(world: World, build: Build, paths: Paths | None, number: int, robot: i
 
 
 @inlined
-def _build_plan(world: World, build: Build, ant: int) -> None:
+def _build_plan(world: World, build: Build, scratch: Scratch, ant: int) -> None:
     """Build the plan of an ant in the scratch."""
-    scratch, n_robots = build.scratch, world.team.start.shape[0]
+    n_robots = world.team.start.shape[0]
     for node in range(scratch.unreached.shape[0]):
         scratch.unreached[node] = 1.0
     for robot in range(n_robots):
@@ -400,7 +408,7 @@ def _build_plan(world: World, build: Build, ant: int) -> None:
     robot, n_out = 0, n_robots
     while n_out > 0:
         if scratch.node[robot] >= 0:
-            n_out -= _walk(world, build, build.paths, ant, robot)
+            n_out -= _walk(world, build, scratch, build.paths, ant, robot)
         robot = robot + 1 if robot + 1 < n_robots else 0
 
 
@@ -413,12 +421,14 @@ def construct(world: World, build: Build, begin: int, end: int) -> tuple[IntArra
     reaches its head, by the trails as they are so far)`` times that of a head already in this
     trail. What an ant builds depends on its own random numbers only, whose state is advanced.
     """
-    world, scratch, n_robots = shared(world), build.scratch, world.team.start.shape[0]
+    # Not shared: its arrays change in the innermost loops, where addresses are best in registers.
+    scratch, n_robots = build.scratch, world.team.start.shape[0]
+    world, build = shared(world), shared(build)
     n_trails, n = (end - begin) * n_robots, 0
     nodes = np.empty(n_trails * scratch.trail.shape[1], np.int32)  # takes memory where written to
     offsets = np.zeros(n_trails + 1, np.int64)
     for ant in range(begin, end):
-        _build_plan(world, build, ant)
+        _build_plan(world, build, scratch, ant)
         for robot in range(n_robots):
             for i in range(scratch.n_hops[robot]):
                 nodes[n + i] = scratch.trail[robot, i]
