@@ -12,17 +12,7 @@ from pydantic import Field
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo._plugins.types import Count, NotNegative, Positive
 from botohe_moo.algorithms.archive import PlanArchive
-from botohe_moo.algorithms.bo_aco.kernels import (
-    LEAST,
-    LOG_HIGH,
-    Build,
-    Depositors,
-    Heuristic,
-    Pheromone,
-    construct,
-    learn,
-    new_scratch,
-)
+from botohe_moo.algorithms.bo_aco import kernels
 from botohe_moo.core.paths import new_paths
 from botohe_moo.core.rng import seed_states
 from botohe_moo.core.threads import in_spans
@@ -89,10 +79,10 @@ class Colony:
         self._states = seed_states(random_state, settings.n_ants)
         self._heuristic = _new_heuristic(world, settings)
         self._pheromone = _new_pheromone(mission, settings)
-        self._builds: dict[int, Build] = {}  # of each thread
+        self._builds: dict[int, kernels.Build] = {}  # of each thread
         self._deposited_version = -1  # of the archive, when its deposit was last summed up
         # Arguments of ``learn`` that the last iteration has left for the next one.
-        self._to_learn: tuple[Depositors, Depositors, bool] | None = None
+        self._to_learn: tuple[kernels.Depositors, kernels.Depositors, bool] | None = None
 
     @property
     def pheromone(self) -> FloatArray:
@@ -124,21 +114,21 @@ class Colony:
             build = build._replace(n_ants=n_ants)
         for last in (build.scratch.tabulated, build.scratch.used, build.scratch.visited):
             last.fill(-1)
-        nodes, offsets = construct(self._world, build, begin, end)
+        nodes, offsets = kernels.construct(self._world, build, begin, end)
         return PlanBatch._wrap(nodes, offsets, self._world.n_robots)
 
-    def _new_build(self) -> Build:
+    def _new_build(self) -> kernels.Build:
         world, levels = self._world, self._pheromone.levels
         concurrent = self.settings.allocation == "concurrent"
         is_careful = not world.graph.balanced or world.limits.bind
-        return Build(
+        return kernels.Build(
             self.settings.n_ants,
             self.settings.exploration,
             concurrent,
             self._heuristic,
             levels,
             new_paths(world) if is_careful else None,
-            new_scratch(world, len(levels), concurrent, self._states),
+            kernels.new_scratch(world, len(levels), concurrent, self._states),
         )
 
     def learn(
@@ -154,8 +144,8 @@ class Colony:
         self._catch_up()
         everyone, kept = np.arange(len(archive)), archive.arrays
         self._to_learn = (
-            Depositors(objectives, members, *batch.arrays),
-            Depositors(kept.objectives, everyone, kept.nodes, kept.offsets),
+            kernels.Depositors(objectives, members, *batch.arrays),
+            kernels.Depositors(kept.objectives, everyone, kept.nodes, kept.offsets),
             archive.version != self._deposited_version,
         )
         self._deposited_version = archive.version
@@ -167,14 +157,14 @@ class Colony:
         """
         if self._to_learn is not None:
             rule = self.settings.evaporation, self.settings.pooled_deposit
-            learn(self._world, *self._to_learn, *rule, self._pheromone)
+            kernels.learn(self._world, *self._to_learn, *rule, self._pheromone)
             self._to_learn = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_builds": {}}
 
 
-def _new_pheromone(mission: Mission, settings: ColonySettings) -> Pheromone:
+def _new_pheromone(mission: Mission, settings: ColonySettings) -> kernels.Pheromone:
     n_maps = mission.robots if settings.pheromone_per_robot else 1
     shape = n_maps, mission.world.graph.n_arcs + len(mission.kinds), 2
     levels = np.ones(shape)
@@ -182,20 +172,20 @@ def _new_pheromone(mission: Mission, settings: ColonySettings) -> Pheromone:
         levels[:] = mission.total_reward or 1.0, mission.robots
     elif settings.pheromone:
         levels[:] = settings.initial_pheromone
-    return Pheromone(np.maximum(levels, LEAST), np.zeros(shape), np.zeros(shape))
+    return kernels.Pheromone(np.maximum(levels, kernels.LEAST), np.zeros(shape), np.zeros(shape))
 
 
-def _new_heuristic(world: World, settings: ColonySettings) -> Heuristic:
+def _new_heuristic(world: World, settings: ColonySettings) -> kernels.Heuristic:
     survival = np.append(world.graph.survival, np.ones(world.team.n_kinds))
     if not settings.heuristic:
         nothing = np.zeros(len(survival))
-        return Heuristic(0.0, nothing, nothing, nothing)
+        return kernels.Heuristic(0.0, nothing, nothing, nothing)
     heads = np.append(world.graph.head, np.unique(world.team.end))
     reward = brought_home(world, world.graph.reward)[heads]
     with np.errstate(over="ignore"):
         gain = (settings.unvisited_bonus + survival * reward) / settings.reward_epsilon
-    gain = np.minimum(gain, np.exp(LOG_HIGH))
-    return Heuristic(
+    gain = np.minimum(gain, np.exp(kernels.LOG_HIGH))
+    return kernels.Heuristic(
         float(np.log(settings.reward_epsilon)),
         np.log(settings.survival_epsilon + survival),
         gain,
