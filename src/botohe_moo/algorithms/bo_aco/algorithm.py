@@ -18,7 +18,8 @@ from botohe_moo.algorithms.base import (
     tuned_by,
 )
 from botohe_moo.algorithms.bo_aco.colony import (
-    JOURNAL,
+    JOURNAL_BONUS,
+    JOURNAL_EXPLORATION,
     Colony,
     ColonySettings,
     Evaporation,
@@ -148,11 +149,11 @@ class BOACO(ArchiveAlgorithm):
     def journal(
         cls,
         *,
-        evaporation: Evaporation = JOURNAL.evaporation,
-        initial_pheromone: InitialPheromone = JOURNAL.initial_pheromone,
-        unvisited_bonus: NotNegative = JOURNAL.unvisited_bonus,
-        exploration: NotNegative = JOURNAL.exploration,
-        pooled_deposit: bool = JOURNAL.pooled_deposit,
+        evaporation: Evaporation = 0.1,
+        initial_pheromone: InitialPheromone = "bounds",
+        unvisited_bonus: NotNegative = JOURNAL_BONUS,
+        exploration: NotNegative = JOURNAL_EXPLORATION,
+        pooled_deposit: bool = False,
         **parameters: Any,
     ) -> Self:
         """Return the colony that made the curves published in PeerJ Computer Science, 2025.
@@ -221,11 +222,9 @@ class BOACO(ArchiveAlgorithm):
             batch, members, self.random_state, self.n_left
         )
         self.evaluator.n_eval += n_evaluated
-        if len(improved) == 0:
-            return batch, objectives, members
-        whole = PlanBatch.concatenate([batch, improved])
+        batch = PlanBatch.concatenate([batch, improved])
         objectives = np.vstack([objectives, gained])
-        return whole, objectives, self.archive.insert(whole, objectives)
+        return batch, objectives, self.archive.insert(batch, objectives)
 
 
 class RandomTrails(BOACO):
@@ -261,11 +260,5 @@ class RandomTrails(BOACO):
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
-        super().__init__(
-            n_ants=n_ants,
-            heuristic=False,
-            pheromone=False,
-            n_threads=n_threads,
-            sampling=sampling,
-            **options,
-        )
+        blind = {"heuristic": False, "pheromone": False}
+        super().__init__(n_ants=n_ants, n_threads=n_threads, sampling=sampling, **blind, **options)

@@ -93,8 +93,6 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     ----------
     archive : PlanArchive
         All non-dominated feasible plans found so far.
-    settings : dict
-        The operators and their probabilities as they were given.
     repair : PlanRepair
         The repair of the operators that were given by name; ``repair.counts`` says what it did.
 
@@ -152,23 +150,15 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         known = {p.name for kind in pymoos for p in signature_parameters(kind)}
         check_keywords(arguments, known.union(PYMOO_OPTIONS), pymoos)
         self.max_ties = max_ties
-        self.settings = {
-            "sampling": sampling,
-            "corners": corners,
-            "crossover": crossover,
-            "mutation": mutation,
-            "repair": repair,
-            "prob_crossover": prob_crossover,
-            "prob_mutation": prob_mutation,
-        }
         self._least_infeasible: Population | None = None
         made = make_repair(repair)
         made.n_threads = self.n_threads = n_threads
+        crossover = make_crossover(
+            crossover, prob=prob_crossover, repair=made, n_offsprings=self._n_children
+        )
         operators = {
             "sampling": make_sampling(sampling, corners=corners),
-            "crossover": make_crossover(
-                crossover, prob=prob_crossover, repair=made, n_offsprings=self._n_children
-            ),
+            "crossover": crossover,
             "mutation": make_mutation(mutation, prob=prob_mutation, repair=made),
         }
         # Copies: the survivals that pymoo's signatures hold remember the fronts of other runs.
@@ -181,7 +171,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         super().__init__(**given)
         self.archive = PopulationArchive(1)
         self.repair = made
-        self._adapt_mating(operators["crossover"], pymoos)
+        self._adapt_mating(crossover, pymoos)
         # pymoo's own default looks for convergence in a design space that plans do not have.
         self.termination = options.get("termination")
 

@@ -63,7 +63,7 @@ def find_operator(kind: str, name: Any) -> Factory:
         else:
             factory = declared_factory(name, _PLUGINS, KINDS[kind])
     except PluginError as error:
-        raise ParameterError(f"{_source(kind, name)}: {error}.", kind) from error
+        raise _fault(kind, name, str(error)) from error
     if isinstance(factory, type) and not says_it_makes(factory, KINDS[kind]):
         why = f", which is not derived from pymoo's {KINDS[kind].__name__}"
         raise _unknown(kind, name, why)
@@ -103,15 +103,15 @@ def make_operator(kind: str, name: Any, wanted: type, **offered: Any) -> Any:
         made = factory(**_taken_options(factory, offered))
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         found = f"{type(error).__name__}: {error}"
-        raise ParameterError(f"{_source(kind, name)}: cannot be made ({found}).", kind) from error
+        raise _fault(kind, name, f"cannot be made ({found})") from error
     if not isinstance(made, wanted):
         found = f"expected an object of type {wanted.__name__}, got {type(made).__qualname__}"
-        raise ParameterError(f"{_source(kind, name)}: {found}.", kind)
+        raise _fault(kind, name, found)
     return made
 
 
-def _source(kind: str, name: str) -> str:
-    return f"{kind.capitalize()} {quoted(name)}"
+def _fault(kind: str, name: str, found: str) -> ParameterError:
+    return ParameterError(f"{kind.capitalize()} {quoted(name)}: {found}.", kind)
 
 
 def _registered(kind: str) -> Iterator[str]:
@@ -165,11 +165,10 @@ def make_sampling(given: Named | Sampling | Any, *, corners: bool = True) -> Sam
         rest = GuidedTrailSampling()
         return GivenSampling(given, CornerSampling(rest) if corners else rest)
     weights = _weights("sampling", given, needed="sampling")
-    wanted = PlanSampling if len(weights) > 1 else Sampling
+    wanted = PlanSampling if len(weights) > 1 else Sampling  # pymoo's only by itself
     parts = {make_operator("sampling", name, wanted): w for name, w in weights.items()}
-    first = next(iter(parts))
-    if not isinstance(first, PlanSampling):  # a pymoo sampling, by itself
-        return first
+    if not all(isinstance(part, PlanSampling) for part in parts):
+        return next(iter(parts))
     sampling = MixedSampling(parts)
     return CornerSampling(sampling) if corners else sampling
 
@@ -185,16 +184,18 @@ def make_crossover(
         return given
     if not (weights := _weights("crossover", given)):
         return TrailSplice(prob=0.0, n_offsprings=n_offsprings)
-    offered = {"prob": prob, "repair": repair, "n_offsprings": n_offsprings}
-    parts = {make_operator("crossover", k, Crossover, **offered): w for k, w in weights.items()}
-    return MixedCrossover(parts, prob=prob)
+    offered = {"repair": repair, "n_offsprings": n_offsprings}
+    return MixedCrossover(_parts("crossover", weights, prob=prob, **offered), prob=prob)
 
 
 def make_mutation(given: Named | Mutation, *, prob: float, repair: PlanRepair) -> Mutation:
     """Make a mutation of ``ruin``, ``share`` and others; return a pymoo one as it is."""
     if isinstance(given, Mutation):
         return given
-    offered = {"prob": prob, "repair": repair}
     weights = _weights("mutation", given, needed="mutation")
-    parts = {make_operator("mutation", k, Mutation, **offered): w for k, w in weights.items()}
-    return MixedMutation(parts, prob=prob)
+    return MixedMutation(_parts("mutation", weights, prob=prob, repair=repair), prob=prob)
+
+
+def _parts(kind: str, weights: Mapping[str, float], **offered: Any) -> dict[Any, float]:
+    """Make operators of names with weights."""
+    return {make_operator(kind, k, KINDS[kind], **offered): w for k, w in weights.items()}
