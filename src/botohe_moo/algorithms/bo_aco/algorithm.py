@@ -10,22 +10,10 @@ from pydantic import Field
 
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.types import Count, NotNegative, Probability
-from botohe_moo.algorithms.base import (
-    ArchiveAlgorithm,
-    MaxTies,
-    Threads,
-    settings_of,
-    tuned_by,
-)
-from botohe_moo.algorithms.bo_aco.colony import (
-    JOURNAL_BONUS,
-    JOURNAL_EXPLORATION,
-    Colony,
-    ColonySettings,
-    Evaporation,
-    InitialPheromone,
-    tabulate_pheromone,
-)
+from botohe_moo.algorithms import base
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, Threads
+from botohe_moo.algorithms.bo_aco import colony
+from botohe_moo.algorithms.bo_aco.colony import Colony, ColonySettings
 from botohe_moo.algorithms.local_search.iteration import IterationSearch
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -128,7 +116,7 @@ class BOACO(ArchiveAlgorithm):
     True
     """
 
-    @tuned_by(ColonySettings)
+    @base.tuned_by(ColonySettings)
     def __init__(
         self,
         *,
@@ -149,10 +137,10 @@ class BOACO(ArchiveAlgorithm):
     def journal(
         cls,
         *,
-        evaporation: Evaporation = 0.1,
-        initial_pheromone: InitialPheromone = "bounds",
-        unvisited_bonus: NotNegative = JOURNAL_BONUS,
-        exploration: NotNegative = JOURNAL_EXPLORATION,
+        evaporation: colony.Evaporation = 0.1,
+        initial_pheromone: colony.InitialPheromone = "bounds",
+        unvisited_bonus: NotNegative = colony.JOURNAL_BONUS,
+        exploration: NotNegative = colony.JOURNAL_EXPLORATION,
         pooled_deposit: bool = False,
         **parameters: Any,
     ) -> Self:
@@ -183,7 +171,7 @@ class BOACO(ArchiveAlgorithm):
         """
         if self.problem is None:
             raise RuntimeError("There is no pheromone before the algorithm has a problem.")
-        return tabulate_pheromone(self.problem.mission, self.colony)
+        return colony.tabulate_pheromone(self.problem.mission, self.colony)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
@@ -199,7 +187,7 @@ class BOACO(ArchiveAlgorithm):
         self.colony = Colony(
             problem.mission,
             problem.world,
-            ColonySettings(**settings_of(self, ColonySettings)),
+            ColonySettings(**base.settings_of(self, ColonySettings)),
             n_threads=self.n_threads,
             random_state=self.random_state,
         )

@@ -7,12 +7,7 @@ from pymoo.core.sampling import Sampling
 
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import ObjectArray, Rng
-from botohe_moo.algorithms.bo_aco.colony import (
-    JOURNAL_BONUS,
-    JOURNAL_EXPLORATION,
-    Colony,
-    ColonySettings,
-)
+from botohe_moo.algorithms.bo_aco import colony
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.operators.repair import check_part
 from botohe_moo.operators.variation import Mixture
@@ -113,14 +108,16 @@ class GuidedTrailSampling(PlanSampling):
 
 def _walk(problem: BOTOHE, n_samples: int, rng: Rng, *, heuristic: bool) -> PlanBatch:
     """Let ants without pheromone build plans."""
-    settings = ColonySettings(
+    settings = colony.ColonySettings(
         n_ants=n_samples,
         heuristic=heuristic,
         pheromone=False,
-        unvisited_bonus=JOURNAL_BONUS,
-        exploration=JOURNAL_EXPLORATION,
+        unvisited_bonus=colony.JOURNAL_BONUS,
+        exploration=colony.JOURNAL_EXPLORATION,
     )
-    return Colony(problem.mission, problem.world, settings, random_state=rng).construct(n_samples)
+    return colony.Colony(problem.mission, problem.world, settings, random_state=rng).construct(
+        n_samples
+    )
 
 
 class _FilledSampling(PlanSampling):

@@ -16,13 +16,7 @@ from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability, TravelBudget
-from botohe_moo.algorithms.greedy.kernels import (
-    MAX_LABELS,
-    Beam,
-    BeamRule,
-    best_trail,
-    new_beam,
-)
+from botohe_moo.algorithms.greedy import kernels
 from botohe_moo.core.paths import new_near
 from botohe_moo.core.walk import new_visits, walk
 from botohe_moo.core.world import AT_NEXT_DEPOT, PLANNING, World, brought_home, find_arc
@@ -123,7 +117,7 @@ class SequentialPlanner:
         world: World | None = None,
         *,
         beam_width: int = BEAM_WIDTH,
-        max_labels: int = MAX_LABELS,
+        max_labels: int = kernels.MAX_LABELS,
     ) -> None:
         self.mission = check_mission(mission)
         self.world = mission.world if world is None else world
@@ -187,7 +181,7 @@ class SequentialPlanner:
     def _trails(self, weight: float, order: Sequence[int], until: float) -> Trails:
         """Plan the robots, kind by kind, each given by its first robot."""
         world, team = self.world, self.world.team
-        beam = new_beam(world, self.beam_width, self.max_labels)
+        beam = kernels.new_beam(world, self.beam_width, self.max_labels)
         visits, unreached = new_visits(world.graph.n_nodes), _unreached(world)
         trails: Trails = []
         for first in order:
@@ -210,7 +204,7 @@ class SequentialPlanner:
         return trails
 
     def _trail(
-        self, weight: float, robot: int, unreached: FloatArray, beam: Beam
+        self, weight: float, robot: int, unreached: FloatArray, beam: kernels.Beam
     ) -> tuple[int, ...]:
         """Plan one robot's trail; only its start if it is best there, or on the safest way home.
 
@@ -221,8 +215,10 @@ class SequentialPlanner:
         if weight == 0.0:  # among the safest trails, the most reward decides
             world, worth, survival_weight = self._safest, self._worth, 1.0
         worth = worth * unreached[team.origin]
-        rule = BeamRule(robot, world.n_robots + robot, worth, survival_weight, self.beam_width)
-        n_arcs, _, _ = best_trail(world, self._near, rule, beam)
+        rule = kernels.BeamRule(
+            robot, world.n_robots + robot, worth, survival_weight, self.beam_width
+        )
+        n_arcs, _, _ = kernels.best_trail(world, self._near, rule, beam)
         return int(team.start[robot]), *world.graph.head[beam.trail[:n_arcs]].tolist()
 
 
