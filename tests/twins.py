@@ -376,7 +376,10 @@ class Repairer:
     def truncate(self, draft):
         prefixes = [[self.start]]
         for position in range(1, len(draft) + 1):
-            prefix = list(draft[:position])
+            known = all(0 <= node < self.n_known for node in draft[:position])
+            if not known:
+                break
+            prefix = [self.layer + node % self.n_nodes for node in draft[:position]]
             hops = list(pairwise(prefix))
             if prefix[0] != self.start or not set(hops) <= self.arcs.keys():
                 break

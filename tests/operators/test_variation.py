@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from botohe_moo import BOTOHE, TrailPlan, load_mission
 from botohe_moo.operators import (
+    MixedCrossover,
+    MixedMutation,
     PenaltyOnly,
     PlanCrossover,
     PlanMutation,
@@ -62,19 +64,27 @@ def assert_frequencies(found, expected):
 HOME, A, B, C = (1,), (1, 2, 1), (1, 3, 1), (1, 2, 4, 3, 1)
 
 
-@examples(100)
+@pytest.mark.parametrize("operator", [TrailSplice, ShareTrails, RuinRecreate])
+@examples(60)
 @given(team_missions(max_robots=3), st.data())
-def test_robots_get_trails_of_their_kind(mission, data):
+def test_robots_get_trails_of_their_kind(operator, mission, data):
+    made = operator(repair=PenaltyOnly())
     parents = [TrailPlan(data.draw(plans(mission))) for _ in range(2)]
     X = np.array(parents, dtype=object).reshape(2, 1, 1).repeat(20, axis=1)
     rng = np.random.default_rng(data.draw(st.integers(0, 99)))
-    children = TrailSplice(repair=PenaltyOnly())._do(BOTOHE(mission), X, random_state=rng)
-    n_robots = mission.robots
-    for pair in zip(*children[..., 0].tolist(), strict=True):
-        for robot in range(n_robots):
-            for trail in (plan.trails[robot] for plan in pair):
-                assert (trail[0], trail[-1]) == ends_of(mission, robot)
-                assert len({node // len(mission.nodes) for node in trail}) == 1
+    X = X if operator is TrailSplice else X.reshape(-1, 1)
+    children = made._do(BOTOHE(mission), X, random_state=rng)
+    for child in children.ravel():
+        for robot, trail in enumerate(child.trails):
+            assert operator is not TrailSplice or (trail[0], trail[-1]) == ends_of(mission, robot)
+            assert len({node // len(mission.nodes) for node in trail}) == 1
+
+
+@pytest.mark.parametrize("prob", [-1, 7])
+def test_mixtures_check_their_probability(prob):
+    for mixture, part in ((MixedCrossover, TrailSplice()), (MixedMutation, RuinRecreate())):
+        with pytest.raises(ValueError, match=r"Expected prob in \[0, 1\]"):
+            mixture([part], prob=prob)
 
 
 class TestSplice:

@@ -141,22 +141,16 @@ def splice(
 
 
 @kernel
-def ruin(
-    trails: Trails,
-    n_robots: int,
-    n_nodes: int,
-    states: SeedArray,
-    via: IntArray,
-    pieces: OffsetArray,
-) -> None:
+def ruin(trails: Trails, team: Team, states: SeedArray, via: IntArray, pieces: OffsetArray) -> None:
     """Cut a random segment out of one trail of each plan, and visit drawn nodes instead.
 
     The nodes are written to ``via`` (n_plans, max_via), and every number of them is equally likely.
     To ``pieces``, which are whole trails before, they lie behind the trails' nodes.
     """
-    offsets, max_via = trails.offsets, via.shape[1]
+    offsets, n_robots, max_via = trails.offsets, team.start.shape[0], via.shape[1]
     for plan in range(via.shape[0]):
-        trail = plan * n_robots + below(states, n_robots)
+        robot = below(states, n_robots)
+        trail, layer = plan * n_robots + robot, layer_of(team, team.start[robot])
         start, stop = offsets[trail], offsets[trail + 1]
         one, other = below(states, stop - start), below(states, stop - start)
         low, high = start + min(one, other), start + max(one, other)
@@ -164,7 +158,7 @@ def ruin(
         if n_via == 0 and high - low < 2 and max_via > 0:
             n_via = 1  # or nothing would change
         for i in range(n_via):
-            via[plan, i] = below(states, n_nodes)
+            via[plan, i] = layer + below(states, team.reward.shape[0])
         if n_via == 0:  # a node does not follow itself
             high = max(high, low + 1)
         behind = trails.nodes.shape[0] + plan * max_via
@@ -175,7 +169,7 @@ def ruin(
 @kernel
 def share(
     trails: Trails,
-    n_robots: int,
+    team: Team,
     prob_copy: float,
     counts: OffsetArray,
     states: SeedArray,
@@ -183,13 +177,18 @@ def share(
 ) -> None:
     """Let one robot of each plan copy another's trail, or two robots swap the ends of their trails.
 
-    They swap from a node that both visit; where there is none, from any place of each trail. There
-    are at least two robots. ``pieces`` are whole trails before.
+    Both are of one kind; a plan stays as it is where the first one drawn is alone of its kind. They
+    swap from a node that both visit; where there is none, from any place of each trail. ``pieces``
+    are whole trails before.
     """
-    offsets = trails.offsets
+    offsets, n_robots = trails.offsets, team.start.shape[0]
     for plan in range(pieces.shape[0] // n_robots):
-        one = _draw_robot_out(offsets, plan * n_robots, (plan + 1) * n_robots, states)
-        other = plan * n_robots + below(states, n_robots - 1)
+        own = plan * n_robots
+        one = _draw_robot_out(offsets, own, own + n_robots, states)
+        first, stop = own + team.first[one - own], own + team.stop[one - own]
+        if stop - first == 1:
+            continue
+        other = first + below(states, stop - first - 1)
         other += other >= one
         if uniform(states, 0) < prob_copy:
             pieces[other, 0, 0], pieces[other, 0, 1] = offsets[one], offsets[one + 1]
@@ -279,12 +278,15 @@ def _keep_prefix(
     graph, used, nodes = world.graph, scratch.used, out.nodes
     start, stop = drafts.offsets[trail], drafts.offsets[trail + 1]
     node, size_home = nodes[size - 1], size
-    if start == stop or drafts.nodes[start] != node:
-        return size
-    for i in range(start + 1, stop):
+    layer, origin = layer_of(world.team, node), world.team.origin
+    for i in range(start, stop):
         head = drafts.nodes[i]
-        known = 0 <= head < graph.reward.shape[0]
-        arc = find_arc(graph, node, head) if known else -1
+        if head < 0 or head >= graph.reward.shape[0]:
+            break
+        head = layer + origin[head]
+        if i == start and head == node:
+            continue
+        arc = find_arc(graph, node, head) if i > start else -1
         if arc < 0 or used[arc] == trail:
             break
         used[arc] = trail

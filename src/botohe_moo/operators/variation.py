@@ -170,6 +170,7 @@ class MixedCrossover(Crossover):
     200
     """
 
+    @checked
     def __init__(
         self,
         crossovers: Sequence[Crossover] | Mapping[Crossover, float],
@@ -301,7 +302,7 @@ class RuinRecreate(PlanMutation):
         nodes, offsets = plans.arrays
         pieces, via = whole_trails(offsets), np.empty((len(plans), self.max_via), np.int32)
         trails, states = read_trails(nodes, offsets), draw_state(rng)
-        ruin(trails, plans.n_robots, len(mission.nodes), states, via, pieces)
+        ruin(trails, mission.world.team, states, via, pieces)
         drafts = join_pieces(np.concatenate([nodes, via.ravel()]), pieces)
         return PlanBatch._wrap(*drafts, plans.n_robots)
 
@@ -309,8 +310,9 @@ class RuinRecreate(PlanMutation):
 class ShareTrails(PlanMutation):
     """Let one robot copy another's trail, or two robots swap the ends of their trails.
 
-    They swap from a node that both visit. Where there is none, they swap from any place, and the
-    repair joins the parts. With a single robot nothing changes.
+    Both are robots of one kind. They swap from a node that both visit. Where there is none, they
+    swap from any place, and the repair joins the parts. A robot that is alone of its kind changes
+    nothing.
 
     Parameters
     ----------
@@ -336,13 +338,11 @@ class ShareTrails(PlanMutation):
         self.prob_copy = prob_copy
 
     def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
-        (nodes, offsets), n_robots = plans.arrays, plans.n_robots
-        if n_robots == 1:
-            return plans
+        nodes, offsets = plans.arrays
         pieces, counts = whole_trails(offsets), np.zeros(mission.world.graph.n_nodes, np.int64)
         trails, states = read_trails(nodes, offsets), draw_state(rng)
-        share(trails, n_robots, self.prob_copy, counts, states, pieces)
-        return PlanBatch._wrap(*join_pieces(nodes, pieces), n_robots)
+        share(trails, mission.world.team, self.prob_copy, counts, states, pieces)
+        return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
 
 
 class MixedMutation(Mutation):
@@ -364,6 +364,7 @@ class MixedMutation(Mutation):
     200
     """
 
+    @checked
     def __init__(
         self, mutations: Sequence[Mutation] | Mapping[Mutation, float], *, prob: Probability = 1.0
     ) -> None:

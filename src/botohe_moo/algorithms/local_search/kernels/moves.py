@@ -28,7 +28,7 @@ _P_SHORT, _N_SHORT = 0.6, 4
 # that a node to visit is drawn among those nearby, rather than among all;
 _P_NEAR = 0.8
 # that a move takes steps along any arcs, safe or not, instead of visits;
-_P_STEP = 0.3
+_P_STEP = 0.6
 # that two visits are followed by a third, that by a fourth, and so on;
 _P_MORE = 0.6
 # that two trails are joined at the node drawn if they meet there;
