@@ -105,17 +105,21 @@ class _KernelCache(_numba_cache):  # type: ignore[misc]
         self._cache_file = _numba_files(self._cache_path, self._stem(), source_stamp=None)
 
 
-_IMPORT = re.compile(r"^from (botohe_moo\.[\w.]+) import", re.MULTILINE)
+_IMPORT = re.compile(r"^from (botohe_moo\.[\w.]+) import (\([^)]*\)|.*)$", re.MULTILINE)
 
 
 @cache
 def _sources(module: str) -> frozenset[str]:
     """Return the files of a module and of all modules of this package that it imports."""
     path = getattr(sys.modules.get(module), "__file__", None)
-    if path is None:  # of a notebook
+    if path is None:  # of a notebook, or no module but what one defines
         return frozenset()
-    imported = _IMPORT.findall(Path(path).read_text(encoding="utf-8"))
-    return frozenset({path}).union(*map(_sources, imported))
+    files = {path}
+    for package, names in _IMPORT.findall(Path(path).read_text(encoding="utf-8")):
+        files |= _sources(package)
+        for name in re.findall(r"\w+", names):
+            files |= _sources(f"{package}.{name}")
+    return frozenset(files)
 
 
 @cache
