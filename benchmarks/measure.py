@@ -11,14 +11,14 @@ import numpy as np
 
 from botohe_moo import BOACO
 from botohe_moo.algorithms import archive as archive_module
-from botohe_moo.algorithms.bo_aco import colony as colony_module
+from botohe_moo.algorithms.bo_aco import kernels as ant_kernels
 from botohe_moo.core import evaluate as evaluate_module
 
 KERNELS = {
-    "construct": (colony_module, "construct"),
+    "construct": (ant_kernels, "construct"),
     "evaluate": (evaluate_module, "evaluate"),
     "sift": (archive_module, "sift"),
-    "learn": (colony_module, "learn"),
+    "learn": (ant_kernels, "learn"),
 }
 
 

@@ -11,12 +11,12 @@ import pytest
 from pymoo.core.algorithm import Algorithm
 
 from botohe_moo import BOACO, algorithm_names, load_mission, make_algorithm
-from botohe_moo.algorithms.origin import algorithm_identity, algorithm_origin
 from botohe_moo.algorithms.registry import (
     algorithm_faults,
     algorithm_parameters,
     describe_algorithm,
 )
+from botohe_moo.study.file.origin import algorithm_identity, algorithm_origin
 from tests.plugins.packages import entries, write_package
 
 # Parameters of BO-ACO and their defaults: section 6 of the design.

@@ -11,7 +11,7 @@ from botohe_moo._base import cpus
 from botohe_moo.algorithms.bo_aco import colony
 from botohe_moo.algorithms.local_search import islands as islands
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
-from botohe_moo.core.threads import mapping
+from botohe_moo.core import threads
 from botohe_moo.operators import repair
 from botohe_moo.study import run_study
 
@@ -38,9 +38,8 @@ def shared(monkeypatch):
 def test_large_missions_have_much_to_share(name, monkeypatch):
     """As it is for users, and for the workers of studies."""
     monkeypatch.undo()
-    used = set()
-    for module in (colony, repair):
-        monkeypatch.setattr(module, "mapping", lambda n: (used.add(n), mapping(n))[1])
+    used, mapping = set(), threads.mapping
+    monkeypatch.setattr(threads, "mapping", lambda n: (used.add(n), mapping(n))[1])
     solve("terrain_200", algorithm=name, n_threads=2, evaluations=300, seed=3)
     assert 2 in used
 

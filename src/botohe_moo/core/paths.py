@@ -256,25 +256,25 @@ def way_within(
     alive: float,
     length: float,
 ) -> int:
-    """Write a way home that keeps both limits to ``paths.path``, as ``way_home`` does.
+    """Write a way home that keeps the robot's limits to ``paths.path``, as ``way_home`` does.
 
     The trail is that of robot ``trail % n_robots``; ``alive`` and ``length`` are its survival and
     its length up to the node. The way is the safest one if that is short enough, otherwise the
     shortest one if that is safe enough. Where neither is, the result is −1: a way that compromises
-    between both is not looked for. Without travel budgets (``shortest`` is that of the world's
-    ways) it is ``way_home``, which keeps no limits.
+    between both is not looked for. ``shortest`` is that of the world's ways, None without travel
+    budgets.
     """
-    if shortest is None:
-        return way_home(world, paths, used, trail, node)
     robot = trail % world.team.start.shape[0]
     # Even if every arc were free:
-    if length + shortest.length[node] > world.limits.budgets[robot]:
-        return -1
     if alive * world.ways.home[node] < world.limits.floors[robot]:
+        return -1
+    if shortest is not None and length + shortest.length[node] > world.limits.budgets[robot]:
         return -1
     n = way_home(world, paths, used, trail, node)
     if n < 0 or _keeps(world, paths, n, robot, alive, length):
         return n
+    if shortest is None:
+        return -1
     n = _way_along(world.graph, shortest.homeward, paths, used, trail, node)
     if n < 0:
         n = safest_path(shortest.graph, paths, used, trail, node, world.team.end[node])

@@ -42,6 +42,19 @@ def mapping(n_threads: int) -> Iterator[Callable[..., list[Any]]]:
         yield map_in_threads
 
 
+def in_spans(n: int, n_threads: int, work: Callable[[int, int, int], Any]) -> list[Any]:
+    """Let threads work on ``n`` things in spans: ``work(part, begin, end)`` does the one of a part.
+
+    There are as many parts as threads, or as things; at least one.
+    """
+    n_parts = max(1, min(n_threads, n))
+    if n_parts == 1:
+        return [work(0, 0, n)]
+    cuts = [n * i // n_parts for i in range(n_parts + 1)]
+    with mapping(n_parts) as map_:
+        return map_(work, range(n_parts), cuts[:-1], cuts[1:])
+
+
 # A line of the processor's cache that one thread writes is taken from all others. Small arrays of
 # several searches came to lie in the same lines: two threads took a fifth longer for the same work.
 _LINE = 128  # bytes, as on Apple's processors; on x86 two of 64 are fetched together

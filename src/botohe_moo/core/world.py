@@ -308,6 +308,16 @@ def loop_at(graph: Graph, team: Team, node: int) -> int:
     return int(graph.head.shape[0] + node // team.reward.shape[0])
 
 
+def brought_home(world: World, worth: FloatArray) -> FloatArray:
+    """Return what nodes are worth to a robot that goes straight home from them (n_nodes).
+
+    A reward on return is then expected as far as the safest way home is survived.
+    """
+    if world.returns is None:
+        return worth
+    return np.where(world.returns.credit == AT_NEXT_DEPOT, worth * world.ways.home, worth)
+
+
 @inlined
 def credit_of(returns: Returns | None, node: int) -> int:
     """Return where the reward of a node is credited."""

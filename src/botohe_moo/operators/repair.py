@@ -2,8 +2,6 @@
 
 import time
 from dataclasses import dataclass
-from functools import partial
-from itertools import pairwise
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -12,7 +10,7 @@ from pymoo.core.population import Population
 from pymoo.core.repair import Repair
 
 from botohe_moo._base.types import ObjectArray, OffsetArray
-from botohe_moo.core.threads import mapping
+from botohe_moo.core.threads import in_spans
 from botohe_moo.core.trails import read_trails
 from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
@@ -120,15 +118,15 @@ class PlanRepair(Repair):
     def _repaired(self, world: World, how: int, drafts: PlanBatch) -> tuple[PlanBatch, OffsetArray]:
         """Return valid plans, and the changes of each trail."""
         is_much = len(drafts.offsets) * world.graph.n_arcs > _MUCH
-        n_parts = max(1, min(self.n_threads, len(drafts))) if is_much else 1
-        cuts = [len(drafts) * i // n_parts for i in range(n_parts + 1)]
-        given = [read_trails(*drafts[a:b].arrays) for a, b in pairwise(cuts)]
-        with mapping(n_parts) as map_:
-            nodes, offsets, changes = zip(*map_(partial(repair, world, how), given), strict=True)
-        wrapped = [
-            PlanBatch._wrap(*part, drafts.n_robots) for part in zip(nodes, offsets, strict=True)
-        ]
-        return PlanBatch.concatenate(wrapped), np.concatenate(changes)
+
+        def repair_span(_: int, begin: int, end: int) -> tuple[PlanBatch, OffsetArray]:
+            trails = read_trails(*drafts[begin:end].arrays)
+            nodes, offsets, changes = repair(world, how, trails)
+            return PlanBatch._wrap(nodes, offsets, drafts.n_robots), changes
+
+        n_threads = self.n_threads if is_much else 1
+        parts, changes = zip(*in_spans(len(drafts), n_threads, repair_span), strict=True)
+        return PlanBatch.concatenate(parts), np.concatenate(changes)
 
     def _do(self, problem: BOTOHE, X: ObjectArray, **_: Any) -> ObjectArray:
         return self.repair_batch(problem.mission, problem.mission.batch(X)).to_array()

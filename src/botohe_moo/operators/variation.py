@@ -49,6 +49,18 @@ class Mixture(Generic[Part]):
         name = f"weight of a {what}"
         self.weights = np.array([check_number(name, weight, above=0) for weight in weights])
 
+    def do(
+        self, problem: BOTOHE, X: ObjectArray, *args: Any, random_state: Rng, **options: Any
+    ) -> ObjectArray:
+        """Change plans, or cross pairs of parents, each by an operator drawn for it."""
+        made, places = [], []
+        for part, chosen in self.draw(random_state, X.shape[-2]):
+            operator: Any = part
+            options["random_state"] = random_state
+            made.append(operator._do(problem, X[..., chosen, :], *args, **options))
+            places.append(chosen)
+        return np.concatenate(made, axis=-2)[..., np.argsort(np.concatenate(places)), :]
+
     def draw(self, rng: Rng, n: int) -> list[tuple[Part, OffsetArray]]:
         """Draw an operator for each of ``n`` plans; return those drawn, with the plans' indices."""
         drawn = rng.choice(len(self.parts), n, p=self.weights / self.weights.sum())
@@ -175,15 +187,8 @@ class MixedCrossover(Crossover):
             )
         super().__init__(*shapes.pop(), prob=prob)
 
-    def _do(
-        self, problem: BOTOHE, X: ObjectArray, *args: Any, random_state: Rng, **options: Any
-    ) -> ObjectArray:
-        children = np.empty((self.n_offsprings, *X.shape[1:]), dtype=object)
-        for part, chosen in self.mixture.draw(random_state, X.shape[1]):
-            children[:, chosen] = part._do(
-                problem, X[:, chosen], *args, random_state=random_state, **options
-            )
-        return children
+    def _do(self, *args: Any, **options: Any) -> ObjectArray:
+        return self.mixture.do(*args, **options)
 
 
 class PlanMutation(Mutation):
@@ -365,12 +370,5 @@ class MixedMutation(Mutation):
         super().__init__(prob=prob)
         self.mixture = Mixture("mutation", Mutation, mutations)
 
-    def _do(
-        self, problem: BOTOHE, X: ObjectArray, *args: Any, random_state: Rng, **options: Any
-    ) -> ObjectArray:
-        changed = np.empty_like(X)
-        for part, chosen in self.mixture.draw(random_state, len(X)):
-            changed[chosen] = part._do(
-                problem, X[chosen], *args, random_state=random_state, **options
-            )
-        return changed
+    def _do(self, *args: Any, **options: Any) -> ObjectArray:
+        return self.mixture.do(*args, **options)

@@ -8,14 +8,9 @@ from dataclasses import asdict
 from typing import Any, Self
 
 from botohe_moo._base.types import ObjectArray
+from botohe_moo.algorithms import base
 from botohe_moo.algorithms.annealing.engine import JOURNAL, Annealing, AnnealingSettings
-from botohe_moo.algorithms.base import (
-    ArchiveAlgorithm,
-    MaxTies,
-    generation_limit,
-    settings_of,
-    tuned_by,
-)
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import TrailPlan
 
@@ -114,7 +109,7 @@ class SimulatedAnnealing(ArchiveAlgorithm):
 
     evaluates_in_kernels = True
 
-    @tuned_by(AnnealingSettings)
+    @base.tuned_by(AnnealingSettings)
     def __init__(
         self,
         *,
@@ -147,7 +142,7 @@ class SimulatedAnnealing(ArchiveAlgorithm):
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        settings = AnnealingSettings(**settings_of(self, AnnealingSettings))
+        settings = AnnealingSettings(**base.settings_of(self, AnnealingSettings))
         self._search = Annealing(
             problem.mission, problem.world, settings, random_state=self.random_state
         )
@@ -163,7 +158,7 @@ class SimulatedAnnealing(ArchiveAlgorithm):
             search.begin_turn(
                 self.archive if not best_only or self.sampling else None,
                 n_left if n_left < sys.maxsize else None,
-                generation_limit(self.termination),
+                base.generation_limit(self.termination),
             )
         n_steps = min(n_left, search.steps_left, self.steps_per_generation)
         self.archive.insert(*search.run(n_steps))

@@ -14,14 +14,7 @@ from pydantic import Field
 from botohe_moo._base.checks import check_weights
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.types import Count, Positive, Probability, Size
-from botohe_moo.algorithms.annealing.kernels import (
-    DETOUR,
-    MOVES,
-    AnnealRule,
-    anneal,
-    new_state,
-    score,
-)
+from botohe_moo.algorithms.annealing import kernels
 from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.core.archive import Batch
 from botohe_moo.core.rng import seed_states
@@ -54,7 +47,7 @@ class AnnealingSettings:
 
     def __post_init__(self) -> None:
         if self.moves is not None:
-            check_weights("moves", self.moves, MOVES, needed="move")
+            check_weights("moves", self.moves, kernels.MOVES, needed="move")
 
 
 # What made the curves published in PeerJ Computer Science, 2025.
@@ -66,7 +59,7 @@ JOURNAL = AnnealingSettings(
     return_probability=0.0,
     every_robot=True,
     best_of_weights=True,
-    moves={move: weight for move, weight in MOVES.items() if move != "delete-loop"},
+    moves={move: weight for move, weight in kernels.MOVES.items() if move != "delete-loop"},
 )
 
 
@@ -86,7 +79,7 @@ class Annealing:
         random_state: np.random.Generator,
     ) -> None:
         self.mission, self.world, self.settings = mission, world, settings
-        self.state = new_state(world, seed_states(random_state, 1))
+        self.state = kernels.new_state(world, seed_states(random_state, 1))
         home = mission.stay_home(world)
         self._set_best(home, mission.evaluate_drafts([home])[0][0])  # no evaluation of the budget
         # A sweep is the turns of all weights, in each pass once; ``_turn`` of them have begun.
@@ -99,9 +92,11 @@ class Annealing:
         That of detours is for one-way arcs, which the other moves can hardly use: it is multiplied
         by their share.
         """
-        given = MOVES if self.settings.moves is None else self.settings.moves
-        weights = np.array([given.get(move, 0.0) for move in MOVES])
-        weights[DETOUR] *= (self.world.graph.reverse < 0).mean() if self.world.graph.n_arcs else 0
+        given = kernels.MOVES if self.settings.moves is None else self.settings.moves
+        weights = np.array([given.get(move, 0.0) for move in kernels.MOVES])
+        weights[kernels.DETOUR] *= (
+            (self.world.graph.reverse < 0).mean() if self.world.graph.n_arcs else 0
+        )
         return weights
 
     def best(self) -> tuple[PlanBatch, FloatArray]:
@@ -141,7 +136,7 @@ class Annealing:
         self.weight = place / (self._n_weights - 1) if self._n_weights > 1 else 0.5
         done, self._turn = self._n_steps * self._turn // self._n_turns, self._turn + 1
         self.steps_left = self._n_steps * self._turn // self._n_turns - done
-        self._rule = AnnealRule(
+        self._rule = kernels.AnnealRule(
             moves=np.cumsum(self.weights_of_moves()),
             every_robot=settings.every_robot,
             records=not settings.best_of_weights,
@@ -178,7 +173,7 @@ class Annealing:
 
     def _scores(self, objectives: FloatArray) -> FloatArray:
         """Return the scores of plans for the weight, from their E[R] and E[S] (..., 2)."""
-        return score(self._rule, self.mission.robots, *objectives.T)
+        return kernels.score(self._rule, self.mission.robots, *objectives.T)
 
     def start_from(self, archive: PlanArchive) -> None:
         """Make the archive's best plan for the weight the best one, if it is better."""
@@ -203,7 +198,7 @@ class Annealing:
             n = min(n_steps, max(1, _MOST_NODES // n_nodes))
             nodes, offsets = np.empty(n * n_nodes, np.int32), np.zeros(n * n_robots + 1, np.int64)
             records = Batch(np.empty((n, 2)), nodes, offsets)
-            n_recorded = anneal(self.world, self._rule, self.state, records, n)
+            n_recorded = kernels.anneal(self.world, self._rule, self.state, records, n)
             offsets = offsets[: n_recorded * n_robots + 1]
             batches.append(PlanBatch._wrap(nodes[: offsets[-1]], offsets, n_robots))
             objectives.append(records.objectives[:n_recorded])

@@ -10,21 +10,10 @@ from pydantic import Field
 
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.types import Count, NotNegative, Probability
-from botohe_moo.algorithms.base import (
-    ArchiveAlgorithm,
-    MaxTies,
-    Threads,
-    settings_of,
-    tuned_by,
-)
-from botohe_moo.algorithms.bo_aco.colony import (
-    JOURNAL,
-    Colony,
-    ColonySettings,
-    Evaporation,
-    InitialPheromone,
-    tabulate_pheromone,
-)
+from botohe_moo.algorithms import base
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, Threads
+from botohe_moo.algorithms.bo_aco import colony
+from botohe_moo.algorithms.bo_aco.colony import Colony, ColonySettings
 from botohe_moo.algorithms.local_search.iteration import IterationSearch
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -127,7 +116,7 @@ class BOACO(ArchiveAlgorithm):
     True
     """
 
-    @tuned_by(ColonySettings)
+    @base.tuned_by(ColonySettings)
     def __init__(
         self,
         *,
@@ -148,11 +137,11 @@ class BOACO(ArchiveAlgorithm):
     def journal(
         cls,
         *,
-        evaporation: Evaporation = JOURNAL.evaporation,
-        initial_pheromone: InitialPheromone = JOURNAL.initial_pheromone,
-        unvisited_bonus: NotNegative = JOURNAL.unvisited_bonus,
-        exploration: NotNegative = JOURNAL.exploration,
-        pooled_deposit: bool = JOURNAL.pooled_deposit,
+        evaporation: colony.Evaporation = 0.1,
+        initial_pheromone: colony.InitialPheromone = "bounds",
+        unvisited_bonus: NotNegative = colony.JOURNAL_BONUS,
+        exploration: NotNegative = colony.JOURNAL_EXPLORATION,
+        pooled_deposit: bool = False,
         **parameters: Any,
     ) -> Self:
         """Return the colony that made the curves published in PeerJ Computer Science, 2025.
@@ -182,7 +171,7 @@ class BOACO(ArchiveAlgorithm):
         """
         if self.problem is None:
             raise RuntimeError("There is no pheromone before the algorithm has a problem.")
-        return tabulate_pheromone(self.problem.mission, self.colony)
+        return colony.tabulate_pheromone(self.problem.mission, self.colony)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
@@ -198,7 +187,7 @@ class BOACO(ArchiveAlgorithm):
         self.colony = Colony(
             problem.mission,
             problem.world,
-            ColonySettings(**settings_of(self, ColonySettings)),
+            ColonySettings(**base.settings_of(self, ColonySettings)),
             n_threads=self.n_threads,
             random_state=self.random_state,
         )
@@ -221,11 +210,9 @@ class BOACO(ArchiveAlgorithm):
             batch, members, self.random_state, self.n_left
         )
         self.evaluator.n_eval += n_evaluated
-        if len(improved) == 0:
-            return batch, objectives, members
-        whole = PlanBatch.concatenate([batch, improved])
+        batch = PlanBatch.concatenate([batch, improved])
         objectives = np.vstack([objectives, gained])
-        return whole, objectives, self.archive.insert(whole, objectives)
+        return batch, objectives, self.archive.insert(batch, objectives)
 
 
 class RandomTrails(BOACO):
@@ -261,11 +248,5 @@ class RandomTrails(BOACO):
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
-        super().__init__(
-            n_ants=n_ants,
-            heuristic=False,
-            pheromone=False,
-            n_threads=n_threads,
-            sampling=sampling,
-            **options,
-        )
+        blind = {"heuristic": False, "pheromone": False}
+        super().__init__(n_ants=n_ants, n_threads=n_threads, sampling=sampling, **blind, **options)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import numpy as np
@@ -12,21 +12,11 @@ from pydantic import Field
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo._plugins.types import Count, NotNegative, Positive
 from botohe_moo.algorithms.archive import PlanArchive
-from botohe_moo.algorithms.bo_aco.kernels import (
-    LEAST,
-    LOG_HIGH,
-    Build,
-    Depositors,
-    Heuristic,
-    Pheromone,
-    construct,
-    learn,
-    new_scratch,
-)
+from botohe_moo.algorithms.bo_aco import kernels
 from botohe_moo.core.paths import new_paths
 from botohe_moo.core.rng import seed_states
-from botohe_moo.core.threads import mapping
-from botohe_moo.core.world import AT_NEXT_DEPOT, World, find_arc, ways_to_ends
+from botohe_moo.core.threads import in_spans
+from botohe_moo.core.world import World, brought_home
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
@@ -63,14 +53,8 @@ class ColonySettings:
     pooled_deposit: bool = True
 
 
-# What made the curves published in PeerJ Computer Science, 2025.
-JOURNAL = ColonySettings(
-    evaporation=0.1,
-    initial_pheromone="bounds",
-    unvisited_bonus=0.05,
-    exploration=0.01,
-    pooled_deposit=False,
-)
+# Those with which the curves were made that PeerJ Computer Science published in 2025.
+JOURNAL_BONUS, JOURNAL_EXPLORATION = 0.05, 0.01
 
 
 class Colony:
@@ -92,15 +76,13 @@ class Colony:
         self.settings = settings
         self.n_threads = n_threads
         self._world = world
-        self._first_way = _first_way(world)
         self._states = seed_states(random_state, settings.n_ants)
         self._heuristic = _new_heuristic(world, settings)
         self._pheromone = _new_pheromone(mission, settings)
-        self._builds: dict[int, Build] = {}  # of each thread
+        self._builds: dict[int, kernels.Build] = {}  # of each thread
         self._deposited_version = -1  # of the archive, when its deposit was last summed up
-        self._archived: Depositors  # the plans of that version
         # Arguments of ``learn`` that the last iteration has left for the next one.
-        self._to_learn: tuple[Depositors, Depositors, bool] | None = None
+        self._to_learn: tuple[kernels.Depositors, kernels.Depositors, bool] | None = None
 
     @property
     def pheromone(self) -> FloatArray:
@@ -119,36 +101,34 @@ class Colony:
         """
         self._catch_up()
         is_much = n_ants * self._world.n_robots * self._world.graph.n_arcs > _MUCH
-        n_threads = min(self.n_threads, n_ants) if is_much else 1
-        if n_threads == 1:
-            return self._construct_span(0, n_ants, 0, n_ants)
-        cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
-        spans = range(n_threads), [n_ants] * n_threads, cuts[:-1], cuts[1:]
-        with mapping(n_threads) as map_:
-            return PlanBatch.concatenate(map_(self._construct_span, *spans))
+        build = partial(self._construct_span, n_ants)
+        spans = in_spans(n_ants, self.n_threads if is_much else 1, build)
+        return spans[0] if len(spans) == 1 else PlanBatch.concatenate(spans)
 
-    def _construct_span(self, part: int, n_ants: int, begin: int, end: int) -> PlanBatch:
+    def _construct_span(self, n_ants: int, part: int, begin: int, end: int) -> PlanBatch:
         """Build the plans of the ants ``begin`` to ``end``, in the thread with number ``part``."""
         if part not in self._builds:
             self._builds[part] = self._new_build()
-        build = self._builds[part]._replace(n_ants=n_ants)
+        build = self._builds[part]
+        if build.n_ants != n_ants:
+            build = build._replace(n_ants=n_ants)
         for last in (build.scratch.tabulated, build.scratch.used, build.scratch.visited):
             last.fill(-1)
-        nodes, offsets = construct(self._world, build, begin, end)
+        nodes, offsets = kernels.construct(self._world, build, begin, end)
         return PlanBatch._wrap(nodes, offsets, self._world.n_robots)
 
-    def _new_build(self) -> Build:
+    def _new_build(self) -> kernels.Build:
         world, levels = self._world, self._pheromone.levels
         concurrent = self.settings.allocation == "concurrent"
         is_careful = not world.graph.balanced or world.limits.bind
-        return Build(
+        return kernels.Build(
             self.settings.n_ants,
             self.settings.exploration,
             concurrent,
             self._heuristic,
             levels,
             new_paths(world) if is_careful else None,
-            new_scratch(world, self._first_way, len(levels), concurrent, self._states),
+            kernels.new_scratch(world, len(levels), concurrent, self._states),
         )
 
     def learn(
@@ -162,14 +142,13 @@ class Colony:
         if not self.settings.pheromone or len(archive) == 0:
             return
         self._catch_up()
-        is_new = archive.version != self._deposited_version
-        if is_new:
-            everyone, archived = np.arange(len(archive)), archive.arrays
-            self._archived = Depositors(
-                archived.objectives, everyone, archived.nodes, archived.offsets
-            )
-            self._deposited_version = archive.version
-        self._to_learn = Depositors(objectives, members, *batch.arrays), self._archived, is_new
+        everyone, kept = np.arange(len(archive)), archive.arrays
+        self._to_learn = (
+            kernels.Depositors(objectives, members, *batch.arrays),
+            kernels.Depositors(kept.objectives, everyone, kept.nodes, kept.offsets),
+            archive.version != self._deposited_version,
+        )
+        self._deposited_version = archive.version
 
     def _catch_up(self) -> None:
         """Learn what the last iteration has found, if it has not been learned yet.
@@ -178,23 +157,14 @@ class Colony:
         """
         if self._to_learn is not None:
             rule = self.settings.evaporation, self.settings.pooled_deposit
-            learn(self._world, *self._to_learn, *rule, self._pheromone)
+            kernels.learn(self._world, *self._to_learn, *rule, self._pheromone)
             self._to_learn = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_builds": {}}
 
 
-def _first_way(world: World) -> OffsetArray:
-    """Return the arcs by which ``ways_to_ends`` leave their nodes; −1 at the ends."""
-    first_way = world.ways.homeward.copy()
-    for way in ways_to_ends(world):
-        for tail, head in pairwise(way.nodes):
-            first_way[tail] = find_arc(world.graph, tail, head)
-    return first_way
-
-
-def _new_pheromone(mission: Mission, settings: ColonySettings) -> Pheromone:
+def _new_pheromone(mission: Mission, settings: ColonySettings) -> kernels.Pheromone:
     n_maps = mission.robots if settings.pheromone_per_robot else 1
     shape = n_maps, mission.world.graph.n_arcs + len(mission.kinds), 2
     levels = np.ones(shape)
@@ -202,23 +172,20 @@ def _new_pheromone(mission: Mission, settings: ColonySettings) -> Pheromone:
         levels[:] = mission.total_reward or 1.0, mission.robots
     elif settings.pheromone:
         levels[:] = settings.initial_pheromone
-    return Pheromone(np.maximum(levels, LEAST), np.zeros(shape), np.zeros(shape))
+    return kernels.Pheromone(np.maximum(levels, kernels.LEAST), np.zeros(shape), np.zeros(shape))
 
 
-def _new_heuristic(world: World, settings: ColonySettings) -> Heuristic:
+def _new_heuristic(world: World, settings: ColonySettings) -> kernels.Heuristic:
     survival = np.append(world.graph.survival, np.ones(world.team.n_kinds))
     if not settings.heuristic:
         nothing = np.zeros(len(survival))
-        return Heuristic(0.0, nothing, nothing, nothing)
-    reward = world.graph.reward
-    if world.returns is not None:  # what is paid on return depends on coming home
-        on_return = world.returns.credit == AT_NEXT_DEPOT
-        reward = np.where(on_return, reward * world.ways.home, reward)
-    reward = reward[[*world.graph.head, *np.unique(world.team.end)]]
+        return kernels.Heuristic(0.0, nothing, nothing, nothing)
+    heads = np.append(world.graph.head, np.unique(world.team.end))
+    reward = brought_home(world, world.graph.reward)[heads]
     with np.errstate(over="ignore"):
         gain = (settings.unvisited_bonus + survival * reward) / settings.reward_epsilon
-    gain = np.minimum(gain, np.exp(LOG_HIGH))
-    return Heuristic(
+    gain = np.minimum(gain, np.exp(kernels.LOG_HIGH))
+    return kernels.Heuristic(
         float(np.log(settings.reward_epsilon)),
         np.log(settings.survival_epsilon + survival),
         gain,
@@ -232,14 +199,15 @@ def tabulate_pheromone(mission: Mission, colony: Colony) -> pd.DataFrame:
 
     graph, nodes, kinds = mission.world.graph, mission.nodes, mission.kinds
     loops = np.unique(mission.world.team.end)
-    tails, heads = (np.append(ends, loops) for ends in (graph.tail, graph.head))
-    labels = [
-        pd.Series([nodes[i] for i in ends % len(nodes)], dtype=object) for ends in (tails, heads)
-    ]
-    names = [kinds[k].name for k in tails // len(nodes)]
-    columns = ["robot", "kind", "tail", "head", "reward", "survival"]
+    tails, heads = np.append(graph.tail, loops), np.append(graph.head, loops)
+    labels = np.fromiter(nodes, object, len(nodes))
+    arcs = {
+        "kind": [kinds[k].name for k in tails // len(nodes)],
+        "tail": labels[tails % len(nodes)],
+        "head": labels[heads % len(nodes)],
+    }
     maps = [
-        pd.DataFrame(dict(zip(columns, [robot, names, *labels, *levels.T], strict=True)))
+        pd.DataFrame({"robot": robot, **arcs, "reward": levels[:, 0], "survival": levels[:, 1]})
         for robot, levels in enumerate(colony.pheromone)
     ]
     table = pd.concat(maps, ignore_index=True)

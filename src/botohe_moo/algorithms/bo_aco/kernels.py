@@ -31,9 +31,6 @@ from botohe_moo.core.world import (
 # the tables of a small mission stay in the fastest caches.
 BLOCK = 50
 
-# Up to this many arcs a scan that stops early beats one without branches (measured).
-_SHORT_SCAN = 5
-
 # The least pheromone. On arcs that no Pareto set uses pheromone falls by the same factor for
 # thousands of iterations: this is far below any amount that matters, and far above where floats
 # lose their digits.
@@ -42,8 +39,6 @@ LEAST = 1e-250
 # Bounds on log(τη). Whatever rewards and parameters are, products of two such factors, and sums of
 # these products, are neither 0 nor infinite: where all weights are 0 ants could not draw an arc.
 LOG_LOW, LOG_HIGH = -650.0, 250.0
-
-_FIRST_NODES = 4096  # for which plans have room at first
 
 
 class Heuristic(NamedTuple):
@@ -93,11 +88,10 @@ class Scratch(NamedTuple):
     # (n_rows, n_nodes).
     used: OffsetArray
     visited: OffsetArray
-    # The way from each start to its end that keeps the limits, and with limits the way home that
-    # each robot knows: the arc by which it leaves each of its nodes, −1 at its end (n_nodes) and
+    # With limits, the way home that each robot knows: the arc by which it leaves each of its nodes
     # (n_rows, n_nodes).
-    first_way: OffsetArray
     onward: OffsetArray
+    loop: OffsetArray  # the self-loop that ends each robot's trail (n_robots)
     # Where each robot is, −1 where its trail has ended, with what probability, how long its trail
     # is, and its nodes so far: how many (n_robots), and which (n_robots, n_arcs + 1).
     node: OffsetArray
@@ -128,12 +122,10 @@ class Build(NamedTuple):
     scratch: Scratch
 
 
-def new_scratch(
-    world: World, first_way: OffsetArray, n_maps: int, concurrent: bool, states: SeedArray
-) -> Scratch:
+def new_scratch(world: World, n_maps: int, concurrent: bool, states: SeedArray) -> Scratch:
     """Return scratch for ants; ``states`` are those of their random numbers (n_ants, 2)."""
-    n_robots, n_nodes = world.n_robots, world.graph.n_nodes
-    n_arcs = world.graph.n_arcs + world.team.n_kinds
+    n_robots, n_nodes, team = world.n_robots, world.graph.n_nodes, world.team
+    n_arcs = world.graph.n_arcs + team.n_kinds
     n_rows = n_robots if concurrent else 1
     return Scratch(
         seen=np.empty((n_maps, BLOCK, n_arcs)),
@@ -141,8 +133,8 @@ def new_scratch(
         tabulated=np.empty((n_maps, n_nodes), np.int64),
         used=np.empty((n_rows, n_arcs), np.int64),
         visited=np.empty((n_rows, n_nodes), np.int64),
-        first_way=first_way,
         onward=np.full((n_rows, n_nodes), -1),
+        loop=world.graph.n_arcs + team.end[team.start] // len(team.reward),
         node=np.empty(n_robots, np.int64),
         alive=np.empty(n_robots),
         length=np.empty(n_robots),
@@ -186,9 +178,9 @@ def _tabulate(world: World, build: Build, block: int, which: int, node: int) -> 
     step = 1.0 / (n_ants - 1) if n_ants > 1 else 0.0
     first = block * BLOCK * step if n_ants > 1 else 0.5
     n_here = min(BLOCK, n_ants - block * BLOCK)
-    low, high, loop = graph.first[node], graph.first[node + 1], loop_at(graph, team, node)
+    low, high = graph.first[node], graph.first[node + 1]
     for i in range(low, high + 1 if node == team.end[node] else high):
-        arc = i if i < high else loop
+        arc = i if i < high else loop_at(graph, team, node)
         reward = math.log(levels[which, arc, 0]) + heuristic.log_reward
         survival = math.log(levels[which, arc, 1]) + heuristic.log_survival[arc]
         reward = min(max(reward, LOG_LOW), LOG_HIGH)
@@ -240,31 +232,22 @@ def _weigh(
 
 @inlined
 def _draw(
-    graph: Graph,
-    exploration: float,
-    cumulated: FloatArray,
-    ant: Ant,
-    node: int,
-    n: int,
-    total: float,
-    drawn: float,
+    graph: Graph, exploration: float, scratch: Scratch, ant: Ant, node: int, n: int, total: float
 ) -> int:
-    """Choose one of the ``n`` arcs that ``_weigh`` has weighed; there are at least two.
+    """Draw one of the ``n`` arcs that ``_weigh`` has weighed; there are at least two.
 
-    ``drawn`` is a random number from 0 to 1 + exploration / n. From 1 on it chooses uniformly: this
-    is what exploration adds to every weight.
+    A random number from 0 to 1 + exploration / n decides. From 1 on it chooses uniformly: this is
+    what exploration adds to every weight.
     """
+    cumulated = scratch.cumulated
+    drawn = uniform(scratch.states, ant.number) * (1.0 + exploration / n)
     low, n_arcs = graph.first[node], graph.first[node + 1] - graph.first[node]
     n_listed = n_arcs + 1 if node == ant.end else n_arcs
     place = 0
     if drawn < 1.0:
         drawn *= total
-        if n_listed > _SHORT_SCAN:
-            for c in range(n_listed - 1):
-                place += cumulated[c] <= drawn
-        else:
-            while place < n_listed - 1 and cumulated[place] <= drawn:
-                place += 1
+        while place < n_listed - 1 and cumulated[place] <= drawn:
+            place += 1
     else:
         skip = min(n - 1, int((drawn - 1.0) / exploration * n * n))
         while place < n_arcs and (ant.used[low + place] == ant.trail or skip > 0):
@@ -274,25 +257,28 @@ def _draw(
 
 
 @inlined
-def _choose(world: World, build: Build, ant: Ant, node: int, alive: float) -> int:
+def _choose(world: World, build: Build, scratch: Scratch, ant: Ant, node: int, alive: float) -> int:
     """Choose the next arc of a robot, after which a way home is left; return the arc.
 
     Another arc is drawn if no unused arcs lead home from that one. There may be such dead ends
     where some node has more arcs in than out (the graph is not balanced). Another one is also drawn
-    if the whole trail could not keep the robot's survival floor, or if ``way_within`` finds no way
-    home within its travel budget.
+    if ``way_within`` finds no way home within the robot's limits.
+
+    No ant gets stuck: with limits, it can always follow the way that was noted last. It does not
+    look for the rest of that way again, since another way may be as safe but longer. With a travel
+    budget, plans are lost if the only ways home are neither the safest nor the shortest ones.
     """
-    graph, scratch, n_rejected = world.graph, build.scratch, 0
+    graph, n_rejected = world.graph, 0
+    length = scratch.length[ant.robot]
     while True:
         n, total, arc = _weigh(world, build.heuristic, scratch, ant, node)
         if n > 1:
-            drawn = uniform(scratch.states, ant.number) * (1.0 + build.exploration / n)
-            arc = _draw(graph, build.exploration, scratch.cumulated, ant, node, n, total, drawn)
+            arc = _draw(graph, build.exploration, scratch, ant, node, n, total)
         ant.used[arc] = ant.trail
-        if arc == ant.loop or n == 1:
+        if arc == ant.loop or n == 1 or (build.paths is not None and arc == ant.onward[node]):
             break
-        length = scratch.length[ant.robot]
-        if _leads_home(world, world.ways.shortest, build.paths, ant, arc, alive, length):
+        reached = graph.head[arc], alive * graph.survival[arc], length + graph.length[arc]
+        if _leads_home(world, world.ways.shortest, build.paths, ant, *reached):
             break
         scratch.rejected[n_rejected] = arc
         n_rejected += 1
@@ -307,35 +293,22 @@ def _leads_home(
     shortest: Shortest | None,
     paths: Paths | None,
     ant: Ant,
-    arc: int,
+    node: int,
     alive: float,
     length: float,
 ) -> bool:
-    """Return whether a way home within the limits is known from the head of an arc, and note it.
+    """Return whether a way home within the limits is known from a node; with limits, note it.
 
-    ``alive`` and ``length`` are those of the trail up to the arc. No ant gets stuck: with limits,
-    it can always follow the way that was noted last. It does not look for the rest of that way
-    again, since another way may be as safe but longer. With a travel budget, plans are lost if the
-    only ways home are neither the safest nor the shortest ones.
+    ``alive`` and ``length`` are those of the trail up to the node.
     """
     if paths is None:
         return True
-    graph, least = world.graph, world.limits.floors[ant.robot]
-    if shortest is None and least == 0.0:
-        return leads_home(world, paths, ant.used, ant.trail, graph.head[arc])
-    if ant.onward[graph.tail[arc]] == arc:
-        return True
-    node, alive, length = graph.head[arc], alive * graph.survival[arc], length + graph.length[arc]
-    if alive * world.ways.home[node] < least:
-        return False
+    if shortest is None and world.limits.floors[ant.robot] == 0.0:
+        return leads_home(world, paths, ant.used, ant.trail, node)
     n = way_within(world, shortest, paths, ant.used, ant.trail, node, alive, length)
     for i in range(n):
-        alive *= graph.survival[paths.path[i]]
-    if n < 0 or alive < least:
-        return False
-    for i in range(n):
-        ant.onward[graph.tail[paths.path[i]]] = paths.path[i]
-    return True
+        ant.onward[world.graph.tail[paths.path[i]]] = paths.path[i]
+    return bool(n >= 0)
 
 
 @inlined
@@ -360,28 +333,31 @@ def _visit(
 
 @inlined
 def _begin_trail(
-    world: World, returns: Returns | None, scratch: Scratch, ant: Ant, source: int
+    world: World, returns: Returns | None, build: Build, scratch: Scratch, ant: Ant, node: int
 ) -> None:
     """Note where a robot starts, what it carries, and a way from there to its end."""
-    node = source
-    while scratch.first_way[node] >= 0:
-        ant.onward[node] = scratch.first_way[node]
-        node = world.graph.head[ant.onward[node]]
-    home, (first, stop) = world.ways.home, aboard_of(returns, ant.robot)
+    _leads_home(world, world.ways.shortest, build.paths, ant, node, 1.0, 0.0)
+    home, layer, (first, stop) = (
+        world.ways.home,
+        layer_of(world.team, node),
+        aboard_of(returns, ant.robot),
+    )
     for i in range(first, stop):
-        node = aboard_at(returns, layer_of(world.team, source), i)
+        carried = aboard_at(returns, layer, i)
         # It is brought home from here, not from where it was collected.
-        _visit(world, returns, scratch, ant, node, home[source] / home[node])
-    _visit(world, returns, scratch, ant, source, 1.0)
+        _visit(world, returns, scratch, ant, carried, home[node] / home[carried])
+    _visit(world, returns, scratch, ant, node, 1.0)
 
 
 @inlined
-def _walk(world: World, build: Build, paths: Paths | None, number: int, robot: int) -> bool:
+def _walk(
+    world: World, build: Build, scratch: Scratch, paths: Paths | None, number: int, robot: int
+) -> bool:
     """Extend a robot's trail: to its end, or by one hop where all robots are out at once.
 
     Returns whether its trail has ended.
     """
-    graph, scratch = world.graph, build.scratch
+    graph = world.graph
     row, which = robot if build.concurrent else 0, robot if build.levels.shape[0] > 1 else 0
     block, end = number // BLOCK, world.team.end[world.team.start[robot]]
     ant = Ant(
@@ -390,7 +366,7 @@ def _walk(world: World, build: Build, paths: Paths | None, number: int, robot: i
         robot,
         1.0 - (number * (1.0 / (build.n_ants - 1)) if build.n_ants > 1 else 0.5),
         end,
-        loop_at(graph, world.team, end),
+        scratch.loop[robot],
         scratch.used[row],
         scratch.visited[row],
         scratch.onward[row],
@@ -399,11 +375,11 @@ def _walk(world: World, build: Build, paths: Paths | None, number: int, robot: i
     )
     node, alive, n_hops = scratch.node[robot], scratch.alive[robot], scratch.n_hops[robot]
     if n_hops == 0:
-        _begin_trail(world, world.returns, scratch, ant, node)
+        _begin_trail(world, world.returns, build, scratch, ant, node)
     while True:
         if scratch.tabulated[which, node] != block:
             _tabulate(world, build, block, which, node)
-        arc = _choose(world, build, ant, node, alive)
+        arc = _choose(world, build, scratch, ant, node, alive)
         scratch.trail[robot, n_hops] = node
         n_hops += 1
         if arc == ant.loop:
@@ -421,9 +397,9 @@ def _walk(world: World, build: Build, paths: Paths | None, number: int, robot: i
 
 
 @inlined
-def _build_plan(world: World, build: Build, ant: int) -> int:
-    """Build the plan of an ant in the scratch; return the number of nodes of all its trails."""
-    scratch, n_robots = build.scratch, world.team.start.shape[0]
+def _build_plan(world: World, build: Build, scratch: Scratch, ant: int) -> None:
+    """Build the plan of an ant in the scratch."""
+    n_robots = world.team.start.shape[0]
     for node in range(scratch.unreached.shape[0]):
         scratch.unreached[node] = 1.0
     for robot in range(n_robots):
@@ -432,22 +408,8 @@ def _build_plan(world: World, build: Build, ant: int) -> int:
     robot, n_out = 0, n_robots
     while n_out > 0:
         if scratch.node[robot] >= 0:
-            n_out -= _walk(world, build, build.paths, ant, robot)
+            n_out -= _walk(world, build, scratch, build.paths, ant, robot)
         robot = robot + 1 if robot + 1 < n_robots else 0
-    size = 0
-    for robot in range(n_robots):
-        size += scratch.n_hops[robot]
-    return size
-
-
-@inlined
-def _append_plan(scratch: Scratch, nodes: IntArray, offsets: OffsetArray, trail: int) -> None:
-    """Append the plan of an ant, whose first trail will be ``trail``, to the plans of others."""
-    for robot in range(scratch.n_hops.shape[0]):
-        n, n_hops = offsets[trail + robot], scratch.n_hops[robot]
-        for i in range(n_hops):
-            nodes[n + i] = scratch.trail[robot, i]
-        offsets[trail + robot + 1] = n + n_hops
 
 
 @kernel
@@ -459,46 +421,43 @@ def construct(world: World, build: Build, begin: int, end: int) -> tuple[IntArra
     reaches its head, by the trails as they are so far)`` times that of a head already in this
     trail. What an ant builds depends on its own random numbers only, whose state is advanced.
     """
-    world, scratch, n_robots = shared(world), build.scratch, world.team.start.shape[0]
-    nodes = np.empty(_FIRST_NODES, np.int32)
-    offsets = np.zeros((end - begin) * n_robots + 1, np.int64)
-    n = 0
+    # Not shared: its arrays change in the innermost loops, where addresses are best in registers.
+    scratch, n_robots = build.scratch, world.team.start.shape[0]
+    world, build = shared(world), shared(build)
+    n_trails, n = (end - begin) * n_robots, 0
+    nodes = np.empty(n_trails * scratch.trail.shape[1], np.int32)  # takes memory where written to
+    offsets = np.zeros(n_trails + 1, np.int64)
     for ant in range(begin, end):
-        size = _build_plan(world, build, ant)
-        if n + size > nodes.shape[0]:
-            larger = np.empty(2 * (n + size), np.int32)
-            for i in range(n):  # assigning slices takes two seconds to compile
-                larger[i] = nodes[i]
-            nodes = larger
-        _append_plan(scratch, nodes, offsets, (ant - begin) * n_robots)
-        n += size
+        _build_plan(world, build, scratch, ant)
+        for robot in range(n_robots):
+            for i in range(scratch.n_hops[robot]):
+                nodes[n + i] = scratch.trail[robot, i]
+            n += scratch.n_hops[robot]
+            offsets[(ant - begin) * n_robots + robot + 1] = n
     return nodes[:n], offsets
 
 
-@helper
-def _deposit(world: World, plans: Depositors, amounts: FloatArray) -> None:
-    """Set ``amounts``, of the shape of ``Pheromone.levels``, to what the plans deposit in all."""
-    graph, n_maps, n_robots = world.graph, amounts.shape[0], world.team.start.shape[0]
-    for m in range(n_maps):
-        for arc in range(amounts.shape[1]):
-            amounts[m, arc, 0] = amounts[m, arc, 1] = 0.0
-    for m in range(plans.members.shape[0]):
-        plan = plans.members[m]
-        reward, survivors = plans.objectives[plan, 0], plans.objectives[plan, 1]
+@kernel
+def _deposit(graph: Graph, n_nodes: int, plans: Depositors, amounts: FloatArray) -> None:
+    """Add what plans deposit in all to ``amounts``, of the shape of ``Pheromone.levels``.
+
+    ``n_nodes`` is the number of nodes in the mission.
+    """
+    graph, n_maps = shared(graph), amounts.shape[0]
+    n_robots = (plans.offsets.shape[0] - 1) // plans.objectives.shape[0]
+    for plan in plans.members:
         for robot in range(n_robots):
-            trail = plan * n_robots + robot
-            which = robot if n_maps > 1 else 0
+            trail, which = plan * n_robots + robot, robot if n_maps > 1 else 0
             last = plans.offsets[trail + 1] - 1
             for i in range(plans.offsets[trail], last + 1):
+                node = int(plans.nodes[i])
+                arc = graph.head.shape[0] + node // n_nodes
                 if i < last:
-                    arc = find_arc(graph, int(plans.nodes[i]), int(plans.nodes[i + 1]))
-                else:
-                    arc = loop_at(graph, world.team, int(plans.nodes[i]))
-                amounts[which, arc, 0] += reward
-                amounts[which, arc, 1] += survivors
+                    arc = find_arc(graph, node, int(plans.nodes[i + 1]))
+                amounts[which, arc, 0] += plans.objectives[plan, 0]
+                amounts[which, arc, 1] += plans.objectives[plan, 1]
 
 
-@kernel
 def learn(
     world: World,
     iteration: Depositors,
@@ -514,21 +473,14 @@ def learn(
     number of plans in both if they are ``pooled``, otherwise each by the number in its own set.
     What the archive deposits is summed up again only if the archive ``is_new``.
     """
-    world = shared(world)
-    levels, deposits, archived = pheromone.levels, pheromone.deposits, pheromone.archive_deposits
-    _deposit(world, iteration, deposits)
-    if is_new:
-        _deposit(world, archive, archived)
-    n_iteration, n_archive = iteration.members.shape[0], archive.members.shape[0]
-    if pooled:
-        n_iteration = n_archive = n_iteration + n_archive
-    kept, n_iteration, n_archive = 1.0 - evaporation, max(1, n_iteration), max(1, n_archive)
-    for m in range(levels.shape[0]):
-        for arc in range(levels.shape[1]):
-            for species in range(2):
-                level = (
-                    kept * levels[m, arc, species]
-                    + deposits[m, arc, species] / n_iteration
-                    + archived[m, arc, species] / n_archive
-                )
-                levels[m, arc, species] = max(LEAST, level)
+    levels, n_nodes = pheromone.levels, len(world.team.reward)
+    changed = [(iteration, pheromone.deposits), (archive, pheromone.archive_deposits)]
+    for plans, amounts in changed[: 1 + is_new]:
+        amounts.fill(0.0)
+        _deposit(world.graph, n_nodes, plans, amounts)
+    levels *= 1.0 - evaporation
+    n_pooled = len(iteration.members) + len(archive.members)
+    with np.errstate(over="ignore"):
+        for plans, amounts in changed:
+            levels += amounts / max(1, n_pooled if pooled else len(plans.members))
+    np.maximum(levels, LEAST, out=levels)

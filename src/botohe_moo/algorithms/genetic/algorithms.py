@@ -220,16 +220,9 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
         )
         self.pop = best[values.argmin(axis=0)]
 
-    def infill(self) -> Population | None:
-        """Return the plans to evaluate next, no more than the budget allows."""
-        infills = super().infill()
-        if infills is not None and self.indices is not None:
-            self.indices = self.indices[: len(infills)]
-        return infills
-
     def _advance(self, infills: Population, **_: Any) -> None:
         self._update_ideal()
-        for weight, child in zip(self.indices, infills, strict=True):
+        for weight, child in zip(self.indices, infills, strict=False):  # or the budget has ended
             self._replace(weight, child)
 
     def _update_ideal(self) -> None:
@@ -315,25 +308,21 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PlanGeneticAlgorit
         __doc__ = f"{wrapped.__name__} of pymoo's, with operators for trail plans.{directions}"
 
         @checked
-        def __init__(
-            self,
-            *,
-            pop_size: PopulationSize = 100,
-            n_offsprings: Count | None = None,
-            **parameters: Any,
-        ) -> None:
+        def __init__(self, *, pop_size: PopulationSize = 100, **parameters: Any) -> None:
             arguments = {name: parameters.pop(name) for name in own if name in parameters}
             if directed:  # there are as many plans as directions
                 if arguments.get("ref_dirs") is None:
                     arguments["ref_dirs"] = even_weights(pop_size)
                 pop_size = len(arguments["ref_dirs"])
-            super().__init__(arguments, pop_size=pop_size, n_offsprings=n_offsprings, **parameters)
+            super().__init__(arguments, pop_size=pop_size, **parameters)
 
         def __reduce_ex__(self, _: object) -> tuple[object, ...]:
             return _revive, (path,), self.__dict__
 
     Wired.__name__ = Wired.__qualname__ = wrapped.__name__
-    pop_size, n_offsprings, *operators, _ = inspect.signature(Wired).parameters.values()
+    pop_size, n_offsprings, *operators, _ = inspect.signature(
+        PlanGeneticAlgorithm
+    ).parameters.values()
     shown = [_stated(parameter) for name, parameter in own.items() if name not in _INNER]
     Wired.__signature__ = inspect.Signature([pop_size, n_offsprings, *shown, *operators])
     return Wired

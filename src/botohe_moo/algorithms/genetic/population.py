@@ -17,35 +17,28 @@ from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
 
+from botohe_moo._base.checks import check_weights
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import check_keywords, checked
 from botohe_moo._plugins.stated import signature_parameters
 from botohe_moo._plugins.types import Probability
-from botohe_moo.algorithms.base import (
-    PYMOO_OPTIONS,
-    BudgetedAlgorithm,
-    MaxTies,
-    Threads,
-    check_n_objectives,
-    check_options,
-    check_problem,
-)
-from botohe_moo.algorithms.genetic.wiring import (
-    DEFAULT_CROSSOVER,
-    DEFAULT_MUTATION,
-    Named,
-    make_crossover,
-    make_mutation,
-    make_repair,
-    make_sampling,
-)
+from botohe_moo.algorithms import base
+from botohe_moo.algorithms.base import BudgetedAlgorithm, MaxTies, Threads
+from botohe_moo.algorithms.genetic import sampling as samplings
 from botohe_moo.algorithms.individuals import ManyObjectiveArchive, PopulationArchive
+from botohe_moo.operators.registry import KINDS, find_operator, make_operator
 from botohe_moo.operators.repair import PenaltyOnly, PlanDuplicates, PlanRepair
-from botohe_moo.operators.variation import Mixture
+from botohe_moo.operators.variation import MixedCrossover, MixedMutation, Mixture, TrailSplice
 from botohe_moo.problem import FrontOutput
 from botohe_moo.trails import TrailPlan
 
 PopulationSize: TypeAlias = Annotated[int, Field(ge=2, le=1_000_000)]
+# The name of one operator, or of several with their weights.
+Named: TypeAlias = str | Mapping[str, float]
+
+# Chosen from the ablation that `make bench` prints (results/operators/ablation.csv).
+DEFAULT_CROSSOVER = "splice"
+DEFAULT_MUTATION: Mapping[str, float] = {"ruin": 1.0, "share": 0.2}
 
 
 class PopulationAlgorithm(BudgetedAlgorithm):
@@ -93,8 +86,6 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     ----------
     archive : PlanArchive
         All non-dominated feasible plans found so far.
-    settings : dict
-        The operators and their probabilities as they were given.
     repair : PlanRepair
         The repair of the operators that were given by name; ``repair.counts`` says what it did.
 
@@ -146,29 +137,21 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         n_threads: Threads = 1,
         **options: Any,
     ) -> None:
-        check_options(self, options)
+        base.check_options(self, options)
         mro = type(self).__mro__
         pymoos = mro[mro.index(BudgetedAlgorithm) + 1 :]
         known = {p.name for kind in pymoos for p in signature_parameters(kind)}
-        check_keywords(arguments, known.union(PYMOO_OPTIONS), pymoos)
+        check_keywords(arguments, known.union(base.PYMOO_OPTIONS), pymoos)
         self.max_ties = max_ties
-        self.settings = {
-            "sampling": sampling,
-            "corners": corners,
-            "crossover": crossover,
-            "mutation": mutation,
-            "repair": repair,
-            "prob_crossover": prob_crossover,
-            "prob_mutation": prob_mutation,
-        }
         self._least_infeasible: Population | None = None
         made = make_repair(repair)
         made.n_threads = self.n_threads = n_threads
+        crossover = make_crossover(
+            crossover, prob=prob_crossover, repair=made, n_offsprings=self._n_children
+        )
         operators = {
             "sampling": make_sampling(sampling, corners=corners),
-            "crossover": make_crossover(
-                crossover, prob=prob_crossover, repair=made, n_offsprings=self._n_children
-            ),
+            "crossover": crossover,
             "mutation": make_mutation(mutation, prob=prob_mutation, repair=made),
         }
         # Copies: the survivals that pymoo's signatures hold remember the fronts of other runs.
@@ -181,7 +164,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         super().__init__(**given)
         self.archive = PopulationArchive(1)
         self.repair = made
-        self._adapt_mating(operators["crossover"], pymoos)
+        self._adapt_mating(crossover, pymoos)
         # pymoo's own default looks for convergence in a design space that plans do not have.
         self.termination = options.get("termination")
 
@@ -211,9 +194,9 @@ class PopulationAlgorithm(BudgetedAlgorithm):
             pymoo's options, such as ``termination`` (default: 100 000 evaluations; a ValueError is
             raised for less than one) and ``seed``.
         """
-        check_problem(problem)
+        base.check_problem(problem)
         directions = getattr(self, "ref_dirs", None)
-        check_n_objectives(self, problem, None if directions is None else directions.shape[1])
+        base.check_n_objectives(self, problem, None if directions is None else directions.shape[1])
         if any(isinstance(repair, PenaltyOnly) for repair in self._repairs()):
             problem = problem.allowing_invalid()
         kind = PopulationArchive if problem.n_obj == 2 else ManyObjectiveArchive
@@ -289,3 +272,68 @@ def even_weights(n: int) -> FloatArray:
     """Spread ``n`` weights on two objectives evenly, shape (n, 2)."""
     weights = np.linspace(0, 1, n)
     return np.column_stack([weights, 1 - weights])
+
+
+def _weights(kind: str, given: Any, *, needed: str = "") -> dict[str, float]:
+    """Return the weights above 0 of operators, given one name or a mapping from names."""
+    if isinstance(given, str):
+        return {given: 1.0}
+    weights = check_weights(kind, given, given, needed=needed)
+    for name in weights:  # also of weight 0
+        find_operator(kind, name)
+    return {name: weight for name, weight in weights.items() if weight}
+
+
+def make_repair(given: str | PlanRepair) -> PlanRepair:
+    """Make a repair: ``safest-path``, ``truncate``, ``penalty`` or that of another package."""
+    if isinstance(given, PlanRepair):
+        return given
+    return make_operator("repair", given, PlanRepair)  # type: ignore[no-any-return]
+
+
+def make_sampling(given: Named | Sampling | Any, *, corners: bool = True) -> Sampling:
+    """Make a sampling of ``guided``, ``random`` and others, from one name or names with weights.
+
+    A pymoo sampling is returned as it is. Where trail plans are given but too few, guided ones are
+    added. With ``corners`` the corners of the front are among the plans.
+    """
+    if isinstance(given, Sampling):
+        return given
+    if not isinstance(given, str | Mapping):
+        rest = samplings.GuidedTrailSampling()
+        return samplings.GivenSampling(given, samplings.CornerSampling(rest) if corners else rest)
+    weights = _weights("sampling", given, needed="sampling")
+    wanted = samplings.PlanSampling if len(weights) > 1 else Sampling  # pymoo's only by itself
+    parts = {make_operator("sampling", name, wanted): w for name, w in weights.items()}
+    if not all(isinstance(part, samplings.PlanSampling) for part in parts):
+        return next(iter(parts))
+    sampling = samplings.MixedSampling(parts)
+    return samplings.CornerSampling(sampling) if corners else sampling
+
+
+def make_crossover(
+    given: Named | Crossover, *, prob: float, repair: PlanRepair, n_offsprings: int = 2
+) -> Crossover:
+    """Make a crossover of ``splice`` and others; return a pymoo crossover as it is.
+
+    Without any weight above 0, no pair is crossed.
+    """
+    if isinstance(given, Crossover):
+        return given
+    if not (weights := _weights("crossover", given)):
+        return TrailSplice(prob=0.0, n_offsprings=n_offsprings)
+    offered = {"repair": repair, "n_offsprings": n_offsprings}
+    return MixedCrossover(_parts("crossover", weights, prob=prob, **offered), prob=prob)
+
+
+def make_mutation(given: Named | Mutation, *, prob: float, repair: PlanRepair) -> Mutation:
+    """Make a mutation of ``ruin``, ``share`` and others; return a pymoo one as it is."""
+    if isinstance(given, Mutation):
+        return given
+    weights = _weights("mutation", given, needed="mutation")
+    return MixedMutation(_parts("mutation", weights, prob=prob, repair=repair), prob=prob)
+
+
+def _parts(kind: str, weights: Mapping[str, float], **offered: Any) -> dict[Any, float]:
+    """Make operators of names with weights."""
+    return {make_operator(kind, k, KINDS[kind], **offered): w for k, w in weights.items()}

@@ -1,14 +1,13 @@
 """Samplings: plans to start from."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from pymoo.core.sampling import Sampling
 
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import ObjectArray, Rng
-from botohe_moo.algorithms.bo_aco.colony import JOURNAL, Colony
+from botohe_moo.algorithms.bo_aco import colony
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.operators.repair import check_part
 from botohe_moo.operators.variation import Mixture
@@ -33,6 +32,9 @@ class PlanSampling(Sampling):
     200
     """
 
+    rest: "PlanSampling | None" = None
+    """What samples the plans that are missing."""
+
     def sample_batch(self, problem: BOTOHE, n_samples: int, random_state: Rng) -> PlanBatch:
         """Return plans to start from.
 
@@ -47,6 +49,9 @@ class PlanSampling(Sampling):
         """
         n_samples = check_integer("n_samples", n_samples, at_least=1)
         plans = self._sample(problem, n_samples, random_state)
+        if self.rest is not None and len(plans) < n_samples:
+            others = self.rest.sample_batch(problem, n_samples - len(plans), random_state)
+            return PlanBatch.concatenate([plans, others])
         if len(plans) < n_samples:
             expected = f"_sample of {type(self).__name__} to give {n_samples} plans"
             raise ValueError(f"Expected {expected}, got {len(plans)}.")
@@ -103,28 +108,24 @@ class GuidedTrailSampling(PlanSampling):
 
 def _walk(problem: BOTOHE, n_samples: int, rng: Rng, *, heuristic: bool) -> PlanBatch:
     """Let ants without pheromone build plans."""
-    colony = Colony(
-        problem.mission,
-        problem.world,
-        replace(JOURNAL, n_ants=n_samples, heuristic=heuristic, pheromone=False),
-        random_state=rng,
+    settings = colony.ColonySettings(
+        n_ants=n_samples,
+        heuristic=heuristic,
+        pheromone=False,
+        unvisited_bonus=colony.JOURNAL_BONUS,
+        exploration=colony.JOURNAL_EXPLORATION,
     )
-    return colony.construct(n_samples)
+    return colony.Colony(problem.mission, problem.world, settings, random_state=rng).construct(
+        n_samples
+    )
 
 
 class _FilledSampling(PlanSampling):
-    """A sampling of few plans, whose ``rest`` is sampled in another way."""
+    """A sampling of few plans."""
 
     def __init__(self, rest: PlanSampling | None = None) -> None:
         super().__init__()
         self.rest = check_part("rest", rest, PlanSampling, GuidedTrailSampling)
-
-    def _fill(self, plans: PlanBatch, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
-        """Add plans of the rest until there are ``n_samples``."""
-        if len(plans) >= n_samples:
-            return plans
-        others = self.rest.sample_batch(problem, n_samples - len(plans), rng)
-        return PlanBatch.concatenate([plans, others])
 
 
 class CornerSampling(_FilledSampling):
@@ -146,12 +147,11 @@ class CornerSampling(_FilledSampling):
     [[0.0, 2.0], [9.01, 0.7]]
     """
 
-    def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
+    def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:  # noqa: ARG002
         mission, world = problem.mission, problem.world
         home = mission.stay_home(world)
         greedy = SequentialPlanner(mission, world).plan(1.0)
-        corners = PlanBatch.from_plans([home, greedy], mission.robots)
-        return self._fill(corners[:n_samples], problem, n_samples, rng)
+        return PlanBatch.from_plans([home, greedy][:n_samples], mission.robots)
 
 
 class GivenSampling(_FilledSampling):
@@ -185,11 +185,11 @@ class GivenSampling(_FilledSampling):
         super().__init__(rest)
         self.plans = listed_plans(plans)
 
-    def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
+    def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:  # noqa: ARG002
         given = problem.mission.batch(self.plans)
         if not problem.allow_invalid:
             problem.mission.evaluate(given)
-        return self._fill(given, problem, n_samples, rng)
+        return given
 
 
 class MixedSampling(PlanSampling):

@@ -20,7 +20,7 @@ from botohe_moo.core.paths import (
     usual_way_home,
     way_within,
 )
-from botohe_moo.core.rng import hash_keys
+from botohe_moo.core.rng import hash_keys, mixed
 from botohe_moo.core.world import CHECKING, Shortest, World
 
 # A search keeps at most as many labels, whatever its width: a few hundred megabytes.
@@ -30,10 +30,13 @@ MAX_LABELS = 5_000_000
 # Measured on the case studies: without it, beams run home too early; above a half, too late.
 FORESIGHT = 0.5
 
+_LEAST_TABLE = 16  # slots of a hash table
+
 LABEL = np.dtype(
     [
-        ("parent", np.int64),  # the label that this one goes on from, −1 for the first one
-        ("arc", np.int64),  # the arc by which, −1 for the first one
+        # The label that this one goes on from, and the arc by which; −1 for the first one.
+        ("parent", np.int64),
+        ("arc", np.int64),
         ("node", np.int64),  # where it ends
         ("alive", np.float64),  # probability to get there
         ("length", np.float64),  # sum of the lengths of its arcs
@@ -46,9 +49,9 @@ LABEL = np.dtype(
         ("rank", np.float64),
     ]
 )
-# The current label; and the value of the best trail known, and the label and the arc after which it
-# goes home, −1 where it takes the safest way from the start.
-STATE = np.dtype([("at", np.int64), ("value", np.float64), ("label", np.int64), ("arc", np.int64)])
+# The value of the best trail known, and how many arcs it has; 0 if it is the safest way from the
+# start.
+BEST = np.dtype([("value", np.float64), ("n_arcs", np.int64)])
 
 
 class BeamRule(NamedTuple):
@@ -64,7 +67,8 @@ class BeamRule(NamedTuple):
 class Beam(NamedTuple):
     """Scratch of searches for trails."""
 
-    state: RecordArray  # a ``STATE`` (1)
+    best: RecordArray  # a ``BEST`` (1)
+    trail: OffsetArray  # the arcs of the best trail (n_arcs)
     labels: RecordArray  # all labels that went on, as ``LABEL``, level by level
     children: RecordArray  # of the last level, as ``LABEL``; some go on as labels
     table: OffsetArray  # a hash table of children, −1 where a slot is empty
@@ -78,11 +82,7 @@ class Beam(NamedTuple):
     visits: OffsetArray
     ahead: FloatArray
     paths: Paths
-    # Keys for hashes: of each arc used, of each node visited, and of the node where a label ends.
-    arc_keys: SeedArray
-    node_keys: SeedArray
-    place_keys: SeedArray
-    trail: OffsetArray  # the arcs of the best trail (n_arcs)
+    keys: SeedArray  # for hashes: of each arc and of each node, by its index
 
 
 def new_beam(world: World, width: int, max_labels: int = MAX_LABELS) -> Beam:
@@ -90,22 +90,19 @@ def new_beam(world: World, width: int, max_labels: int = MAX_LABELS) -> Beam:
     n_arcs, n_nodes = world.graph.n_arcs, world.graph.n_nodes
     n_labels = min(max_labels, 1 + width * n_arcs)
     n_children = min(width, n_labels) * int(np.diff(world.graph.first).max())
-    keys = hash_keys(n_arcs + 2 * n_nodes)
     return Beam(
-        state=np.zeros(1, STATE).view(np.recarray),
+        best=np.zeros(1, BEST).view(np.recarray),
+        trail=np.empty(n_arcs, np.int64),
         labels=np.empty(n_labels, LABEL).view(np.recarray),
         children=np.empty(n_children, LABEL).view(np.recarray),
-        table=np.empty(_table_size(n_children), np.int64),
+        table=np.empty(max(_LEAST_TABLE, 4 * n_children), np.int64),
         order=np.empty(n_children, np.int64),
         spare=np.empty(n_children, np.int64),
         used=np.empty(n_arcs, np.int64),
         visits=np.empty(n_nodes, np.int64),
         ahead=np.empty(n_nodes),
         paths=new_paths(world),
-        arc_keys=keys[:n_arcs].copy(),
-        node_keys=keys[n_arcs : n_arcs + n_nodes].copy(),
-        place_keys=keys[n_arcs + n_nodes :].copy(),
-        trail=np.empty(n_arcs, np.int64),
+        keys=hash_keys(max(n_arcs, n_nodes)),
     )
 
 
@@ -140,11 +137,12 @@ def best_trail(world: World, near: Near, rule: BeamRule, beam: Beam) -> tuple[in
     is too long, and no shorter way is found.
     """
     world, near, rule, beam = shared(world), shared(near), shared(rule), shared(beam)
-    best, labels, children = beam.state[0], beam.labels, beam.children
+    best, labels, children = beam.best[0], beam.labels, beam.children
     _begin(world, rule, beam)
-    low, high, cut = 0, 1, False
+    low, high, n_hops, cut = 0, 1, 0, False
     while low < high:
-        n = _rank(beam, _expand(world, near, rule, beam, low, high))
+        n_hops += 1
+        n = _rank(beam, _expand(world, near, rule, beam, low, high, n_hops))
         n_go_on = min(rule.width, len(labels) - high)
         if n > n_go_on:
             cut = True
@@ -153,14 +151,14 @@ def best_trail(world: World, near: Near, rule: BeamRule, beam: Beam) -> tuple[in
         for i in range(min(n, n_go_on)):
             labels[high] = children[beam.order[i]]
             high += 1
-    return _write_trail(world, rule, beam), best.value, cut
+    return best.n_arcs, best.value, cut
 
 
 @helper
 def _begin(world: World, rule: BeamRule, beam: Beam) -> None:
     """Make row 0 the label of a robot at its start; the best trail known is the safest way."""
     graph, homeward, worth = world.graph, world.ways.homeward, rule.worth
-    best, label, start, left = beam.state[0], beam.labels[0], world.team.start[rule.robot], 0.0
+    best, label, start, left = beam.best[0], beam.labels[0], world.team.start[rule.robot], 0.0
     for arc in range(beam.used.shape[0]):
         beam.used[arc] = 0
     for node in range(worth.shape[0]):
@@ -180,18 +178,18 @@ def _begin(world: World, rule: BeamRule, beam: Beam) -> None:
         value += alive * worth[node]
     is_too_long = _is_too_far(world, world.ways.shortest, rule.robot, node, length)
     best.value = -1.0 if is_too_long else value + alive * rule.survival_weight
-    best.at, best.label, best.arc = 0, -1, -1
+    best.n_arcs = 0
 
 
 @helper
 def _stand_at(beam: Beam, rule: BeamRule, label: int) -> None:
-    """Make another label the current one.
+    """Make the next label the current one.
 
-    Only the arcs that they do not share are taken back and added: mostly few, however long the
-    trails are.
+    Only the arcs that it does not share with the one before are taken back and added: mostly few,
+    however long the trails are.
     """
     labels, used, visits, ahead = beam.labels, beam.used, beam.visits, beam.ahead
-    before, beam.state[0].at = beam.state[0].at, label
+    before = max(0, label - 1)
     while before != label:
         if before > label:
             at = labels[before]
@@ -209,15 +207,17 @@ def _stand_at(beam: Beam, rule: BeamRule, label: int) -> None:
 
 
 @helper
-def _expand(world: World, near: Near, rule: BeamRule, beam: Beam, low: int, high: int) -> int:
+def _expand(
+    world: World, near: Near, rule: BeamRule, beam: Beam, low: int, high: int, n_hops: int
+) -> int:
     """Go on by one hop from the labels of the last level; return how many children there are.
 
     Children are left out that cannot get home within the limits or beat the best trail known, or
-    if another child has the same node and arcs used, and as much value.
+    if another child has the same node and arcs used, and as much value. They have ``n_hops`` hops.
     """
     graph, home, robot = world.graph, world.ways.home, rule.robot
-    best, labels, children, table = beam.state[0], beam.labels, beam.children, beam.table
-    used, ahead, n, n_most = beam.used, beam.ahead, 0, 0
+    best, labels, children, table = beam.best[0], beam.labels, beam.children, beam.table
+    used, ahead, keys, n, n_most = beam.used, beam.ahead, beam.keys, 0, 0
     for parent in range(low, high):
         n_most += graph.first[labels[parent].node + 1] - graph.first[labels[parent].node]
     size = _empty_table(table, n_most)
@@ -239,23 +239,24 @@ def _expand(world: World, near: Near, rule: BeamRule, beam: Beam, low: int, high
                 continue
             if _breaks_limits(world, world.ways.shortest, robot, child):
                 continue
-            child.used = label.used ^ beam.arc_keys[arc]
-            child.seen = label.seen ^ beam.node_keys[node] if fresh > 0.0 else label.seen
-            child.key = child.used ^ beam.place_keys[node]
+            child.used = label.used ^ keys[arc]
+            child.seen = label.seen ^ keys[node] if fresh > 0.0 else label.seen
+            child.key = mixed(child.used + np.uint64(node))
             slot = _find(beam, size, child.key)
             known = table[slot]
             if known >= 0 and children[known].value >= child.value:
                 continue
             used[arc], ahead[node] = rule.trail, 0.0
             _judge(world, near, rule, beam, child, stay)
-            value, survives = -1.0, -1.0
+            value, n_home = -1.0, -1
             if child.bound > _enough(best):
-                value, survives = _close(world, world.ways.shortest, rule, beam, child, stay)
+                value, n_home = _close(world, world.ways.shortest, rule, beam, child, stay)
             used[arc], ahead[node] = 0, fresh
-            if survives < world.limits.floors[robot]:
+            if n_home < 0:
                 continue
             if value > best.value:
-                best.value, best.label, best.arc = value, parent, arc
+                best.value, best.n_arcs = value, n_hops + n_home
+                _write_trail(beam, child, n_hops, n_home)
             if known >= 0:
                 children[known] = child
             else:
@@ -324,27 +325,24 @@ def _close(
     beam: Beam,
     child: Any,
     stay: float,
-) -> tuple[float, float]:
-    """Send a child of the current label home; return value and survival of the closed trail.
+) -> tuple[float, int]:
+    """Send a child of the current label home; return the value of the closed trail.
 
-    The value is −1 where the trail cannot be better than the best one known. The survival is −1
-    where no way leads home, or none is known that keeps the travel budget.
+    Also returns how many arcs ``paths.path`` adds, −1 where no way leads home within the limits.
+    The value is −1 where the trail cannot be better than the best one known.
     """
     graph, used, paths, node = world.graph, beam.used, beam.paths, child.node
-    value, survives = child.value, child.alive
+    value, alive = child.value, child.alive
     is_free = shortest is None and world.limits.floors[rule.robot] == 0.0
-    may_be_best = not is_free or value + stay > beam.state[0].value
+    may_be_best = not is_free or value + stay > beam.best[0].value
     if not may_be_best and usual_way_home(world, paths, used, rule.trail, node) < 0:
-        back = graph.balanced or leads_home(world, paths, used, rule.trail, node)
-        return -1.0, survives if back else -1.0
-    n_hops = way_within(world, shortest, paths, used, rule.trail, node, survives, child.length)
-    if n_hops < 0:
-        return -1.0, -1.0
-    for i in range(n_hops):
+        return -1.0, 0 if graph.balanced or leads_home(world, paths, used, rule.trail, node) else -1
+    n = way_within(world, shortest, paths, used, rule.trail, node, alive, child.length)
+    for i in range(n):
         arc = paths.path[i]
-        survives *= graph.survival[arc]
-        value += survives * beam.ahead[graph.head[arc]]
-    return value + rule.survival_weight * survives, survives
+        alive *= graph.survival[arc]
+        value += alive * beam.ahead[graph.head[arc]]
+    return value + rule.survival_weight * alive, n
 
 
 @helper
@@ -353,7 +351,7 @@ def _rank(beam: Beam, n_children: int) -> int:
 
     Returns how many there are. Equal ranks stay in order.
     """
-    children, order, enough, n = beam.children, beam.order, _enough(beam.state[0]), 0
+    children, order, enough, n = beam.children, beam.order, _enough(beam.best[0]), 0
     for child in range(n_children):
         if children[child].bound > enough:
             order[n] = child
@@ -374,7 +372,7 @@ def _choose(beam: Beam, n: int, n_go_on: int) -> None:
     for i in range(n):
         row = order[i]
         child = children[row]
-        child.key = child.seen ^ beam.place_keys[child.node]
+        child.key = mixed(child.seen + np.uint64(child.node))
         slot = _find(beam, size, child.key)
         if table[slot] >= 0:
             others[n_others] = row
@@ -386,42 +384,26 @@ def _choose(beam: Beam, n: int, n_go_on: int) -> None:
         order[n_chosen + i] = others[i]
 
 
-@helper
-def _write_trail(world: World, rule: BeamRule, beam: Beam) -> int:
-    """Write the arcs of the best trail; return how many these are."""
-    graph, best, labels, arcs = world.graph, beam.state[0], beam.labels, beam.trail
-    if best.arc < 0:
-        return 0
-    _stand_at(beam, rule, best.label)
-    beam.used[best.arc] = rule.trail
-    n, label, last = 0, best.label, labels[best.label]
-    while label > 0:
-        arcs[n] = labels[label].arc
-        n, label = n + 1, labels[label].parent
-    for i in range(n // 2):
-        arcs[i], arcs[n - 1 - i] = arcs[n - 1 - i], arcs[i]
-    arcs[n] = best.arc
-    alive, length = last.alive * graph.survival[best.arc], last.length + graph.length[best.arc]
-    node, paths, shortest = graph.head[best.arc], beam.paths, world.ways.shortest
-    n_home = way_within(world, shortest, paths, beam.used, rule.trail, node, alive, length)
-    for i in range(n_home):
-        arcs[n + 1 + i] = paths.path[i]
-    return n + 1 + n_home
-
-
 @inlined
-def _table_size(n: int) -> int:
-    """Return the size of a hash table of ``n`` children: a power of two, at least 2n."""
-    size = 16
-    while size < 2 * n:
-        size *= 2
-    return size
+def _write_trail(beam: Beam, child: Any, n_hops: int, n_home: int) -> None:
+    """Write the trail of a child with ``n_hops`` hops, and the way home that was found."""
+    arc, label = child.arc, child.parent
+    for i in range(n_hops - 1, -1, -1):
+        beam.trail[i] = arc
+        arc, label = beam.labels[label].arc, beam.labels[label].parent
+    for i in range(n_home):
+        beam.trail[n_hops + i] = beam.paths.path[i]
 
 
 @inlined
 def _empty_table(table: OffsetArray, n: int) -> int:
-    """Empty as much of a hash table as ``n`` children need; return the size of that part."""
-    size = _table_size(n)
+    """Empty as much of a hash table as ``n`` children need; return the size of that part.
+
+    It is a power of two, at least 2n and less than 4n, or 16.
+    """
+    size = _LEAST_TABLE
+    while size < 2 * n:
+        size *= 2
     for slot in range(size):
         table[slot] = -1
     return size

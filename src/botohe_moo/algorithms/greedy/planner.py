@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from functools import cached_property, partial
 from itertools import pairwise, permutations
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -16,16 +16,10 @@ from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability, TravelBudget
-from botohe_moo.algorithms.greedy.kernels import (
-    MAX_LABELS,
-    Beam,
-    BeamRule,
-    best_trail,
-    new_beam,
-)
-from botohe_moo.core.paths import Near, new_near
-from botohe_moo.core.walk import Visits, new_visits, walk
-from botohe_moo.core.world import AT_NEXT_DEPOT, PLANNING, World, find_arc
+from botohe_moo.algorithms.greedy import kernels
+from botohe_moo.core.paths import new_near
+from botohe_moo.core.walk import new_visits, walk
+from botohe_moo.core.world import AT_NEXT_DEPOT, PLANNING, World, brought_home, find_arc
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import TrailPlan
 
@@ -108,7 +102,7 @@ def plan_sequentially(
     return SequentialPlanner(mission, world, beam_width=beam_width).plan(weight)
 
 
-Trails: TypeAlias = list[tuple[int, list[int]]]  # robots that leave, and their trails
+Trails: TypeAlias = list[tuple[int, tuple[int, ...]]]  # robots that leave, and their trails
 
 
 class SequentialPlanner:
@@ -123,20 +117,17 @@ class SequentialPlanner:
         world: World | None = None,
         *,
         beam_width: int = BEAM_WIDTH,
-        max_labels: int = MAX_LABELS,
+        max_labels: int = kernels.MAX_LABELS,
     ) -> None:
         self.mission = check_mission(mission)
         self.world = mission.world if world is None else world
         self.beam_width = beam_width
         self.max_labels = max_labels
-
-    @cached_property
-    def _near(self) -> Near:
-        return new_near(self.world.graph.n_nodes, _N_NEAR)
-
-    @cached_property
-    def _home(self) -> TrailPlan:
-        return self.mission.stay_home(self.world)
+        self._home = mission.stay_home(self.world).trails
+        self._near = new_near(self.world.graph.n_nodes, _N_NEAR)
+        # What each node is worth as a share of the total reward, if nobody else reaches it.
+        share = self.world.graph.reward / (mission.total_reward or 1.0)
+        self._worth = brought_home(self.world, share)
 
     @cached_property
     def _safest(self) -> World:
@@ -145,19 +136,6 @@ class SequentialPlanner:
         floors = self.world.ways.home[self.world.team.start]
         floors = np.where(floors < 1.0, floors * (1.0 - PLANNING), floors)
         return self.world.with_limits(limits._replace(floors=np.maximum(floors, limits.floors)))
-
-    @cached_property
-    def _worth(self) -> FloatArray:
-        """What each node is worth as a share of the total reward, if nobody else reaches it.
-
-        Rewards that are paid on return count as far as the safest way home is survived.
-        """
-        world, total = self.world, self.mission.total_reward or 1.0
-        share: FloatArray = world.graph.reward / total
-        if world.returns is not None:
-            on_return = world.returns.credit == AT_NEXT_DEPOT
-            share = np.where(on_return, share * world.ways.home, share)
-        return share
 
     def plan(self, weight: float) -> TrailPlan:
         """Plan the whole team, for a weight on reward."""
@@ -173,18 +151,15 @@ class SequentialPlanner:
         left out. Robots that are not planned at ``until`` (``time.perf_counter()``) stay at base.
         """
         trails = self._best_trails(weight, until)
-        n_moving = range(len(trails), 0, -1)
+        n_moving = np.arange(len(trails), 0, -1)
         if n_most is not None and len(n_moving) > n_most:
-            chosen = np.linspace(0, len(n_moving) - 1, n_most).astype(int)
-            return [self._team(trails[: n_moving[i]]) for i in chosen.tolist()]
-        return [self._team(trails[:n]) for n in n_moving] or [self._team([])]
+            n_moving = n_moving[np.linspace(0, len(n_moving) - 1, n_most).astype(int)]
+        return [self._team(trails[:n]) for n in n_moving.tolist() or [0]]
 
     def _team(self, trails: Trails) -> TrailPlan:
         """Return the plan in which these robots take trails, and the others stay at base."""
-        team = list(self._home.trails)
-        for robot, trail in trails:
-            team[robot] = tuple(trail)
-        return TrailPlan(team)
+        moving = dict(trails)
+        return TrailPlan([moving.get(robot, home) for robot, home in enumerate(self._home)])
 
     def _best_trails(self, weight: float, until: float = math.inf) -> Trails:
         """Plan the trails of those robots that leave, one kind after another.
@@ -205,24 +180,32 @@ class SequentialPlanner:
 
     def _trails(self, weight: float, order: Sequence[int], until: float) -> Trails:
         """Plan the robots, kind by kind, each given by its first robot."""
-        team, found = self.world.team, _Found(self.world)
+        world, team = self.world, self.world.team
+        beam = kernels.new_beam(world, self.beam_width, self.max_labels)
+        visits, unreached = new_visits(world.graph.n_nodes), _unreached(world)
         trails: Trails = []
-        beam = new_beam(self.world, self.beam_width, self.max_labels)
         for first in order:
-            stop = int(team.stop[first])
-            for robot in range(first, stop):
+            stays = False
+            for robot in range(first, int(team.stop[first])):
                 if time.perf_counter() > until:
                     return trails
-                trail = self._trail(weight, robot, found.unreached, beam)
-                if len(trail) == 1:  # nor will later robots of this kind leave
-                    for other in range(robot, stop):
-                        found.add(other, self._home.trails[other])
-                    break
-                trails.append((robot, trail))
-                found.add(robot, trail)
+                trail = self._home[robot]
+                if not stays:
+                    found = self._trail(weight, robot, unreached, beam)
+                    stays = len(found) == 1  # nor will later robots of this kind leave
+                if not stays:
+                    trail = found
+                    trails.append((robot, trail))
+                arcs = [find_arc(world.graph, tail, head) for tail, head in pairwise(trail)]
+                n, _, _ = walk(
+                    world, world.returns, np.array(arcs, np.int64), len(arcs), robot, visits
+                )
+                unreached[visits.node[:n]] *= 1.0 - visits.chance[:n]
         return trails
 
-    def _trail(self, weight: float, robot: int, unreached: FloatArray, beam: Beam) -> list[int]:
+    def _trail(
+        self, weight: float, robot: int, unreached: FloatArray, beam: kernels.Beam
+    ) -> tuple[int, ...]:
         """Plan one robot's trail; only its start if it is best there, or on the safest way home.
 
         ``unreached`` is the probability that no robot has collected each node of the mission.
@@ -231,39 +214,23 @@ class SequentialPlanner:
         worth, survival_weight = weight * self._worth, (1.0 - weight) / self.mission.robots
         if weight == 0.0:  # among the safest trails, the most reward decides
             world, worth, survival_weight = self._safest, self._worth, 1.0
-        rule = BeamRule(
-            robot,
-            world.n_robots + robot,
-            worth * unreached[team.origin],
-            survival_weight,
-            self.beam_width,
+        worth = worth * unreached[team.origin]
+        rule = kernels.BeamRule(
+            robot, world.n_robots + robot, worth, survival_weight, self.beam_width
         )
-        n_arcs, _, _ = best_trail(world, self._near, rule, beam)
-        return [int(team.start[robot]), *world.graph.head[beam.trail[:n_arcs]].tolist()]
-
-    def __getstate__(self) -> dict[str, Any]:
-        derived = ("_near", "_home", "_safest", "_worth")  # large, and soon computed
-        return {key: value for key, value in vars(self).items() if key not in derived}
+        n_arcs, _, _ = kernels.best_trail(world, self._near, rule, beam)
+        return int(team.start[robot]), *world.graph.head[beam.trail[:n_arcs]].tolist()
 
 
-class _Found:
-    """What robots that have been planned collect."""
+def _unreached(world: World) -> FloatArray:
+    """Return the probability that no robot collects each node of the mission, before all trails.
 
-    def __init__(self, world: World) -> None:
-        self.world, team = world, world.team
-        self.unreached = np.ones(len(team.reward))  # that no robot collects each node
-        # What robots collect where they start is the same on all trails, and may be large.
-        starts = team.start[team.share[team.start] == 1.0]
-        if world.returns is not None:
-            starts = starts[world.returns.credit[starts] != AT_NEXT_DEPOT]
-        self.unreached[team.origin[starts]] = 0.0
-        self._visits: Visits = new_visits(world.graph.n_nodes)
-
-    def add(self, robot: int, trail: Sequence[int]) -> None:
-        """Add what a robot collects on a trail."""
-        world = self.world
-        arcs = [find_arc(world.graph, tail, head) for tail, head in pairwise(trail)]
-        n, _, _ = walk(
-            world, world.returns, np.array(arcs, np.int64), len(arcs), robot, self._visits
-        )
-        self.unreached[self._visits.node[:n]] *= 1.0 - self._visits.chance[:n]
+    What robots collect where they start is the same on all trails, and may be large: it is left
+    out.
+    """
+    team, unreached = world.team, np.ones(len(world.team.reward))
+    starts = team.start[team.share[team.start] == 1.0]
+    if world.returns is not None:
+        starts = starts[world.returns.credit[starts] != AT_NEXT_DEPOT]
+    unreached[team.origin[starts]] = 0.0
+    return unreached

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple, TypeAlias
 from pydantic import TypeAdapter, ValidationError
 
 from botohe_moo._base.checks import most_alike, quoted
-from botohe_moo.algorithms.origin import OPERATORS, algorithm_identity, algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_faults
 from botohe_moo.bounds.plain import check_boundable
 from botohe_moo.mission.formats.nodelink import mission_content
@@ -30,6 +29,7 @@ from botohe_moo.study.file.config import (
     labelled_missions,
 )
 from botohe_moo.study.file.model import StudyAlgorithm, StudyMission, seeds_of
+from botohe_moo.study.file.origin import OPERATORS, algorithm_identity, algorithm_origin
 from botohe_moo.study.file.values import canonical, value_text
 
 Place: TypeAlias = tuple[int | str, ...]  # keys and positions on the way to a value

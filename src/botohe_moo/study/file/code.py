@@ -11,11 +11,11 @@ import numpy as np
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.entry_points import imported
-from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.indicators import largest_objectives
 from botohe_moo.problem import BOTOHE
 from botohe_moo.study.file.model import PACKAGES, StudyAlgorithm, StudyMission, installed_versions
+from botohe_moo.study.file.origin import algorithm_origin
 
 _ROUNDING = 1e-9
 

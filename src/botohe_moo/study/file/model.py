@@ -13,11 +13,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, InstanceOf
 
-from botohe_moo.algorithms.origin import AlgorithmIdentity
 from botohe_moo.indicators import Scale, largest_objectives
 from botohe_moo.mission.loading import library_name_of
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.study.file.config import Budget, Recording, Seeds, StudyFile
+from botohe_moo.study.file.origin import AlgorithmIdentity
 from botohe_moo.study.file.values import canonical
 
 MANIFEST = "study.json"

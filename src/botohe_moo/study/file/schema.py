@@ -9,10 +9,10 @@ from typing import Any
 
 from botohe_moo._plugins.stated import Parameter
 from botohe_moo._plugins.types import plain_value
-from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
 from botohe_moo.mission.loading import COMMON, mission_names, mission_origin, mission_parameters
 from botohe_moo.study.file.config import StudyFile
+from botohe_moo.study.file.origin import algorithm_origin
 
 
 def study_schema() -> str:

@@ -121,7 +121,7 @@ def algorithm_origin(
         owner = entry.dist
         parts = [(entry.value, factory)]
     if any(isinstance((parameters or {}).get(kind), str | Mapping) for kind in OPERATORS):
-        from botohe_moo.algorithms.genetic.wiring import named_operators  # loads all operators
+        from botohe_moo.operators.registry import named_operators  # loads all operators
 
         parts += named_operators(parameters or {})
     origin = package_of(owner)

@@ -1,0 +1,116 @@
+"""Operators by name: those of this package and those that other packages register."""
+
+import contextlib
+import inspect
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, TypeAlias
+
+from pymoo.core.crossover import Crossover
+from pymoo.core.mutation import Mutation
+from pymoo.core.repair import Repair
+from pymoo.core.sampling import Sampling
+
+from botohe_moo._base.checks import ParameterError, nearest_first, quoted
+from botohe_moo._plugins import entry_points
+from botohe_moo._plugins.entry_points import PluginError
+
+Factory: TypeAlias = Callable[..., Any]
+
+# The kinds of operators, by the parameters of algorithms that take them.
+KINDS: Mapping[str, type] = {
+    "sampling": Sampling,
+    "crossover": Crossover,
+    "mutation": Mutation,
+    "repair": Repair,
+}
+_PLUGINS = entry_points.PluginGroup("botohe_moo.operators", "operator")
+
+
+def find_operator(kind: str, name: Any) -> Factory:
+    """Import what makes an operator of a kind: ``sampling``, ``crossover``, ...
+
+    ``name`` is a registered one or ``module:Class``. A ParameterError says what keeps it from being
+    used.
+    """
+    if not isinstance(name, str) or not (entry_points.is_path(name) or name in _PLUGINS.claims()):
+        raise _unknown(kind, name)
+    try:
+        if not entry_points.is_path(name):
+            factory = _PLUGINS.load(name)
+        elif name.partition(".")[0] == "pymoo":
+            raise PluginError("pymoo's own operators do not work on trail plans")
+        else:
+            factory = entry_points.declared_factory(name, _PLUGINS, KINDS[kind])
+    except PluginError as error:
+        raise _fault(kind, name, str(error)) from error
+    if isinstance(factory, type) and not entry_points.says_it_makes(factory, KINDS[kind]):
+        why = f", which is not derived from pymoo's {KINDS[kind].__name__}"
+        raise _unknown(kind, name, why)
+    return factory
+
+
+def _unknown(kind: str, name: object, why: str = "") -> ParameterError:
+    """Return the error for what is not an operator of a kind; it lists those that are."""
+    among = ", ".join(nearest_first(str(name), _registered(kind)))
+    return ParameterError(f"Expected {kind} among {among}, got {quoted(name)}{why}.", kind)
+
+
+def named_operators(parameters: Mapping[str, Any]) -> list[tuple[str, Factory]]:
+    """List the path and the factory of each operator that parameters name.
+
+    What is not the name of an operator is left out.
+    """
+    found: list[tuple[str, Factory]] = []
+    for kind in KINDS.keys() & parameters.keys():
+        given = parameters[kind]
+        names = [given] if isinstance(given, str) else given if isinstance(given, Mapping) else ()
+        for name in names:
+            with contextlib.suppress(ParameterError):
+                factory = find_operator(kind, name)
+                path = name if entry_points.is_path(name) else _PLUGINS.entry(name).value
+                found.append((path, factory))
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def make_operator(kind: str, name: Any, wanted: type, **offered: Any) -> Any:
+    """Make the operator of that name, with those offered parameters that its factory takes.
+
+    A ParameterError is raised if it cannot be made, or is not of the class ``wanted``.
+    """
+    factory = find_operator(kind, name)
+    try:
+        made = factory(**_taken_options(factory, offered))
+    except (Exception, SystemExit) as error:  # whatever another package's code may raise
+        found = f"{type(error).__name__}: {error}"
+        raise _fault(kind, name, f"cannot be made ({found})") from error
+    if not isinstance(made, wanted):
+        found = f"expected an object of type {wanted.__name__}, got {type(made).__qualname__}"
+        raise _fault(kind, name, found)
+    return made
+
+
+def _fault(kind: str, name: str, found: str) -> ParameterError:
+    return ParameterError(f"{kind.capitalize()} {quoted(name)}: {found}.", kind)
+
+
+def _registered(kind: str) -> Iterator[str]:
+    """List the names of registered operators that state that they are of a kind."""
+    for name in _PLUGINS.claims():
+        with contextlib.suppress(PluginError), warnings.catch_warnings(action="ignore"):
+            if entry_points.says_it_makes(_PLUGINS.load(name), KINDS[kind]):
+                yield name
+
+
+def _taken_options(factory: Factory, offered: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the offered parameters that a factory's signature names, or all if it takes any.
+
+    Classes that derive from pymoo's only take other parameters under such names: they get ``prob``.
+    """
+    parameters = inspect.signature(factory).parameters
+    names = set(parameters)
+    if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+        bases = getattr(factory, "__mro__", ())
+        pymoos = bases and not any(base.__module__.startswith("botohe_moo.") for base in bases)
+        names |= {"prob"} if pymoos else offered.keys()
+    return {name: value for name, value in offered.items() if name in names}
