@@ -166,25 +166,21 @@ def _follow(
     else:
         n = begin_walk(graph, team, returns, robot, visits)
     alive, length = 1.0, 0.0
-    i = start + 1
-    while kind == VALID and i < stop:
+    for i in range(start + 1, stop):
         head = int(nodes[i])
-        arc, kind = _hop(graph, scratch.used, trail, node, head)
-        if kind == VALID:
+        arc, fault = _hop(graph, scratch.used, trail, node, head)
+        node = head
+        if fault != VALID:
+            n_faults += 1
+        if kind == VALID and fault == VALID:
             alive *= graph.survival[arc]
             length += graph.length[arc]
             n = visit(graph, team, returns, head, alive, n, visits)
-            node = head
-            i += 1
-        else:
-            position = i - start
+        elif kind == VALID:
+            kind, position = fault, i - start
     end_walk(team, returns, robot, n, visits)
     for v in range(n):
         combine(scratch.reached, visits.node[v], visits.chance[v])
-    for j in range(i, stop):
-        head = int(nodes[j])
-        n_faults += _hop(graph, scratch.used, trail, node, head)[1] != VALID
-        node = head
     if node != team.end[source]:
         n_faults += 1
         if kind == VALID:
