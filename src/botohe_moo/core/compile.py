@@ -323,16 +323,11 @@ def ticks() -> int:
     return time.perf_counter_ns()
 
 
-@_numba.intrinsic  # type: ignore[untyped-decorator]
-def _read_counter(_context: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
-        of_type = _code.ir.FunctionType(_code.ir.IntType(64), [])
-        counter = builder.module.declare_intrinsic("llvm.readcyclecounter", fnty=of_type)
-        return builder.call(counter, [])
-
-    return types.int64(), generate
+def _read_counter(_context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
+    of_type = _code.ir.FunctionType(_code.ir.IntType(64), [])
+    counter = builder.module.declare_intrinsic("llvm.readcyclecounter", fnty=of_type)
+    return builder.call(counter, [])
 
 
-@_numba.overload(ticks)  # type: ignore[untyped-decorator]
-def _ticks() -> Any:
-    return lambda: _read_counter()
+_numba.type_callable(ticks)(lambda _context: lambda: types.int64)
+_numba.lower_builtin(ticks)(_read_counter)
