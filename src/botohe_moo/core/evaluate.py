@@ -166,21 +166,23 @@ def _follow(
     else:
         n = begin_walk(graph, team, returns, robot, visits)
     alive, length = 1.0, 0.0
-    for i in range(start + 1, stop):
+    for i in range(start + 1, stop if kind == VALID else 0):
         head = int(nodes[i])
-        arc, fault = _hop(graph, scratch.used, trail, node, head)
+        arc, kind = _hop(graph, scratch.used, trail, node, head)
+        if kind != VALID:
+            position = i - start
+            break
+        alive *= graph.survival[arc]
+        length += graph.length[arc]
+        n = visit(graph, team, returns, head, alive, n, visits)
         node = head
-        if fault != VALID:
-            n_faults += 1
-        if kind == VALID and fault == VALID:
-            alive *= graph.survival[arc]
-            length += graph.length[arc]
-            n = visit(graph, team, returns, head, alive, n, visits)
-        elif kind == VALID:
-            kind, position = fault, i - start
     end_walk(team, returns, robot, n, visits)
     for v in range(n):
         combine(scratch.reached, visits.node[v], visits.chance[v])
+    for i in range(start + max(1, position), stop if kind != VALID else 0):
+        head = int(nodes[i])
+        n_faults += _hop(graph, scratch.used, trail, node, head)[1] != VALID
+        node = head
     if node != team.end[source]:
         n_faults += 1
         if kind == VALID:
