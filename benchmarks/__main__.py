@@ -1,16 +1,16 @@
 """Run the benchmarks, by default all: ``python -m benchmarks [NAME ...] [--before PATH]``.
 
 The names are curves, speed, growth, allocations (results/bo-aco/), operators, annealing
-(results/operators/), studies (results/studies/), search, budgets, orienteering
+(results/operators/), studies (results/studies/), search, budgets, orienteering, moves, areas
 (results/local-search/), islands, threads (results/islands/), fronts, large (results/growth/),
 bounds (results/bounds/), pictures (results/choosing/), gallery (results/gallery/), explorer,
 explorer_pictures (results/explorer/), teams (results/teams/), underway, learning
 (results/underway/), library (results/library/; two hours), ranks (results/algorithms/), start and
 pace (results/start/).
-``--before`` names another checkout, which start and pace measure beside this one, and whose page
-explorer_pictures draws. The exit status is 1 if a curve is not the published one, or an area, a
-reward, a gap, a gain, a ratio to BO-ACO or a size misses its bound; times themselves, and ratios to
-another checkout, are never judged, machines differ.
+``--before`` names another checkout, which areas, start and pace measure beside this one, and whose
+page explorer_pictures draws. The exit status is 1 if a curve is not the published one, or an area,
+a reward, a gap, a gain, a ratio to BO-ACO or a size misses its bound; times themselves, and ratios
+to another checkout, are never judged, machines differ.
 """
 
 import argparse
@@ -22,6 +22,7 @@ import pandas as pd
 from benchmarks import (
     allocations,
     annealing,
+    areas,
     bounds,
     budgets,
     curves,
@@ -34,6 +35,7 @@ from benchmarks import (
     large,
     learning,
     library,
+    moves,
     operators,
     orienteering,
     pace,
@@ -59,6 +61,8 @@ BENCHMARKS = {
     "search": (search.run, "local-search"),
     "budgets": (budgets.run, "local-search"),
     "orienteering": (orienteering.run, "local-search"),
+    "moves": (moves.run, "local-search"),
+    "areas": (areas.run, "local-search"),
     "islands": (islands.run, "islands"),
     "threads": (threads.run, "islands"),
     "fronts": (fronts.run, "growth"),
@@ -76,7 +80,7 @@ BENCHMARKS = {
     "start": (start.run, "start"),
     "pace": (pace.run, "start"),
 }
-BESIDE = ("explorer_pictures", "pace", "start")  # which measure another checkout, too
+BESIDE = ("areas", "explorer_pictures", "pace", "start")  # which measure another checkout, too
 
 
 def main() -> int:

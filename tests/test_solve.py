@@ -37,6 +37,7 @@ from botohe_moo import (
     solving,
 )
 from botohe_moo._base.signals import hold_signals
+from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES
 from botohe_moo.solution import PictureError, Solution
 from botohe_moo.solving import RefusalError
 from tests.examples import examples
@@ -123,6 +124,15 @@ class TestSearch:
         assert not solution.interrupted
         assert solution.area == area_indicator(solution.objectives, toy) > 0.5
         assert solve(toy, BOACO(), evaluations=1).algorithm == "BOACO"
+        assert solution.moves == {}
+
+    def test_record_of_moves(self, toy):
+        found = solve(toy, evaluations=3_000, n_islands=1)
+        assert list(found.moves) == [*DEFAULT_MOVES, "ruin-and-recreate"]
+        tried, entered = zip(*(brought.values() for brought in found.moves.values()), strict=True)
+        assert found.evaluations - 100 <= sum(tried) <= found.evaluations
+        assert 0 < sum(entered) < sum(tried)
+        assert json.loads(found.to_json())["moves"] == found.moves
 
     def test_the_budget_is_exact(self, toy, monkeypatch):
         counted = []
@@ -504,6 +514,7 @@ def parts(solution):
         solution.objectives.tolist(),
         *(solution.algorithm, solution.parameters, solution.seed, solution.evaluations),
         *(solution.interrupted, solution.source, solution.min_survival, solution.max_length),
+        solution.moves,
     )
 
 
@@ -541,6 +552,7 @@ class TestReading:
             source={"name_or_path": "somewhere", "robots": mission.robots},
             min_survival=floor,
             max_length=budget,
+            moves={"graft": {"tried": 7, "entered": 2}},
         )
         with tempfile.TemporaryDirectory() as folder:
             written._write_tables(Path(folder))

@@ -228,6 +228,7 @@ def search(
         evaluations=algorithm.evaluator.n_eval,
         seconds=seconds,
         interrupted=algorithm.has_next(),
+        moves=getattr(algorithm, "move_counts", {}),
         **{**record, "algorithm": name},
         **startup,
     )

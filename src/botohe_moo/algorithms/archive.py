@@ -67,20 +67,23 @@ class PlanArchive:
         )
         members, newcomers = found.members[:n_members], found.newcomers[:n_new]
         if n_new > 0:
-            self._merge(batch.take(newcomers), objectives[newcomers], found.hashes[newcomers])
+            self._merge(batch, objectives, found.hashes, newcomers)
         return members, newcomers
 
-    def _merge(self, batch: PlanBatch, objectives: FloatArray, hashes: SeedArray) -> None:
-        """Insert newcomers, given by descending E[R], and drop what they dominate."""
-        archive, ids = self._arrays, self._next_id + np.arange(len(batch))
-        stays = survivors_of(archive.objectives, objectives)
-        both = np.concatenate([archive.objectives[stays], objectives])
-        order = np.argsort(-both[:, 0], kind="stable")
-        plans = PlanBatch.concatenate([self._plans.take(stays), batch]).take(order)
+    def _merge(
+        self, batch: PlanBatch, objectives: FloatArray, hashes: SeedArray, newcomers: OffsetArray
+    ) -> None:
+        """Insert newcomers of a batch, given by descending E[R], and drop what they dominate."""
+        archive, ids = self._arrays, self._next_id + np.arange(len(newcomers))
+        stays = np.flatnonzero(survivors_of(archive.objectives, objectives[newcomers]))
+        rows = np.concatenate([stays, len(archive.ids) + newcomers])
+        together = np.concatenate([archive.objectives, objectives])[rows]
+        order = np.argsort(-together[:, 0], kind="stable")
+        rows = rows[order]
         self._arrays = Archive(
-            both[order],
-            np.concatenate([archive.hashes[stays], hashes])[order],
+            together[order],
+            np.concatenate([archive.hashes, hashes])[rows],
             np.concatenate([archive.ids[stays], ids])[order],
-            *plans.arrays,
+            *PlanBatch.concatenate([self._plans, batch]).take(rows).arrays,
         )
-        self._next_id += len(batch)
+        self._next_id += len(newcomers)

@@ -76,6 +76,9 @@ class Solution:
     startup_seconds, startup_evaluations
         The part of both until the first iteration was done. On a new machine it includes the time
         to compile kernels, and from the command line that to import libraries.
+    moves
+        What each move of a local search brought: children ``tried``, and plans that ``entered`` the
+        front. Empty for other algorithms.
     source
         Arguments of :func:`load_mission` that make the mission, where they are known.
     min_survival, max_length
@@ -107,6 +110,7 @@ class Solution:
     interrupted: bool
     startup_seconds: float = 0.0
     startup_evaluations: int = 0
+    moves: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
     min_survival: float = 0.0
     max_length: float | None = None
@@ -231,6 +235,7 @@ class Solution:
             "max_length": self.max_length,
             "evaluations": self.evaluations,
             "interrupted": self.interrupted,
+            "moves": self.moves,
             "area": self.area,
             "version": version("botohe-moo"),
             "plans": [

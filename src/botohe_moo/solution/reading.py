@@ -30,6 +30,7 @@ class _Record(BaseModel, strict=True):
     max_length: Annotated[FiniteFloat, Field(ge=0)] | None = None  # not in earlier versions' files
     evaluations: NonNegativeInt
     interrupted: bool
+    moves: dict[str, dict[str, NonNegativeInt]] = Field(default_factory=dict)
     area: FiniteFloat
     mission_source: dict[str, Any]
     mission_digest: str

@@ -157,7 +157,8 @@ class Colony:
         """
         if self._to_learn is not None:
             rule = self.settings.evaporation, self.settings.pooled_deposit
-            kernels.learn(self._world, *self._to_learn, *rule, self._pheromone)
+            graph, n_nodes = self._world.graph, len(self._world.team.reward)
+            kernels.learn(graph, n_nodes, *self._to_learn, *rule, self._pheromone)
             self._to_learn = None
 
     def __getstate__(self) -> dict[str, Any]:

@@ -437,13 +437,10 @@ def construct(world: World, build: Build, begin: int, end: int) -> tuple[IntArra
     return nodes[:n], offsets
 
 
-@kernel
+@helper
 def _deposit(graph: Graph, n_nodes: int, plans: Depositors, amounts: FloatArray) -> None:
-    """Add what plans deposit in all to ``amounts``, of the shape of ``Pheromone.levels``.
-
-    ``n_nodes`` is the number of nodes in the mission.
-    """
-    graph, n_maps = shared(graph), amounts.shape[0]
+    """Write what plans deposit in all to ``amounts``, of the shape of ``Pheromone.levels``."""
+    amounts[:], n_maps = 0.0, amounts.shape[0]
     n_robots = (plans.offsets.shape[0] - 1) // plans.objectives.shape[0]
     for plan in plans.members:
         for robot in range(n_robots):
@@ -458,8 +455,10 @@ def _deposit(graph: Graph, n_nodes: int, plans: Depositors, amounts: FloatArray)
                 amounts[which, arc, 1] += plans.objectives[plan, 1]
 
 
+@kernel
 def learn(
-    world: World,
+    graph: Graph,
+    n_nodes: int,
     iteration: Depositors,
     archive: Depositors,
     is_new: bool,
@@ -471,16 +470,15 @@ def learn(
 
     The share ``evaporation``, in [0, 1), evaporates. The deposits of both sets are divided by the
     number of plans in both if they are ``pooled``, otherwise each by the number in its own set.
-    What the archive deposits is summed up again only if the archive ``is_new``.
+    What the archive deposits is summed up again only if the archive ``is_new``. ``n_nodes`` is the
+    number of nodes in the mission.
     """
-    levels, n_nodes = pheromone.levels, len(world.team.reward)
-    changed = [(iteration, pheromone.deposits), (archive, pheromone.archive_deposits)]
-    for plans, amounts in changed[: 1 + is_new]:
-        amounts.fill(0.0)
-        _deposit(world.graph, n_nodes, plans, amounts)
-    levels *= 1.0 - evaporation
-    n_pooled = len(iteration.members) + len(archive.members)
-    with np.errstate(over="ignore"):
-        for plans, amounts in changed:
-            levels += amounts / max(1, n_pooled if pooled else len(plans.members))
-    np.maximum(levels, LEAST, out=levels)
+    graph, levels = shared(graph), pheromone.levels
+    _deposit(graph, n_nodes, iteration, pheromone.deposits)
+    if is_new:
+        _deposit(graph, n_nodes, archive, pheromone.archive_deposits)
+    n, n_archived = iteration.members.shape[0], archive.members.shape[0]
+    if pooled:
+        n = n_archived = n + n_archived
+    kept = (1.0 - evaporation) * levels + pheromone.deposits / max(1, n)
+    levels[:] = np.maximum(kept + pheromone.archive_deposits / max(1, n_archived), LEAST)

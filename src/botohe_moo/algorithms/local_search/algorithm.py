@@ -96,6 +96,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     statistics : pandas.DataFrame
         What each move brought: a row a move, and one for ruin and recreate, with the children
         ``tried``, the plans that ``entered`` the front, and the ``seconds`` spent on it.
+    move_counts : dict
+        The same by name, without seconds: what :class:`~botohe_moo.Solution` records.
 
     Notes
     -----
@@ -188,6 +190,11 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     def statistics(self) -> pd.DataFrame:
         """What each move brought; the class describes it."""
         return self._search.statistics
+
+    @property
+    def move_counts(self) -> dict[str, dict[str, int]]:
+        """What each move brought, as plain numbers; the class describes it."""
+        return self._search.move_counts
 
     def _advance(self, **_: Any) -> None:
         n = max(_FIRST_GENERATION, self.evaluator.n_eval // 10)

@@ -219,13 +219,22 @@ class LocalSearch:
         return found
 
     @property
+    def move_counts(self) -> dict[str, dict[str, int]]:
+        """What each move brought, by name, as :attr:`ParetoLocalSearch.move_counts`."""
+        names = [*(move.name for move in MOVES), RUIN_AND_RECREATE]
+        rows = self._tallies[["tried", "entered"]].tolist()
+        return {
+            name: {"tried": tried, "entered": entered}
+            for name, (tried, entered) in zip(names, rows, strict=True)
+        }
+
+    @property
     def statistics(self) -> pd.DataFrame:
-        """What each move brought, by name, as :attr:`ParetoLocalSearch.statistics`."""
+        """The same as a table, with seconds, as :attr:`ParetoLocalSearch.statistics`."""
         import pandas as pd  # here, since importing it takes as long as importing all else
 
-        names = pd.Index([*(move.name for move in MOVES), RUIN_AND_RECREATE], name="move")
-        counts = {name: self._tallies[name].copy() for name in ("tried", "entered")}
-        return pd.DataFrame(counts | {"seconds": self._seconds.copy()}, index=names)
+        table = pd.DataFrame.from_dict(self.move_counts, orient="index").rename_axis("move")
+        return table.assign(seconds=self._seconds)
 
     @property
     def n_waiting(self) -> int:

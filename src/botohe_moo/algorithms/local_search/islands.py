@@ -124,6 +124,15 @@ class Islands:
         return self._islands[0].version
 
     @property
+    def move_counts(self) -> dict[str, dict[str, int]]:
+        """What each move brought, on all islands, as :attr:`LocalSearch.move_counts`."""
+        counts = [island.move_counts for island in self._islands]
+        return {
+            move: {name: sum(of[move][name] for of in counts) for name in first}
+            for move, first in counts[0].items()
+        }
+
+    @property
     def statistics(self) -> pd.DataFrame:
         """What each move brought, on all islands, as :attr:`LocalSearch.statistics`."""
         return sum((island.statistics for island in self._islands[1:]), self._islands[0].statistics)

@@ -7,7 +7,7 @@ is cut out, so that every child is a trail, on any graph.
 import numpy as np
 
 from botohe_moo.algorithms.local_search.kernels.plans import collect
-from botohe_moo.algorithms.local_search.kernels.routes import UNKNOWN, Routes, route_entry
+from botohe_moo.algorithms.local_search.kernels.routes import UNKNOWN, route_entry
 from botohe_moo.algorithms.local_search.kernels.state import TOLERANCE, Search, Workspace
 from botohe_moo.core.compile import helper
 from botohe_moo.core.ordered import best_reward
@@ -45,49 +45,23 @@ def _is_used(work: Workspace, arc: int) -> bool:
 
 
 @helper
-def _find_detour(graph: Graph, routes: Routes, work: Workspace, node: int, goal: int) -> int:
-    """Return the unused arc that begins the safest path from a node to a goal; −1 without any."""
-    least = np.inf
-    best = -1
-    for arc in range(graph.first[node], graph.first[node + 1]):
-        if _is_used(work, arc):
-            continue
-        entry = route_entry(routes, goal, graph.head[arc])
-        if entry == UNKNOWN:
-            continue
-        cost = graph.cost[arc] + routes.entries[goal, entry].cost
-        if cost < least:
-            least, best = cost, arc
-    return best
-
-
-@helper
-def _append_path(search: Search, node: int, goal: int, n_detours: int) -> bool:
+def _append_path(search: Search, node: int, goal: int) -> bool:
     """Append the safest path between two nodes; return whether one is known.
 
-    Where an arc is used already it leaves that path, up to ``n_detours`` times. On large missions
-    there are no detours on the way to the base: these ways are stored apart from other paths.
+    On large missions, ways to the base are stored apart from other paths.
     """
     graph, routes, work = search.world.graph, search.routes, search.work
     is_end, n_entries = goal == search.world.team.end[goal], routes.entries.shape[1]
     is_homeward = is_end and n_entries < routes.entries.shape[0]
-    entry = 0
-    if not is_homeward:
-        entry = route_entry(routes, goal, node)
-        if entry == UNKNOWN:
-            return False
+    entry = 0 if is_homeward else route_entry(routes, goal, node)
+    if entry == UNKNOWN:
+        return False
     while node != goal:
         if is_homeward:
             arc = search.world.ways.homeward[node]
         else:
             arc = routes.entries[goal, entry].arc
             entry = routes.entries[goal, entry].onward
-            if n_detours > 0 and _is_used(work, arc):
-                n_detours -= 1
-                detour = _find_detour(graph, routes, work, node, goal)
-                if detour >= 0:
-                    arc = detour
-                    entry = route_entry(routes, goal, graph.head[arc])
         _append_arc(work, arc)
         node = graph.head[arc]
     return True
@@ -118,7 +92,7 @@ def _append_steps(graph: Graph, work: Workspace, node: int, n_steps: int) -> int
 
 
 @helper
-def connect_child(search: Search, n_detours: int) -> bool:
+def connect_child(search: Search) -> bool:
     """Write the child's new arcs; return whether there is a child that differs from the trail.
 
     From the prefix it takes ``n_steps`` random steps, visits the goals, takes the piece, and goes
@@ -133,7 +107,7 @@ def connect_child(search: Search, n_detours: int) -> bool:
         node = _append_steps(graph, work, node, draft.n_steps)
     for i in range(draft.n_goals + 1):
         goal = work.goals[i] if i < draft.n_goals else end
-        if not _append_path(search, node, goal, n_detours):
+        if not _append_path(search, node, goal):
             return False
         node = goal
         if i == draft.n_goals - 1:

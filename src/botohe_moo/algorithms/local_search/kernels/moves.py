@@ -20,9 +20,6 @@ from botohe_moo.core.rng import below, uniform
 # A node to visit is the best of one, two or three nodes nearby.
 _MOST_COMPARED = 3
 
-# The probability that safest paths avoid arcs that the trail uses already, and how often at most.
-P_DETOUR, _MAX_DETOURS = 0.3, 4
-
 # Probabilities:
 # that the other plan of a move is near the parent in the front;
 _P_NEIGHBOUR = 0.5
@@ -225,10 +222,9 @@ _make_move = _chained(0)
 @helper
 def make_child(search: Search, move: int) -> bool:
     """Make a child by a move; return whether there is one that differs from the trail."""
-    draft, states = search.work.draft, search.work.states
-    n_detours = _MAX_DETOURS if uniform(states, 0) < P_DETOUR else 0
+    draft = search.work.draft
     draft.n_steps = draft.n_goals = draft.n_piece = 0
     draft.adopted = state.NOT_STORED
     if not _make_move(search, move):
         return False
-    return draft.adopted != state.NOT_STORED or connect_child(search, n_detours)
+    return draft.adopted != state.NOT_STORED or connect_child(search)

@@ -449,7 +449,7 @@ def _store_tour(search: Search, which: int) -> int:
         draft.n_goals += 1
         number = legs[number].following
     trail = state.NOT_STORED
-    if connect_child(search, 0):
+    if connect_child(search):
         trail = plans.add_trail(search, robot, write_child(work))
     if trail == state.NOT_STORED:
         trail = work.parent[robot]
