@@ -200,6 +200,26 @@ def test_sources_of_a_kernel_are_all_that_it_is_compiled_from():
 
 
 @pytest.mark.parametrize(
+    "imports",
+    [
+        "from botohe_moo.core.world import Graph",
+        "from botohe_moo.core import world",
+        "from botohe_moo.core import rng, world",
+        "from botohe_moo.core import world as w",
+        "from botohe_moo.core import (\n    rng,\n    world as w,\n)",
+    ],
+)
+def test_sources_of_a_kernel_are_found_however_they_are_imported(tmp_path, monkeypatch, imports):
+    path = tmp_path / "importing.py"
+    path.write_text(f"import math\n\n{imports}\n\nfound = math.pi\n")
+    spec = importlib.util.spec_from_file_location("importing", path)
+    monkeypatch.setitem(sys.modules, "importing", importlib.util.module_from_spec(spec))
+    decorators._sources.cache_clear()
+    # ``world`` imports ``compile``
+    assert {str(path), world.__file__, decorators.__file__} <= decorators._sources("importing")
+
+
+@pytest.mark.parametrize(
     ("writable", "home", "named", "keeps"),
     [
         (True, None, {}, True),

@@ -1,4 +1,4 @@
-"""The front in blocks against a sorted list, in plain Python."""
+"""The front in order against a sorted list, in plain Python."""
 
 from bisect import bisect_left, bisect_right
 
@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo.core import ordered as kernels
-from botohe_moo.core.ordered import BLOCK
 from botohe_moo.core.rng import below, seed_states
 from tests.examples import examples
 
@@ -52,7 +51,7 @@ class Pair:
 
     def remove(self, index):
         """Take the plan at an index out of both."""
-        slot = kernels.remove_place(self.front, *self.place(index))
+        slot = kernels.remove_place(self.front, index)
         assert self.front.plan[slot, 0] == self.numbers[index]
         self._leave(index)
 
@@ -63,16 +62,6 @@ class Pair:
     @property
     def lists(self):
         return self.survivors, self.rewards, self.numbers
-
-    def place(self, index):
-        """Where the plan at an index should be: block in the directory, and place."""
-        n_blocks = int(self.front.n.blocks)
-        for at in range(n_blocks):
-            size = int(self.front.size[self.front.directory[at]])
-            if index < size:
-                return at, index
-            index -= size
-        return n_blocks, 0
 
     def read(self):
         slots, objectives = kernels.read_front(self.front)
@@ -87,30 +76,23 @@ class Pair:
         )
         assert front.plan[slots, 0].tolist() == self.numbers
         slots = slots.tolist()
-        spare = front.spare_slots[: front.n.spare].tolist()
+        spare = front.members[front.n.plans :].tolist()
         assert sorted([*slots, *spare]) == list(range(len(front.slots)))
+        assert front.n.spare == len(spare)
         held = front.slots[slots]
         assert np.column_stack([held["reward"], held["survivors"]]).tolist() == objectives.tolist()
-        assert held["before"].tolist() == [-1, *slots[:-1]][: len(slots)]
-        assert held["after"].tolist() == [*slots[1:], -1][: len(slots)]
         assert sorted(held["member"].tolist()) == list(range(len(slots)))
         assert front.members[held["member"]].tolist() == slots
         assert len(set(held["serial"].tolist())) == len(slots)
-        blocks = front.directory[: front.n.blocks].tolist()
-        spare = front.free_blocks[: front.n.free].tolist()
-        assert sorted([*blocks, *spare]) == list(range(len(front.directory)))
-        sizes = front.size[blocks]
-        assert ((sizes > 0) & (sizes <= BLOCK)).all()
-        assert (sizes[1:] + sizes[:-1] > BLOCK // 2).all()
 
     def check_finding(self, survivors):
         index = bisect_left(self.survivors, survivors)
-        assert kernels.find_place(self.front, survivors) == self.place(index)
+        assert kernels.find_place(self.front, survivors) == index
         best = self.rewards[index] if index < len(self.rewards) else -1.0
         assert kernels.best_reward(self.front, survivors) == best
         if self.numbers:  # or else the safest
             near = min(index, len(self.numbers) - 1)
-            assert kernels.nearest_place(self.front, survivors) == self.place(near)
+            assert kernels.nearest_place(self.front, survivors) == near
 
     def check_neighbours(self):
         """What each plan contributes, and what its neighbours lose of E[R] for a survivor.
@@ -119,13 +101,13 @@ class Pair:
         """
         rewards, survivors = (np.pad(column, 1, "edge") for column in self.lists[1::-1])
         less, more = rewards[:-2] - rewards[2:], survivors[2:] - survivors[:-2]
-        slots = self.read()[0]
-        found = [kernels.slope_at(self.front, slot) for slot in slots]
+        places = range(len(self.numbers))
+        found = [kernels.slope_at(self.front, place) for place in places]
         assert found == (less / np.where(more > 0, more, 1.0) * (more > 0)).tolist()
         areas = less * more
         gaps = (rewards[0] - rewards[-1]) * (survivors[-1] - survivors[0])
-        areas[[0, -1]] = 4 * gaps / len(slots) ** 2
-        found = [kernels.contribution(self.front, slot) for slot in slots]
+        areas[[0, -1]] = 4 * gaps / len(places) ** 2
+        found = [kernels.contribution(self.front, place) for place in places]
         assert found == pytest.approx(areas, rel=1e-12)
 
 
@@ -146,7 +128,7 @@ def test_few_plans_with_many_ties(plans, data):
 
 @pytest.mark.parametrize("noise", [pytest.param(1e-4, marks=pytest.mark.slow), 0.01])
 def test_thousands_of_plans_come_and_go(noise):
-    """Blocks split and merge; the noise decides how many plans those that enter dominate."""
+    """The noise decides how many plans those that enter dominate."""
     rng = np.random.default_rng(5)
     pair = Pair(1_500)
     most = 0
@@ -162,27 +144,15 @@ def test_thousands_of_plans_come_and_go(noise):
             pair.check_finding(survivors)
         if pair.numbers:
             pair.check_neighbours()
-            most = max(most, int(pair.front.n.blocks))
-    assert most > (10 if noise < 0.01 else 1)
-
-
-@pytest.mark.parametrize("place", [0, 32, BLOCK])
-def test_a_full_block_splits_where_a_plan_enters(place):
-    pair = Pair(100)
-    for i in range(BLOCK + 1):
-        if i != place:
-            pair.enter(100.0 - i, float(i))
-    assert pair.front.n.blocks == 1
-    pair.enter(100.0 - place, float(place))
-    assert pair.front.n.blocks == 2
-    pair.check()
+            most = max(most, len(pair.numbers))
+    assert most > (640 if noise < 0.01 else 64)
 
 
 def test_contributions_by_hand():
     pair = Pair(8)
     for reward, survivors in ((10.0, 1.0), (7.0, 2.0), (3.0, 4.0)):
         pair.enter(reward, survivors)
-    first, middle, last = (kernels.contribution(pair.front, slot) for slot in pair.read()[0])
+    first, middle, last = (kernels.contribution(pair.front, place) for place in range(3))
     assert middle == (10 - 3) * (4 - 1)
     # Three plans, evenly spaced, over 7 rewards and 3 survivors: two gaps of three either way.
     assert first == last == pytest.approx(2 / 3 * 7 * 2 / 3 * 3)
@@ -199,8 +169,6 @@ def shuffled(n):
     for i in range(n):
         pair.enter(float(n - i), float(i))
     assert pair.survivors == list(range(n))
-    sizes = pair.front.size[pair.front.directory[: pair.front.n.blocks]].tolist()
-    assert n < 300 or len(set(sizes)) > 2
     return pair
 
 
@@ -220,10 +188,9 @@ def test_neighbours_are_drawn_on_either_side(n):
     pair, near = shuffled(n), kernels._NEAR
     states = seed_states(np.random.default_rng(7), 1)
     for index in {0, 1, n // 3, n // 2, n - 1} & {*range(n)}:
-        at, place = pair.place(index)
         for _ in range(300):
             before = states.copy()
-            slot = kernels.draw_near(pair.front, states, at, place)
+            slot = kernels.draw_near(pair.front, states, index)
             if n <= 2 * near:
                 assert slot == kernels.draw_slot(pair.front, before)
                 continue

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.core.compile import helper, kernel
+from botohe_moo.core.compile import helper, inlined, kernel
 from botohe_moo.core.rng import hash_stretch
 
 
@@ -51,15 +51,17 @@ def plan_hash(batch: Batch, n_robots: int, plan: int) -> np.uint64:
 class Found(NamedTuple):
     """What there is in a batch; all arrays are as long as the batch."""
 
-    # Indices of its plans by descending E[R]; ``sift`` leaves those of its Pareto set in front.
+    # Indices of its plans by descending E[R], then E[S]; ``sift`` leaves those of its Pareto set in
+    # front.
     members: OffsetArray
     newcomers: OffsetArray  # indices of those that the archive neither dominates nor holds
     hashes: SeedArray  # of the members' trails
 
 
 def new_found(batch: Batch) -> Found:
-    """Return the plans of a batch by descending E[R]; equal ones stay in order."""
-    order, n_plans = np.argsort(-batch.objectives[:, 0], kind="stable"), len(batch.objectives)
+    """Return the plans of a batch by descending E[R], then E[S]; equal ones stay in order."""
+    n_plans, (rewards, survivors) = len(batch.objectives), batch.objectives.T
+    order = np.lexsort((-survivors, -rewards))
     return Found(order, np.empty(n_plans, np.int64), np.empty(n_plans, np.uint64))
 
 
@@ -78,72 +80,55 @@ def sift(
     with equal objectives it takes up to ``max_ties``. Returns how many members and newcomers there
     are.
     """
-    n = _find_pareto_set(batch, n_robots, found.members, found.hashes)
-    return n, _find_newcomers(batch.objectives, n, archived, hashes, max_ties, found)
-
-
-@helper
-def _find_pareto_set(batch: Batch, n_robots: int, members: OffsetArray, hashes: SeedArray) -> int:
-    """Leave the non-dominated plans in ``members``, each once; return how many there are."""
-    objectives, n = batch.objectives, 0
-    n_plans = objectives.shape[0]
-    best = -np.inf
-    first = stop = 0
-    while first < n_plans:
-        reward, most = objectives[members[first], 0], -np.inf
-        stop = first
-        while stop < n_plans and objectives[members[stop], 0] == reward:
-            most = max(most, objectives[members[stop], 1])
-            stop += 1
-        group = n
-        for i in range(first, stop if most > best else first):
-            plan = members[i]  # n ≤ i: what is overwritten is not needed any more
-            if objectives[plan, 1] != most:
-                continue
-            members[n], hashes[plan] = plan, plan_hash(batch, n_robots, plan)
-            same = group
-            while hashes[members[same]] != hashes[plan]:
-                same += 1
-            if same == n:
-                n += 1
-        best = max(best, most)
-        first = max(stop, first + 1)  # a reward that is NaN does not even equal itself
-    return n
-
-
-@helper
-def _find_newcomers(
-    objectives: FloatArray,
-    n_members: int,
-    archived: FloatArray,
-    hashes: SeedArray,
-    max_ties: int,
-    found: Found,
-) -> int:
-    """Write the members that the archive neither dominates nor holds; return how many there are."""
-    members = found.members
-    n = rank = ties = 0
-    for i in range(n_members):
-        reward, survivors = objectives[members[i], 0], objectives[members[i], 1]
-        if i == 0 or reward != objectives[members[i - 1], 0]:
-            ties = 0
+    objectives, members, newcomers = batch.objectives, found.members, found.newcomers
+    best, rank = -np.inf, 0
+    n = n_new = first = first_new = 0  # the first ones are those with the objectives of the last
+    for i in range(members.shape[0]):
+        plan = members[i]  # n ≤ i: what is overwritten is not needed any more
+        reward, survivors = objectives[plan, 0], objectives[plan, 1]
+        if survivors > best and reward > -np.inf:  # it is not if it is NaN
+            best, first, first_new = survivors, n, n_new
+        elif n == first or survivors != best or reward != objectives[members[first], 0]:
+            continue
+        own, same = plan_hash(batch, n_robots, plan), first
+        while same < n and found.hashes[members[same]] != own:
+            same += 1
+        if same < n:
+            continue
+        members[n], found.hashes[plan] = plan, own
+        n += 1
         while rank < archived.shape[0] and archived[rank, 0] >= reward:
             rank += 1
-        # Before the rank are the plans with as much reward or more; the last of them survives best.
-        equal = rank
-        if rank > 0 and archived[rank - 1, 1] >= survivors:
-            if archived[rank - 1, 1] > survivors or archived[rank - 1, 0] > reward:
-                continue
-            while equal > 0 and archived[equal - 1, 0] == reward:
-                equal -= 1
-                if hashes[equal] == found.hashes[members[i]]:
-                    equal = -1
-            if equal < 0:
-                continue
-        if rank - equal + ties < max_ties:
-            found.newcomers[n] = members[i]
-            n += 1
-            ties += 1
+        n_ties = _n_ties(archived, hashes, rank, reward, survivors, own)
+        if n_ties >= 0 and n_ties + n_new - first_new < max_ties:
+            newcomers[n_new] = plan
+            n_new += 1
+    return n, n_new
+
+
+@inlined
+def _n_ties(
+    archived: FloatArray,
+    hashes: SeedArray,
+    rank: int,
+    reward: float,
+    survivors: float,
+    own: np.uint64,
+) -> int:
+    """Return how many plans of an archive have the objectives of a new one, whose hash is ``own``.
+
+    ``rank`` plans have as much reward or more; the last of them survives best. The result is −1
+    where one of them dominates the new plan, or is the same.
+    """
+    n, last = 0, rank - 1
+    if last < 0 or archived[last, 1] < survivors:
+        return 0
+    if archived[last, 1] > survivors or archived[last, 0] > reward:
+        return -1
+    while n <= last and archived[last - n, 0] == reward:
+        if hashes[last - n] == own:
+            return -1
+        n += 1
     return n
 
 

@@ -48,8 +48,7 @@ def kernel(function: Function) -> Function:
 
     Kernels hold no lock (``nogil``), so that threads can share the work.
     """
-    compiler: Any = njit
-    compiled: Any = compiler(nogil=True, **_EVERYWHERE)(function)
+    compiled: Any = njit(nogil=True, **_EVERYWHERE)(function)
     if _KEEPS and hasattr(compiled, "enable_caching"):  # else numba is told to compile nothing
         with suppress(RuntimeError):  # no folder is writable, as in some containers
             compiled._cache = _KernelCache(function)
@@ -63,11 +62,7 @@ def is_kept(kernel: Any) -> bool:
     return not isinstance(cache, _KernelCache) or cache.is_kept()
 
 
-_numba_cache: Any = FunctionCache
-_numba_files: Any = IndexDataCacheFile
-
-
-class _KernelCache(_numba_cache):  # type: ignore[misc]
+class _KernelCache(FunctionCache):
     """numba's cache of a kernel, in files that are named by the sources it was compiled from.
 
     numba itself compares one file with its date: it would run machine code of helpers that have
@@ -102,20 +97,24 @@ class _KernelCache(_numba_cache):  # type: ignore[misc]
         return f"{self._impl.filename_base}-{_digest(_sources(self._py_func.__module__))}"
 
     def _name_files(self) -> None:
-        self._cache_file = _numba_files(self._cache_path, self._stem(), source_stamp=None)
+        self._cache_file = IndexDataCacheFile(self._cache_path, self._stem(), source_stamp=None)
 
 
-_IMPORT = re.compile(r"^from (botohe_moo\.[\w.]+) import", re.MULTILINE)
+_IMPORT = re.compile(r"^from (botohe_moo\.[\w.]+) import (\([^)]*\)|.*)$", re.MULTILINE)
 
 
 @cache
 def _sources(module: str) -> frozenset[str]:
     """Return the files of a module and of all modules of this package that it imports."""
     path = getattr(sys.modules.get(module), "__file__", None)
-    if path is None:  # of a notebook
+    if path is None:  # of a notebook, or no module but what one defines
         return frozenset()
-    imported = _IMPORT.findall(Path(path).read_text(encoding="utf-8"))
-    return frozenset({path}).union(*map(_sources, imported))
+    files = {path}
+    for package, names in _IMPORT.findall(Path(path).read_text(encoding="utf-8")):
+        files |= _sources(package)
+        for name in re.findall(r"\w+", names):
+            files |= _sources(f"{package}.{name}")
+    return frozenset(files)
 
 
 @cache
@@ -199,8 +198,7 @@ class _Compiling(event.Listener):
 
     def is_helper(self) -> bool:
         """Return whether numba compiles a helper at the moment, within a kernel."""
-        stack: Any = targetconfig.ConfigStack
-        flags = stack.top_or_none()
+        flags = targetconfig.ConfigStack.top_or_none()
         nested = len(self._are_helpers) > 1 and self._are_helpers[-1]
         return bool(nested and flags is not None and flags.no_cpython_wrapper)
 
@@ -212,10 +210,8 @@ def _leave_helpers_to_kernels(compiling: _Compiling) -> None:
     optimises it again in every kernel that it is linked into. A helper is never called from Python:
     without its own machine code, compiling the local search takes two thirds of the time.
     """
-    library: Any = CPUCodeLibrary
-    context: Any = CPUContext
+    library, make_executable = CPUCodeLibrary, CPUContext.get_executable
     optimize, finish = library._optimize_final_module, library._finalize_final_module
-    make_executable = context.get_executable
 
     def optimize_unless_helper(self: Any) -> None:
         if not compiling.is_helper():
@@ -236,12 +232,11 @@ def _leave_helpers_to_kernels(compiling: _Compiling) -> None:
 
     library._optimize_final_module = optimize_unless_helper
     library._finalize_final_module = finish_unless_helper
-    context.get_executable = executable_unless_helper
+    CPUContext.get_executable = executable_unless_helper
 
 
 _compiling = _Compiling()
-_register: Any = event.register
-_register("numba:compile", _compiling)
+event.register("numba:compile", _compiling)
 if numba.version_info.short == (0, 68):  # other versions compile for longer, with the same results
     _leave_helpers_to_kernels(_compiling)
 
@@ -249,14 +244,8 @@ if numba.version_info.short == (0, 68):  # other versions compile for longer, wi
 # Numba hands a named tuple to a function array by array, and each array as seven numbers: most of
 # the code that it compiled was calls of helpers. ``shared`` hands over one address instead.
 
-_numba: Any = extending
-_code: Any = cgutils
-_made: Any = imputils
-_Attributes: Any = AttributeTemplate
-_Type: Any = types.Type
 
-
-class _Shared(_Type):  # type: ignore[misc]
+class _Shared(types.Type):
     """The address of a named tuple."""
 
     def __init__(self, named: Any) -> None:
@@ -269,14 +258,14 @@ class _Shared(_Type):  # type: ignore[misc]
         return _Shared(field) if isinstance(field, types.BaseNamedTuple) else field
 
 
-@_numba.register_model(_Shared)
-class _SharedModel(_numba.models.PrimitiveModel):  # type: ignore[misc]
+@extending.register_model(_Shared)
+class _SharedModel(extending.models.PrimitiveModel):
     def __init__(self, models: Any, kind: _Shared) -> None:
         super().__init__(models, kind, models[kind.named].get_value_type().as_pointer())
 
 
-@_numba.infer_getattr
-class _Fields(_Attributes):  # type: ignore[misc]
+@extending.infer_getattr
+class _Fields(AttributeTemplate):
     key = _Shared
 
     def generic_resolve(self, kind: _Shared, name: str) -> types.Type | None:
@@ -284,13 +273,14 @@ class _Fields(_Attributes):  # type: ignore[misc]
 
 
 def _read_field(context: Any, builder: Any, kind: _Shared, value: Any, name: str) -> Any:
-    address = _code.gep_inbounds(builder, value, 0, kind.named.fields.index(name))
+    address = cgutils.gep_inbounds(builder, value, 0, kind.named.fields.index(name))
     field = kind.kind_of(name)
     read = address if isinstance(field, _Shared) else builder.load(address)
-    return _made.impl_ret_borrowed(context, builder, field, read)  # kernels count who uses arrays
+    # Kernels count who uses arrays.
+    return imputils.impl_ret_borrowed(context, builder, field, read)
 
 
-_numba.lower_getattr_generic(_Shared)(_read_field)
+extending.lower_getattr_generic(_Shared)(_read_field)
 
 
 def shared(named: Tuple) -> Tuple:
@@ -307,11 +297,11 @@ def _type_shared(context: Any) -> Any:  # noqa: ARG001
 
 
 def _share(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-    return _code.alloca_once_value(builder, arguments[0])
+    return cgutils.alloca_once_value(builder, arguments[0])
 
 
-_numba.type_callable(shared)(_type_shared)
-_numba.lower_builtin(shared, types.BaseNamedTuple)(_share)
+extending.type_callable(shared)(_type_shared)
+extending.lower_builtin(shared, types.BaseNamedTuple)(_share)
 
 
 def ticks() -> int:
@@ -319,16 +309,11 @@ def ticks() -> int:
     return time.perf_counter_ns()
 
 
-@_numba.intrinsic  # type: ignore[untyped-decorator]
-def _read_counter(_context: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
-        of_type = _code.ir.FunctionType(_code.ir.IntType(64), [])
-        counter = builder.module.declare_intrinsic("llvm.readcyclecounter", fnty=of_type)
-        return builder.call(counter, [])
-
-    return types.int64(), generate
+def _read_counter(_context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
+    of_type = cgutils.ir.FunctionType(cgutils.ir.IntType(64), [])
+    counter = builder.module.declare_intrinsic("llvm.readcyclecounter", fnty=of_type)
+    return builder.call(counter, [])
 
 
-@_numba.overload(ticks)  # type: ignore[untyped-decorator]
-def _ticks() -> Any:
-    return lambda: _read_counter()
+extending.type_callable(ticks)(lambda _context: lambda: types.int64)
+extending.lower_builtin(ticks)(_read_counter)

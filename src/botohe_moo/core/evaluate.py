@@ -166,23 +166,21 @@ def _follow(
     else:
         n = begin_walk(graph, team, returns, robot, visits)
     alive, length = 1.0, 0.0
-    i = start + 1
-    while kind == VALID and i < stop:
+    for i in range(start + 1, stop if kind == VALID else 0):
         head = int(nodes[i])
         arc, kind = _hop(graph, scratch.used, trail, node, head)
-        if kind == VALID:
-            alive *= graph.survival[arc]
-            length += graph.length[arc]
-            n = visit(graph, team, returns, head, alive, n, visits)
-            node = head
-            i += 1
-        else:
+        if kind != VALID:
             position = i - start
+            break
+        alive *= graph.survival[arc]
+        length += graph.length[arc]
+        n = visit(graph, team, returns, head, alive, n, visits)
+        node = head
     end_walk(team, returns, robot, n, visits)
     for v in range(n):
         combine(scratch.reached, visits.node[v], visits.chance[v])
-    for j in range(i, stop):
-        head = int(nodes[j])
+    for i in range(start + max(1, position), stop if kind != VALID else 0):
+        head = int(nodes[i])
         n_faults += _hop(graph, scratch.used, trail, node, head)[1] != VALID
         node = head
     if node != team.end[source]:

@@ -219,21 +219,16 @@ def way_home(world: World, paths: Paths, used: OffsetArray, trail: int, source: 
 
     The usual way is tried first: it takes little time, and is nearly always free.
     """
-    n = usual_way_home(world, paths, used, trail, source)
+    n = way_along(world.graph, world.ways.homeward, paths, used, trail, source)
     end = world.team.end[source]
     return n if n >= 0 else safest_path(world.graph, paths, used, trail, source, end)
 
 
 @helper
-def usual_way_home(world: World, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
-    """Write the way along ``Ways.homeward``; return how many arcs it has, −1 if one is used."""
-    return _way_along(world.graph, world.ways.homeward, paths, used, trail, source)
-
-
-@helper
-def _way_along(
+def way_along(
     graph: Graph, homeward: OffsetArray, paths: Paths, used: OffsetArray, trail: int, source: int
 ) -> int:
+    """Write a way of ``Ways`` to ``paths.path``; return how many arcs it has, −1 if one is used."""
     n, node = 0, source
     while homeward[node] >= 0:
         arc = homeward[node]
@@ -275,7 +270,7 @@ def way_within(
         return n
     if shortest is None:
         return -1
-    n = _way_along(world.graph, shortest.homeward, paths, used, trail, node)
+    n = way_along(world.graph, shortest.homeward, paths, used, trail, node)
     if n < 0:
         n = safest_path(shortest.graph, paths, used, trail, node, world.team.end[node])
     return n if _keeps(world, paths, n, robot, alive, length) else -1

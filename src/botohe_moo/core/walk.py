@@ -5,19 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
+from botohe_moo.core import world as worlds
 from botohe_moo.core.compile import array_maker, helper, inlined
-from botohe_moo.core.world import (
-    AT_NEXT_DEPOT,
-    AT_THIS_DEPOT,
-    Graph,
-    Returns,
-    Team,
-    World,
-    aboard_at,
-    aboard_of,
-    credit_of,
-    layer_of,
-)
+from botohe_moo.core.world import Graph, Returns, Team, World
 
 CARRIED = -1.0  # instead of a probability, of visits that have not been credited yet
 
@@ -78,9 +68,9 @@ def begin_walk(
     """List what a robot carries from the start, and its visit there; return how many these are."""
     visits.n_walks[0] += 1
     n, source = 0, team.start[robot]
-    first, stop = aboard_of(returns, robot)
+    first, stop = worlds.aboard_of(returns, robot)
     for i in range(first, stop):
-        node = aboard_at(returns, layer_of(team, source), i)
+        node = worlds.aboard_at(returns, worlds.layer_of(team, source), i)
         visits.seen[node] = visits.n_walks[0]
         visits.node[n], visits.chance[n] = team.origin[node], CARRIED
         n += 1
@@ -105,10 +95,10 @@ def visit(
         visits.seen[node] = visits.n_walks[0]
         if graph.reward[node] > 0.0:
             visits.node[n], visits.chance[n] = team.origin[node], alive * team.share[node]
-            if credit_of(returns, node) == AT_NEXT_DEPOT:
+            if worlds.credit_of(returns, node) == worlds.AT_NEXT_DEPOT:
                 visits.chance[n] = CARRIED
             n += 1
-    if credit_of(returns, node) == AT_THIS_DEPOT:
+    if worlds.credit_of(returns, node) == worlds.AT_THIS_DEPOT:
         _credit_carried(team, returns, visits, node, n, alive)
     return n
 
@@ -127,7 +117,7 @@ def _credit_carried(
     """Credit what is carried of ``n`` visits at a depot, with probability ``alive``."""
     if returns is None:
         return
-    layer = layer_of(team, node)
+    layer = worlds.layer_of(team, node)
     for i in range(n):
         if visits.chance[i] == CARRIED:
             visits.chance[i] = alive * team.share[layer + visits.node[i]]

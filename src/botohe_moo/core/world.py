@@ -342,12 +342,6 @@ def aboard_at(returns: Returns | None, layer: int, i: int) -> int:
     return int(layer + returns.aboard[i])
 
 
-@inlined
-def has_returns(returns: Returns | None) -> bool:
-    """Return whether rewards of some nodes count on return."""
-    return returns is not None
-
-
 class Way(NamedTuple):
     """A way through a graph, with its survival and its length."""
 
@@ -358,15 +352,13 @@ class Way(NamedTuple):
 
 def ways_to_ends(world: World) -> list[Way]:
     """Return each robot's safest way from start to end, or the shortest if that is too long."""
-    ways: dict[int, Way] = {}
-    starts = world.team.start.tolist()
-    for start, budget in zip(starts, world.limits.budgets.tolist(), strict=True):
-        if start in ways:
-            continue
-        ways[start] = _way_along(world.graph, world.ways.homeward, start)
-        if world.ways.shortest is not None and ways[start].length > budget:
-            ways[start] = _way_along(world.graph, world.ways.shortest.homeward, start)
-    return [ways[start] for start in starts]
+    shortest, ways = world.ways.shortest, []
+    for start, budget in zip(world.team.start.tolist(), world.limits.budgets, strict=True):
+        way = _way_along(world.graph, world.ways.homeward, start)
+        if shortest is not None and way.length > budget:
+            way = _way_along(world.graph, shortest.homeward, start)
+        ways.append(way)
+    return ways
 
 
 def _way_along(graph: Graph, homeward: OffsetArray, node: int) -> Way:
@@ -385,11 +377,11 @@ def failing_ways(world: World) -> dict[int, tuple[Way, float, float]]:
     budget.
     """
     failing, ways, team = {}, ways_to_ends(world), world.team
+    floors, budgets = world.limits.floors.tolist(), world.limits.budgets.tolist()
     for robot in np.unique(team.first).tolist():
-        way, least = ways[robot], float(world.limits.floors[robot])
-        longest = float(world.limits.budgets[robot])
-        keeps = way.survival >= least and way.length <= longest
-        if way.nodes[-1] != team.end[team.start[robot]] or not keeps:
+        way, least, longest = ways[robot], floors[robot], budgets[robot]
+        arrives = way.nodes[-1] == team.end[team.start[robot]]
+        if not arrives or way.survival < least or way.length > longest:
             failing[robot] = way, least, longest
     return failing
 

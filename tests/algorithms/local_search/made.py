@@ -200,8 +200,7 @@ def note_entering(patch):
     def noted(parts, tolerance):
         entered = insert_trails(parts, tolerance)
         if entered:
-            block, place = nearest_place(parts.front, parts.work.memory.newest)
-            slot = parts.front.places[parts.front.directory[block], place].slot
+            slot = parts.front.order[nearest_place(parts.front, parts.work.memory.newest)]
             objectives = [parts.front.slots[slot].reward, parts.front.slots[slot].survivors]
             entering.append((plan_of(parts, parts.front.plan[slot]), objectives))
         return entered

@@ -14,7 +14,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.core.compile import helper, kernel, shared
-from botohe_moo.core.ordered import OrderedFront, best_reward, find_place, insert, place_before
+from botohe_moo.core.ordered import OrderedFront, best_reward, find_place, insert
 
 # The state of a search: whose turn it is to choose, −1 before it begins; and how many choices have
 # been looked at.
@@ -108,16 +108,16 @@ def _is_hopeful(
     last = choices.robots[robot].n_hull - 1
     most_reward, most_survivors = reward + n_more * gain[last], survivors + n_more * alive[0]
     # The front is a staircase: the bound gets beyond it where it gets beyond an inner corner.
-    at, place = find_place(front, most_survivors)
-    if at == front.n.blocks:
+    place = find_place(front, most_survivors)
+    if place == front.n.plans:
         return True
     right = 0
     while True:
-        corner_reward = front.places[front.directory[at], place].reward
+        corner_reward = front.slots[front.order[place]].reward
         if most_reward <= corner_reward:
             return False
-        at, place = place_before(front, at, place)
-        if at < 0:
+        place -= 1
+        if place < 0:
             return True
         each = (corner_reward - reward) / n_more
         while right < last and gain[right] < each:
@@ -126,7 +126,7 @@ def _is_hopeful(
             return True
         share = (gain[right] - each) / (gain[right] - gain[right - 1])
         bound = survivors + n_more * (alive[right] + share * (alive[right - 1] - alive[right]))
-        if bound > front.places[front.directory[at], place].survivors:
+        if bound > front.slots[front.order[place]].survivors:
             return True
 
 

@@ -17,7 +17,7 @@ from botohe_moo.core.paths import (
     leads_home,
     new_paths,
     search_near,
-    usual_way_home,
+    way_along,
     way_within,
 )
 from botohe_moo.core.rng import hash_keys, mixed
@@ -335,7 +335,8 @@ def _close(
     value, alive = child.value, child.alive
     is_free = shortest is None and world.limits.floors[rule.robot] == 0.0
     may_be_best = not is_free or value + stay > beam.best[0].value
-    if not may_be_best and usual_way_home(world, paths, used, rule.trail, node) < 0:
+    usual = world.ways.homeward
+    if not may_be_best and way_along(graph, usual, paths, used, rule.trail, node) < 0:
         return -1.0, 0 if graph.balanced or leads_home(world, paths, used, rule.trail, node) else -1
     n = way_within(world, shortest, paths, used, rule.trail, node, alive, child.length)
     for i in range(n):

@@ -86,7 +86,7 @@ def draw_trail(search: Search, robot: int) -> int:
     """Draw a trail that a robot may take, of a plan near the parent or of any plan."""
     front, team, states = search.front, search.world.team, search.work.states
     if uniform(states, 0) < _P_NEIGHBOUR:
-        slot = ordered.draw_near(front, states, search.work.draft.block, search.work.draft.place)
+        slot = ordered.draw_near(front, states, search.work.draft.place)
     else:
         slot = ordered.draw_slot(front, states)
     donor = team.first[robot] + below(states, team.stop[robot] - team.first[robot])

@@ -50,15 +50,15 @@ def is_stuck(work: Workspace) -> bool:
 
 
 @helper
-def acquire_parent(search: Search, block: int, place: int) -> None:
+def acquire_parent(search: Search, place: int) -> None:
     """Make a plan of the front the parent, and draw the robot that changes."""
     store, front, work = search.store, search.front, search.work
     draft, parent = work.draft, work.parent
-    found = front.places[front.directory[block], place]
+    slot = front.order[place]
     for k in range(parent.shape[0]):
-        parent[k] = front.plan[found.slot, k]
+        parent[k] = front.plan[slot, k]
         store.trails[parent[k]].n_users += 1
-    draft.block, draft.place, draft.at, draft.n_chosen = block, place, found.survivors, 0
+    draft.place, draft.at, draft.n_chosen = place, front.slots[slot].survivors, 0
     draft.robot = below(work.states, parent.shape[0])
 
 
@@ -270,9 +270,9 @@ def evaluate_trails(world: World, store: TrailStore, work: Workspace) -> tuple[f
 
 
 @helper
-def remove_plan(store: TrailStore, front: OrderedFront, block: int, place: int) -> None:
+def remove_plan(store: TrailStore, front: OrderedFront, place: int) -> None:
     """Remove a plan from the front, and release its trails."""
-    slot = ordered.remove_place(front, block, place)
+    slot = ordered.remove_place(front, place)
     for k in range(front.plan.shape[1]):
         state.release(store, front.plan[slot, k])
 
@@ -294,11 +294,10 @@ def _insert(
     if ordered.best_reward(front, survivors * (1.0 - tolerance)) >= reward * (1.0 - tolerance):
         return False
     no_more = survivors * (1.0 + state.TOLERANCE)  # survivors, but for rounding
-    while True:
-        block, place = ordered.find_dominated(front, reward, no_more)
-        if block < 0:
-            break
-        remove_plan(store, front, block, place)
+    place = ordered.find_dominated(front, reward, no_more)
+    while place >= 0:
+        remove_plan(store, front, place)
+        place = ordered.find_dominated(front, reward, no_more)
     slot = ordered.add_place(front, reward, survivors)
     for k in range(trails.shape[0]):
         front.plan[slot, k] = trails[k]
@@ -321,5 +320,5 @@ def insert_trails(search: Search, tolerance: float) -> bool:
     entered = _insert(store, search.front, work.trails, reward, survivors, tolerance)
     if entered:
         work.memory.newest, work.memory.idle = survivors, 0
-        work.draft.block, work.draft.place = ordered.nearest_place(search.front, work.draft.at)
+        work.draft.place = ordered.nearest_place(search.front, work.draft.at)
     return entered

@@ -83,12 +83,11 @@ def _select_robots(search: Search, survivors: float) -> None:
     only E[R] counts.
     """
     front, work, draft = search.front, search.work, search.work.draft
-    block, place = nearest_place(front, survivors)
-    plans.acquire_parent(search, block, place)
-    slot = front.places[front.directory[block], place].slot
-    found = front.slots[slot]
+    place = nearest_place(front, survivors)
+    plans.acquire_parent(search, place)
+    found = front.slots[front.order[place]]
     found.tried += 1
-    draft.slope = slope_at(front, slot) if found.before >= 0 else 0.0
+    draft.slope = slope_at(front, place) if place > 0 else 0.0
     draft.value = found.reward + draft.slope * found.survivors
     _draw_robots(search)
     plans.evaluate_others(search.world, search.store, work)

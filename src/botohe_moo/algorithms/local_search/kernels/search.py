@@ -43,10 +43,10 @@ def improve(search: Search, given: Given, begin: int, n_evaluations: int) -> int
             continue
         if memory.n_waiting >= memory.most_waiting:
             break
-        block, place = _draw_parent(search)
-        if _waits(search, block, place):
+        place = _draw_parent(search)
+        if _waits(search, place):
             continue
-        _select_robot(search, block, place)
+        _select_robot(search, place)
         n_children = _make_children(search, n_evaluations - n)
         plans.release_parent(search)
         n += n_children
@@ -68,14 +68,11 @@ def trim(search: Search, n_most: int) -> None:
     front = search.front
     while front.n.plans > n_most:
         least, removed = np.inf, -1
-        slot = front.slots[front.places[front.directory[0], 0].slot].after
-        while front.slots[slot].after >= 0:
-            area = ordered.contribution(front, slot)
+        for place in range(1, front.n.plans - 1):
+            area = ordered.contribution(front, place)
             if area < least:
-                least, removed = area, slot
-            slot = front.slots[slot].after
-        block, place = ordered.find_place(front, front.slots[removed].survivors)
-        plans.remove_plan(search.store, front, block, place)
+                least, removed = area, place
+        plans.remove_plan(search.store, front, removed)
 
 
 @helper
@@ -108,14 +105,14 @@ def _store_given(search: Search, given: Given, trail: int, robot: int) -> int:
 
 
 @helper
-def _waits(search: Search, block: int, place: int) -> bool:
+def _waits(search: Search, place: int) -> bool:
     """Count a plan's turn as a parent, and draw whether it waits for ruin and recreate instead.
 
     On its n-th turn this happens with probability 1 / n², but with ``p_recreate`` or more, and with
     1 / 2 or more divided by the number of plans in the front.
     """
     front, memory, p_recreate = search.front, search.work.memory, search.p_recreate
-    parent = front.slots[front.places[front.directory[block], place].slot]
+    parent = front.slots[front.order[place]]
     parent.tried += 1
     if p_recreate > 0.0:  # plans of a small front, which has few trails to combine, more often
         n_tried = parent.tried
@@ -128,14 +125,14 @@ def _waits(search: Search, block: int, place: int) -> bool:
 
 
 @helper
-def _select_robot(search: Search, block: int, place: int) -> None:
+def _select_robot(search: Search, place: int) -> None:
     """Make a plan the parent, draw the robot that changes, and evaluate the others.
 
     Where that robot stays at base, another one is drawn, once: it may have more to change.
     """
     store, work = search.store, search.work
     draft, parent = work.draft, work.parent
-    plans.acquire_parent(search, block, place)
+    plans.acquire_parent(search, place)
     if store.trails[parent[draft.robot]].n_arcs == 0:
         draft.robot = below(work.states, parent.shape[0])
     if parent.shape[0] > 1 and plans.is_stuck(work) and uniform(work.states, 0) < P_OTHER:
@@ -156,7 +153,7 @@ def _change_another(search: Search) -> None:
 
 
 @helper
-def _draw_parent(search: Search) -> tuple[int, int]:
+def _draw_parent(search: Search) -> int:
     """Draw a plan of the front: the newest, that of most reward, or one of much area.
 
     For the last, some plans are drawn. Each scores the area that only it dominates, divided by how
@@ -166,16 +163,17 @@ def _draw_parent(search: Search) -> tuple[int, int]:
     newest = plans.pop_newest(work)
     if newest >= 0.0:
         return ordered.nearest_place(front, newest)
-    survivors, n_robots = front.places[front.directory[0], 0].survivors, work.parent.shape[0]
+    survivors, n_robots = front.slots[front.order[0]].survivors, work.parent.shape[0]
     if uniform(work.states, 0) < max(P_END, _P_SAFE_END * survivors / n_robots):
-        return 0, 0
+        return 0
     best, highest = 0, -1.0
     for _ in range(state.N_DRAWN_BUSY if work.memory.idle <= state.BUSY else state.N_DRAWN):
-        slot = ordered.draw_slot(front, work.states)
-        score = ordered.contribution(front, slot) / (1.0 + front.slots[slot].tried)
+        drawn = front.slots[ordered.draw_slot(front, work.states)]
+        place = ordered.find_place(front, drawn.survivors)
+        score = ordered.contribution(front, place) / (1.0 + drawn.tried)
         if score > highest:
-            best, highest = slot, score
-    return ordered.find_place(front, front.slots[best].survivors)
+            best, highest = place, score
+    return best
 
 
 @helper

@@ -54,7 +54,7 @@ _TRAIL = np.dtype(
 )
 _MEMORY = ("idle", "n_waiting", "most_waiting", "n_parents")
 MEMORY = np.dtype([("newest", np.float64), *((name, np.int64) for name in _MEMORY)])
-_PARENT = ("block", "place", "robot", "n_chosen", "n_touched", "layer")
+_PARENT = ("place", "robot", "n_chosen", "n_touched", "layer")
 _CHILD = ("length", "prefix", "n_middle", "suffix", "n_goals", "n_piece", "n_legs", "mark")
 _MOVE = ("n_steps", "adopted")
 _DRAFT = np.dtype(
@@ -110,7 +110,7 @@ class Workspace(NamedTuple):
     # Of each move, and last of ruin and recreate, how many children were ``tried``, how many plans
     # ``entered`` the front, and how many ticks of the processor's counter it took (n_moves + 1).
     tallies: RecordArray
-    # Of the parent: its ``block`` and ``place`` in the front, or those next to its E[S] (``at``)
+    # Of the parent: its ``place`` in the front, or the one next to its E[S] (``at``)
     # once it has left; the ``robot`` that changes, and
     # the first node of its kind's layer (``layer``); how many nodes the others reach
     # (``n_touched``), and E[R] and E[S] of these (``others`` and ``survivors``); the reward that it
