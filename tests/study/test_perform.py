@@ -23,7 +23,7 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
 from botohe_moo.algorithms.archive import PlanArchive
-from botohe_moo.algorithms.local_search.kernels import recreate, search
+from botohe_moo.algorithms.local_search.kernels import children, recreate, search
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.run import perform as performing
 from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
@@ -177,8 +177,8 @@ for name, budget in {budgets!r}:
             # Each inserts a plan to start from, tells what a child brings, or makes one.
             for module, name in (
                 (search, "_insert_given"),
-                (search, "evaluate_child"),
-                (search, "evaluate_trail"),
+                (children, "evaluate_child"),
+                (children, "evaluate_trail"),
                 (recreate, "_make_child"),
             ):
                 patch.setattr(module, name, counted.calls_of(getattr(module, name)))

@@ -86,6 +86,8 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     ----------
     archive : PlanArchive
         All non-dominated feasible plans found so far.
+    settings : dict
+        The operators and their probabilities as they were given.
     repair : PlanRepair
         The repair of the operators that were given by name; ``repair.counts`` says what it did.
 
@@ -143,6 +145,15 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         known = {p.name for kind in pymoos for p in signature_parameters(kind)}
         check_keywords(arguments, known.union(base.PYMOO_OPTIONS), pymoos)
         self.max_ties = max_ties
+        self.settings = {
+            "sampling": sampling,
+            "corners": corners,
+            "crossover": crossover,
+            "mutation": mutation,
+            "repair": repair,
+            "prob_crossover": prob_crossover,
+            "prob_mutation": prob_mutation,
+        }
         self._least_infeasible: Population | None = None
         made = make_repair(repair)
         made.n_threads = self.n_threads = n_threads

@@ -56,12 +56,12 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         segment in the other direction. Default: ``DEFAULT_MOVES``.
     prob_recreate
         How likely a parent is ruined and recreated instead, at least: stops of one robot or several
-        are removed, and the nodes inserted that gain most for their danger. On a plan's n-th turn
-        as a parent this happens with probability 1 / n² or more. Plans wait for it until there are
-        32, or 8 on each of several islands. When no plan has entered the front for long, some walks
-        go on from plans that are a little worse. With 0, and on more than 1 000 nodes, no plan is
-        ruined. Default: 0.02 if nodes times robots are at most 1 000, else 0, since it takes long
-        then.
+        are removed, and the nodes inserted that gain most for their danger. The n-th time that a
+        plan is a parent this happens with probability 1 / n², or 1 / 2 over the number of plans in
+        the front, if that is more. Plans wait for it until there are 32, or 8 on each of several
+        islands. When no plan has entered the front for long, some walks go on from plans that are a
+        little worse. With 0, and where nodes times kinds are more than 1 000, no plan is ruined.
+        Default: 0.02 if nodes times robots are at most 1 000, else 0, since it takes long then.
     greedy_start
         Whether to begin with plans that
         :func:`~botohe_moo.algorithms.greedy.plan_sequentially` makes for reward alone, for

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 DEFAULT_MOVES: Mapping[str, float] = {move.name: move.weight for move in MOVES}
 RUIN_AND_RECREATE = "ruin-and-recreate"  # its row among the statistics of moves
 
-# On its n-th turn as a parent a plan is ruined and recreated with probability 1 / n², but never
-# less than this.
+# The n-th time that a plan is a parent it is ruined and recreated with probability 1 / n², but
+# never with less than this.
 _P_RECREATE = 0.02
 # Nodes times robots: with more, this takes more time than it brings (results/recreate).
 _RECREATED_UP_TO = 1_000
@@ -267,7 +267,7 @@ class LocalSearch:
     def migrants(self, since: int) -> Given:
         """Return those plans of the front before which ``since`` plans or more had entered.
 
-        Their first turn as a parent is the one here: elsewhere they count as tried.
+        Elsewhere they count as tried once, so that they are not recreated there first.
         """
         slots, objectives = ordered.read_front(self._front)
         is_new = self._front.slots["serial"][slots] >= since

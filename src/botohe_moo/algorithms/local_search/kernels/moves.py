@@ -49,7 +49,10 @@ def _draw_segment(work: Workspace, n_short: int) -> None:
 
 @helper
 def _visit(search: Search, n_visits: int) -> bool:
-    """Replace a segment by paths over no node, one, or from two on, or by as many random steps."""
+    """Replace a segment by safest paths through nodes, or by as many random arcs.
+
+    Of two visits there may be more.
+    """
     draft, states = search.work.draft, search.work.states
     _draw_segment(search.work, _N_SHORT)
     while 1 < n_visits < state.MOST_GOALS and uniform(states, 0) < _P_MORE:
@@ -188,7 +191,7 @@ class Move(NamedTuple):
     argument: int = 0  # what ``make`` takes beside the search
 
 
-# Weights were measured: results/local-search/moves.csv shows what each move brings.
+# results/local-search/moves.csv has areas without each move in turn.
 MOVES = (
     Move("shortcut", 0.07, _visit, 0),
     Move("visit", 0.18, _visit, 1),

@@ -220,7 +220,7 @@ def new_workspace(
         weights=weights,
         tallies=tallies,
         draft=np.zeros(1, _DRAFT).view(np.recarray)[0],
-        steps=np.zeros(max(2, n_arcs + 1), _STEP).view(np.recarray),  # two for ``store_tour``
+        steps=np.zeros(max(2, n_arcs + 1), _STEP).view(np.recarray),  # two for ``_store_tour``
         loads=np.zeros(n_arcs + 1 if on_return else 0, _LOAD).view(np.recarray),
         nodes=nodes.view(np.recarray),
         arcs=arcs.view(np.recarray),
