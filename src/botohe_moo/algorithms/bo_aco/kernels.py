@@ -440,7 +440,8 @@ def construct(world: World, build: Build, begin: int, end: int) -> tuple[IntArra
 @helper
 def _deposit(graph: Graph, n_nodes: int, plans: Depositors, amounts: FloatArray) -> None:
     """Write what plans deposit in all to ``amounts``, of the shape of ``Pheromone.levels``."""
-    amounts[:], n_maps = 0.0, amounts.shape[0]
+    n_maps = amounts.shape[0]
+    amounts.fill(0.0)
     n_robots = (plans.offsets.shape[0] - 1) // plans.objectives.shape[0]
     for plan in plans.members:
         for robot in range(n_robots):
@@ -480,5 +481,10 @@ def learn(
     n, n_archived = iteration.members.shape[0], archive.members.shape[0]
     if pooled:
         n = n_archived = n + n_archived
-    kept = (1.0 - evaporation) * levels + pheromone.deposits / max(1, n)
-    levels[:] = np.maximum(kept + pheromone.archive_deposits / max(1, n_archived), LEAST)
+    deposits, archived = pheromone.deposits, pheromone.archive_deposits
+    for m in range(levels.shape[0]):
+        for arc in range(levels.shape[1]):
+            for k in range(2):
+                kept = (1.0 - evaporation) * levels[m, arc, k] + deposits[m, arc, k] / max(1, n)
+                level = kept + archived[m, arc, k] / max(1, n_archived)
+                levels[m, arc, k] = max(level, LEAST)
