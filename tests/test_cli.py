@@ -997,7 +997,7 @@ class TestCertify:
         args = ["solve", "art_museum", "-n", 200, "--out", "out", "--certify", 20]
         ended = botohe(*args, code=code)
         assert ended.status == 130
-        assert ended.err.count("botohe: stopping") == 1  # a slow start may have been reported before
+        assert ended.err.count("botohe: stopping") == 1  # a slow start may be reported, too
         assert "stopping; what is proved will be shown" in ended.err
         assert "; no plans whatsoever reach more than" in ended.out
         folder = tmp_path / "out"
