@@ -337,11 +337,8 @@ def _begin_trail(
 ) -> None:
     """Note where a robot starts, what it carries, and a way from there to its end."""
     _leads_home(world, world.ways.shortest, build.paths, ant, node, 1.0, 0.0)
-    home, layer, (first, stop) = (
-        world.ways.home,
-        layer_of(world.team, node),
-        aboard_of(returns, ant.robot),
-    )
+    home, layer = world.ways.home, layer_of(world.team, node)
+    first, stop = aboard_of(returns, ant.robot)
     for i in range(first, stop):
         carried = aboard_at(returns, layer, i)
         # It is brought home from here, not from where it was collected.

@@ -218,11 +218,8 @@ def _extend(search: LabelSearch, parent: int, arc: int) -> None:
     """Extend a label by an arc; add the new label, the trail that goes home from there, or both."""
     world, labels, state = search.world, search.labels, search.progress[0]
     node, base, floor = world.graph.head[arc], world.team.start[0], world.limits.floors[0]
-    row, before, reached = (
-        labels.rows[state.n_labels],
-        labels.rows[parent],
-        labels.reached[state.n_labels],
-    )
+    row, before = labels.rows[state.n_labels], labels.rows[parent]
+    reached = labels.reached[state.n_labels]
     row.parent, row.node = parent, node
     row.alive = before.alive * world.graph.survival[arc]
     row.length = before.length + world.graph.length[arc]
