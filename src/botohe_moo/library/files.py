@@ -197,7 +197,7 @@ def add_plans(
     >>> finder = Finder("2026-11-27", "me", "pareto-local-search, 1,000 evaluations, seed 1")
     >>> added = add_plans({"town-16": [(found.plans, finder)]}, folder="mine")["town-16"]
     >>> added.before.area, round(added.after.area, 4)
-    (0.0, 0.6571)
+    (0.0, 0.657)
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
