@@ -40,11 +40,11 @@ class PlanArchive:
     @property
     def plans(self) -> PlanBatch:
         """A copy of the plans, in the order of ``objectives``."""
-        return self._plans.take(np.arange(len(self._plans)))
+        return self._plans.take(np.arange(len(self)))
 
     @property
     def _plans(self) -> PlanBatch:
-        return PlanBatch._wrap(self._arrays.nodes, self._arrays.offsets, self.n_robots)
+        return PlanBatch._wrap(self.arrays.nodes, self.arrays.offsets, self.n_robots)
 
     @property
     def version(self) -> int:

@@ -30,7 +30,7 @@ class PopulationArchive(PlanArchive):
         super().__init__(n_robots, max_ties=max_ties)
         self._constrain = constrain
         self._individuals: dict[int, Individual] = {}
-        self._population: Population | None = None
+        self._population, self._made = Population(), 0  # when ``version`` was that
 
     def insert(
         self,
@@ -45,11 +45,9 @@ class PopulationArchive(PlanArchive):
         """
         first = self.version
         members, inserted = self._insert(batch, objectives)
-        if len(inserted):
-            self._population = None
-            if individuals is not None:
-                for number, i in enumerate(inserted.tolist(), start=first):
-                    self._individuals[number] = individuals[i]
+        if individuals is not None:
+            for number, i in enumerate(inserted.tolist(), start=first):
+                self._individuals[number] = individuals[i]
         return members
 
     def add(self, infills: Population) -> Self:  # noqa: ARG002
@@ -58,14 +56,15 @@ class PopulationArchive(PlanArchive):
 
     def population(self) -> Population:
         """Return the plans as pymoo's individuals, which are made once for every plan."""
-        if self._population is None:
+        if self._made != self.version:
             known, plans, objectives = self._individuals, self.plans, self.objectives
             constraints = [None] * len(plans) if not self._constrain else self._constrain(plans)
             self._individuals = {
                 key: known.get(key) or _individual(plans[i], objectives[i], constraints[i])
-                for i, key in enumerate(self._arrays.ids.tolist())
+                for i, key in enumerate(self.arrays.ids.tolist())
             }
             self._population = Population.create(*self._individuals.values())
+            self._made = self.version
         return self._population
 
 

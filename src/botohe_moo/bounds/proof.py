@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from botohe_moo.algorithms.exact.front import FrontSearch, TooLargeError
-from botohe_moo.algorithms.local_search.engine import LocalSearch
+from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.bounds.clock import Clock
 from botohe_moo.bounds.front_bound import FrontBound
 from botohe_moo.bounds.kernels.states import Net
@@ -200,7 +200,7 @@ class Proof:
     def _find_trails(self) -> None:
         """Search for plans, and put their trails into the pool."""
         mission, graph = self._mission, self._net.graph
-        search = LocalSearch(mission, self._world, random_state=self._random_state)
+        search = LocalSearch(mission, Costs(self._world), random_state=self._random_state)
         search.insert(mission.batch([mission.stay_home()]))
         seconds = _SECONDS_A_STOP * graph.n_nodes * mission.robots
         search.run(int(min(_EVALUATIONS, 1 + _SEARCH_SHARE * self.clock.seconds / seconds)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.types import FloatArray
-from botohe_moo.algorithms.local_search.engine import LocalSearch
+from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.core.world import World
 from botohe_moo.decide.fronts import (
     PlansOrObjectives,
@@ -108,7 +108,7 @@ def check_price(mission: Mission, plan: TrailPlan, price: float | None, world: W
     """
     if price is not None:
         return check_number("price", price, at_least=0)
-    search = LocalSearch(mission, world, random_state=np.random.default_rng(1))
+    search = LocalSearch(mission, Costs(world), random_state=np.random.default_rng(1))
     search.insert(mission.batch([plan, mission.stay_home()]))
     search.run(_EVALUATIONS_OF_A_PRICE)
     return _slope(search.plans()[1], mission.evaluate([plan])[0, 1])
@@ -196,7 +196,7 @@ def replan_left(
 ) -> Replan:
     """Make a plan anew for what is left of a mission, as `replan` does."""
     rest = left.mission
-    search = LocalSearch(rest, rest.limited(), random_state=random_state)
+    search = LocalSearch(rest, Costs(rest.limited()), random_state=random_state)
     search.insert(rest.batch([left.plan, rest.stay_home()]))
     search.run(evaluations)
     batch, objectives, _ = search.plans()

@@ -7,7 +7,7 @@ import pytest
 
 from botohe_moo import TrailPlan
 from botohe_moo.algorithms.local_search import engine
-from botohe_moo.algorithms.local_search.engine import LocalSearch, LocalSearchSettings
+from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch, LocalSearchSettings
 from botohe_moo.algorithms.local_search.kernels import children, plans, routes, search
 from botohe_moo.algorithms.local_search.kernels.state import NEVER
 from botohe_moo.core.ordered import best_reward, nearest_place, read_front
@@ -24,7 +24,7 @@ def unstarted(mission, *, seed=0, min_survival=0.0, max_length=None, **settings)
     """A search that knows no plan."""
     return LocalSearch(
         mission,
-        mission.limited(min_survival, max_length),
+        Costs(mission.limited(min_survival, max_length)),
         random_state=np.random.default_rng(seed),
         settings=LocalSearchSettings(**settings),
     )

@@ -306,7 +306,7 @@ class TestErrors:
         result = solve(museum, 3_000, moves={"visit": 2, "splice": 1})
         tried = result.algorithm.statistics["tried"].drop(RUIN_AND_RECREATE)
         assert set(tried.index[tried > 0]) == {"visit", "splice"}
-        weights = np.diff(result.algorithm._search._islands[0]._weights, prepend=0.0)
+        weights = np.diff(result.algorithm._search.first._weights, prepend=0.0)
         given = dict(zip(DEFAULT_MOVES, weights.tolist(), strict=True))
         assert {name: weight for name, weight in given.items() if weight} == {
             "visit": 2,

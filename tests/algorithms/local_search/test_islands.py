@@ -42,7 +42,7 @@ def begun(mission, *, n_threads=1, **settings):
         random_state=np.random.default_rng(0),
         settings=LocalSearchSettings(**settings),
     )
-    islands.insert(mission.batch([mission.stay_home()]))
+    islands.first.insert(mission.batch([mission.stay_home()]))
     return islands
 
 
@@ -194,9 +194,9 @@ def test_threads_do_not_change_results(mission, n_threads):
 def test_all_islands_take_over_what_others_found(mission):
     islands = begun(mission, n_islands=3)
     for n in (300, 1, 400, 1_000):
-        version, before = islands.version, islands.objectives()
+        first, version, before = islands.first, islands.first.version, islands.first.objectives()
         islands.run(n)
-        assert (islands.version > version) == (islands.objectives().tobytes() != before.tobytes())
+        assert (first.version > version) == (first.objectives().tobytes() != before.tobytes())
         for island in islands._islands:  # each took over before it went on
             check(island)
             for point in before:
@@ -204,7 +204,7 @@ def test_all_islands_take_over_what_others_found(mission):
     assert islands._migrants[0] is None
     for island, migrants in zip(islands._islands[1:], islands._migrants[1:], strict=True):
         island.take_over(migrants)
-        np.testing.assert_allclose(island.objectives(), islands.objectives(), rtol=1e-11)
+        np.testing.assert_allclose(island.objectives(), islands.first.objectives(), rtol=1e-11)
     # Each draws for itself.
     assert len({island._states.tobytes() for island in islands._islands}) == 3
 
@@ -242,7 +242,7 @@ def test_islands_that_find_no_move_leave_the_evaluations_to_others():
     search = started(museum)
     search.run(3_000)
     islands = begun(museum, n_islands=8, moves={"adopt": 1.0}, prob_recreate=0.0)
-    islands.insert(search.plans()[0])
+    islands.first.insert(search.plans()[0])
     for _ in range(3):
         assert islands.run(20_000) == 20_000
 

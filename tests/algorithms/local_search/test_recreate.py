@@ -278,7 +278,7 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
     limits = {"min_survival": floor, "max_length": budget}
     chosen = np.random.default_rng(seed).permutation(robots)[: 1 + seed % robots].tolist()
     search = holding(mission, random_tours(mission, seed), chosen, seed=seed, **limits)
-    routes, work = search.routes, search._work
+    routes, work = search.costs.routes, search._work
     work.draft.mark += 1
     work.draft.n_legs = 0
     for which in range(len(chosen)):
@@ -312,7 +312,7 @@ def test_children_are_plans_within_their_slack(case, floor, budget, data):
     chosen = order[: data.draw(st.integers(1, mission.robots))]
     seed = data.draw(st.integers(0, 99))
     search = holding(mission, plan.trails, chosen, seed=seed, **limits)
-    routes, store, work = search.routes, search._store, search._work
+    routes, store, work = search.costs.routes, search._store, search._work
     parent, opened, drawn = work.parent.tolist(), [], []
     draw_slack, fill_tours = kernels._draw_slack, kernels._fill_tours
 

@@ -14,7 +14,7 @@ from botohe_moo.algorithms import base
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, Threads
 from botohe_moo.algorithms.bo_aco import colony
 from botohe_moo.algorithms.bo_aco.colony import Colony, ColonySettings
-from botohe_moo.algorithms.local_search.iteration import IterationSearch
+from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -175,15 +175,10 @@ class BOACO(ArchiveAlgorithm):
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        self._improver: IterationSearch | None = None
+        self._improver: LocalSearch | None = None
         if self.local_search > 0:
-            self._improver = IterationSearch(
-                problem.mission,
-                problem.world,
-                share=self.local_search,
-                evaluations_each=self.local_search_evaluations,
-                random_state=self.random_state,
-            )
+            costs = Costs(problem.world)
+            self._improver = LocalSearch(problem.mission, costs, random_state=self.random_state)
         self.colony = Colony(
             problem.mission,
             problem.world,
@@ -203,15 +198,25 @@ class BOACO(ArchiveAlgorithm):
     def _improve(
         self, batch: PlanBatch, objectives: FloatArray, members: OffsetArray
     ) -> tuple[PlanBatch, FloatArray, OffsetArray]:
-        """Return an iteration's plans together with what a local search makes of them, if any."""
-        if self._improver is None:
+        """Return an iteration's plans together with what a local search makes of them, if any.
+
+        It starts from a share of the plans: from those of the Pareto set first.
+        """
+        search = self._improver
+        if search is None:
             return batch, objectives, members
-        improved, gained, n_evaluated = self._improver.improve(
-            batch, members, self.random_state, self.n_left
-        )
-        self.evaluator.n_eval += n_evaluated
-        batch = PlanBatch.concatenate([batch, improved])
-        objectives = np.vstack([objectives, gained])
+        n_chosen = max(1, round(self.local_search * len(batch)))
+        others = np.setdiff1d(np.arange(len(batch)), members)
+        drawn = np.concatenate(list(map(self.random_state.permutation, (members, others))))
+        search.restart()
+        search.insert(batch.take(np.sort(drawn[:n_chosen])))
+        n_given = search.version
+        n_most = min(self.n_left, n_chosen * self.local_search_evaluations)
+        self.evaluator.n_eval += search.run(n_most)
+        plans, gained, numbers = search.plans()
+        found = numbers >= n_given
+        batch = PlanBatch.concatenate([batch, plans.take(found)])
+        objectives = np.vstack([objectives, gained[found]])
         return batch, objectives, self.archive.insert(batch, objectives)
 
 

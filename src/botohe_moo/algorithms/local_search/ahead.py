@@ -7,7 +7,7 @@ import numpy as np
 
 from botohe_moo._base.cpus import n_cpus
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
-from botohe_moo.algorithms.local_search.engine import LocalSearch
+from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
 from botohe_moo.algorithms.local_search.kernels.search import improve
 from botohe_moo.core.compile import is_kept
@@ -46,4 +46,4 @@ def _compile_improve(mission: Mission, world: World) -> None:
 
 
 def _new_search(mission: Mission, world: World) -> LocalSearch:
-    return LocalSearch(mission, world, random_state=np.random.default_rng(0))
+    return LocalSearch(mission, Costs(world), random_state=np.random.default_rng(0))

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
-from pymoo.core.population import Population
 
-from botohe_moo._base.checks import check_weights
 from botohe_moo._base.types import FloatArray, ObjectArray
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Probability
+from botohe_moo.algorithms import base
 from botohe_moo.algorithms.base import ArchiveAlgorithm, Threads
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.algorithms.individuals import PopulationArchive
-from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, LocalSearchSettings
+from botohe_moo.algorithms.local_search.engine import LocalSearch, LocalSearchSettings
 from botohe_moo.algorithms.local_search.islands import Islands
 from botohe_moo.core.archive import Archive
 from botohe_moo.problem import BOTOHE
@@ -127,29 +124,18 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 
     evaluates_in_kernels = True
 
-    @checked
+    @base.tuned_by(LocalSearchSettings)
     def __init__(
         self,
         *,
         evaluations_per_generation: Annotated[int, Field(ge=1, le=1_000_000_000)] = 20_000,
-        moves: Mapping[str, float] | None = None,
-        prob_recreate: Probability | None = None,
         greedy_start: bool = True,
-        max_size: Annotated[int, Field(ge=10, le=1_000_000_000)] | None = None,
-        n_islands: Annotated[int, Field(ge=1, le=1_024)] = 1,
         n_threads: Threads = 1,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
         super().__init__(max_ties=1, sampling=sampling, **options)
         self.evaluations_per_generation = evaluations_per_generation
-        given = DEFAULT_MOVES if moves is None else moves
-        self._settings = LocalSearchSettings(
-            moves=check_weights("moves", given, DEFAULT_MOVES, needed="move"),
-            prob_recreate=prob_recreate,
-            max_size=max_size,
-            n_islands=n_islands,
-        )
         self.greedy_start = greedy_start
         self.n_threads = n_threads
 
@@ -160,10 +146,10 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             problem.world,
             n_threads=self.n_threads,
             random_state=self.random_state,
-            settings=self._settings,
+            settings=LocalSearchSettings(**base.settings_of(self, LocalSearchSettings)),
         )
         constrain = problem.constrain_batch if problem.n_ieq_constr else None
-        self.archive = _SearchArchive(self._search, problem.mission.robots, constrain)
+        self.archive = _SearchArchive(self._search.first, problem.mission.robots, constrain)
 
     def _initialize_advance(self, **_: Any) -> None:
         problem: BOTOHE = self.problem
@@ -183,7 +169,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         self.evaluator.n_eval += len(batch)
         if problem.n_ieq_constr:
             batch = batch.take((problem.constrain_batch(batch) <= 0).all(axis=1))
-        self._search.insert(batch)
+        self._search.first.insert(batch)
         self._advance()
 
     @property
@@ -217,7 +203,7 @@ class _SearchArchive(PopulationArchive):
 
     def __init__(
         self,
-        search: Islands,
+        search: LocalSearch,
         n_robots: int,
         constrain: Callable[[PlanBatch], FloatArray] | None,
     ) -> None:
@@ -233,28 +219,13 @@ class _SearchArchive(PopulationArchive):
         return self._search.objectives()
 
     @property
-    def arrays(self) -> Archive:
-        self._read_plans()
-        return super().arrays
-
-    @property
-    def plans(self) -> PlanBatch:
-        self._read_plans()
-        return super().plans
-
-    @property
     def version(self) -> int:
         return self._search.version
 
-    def population(self) -> Population:
-        self._read_plans()
-        return super().population()
-
-    def _read_plans(self) -> None:
-        """Read the search's plans, unless its front is the same as when they were read."""
-        if self._plans_version == self._search.version:
-            return
-        batch, objectives, numbers = self._search.plans()
-        self._arrays = Archive(objectives, self._arrays.hashes, numbers, *batch.arrays)
-        self._population = None
-        self._plans_version = self._search.version
+    @property
+    def arrays(self) -> Archive:
+        if self._plans_version != self._search.version:
+            batch, objectives, numbers = self._search.plans()
+            self._arrays = Archive(objectives, self._arrays.hashes, numbers, *batch.arrays)
+            self._plans_version = self._search.version
+        return self._arrays

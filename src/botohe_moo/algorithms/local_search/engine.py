@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
+from botohe_moo._base.checks import check_weights
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, RecordArray, SeedArray
+from botohe_moo._plugins.types import Probability
 from botohe_moo.algorithms.local_search.kernels import state
 from botohe_moo.algorithms.local_search.kernels.moves import MOVES
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
@@ -45,41 +48,66 @@ _MOST_COST, _LEAST_LENGTH = 1e12, 1e-300
 _FIRST_PLANS, _N_ADDED = 256, state.N_CHILDREN + 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LocalSearchSettings:
     """What a Pareto local search can be tuned by; :class:`ParetoLocalSearch` documents it."""
 
-    moves: Mapping[str, float] = field(default_factory=lambda: DEFAULT_MOVES)
-    prob_recreate: float | None = None
-    max_size: int | None = None
-    n_islands: int = 1
+    moves: Mapping[str, float] | None = None
+    prob_recreate: Probability | None = None
+    max_size: Annotated[int, Field(ge=10, le=1_000_000_000)] | None = None
+    n_islands: Annotated[int, Field(ge=1, le=1_024)] = 1
+
+    def __post_init__(self) -> None:
+        if self.moves is not None:
+            check_weights("moves", self.moves, DEFAULT_MOVES, needed="move")
+
+
+class Costs:
+    """What arcs cost, and the cheapest paths: one for all searches of a mission.
+
+    ``priced`` is the ``world`` with lengths in its costs. Paths are found when they are first asked
+    for, and again after unpickling.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.priced, self._per_length = _priced(world)
+
+    @cached_property
+    def routes(self) -> Routes:
+        """All cheapest paths."""
+        return find_routes(self.priced, self._per_length)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Costs, (self.world,)
 
 
 class LocalSearch:
     """A front, and the search that improves it.
 
-    Every robot keeps the limits of ``world``. The search's own generator takes its seed from
-    ``random_state``. ``n_islands`` of the settings is for :class:`Islands`.
+    Every robot keeps the limits of the world of ``costs``. The search's own generator takes its
+    seed from ``random_state``. ``n_islands`` of the settings is for :class:`Islands`.
     """
 
     def __init__(
         self,
         mission: Mission,
-        world: World,
+        costs: Costs,
         *,
         random_state: np.random.Generator,
         settings: LocalSearchSettings | None = None,
     ) -> None:
         self.mission = mission
-        self.world = world
+        self.costs = costs
         settings = settings or LocalSearchSettings()
         self.max_size = settings.max_size
         p_recreate = settings.prob_recreate
         if p_recreate is None:
             size = len(mission.nodes) * mission.robots
             p_recreate = _P_RECREATE if size <= _RECREATED_UP_TO else 0.0
-        self._p_recreate = p_recreate if world.graph.n_nodes <= FULL_UP_TO else 0.0
-        given = [float(settings.moves.get(move.name, 0.0)) for move in MOVES]
+        self._p_recreate = p_recreate if costs.world.graph.n_nodes <= FULL_UP_TO else 0.0
+        moves = DEFAULT_MOVES if settings.moves is None else settings.moves
+        given = [float(moves.get(move.name, 0.0)) for move in MOVES]
         self._weights: FloatArray = np.cumsum(given)
         self._states: SeedArray = draw_state(random_state)
         # An array, since numpy writes to a copy of a record alone, once it is unpickled.
@@ -103,9 +131,8 @@ class LocalSearch:
         kept = apart(kept)
         self._memory, self._waiting, self._states, self._tallies, self._front, self._store = kept
         self._compiled: set[Any] = set()  # kernels that have been called, and so compiled
-        self._priced, self._per_length = _priced(self.world)
         self._work = state.new_workspace(
-            self._priced,
+            self.costs.priced,
             memory=self._memory[0],
             waiting=self._waiting,
             states=self._states,
@@ -113,17 +140,17 @@ class LocalSearch:
             tallies=self._tallies,
         )
 
-    @cached_property
-    def routes(self) -> Routes:
-        """The mission's cheapest paths, which searches of the same mission may share."""
-        return find_routes(self._priced, self._per_length)
+    @property
+    def world(self) -> World:
+        """The mission's world, with the limits that robots keep."""
+        return self.costs.world
 
     @property
     def parts(self) -> Search:
         """What the kernels work with."""
         return Search(
-            world=self._priced,
-            routes=self.routes,
+            world=self.costs.priced,
+            routes=self.costs.routes,
             store=self._store,
             front=self._front,
             work=self._work,
@@ -311,8 +338,7 @@ class LocalSearch:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = ("_compiled", "_priced", "_per_length", "routes", "_work")
-        return {key: value for key, value in vars(self).items() if key not in derived}
+        return {k: value for k, value in vars(self).items() if k not in ("_compiled", "_work")}
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
         self.__dict__.update(kept)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.algorithms.local_search.engine import LocalSearch, LocalSearchSettings
+from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch, LocalSearchSettings
 from botohe_moo.algorithms.local_search.kernels.state import Given
 from botohe_moo.core.threads import mapping
 from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
-from botohe_moo.trails import PlanBatch
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,8 +33,8 @@ class Islands:
     """A local search that goes on as ``n_islands`` searches, by ``n_threads``, once that pays.
 
     The first island holds the front of all after each call; the others take over its migrants when
-    they go on. Results do not depend on ``n_threads``. Other arguments are those of
-    :class:`LocalSearch`.
+    they go on. All share one ``Costs``. Results do not depend on ``n_threads``. Other arguments are
+    those of :class:`LocalSearch`.
     """
 
     def __init__(
@@ -49,9 +48,10 @@ class Islands:
     ) -> None:
         self.n_islands = settings.n_islands
         self.n_threads = n_threads
-        self._how = mission, world
-        self._options: dict[str, Any] = {"random_state": random_state, "settings": settings}
-        self._islands = [LocalSearch(*self._how, **self._options)]
+        self._new = partial(
+            LocalSearch, mission, Costs(world), random_state=random_state, settings=settings
+        )
+        self._islands = [self._new()]
         self._n_evaluated = 0
         self._rate = 1.0  # of the last evaluations, the share that has entered a front
         self._migrants: list[Given | None] = [None]  # what each island has still to take over
@@ -61,10 +61,10 @@ class Islands:
         """How many islands there are by now."""
         return len(self._islands)
 
-    def insert(self, batch: PlanBatch) -> None:
-        """Insert valid plans for the mission's team into the front, unless it dominates them."""
-        for island in self._islands:
-            island.insert(batch)
+    @property
+    def first(self) -> LocalSearch:
+        """The first island, whose front is that of all."""
+        return self._islands[0]
 
     def run(self, n_evaluations: int) -> int:
         """Search from the plans of the front, which must not be empty.
@@ -72,11 +72,11 @@ class Islands:
         Returns how many plans were evaluated: fewer than ``n_evaluations`` where no move makes any
         other plan.
         """
-        is_time = self._n_evaluated >= FIRST_ALONE and len(self) >= N_MIGRANTS
+        is_time = self._n_evaluated >= FIRST_ALONE and len(self.first) >= N_MIGRANTS
         if self.n_running < self.n_islands and is_time:
             self._split()
         if self.n_running == 1:
-            n = self._islands[0].run(n_evaluations)
+            n = self.first.run(n_evaluations)
         else:
             n = self._run_islands(n_evaluations)
         self._n_evaluated += n
@@ -101,27 +101,17 @@ class Islands:
                 n += sum(spent)
                 if sum(spent) == 0:  # no move makes another plan, on no island
                     break
-        _take_over(islands[0], self._migrants[0])
+        _take_over(self.first, self._migrants[0])
         self._migrants[0] = None
         return n
 
     def _split(self) -> None:
         """Let the one search go on as several, which begin with its front."""
-        [first] = self._islands
-        others = [LocalSearch(*self._how, **self._options) for _ in range(self.n_islands - 1)]
+        others = [self._new() for _ in range(self.n_islands - 1)]
         self._islands += others
         for island in self._islands:
             island.let_wait(_QUEUE)
-        self._share_routes()
-        self._migrants = [None, *[first.migrants(0)] * len(others)]
-
-    def __len__(self) -> int:
-        return len(self._islands[0])
-
-    @property
-    def version(self) -> int:
-        """How many plans ever entered the front: changes whenever the front does."""
-        return self._islands[0].version
+        self._migrants = [None, *[self.first.migrants(0)] * len(others)]
 
     @property
     def move_counts(self) -> dict[str, dict[str, int]]:
@@ -135,24 +125,7 @@ class Islands:
     @property
     def statistics(self) -> pd.DataFrame:
         """What each move brought, on all islands, as :attr:`LocalSearch.statistics`."""
-        return sum((island.statistics for island in self._islands[1:]), self._islands[0].statistics)
-
-    def objectives(self) -> FloatArray:
-        """Return E[R] and E[S] of the front, by descending E[R] (n_plans, 2), without its plans."""
-        return self._islands[0].objectives()
-
-    def plans(self) -> tuple[PlanBatch, FloatArray, OffsetArray]:
-        """Return the front by descending E[R], as :meth:`LocalSearch.plans` does."""
-        return self._islands[0].plans()
-
-    def _share_routes(self) -> None:
-        """Let all islands read the same paths, which then stay in the caches of processors."""
-        for island in self._islands[1:]:
-            island.routes = self._islands[0].routes
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._share_routes()
+        return sum((island.statistics for island in self._islands[1:]), self.first.statistics)
 
 
 def _run_island(
