@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.core.archive import Archive, Batch, new_archive, new_found, sift, survivors_of
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.core.archive import Archive, Batch, merged, new_archive, new_found, sift
 from botohe_moo.trails import PlanBatch
 
 
@@ -67,23 +67,6 @@ class PlanArchive:
         )
         members, newcomers = found.members[:n_members], found.newcomers[:n_new]
         if n_new > 0:
-            self._merge(batch, objectives, found.hashes, newcomers)
+            self._arrays = merged(archive, new, found.hashes, newcomers, self._next_id)
+            self._next_id += n_new
         return members, newcomers
-
-    def _merge(
-        self, batch: PlanBatch, objectives: FloatArray, hashes: SeedArray, newcomers: OffsetArray
-    ) -> None:
-        """Insert newcomers of a batch, given by descending E[R], and drop what they dominate."""
-        archive, ids = self._arrays, self._next_id + np.arange(len(newcomers))
-        stays = np.flatnonzero(survivors_of(archive.objectives, objectives[newcomers]))
-        rows = np.concatenate([stays, len(archive.ids) + newcomers])
-        together = np.concatenate([archive.objectives, objectives])[rows]
-        order = np.argsort(-together[:, 0], kind="stable")
-        rows = rows[order]
-        self._arrays = Archive(
-            together[order],
-            np.concatenate([archive.hashes, hashes])[rows],
-            np.concatenate([archive.ids[stays], ids])[order],
-            *PlanBatch.concatenate([self._plans, batch]).take(rows).arrays,
-        )
-        self._next_id += len(newcomers)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import BoolArray, FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.core.compile import helper, inlined, kernel
 from botohe_moo.core.rng import hash_stretch
 
@@ -132,10 +132,49 @@ def _n_ties(
     return n
 
 
-def survivors_of(archived: FloatArray, newcomers: FloatArray) -> BoolArray:
-    """Return which plans of an archive no newcomer dominates; both are by descending E[R]."""
-    rank = np.searchsorted(-newcomers[:, 0], -archived[:, 0], side="right")
-    # Of the newcomers with as much reward or more the last one survives best.
-    rival = np.concatenate([[[np.inf, -np.inf]], newcomers])[rank]
-    stays: BoolArray = (rival[:, 1] < archived[:, 1]) | (rival == archived).all(axis=1)
-    return stays
+@kernel
+def merged(
+    archive: Archive, batch: Batch, hashes: SeedArray, newcomers: OffsetArray, first_id: int
+) -> Archive:
+    """Return an archive with newcomers of a batch, by descending E[R], less what they dominate."""
+    objectives, archived, n_old = batch.objectives, archive.objectives, archive.ids.shape[0]
+    room, n_robots = n_old + newcomers.shape[0], (batch.offsets.shape[0] - 1) // len(objectives)
+    into = Archive(
+        np.empty((room, 2)),
+        np.empty(room, np.uint64),
+        np.empty(room, np.int64),
+        np.empty(archive.nodes.shape[0] + batch.nodes.shape[0], np.int32),
+        np.zeros(room * n_robots + 1, np.int64),
+    )
+    n = old = new = 0
+    reward, survivors = np.inf, -np.inf  # of the last newcomer, which survives best so far
+    while old < n_old or new < newcomers.shape[0]:
+        plan = newcomers[min(new, newcomers.shape[0] - 1)]
+        if old == n_old or (new < newcomers.shape[0] and objectives[plan, 0] >= archived[old, 0]):
+            reward, survivors = objectives[plan, 0], objectives[plan, 1]
+            into.hashes[n], into.ids[n] = hashes[plan], first_id + new
+            _append(into, n, n_robots, batch, plan)
+            n, new = n + 1, new + 1
+            continue
+        is_same = survivors == archived[old, 1] and reward == archived[old, 0]
+        if survivors < archived[old, 1] or is_same:
+            into.hashes[n], into.ids[n] = archive.hashes[old], archive.ids[old]
+            _append(into, n, n_robots, archive, old)
+            n += 1
+        old += 1
+    offsets = into.offsets[: n * n_robots + 1]
+    nodes = into.nodes[: offsets[n * n_robots]]
+    return Archive(into.objectives[:n], into.hashes[:n], into.ids[:n], nodes, offsets)
+
+
+@inlined
+def _append(into: Archive, n: int, n_robots: int, plans: Batch | Archive, plan: int) -> None:
+    """Write objectives and trails of a plan behind ``n`` others."""
+    for k in range(2):
+        into.objectives[n, k] = plans.objectives[plan, k]
+    for robot in range(n_robots):
+        trail, place = plan * n_robots + robot, n * n_robots + robot
+        start, stop = plans.offsets[trail], plans.offsets[trail + 1]
+        into.offsets[place + 1] = into.offsets[place] + stop - start
+        for i in range(stop - start):
+            into.nodes[into.offsets[place] + i] = plans.nodes[start + i]

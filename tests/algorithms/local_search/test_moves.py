@@ -51,7 +51,7 @@ def test_each_alone_makes_children(found, name):
 
 @pytest.mark.compiled_only
 def test_moves_that_lead_nowhere_end_the_search():
-    for name in ("splice", "graft", "swap-loops", "reverse"):
+    for name in ("splice", "graft", "swap-loops"):
         search = started(load_mission("art_museum"), moves={name: 1.0}, prob_recreate=0.0)
         assert search.run(100_000) == 0  # there is only the trail that stays at base
         assert len(search) == 1
@@ -87,22 +87,6 @@ class TestByHand:
         # Loops: 1, 2 and 3; the order by which 3 comes first is the best, and is the parent.
         found = self.made(mission, (0, 3, 0, 2, 0, 1, 0), "swap-loops")
         assert found == {(0, 2, 0, 3, 0, 1, 0), (0, 3, 0, 1, 0, 2, 0)}
-
-    def test_reverse(self, mission):
-        found = self.made(mission, (0, 3, 0, 2, 1, 0), "reverse")
-        assert found == {
-            (0, 3, 0, 1, 2, 0),  # the loop of 2 and 1
-            (0, 1, 2, 0, 3, 0),  # all of it
-            (0, 2, 0, 3, 0, 1, 0),  # 3, base and 2
-            (0, 3, 0, 2, 0, 1, 0),  # base and 2
-        }
-
-    def test_one_way_segments_are_not_reversed(self):
-        graph = nx.DiGraph([(0, 1), (1, 2), (2, 0)])
-        nx.set_node_attributes(graph, 1.0, "reward")
-        nx.set_edge_attributes(graph, 0.9, "survival")
-        mission = Mission(graph, base=0, robots=1)
-        assert self.made(mission, (0, 1, 2, 0), "reverse") == set()
 
     def test_adopt(self, mission):
         start = [TrailPlan([[0, 3, 0], [0, 2, 0]])]

@@ -35,8 +35,8 @@ _FRONT_ROWS = 1024  # rows of the front at first
 # Portions of work, after which limits are checked: labels extended, nodes and arcs visited for
 # them, and choices of trails tried.
 _LABELS_A_PORTION, _LOOKS_A_PORTION, _CHOICES_A_PORTION = 1_000, 3_000_000, 500_000
-# Of the plans that the search begins with: weights, plans for each of them, and beams.
-_N_GUIDES, _MOST_GUIDES, _GUIDE_WIDTH, _GUIDE_LABELS = 11, 20, 20, 5_000
+# Of the plans that the search for teams begins with: how many weights, and how wide beams are.
+_N_GUIDES, _GUIDE_WIDTH = 11, 20
 # In shares of all reward and of all robots: a team has to be better by more than this to count.
 # Points of the front that differ by less than ``CHECKING`` are one.
 _SLACK = 0.1 * CHECKING
@@ -178,16 +178,9 @@ class FrontSearch:
         The search leaves out what they dominate.
         """
         mission, limits = self.mission, self.world.limits
-        planner = SequentialPlanner(
-            mission, self.world, beam_width=_GUIDE_WIDTH, max_labels=_GUIDE_LABELS
-        )
-        # On large missions they take long.
-        until = time.perf_counter() + self.time_limit / _N_GUIDES
-        found: list[TrailPlan] = []
-        for weight in (1.0, *np.linspace(0.0, 1.0, _N_GUIDES)[:-1].tolist()):
-            if time.perf_counter() < until:
-                found += planner.plans(weight, n_most=_MOST_GUIDES, until=until)
-        plans = list(dict.fromkeys(found))
+        planner = SequentialPlanner(mission, self.world, beam_width=_GUIDE_WIDTH)
+        weights = np.linspace(0.0, 1.0, _N_GUIDES).tolist()
+        plans = list(dict.fromkeys(plan for weight in weights for plan in planner.plans(weight)))
         values = new_values(len(plans), mission.robots)
         evaluate(self._without_base, *mission.batch(plans).arrays, True, values)
         keeps = (values.alive >= limits.floors) & (values.lengths <= limits.budgets)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from functools import cached_property, partial
 from itertools import pairwise, permutations
@@ -117,12 +116,10 @@ class SequentialPlanner:
         world: World | None = None,
         *,
         beam_width: int = BEAM_WIDTH,
-        max_labels: int = kernels.MAX_LABELS,
     ) -> None:
         self.mission = check_mission(mission)
         self.world = mission.world if world is None else world
         self.beam_width = beam_width
-        self.max_labels = max_labels
         self._home = mission.stay_home(self.world).trails
         self._near = new_near(self.world.graph.n_nodes, _N_NEAR)
         # What each node is worth as a share of the total reward, if nobody else reaches it.
@@ -141,27 +138,21 @@ class SequentialPlanner:
         """Plan the whole team, for a weight on reward."""
         return self._team(self._best_trails(weight))
 
-    def plans(
-        self, weight: float, *, n_most: int | None = None, until: float = math.inf
-    ) -> list[TrailPlan]:
+    def plans(self, weight: float) -> list[TrailPlan]:
         """Plan the whole team, and plans in which its last robots stay at base.
 
         The first plan is the team's, the next that of all robots but the last, and so on to the
-        first robot alone; none is returned twice. Of more than ``n_most``, some in between are
-        left out. Robots that are not planned at ``until`` (``time.perf_counter()``) stay at base.
+        first robot alone; none is returned twice.
         """
-        trails = self._best_trails(weight, until)
-        n_moving = np.arange(len(trails), 0, -1)
-        if n_most is not None and len(n_moving) > n_most:
-            n_moving = n_moving[np.linspace(0, len(n_moving) - 1, n_most).astype(int)]
-        return [self._team(trails[:n]) for n in n_moving.tolist() or [0]]
+        trails = self._best_trails(weight)
+        return [self._team(trails[:n]) for n in range(len(trails), 0, -1) or [0]]
 
     def _team(self, trails: Trails) -> TrailPlan:
         """Return the plan in which these robots take trails, and the others stay at base."""
         moving = dict(trails)
         return TrailPlan([moving.get(robot, home) for robot, home in enumerate(self._home)])
 
-    def _best_trails(self, weight: float, until: float = math.inf) -> Trails:
+    def _best_trails(self, weight: float) -> Trails:
         """Plan the trails of those robots that leave, one kind after another.
 
         Kinds are planned in the order, of a few, that gives the best plan.
@@ -169,7 +160,7 @@ class SequentialPlanner:
         weight = check_number("weight", weight, at_least=0, at_most=1)
         kinds = np.unique(self.world.team.first).tolist()  # the first robot of each
         orders = list(permutations(kinds)) if len(kinds) <= _ALL_ORDERS_UP_TO else [tuple(kinds)]
-        found = [self._trails(weight, order, until) for order in orders]
+        found = [self._trails(weight, order) for order in orders]
         return found[0] if len(found) == 1 else max(found, key=partial(self._value, weight))
 
     def _value(self, weight: float, trails: Trails) -> float:
@@ -178,17 +169,15 @@ class SequentialPlanner:
         reward, survivors = objectives[0] / (self.mission.total_reward or 1.0, self.mission.robots)
         return float(weight * reward + (1.0 - weight) * survivors)
 
-    def _trails(self, weight: float, order: Sequence[int], until: float) -> Trails:
+    def _trails(self, weight: float, order: Sequence[int]) -> Trails:
         """Plan the robots, kind by kind, each given by its first robot."""
         world, team = self.world, self.world.team
-        beam = kernels.new_beam(world, self.beam_width, self.max_labels)
+        beam = kernels.new_beam(world, self.beam_width)
         visits, unreached = new_visits(world.graph.n_nodes), _unreached(world)
         trails: Trails = []
         for first in order:
             stays = False
             for robot in range(first, int(team.stop[first])):
-                if time.perf_counter() > until:
-                    return trails
                 trail = self._home[robot]
                 if not stays:
                     found = self._trail(weight, robot, unreached, beam)

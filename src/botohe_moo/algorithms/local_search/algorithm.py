@@ -49,8 +49,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         ``shortcut``, ``visit``, ``visit-two``: cut out a segment, and reconnect by safest paths
         through no node, one, or two. ``splice``: go on along another plan's trail to its end.
         ``graft``: replace a segment by one of another plan's trail. ``adopt``: take over a whole
-        trail. ``swap-loops``: walk the loops at a node in another order. ``reverse``: walk a
-        segment in the other direction. Default: ``DEFAULT_MOVES``.
+        trail. ``swap-loops``: walk the loops at a node in another order. Default:
+        ``DEFAULT_MOVES``.
     prob_recreate
         How likely a parent is ruined and recreated instead, at least: stops of one robot or several
         are removed, and the nodes inserted that gain most for their danger. The n-th time that a

@@ -36,12 +36,12 @@ _P_MEET = 0.9
 
 
 @helper
-def _draw_segment(work: Workspace, n_short: int) -> None:
+def _draw_segment(work: Workspace) -> None:
     """Draw a segment of the trail to cut out: short, or of any length."""
     draft, states = work.draft, work.states
     low = below(states, draft.length + 1)
     if uniform(states, 0) < _P_SHORT:
-        high = min(draft.length, low + below(states, n_short + 1))
+        high = min(draft.length, low + below(states, _N_SHORT + 1))
     else:
         high = below(states, draft.length + 1)
     draft.prefix, draft.suffix = min(low, high), max(low, high)
@@ -54,7 +54,7 @@ def _visit(search: Search, n_visits: int) -> bool:
     Of two visits there may be more.
     """
     draft, states = search.work.draft, search.work.states
-    _draw_segment(search.work, _N_SHORT)
+    _draw_segment(search.work)
     while 1 < n_visits < state.MOST_GOALS and uniform(states, 0) < _P_MORE:
         n_visits += 1
     if n_visits > 0 and uniform(states, 0) < _P_STEP:
@@ -130,28 +130,6 @@ def _graft(search: Search, to_end: int) -> bool:
 
 
 @helper
-def _reverse(search: Search, _: int) -> bool:
-    """Draw a segment to walk in the other direction; a segment that is a loop stays one.
-
-    Croes, "A method for solving traveling-salesman problems", Operations Research 6(6), 1958.
-    """
-    work = search.work
-    draft, steps = work.draft, work.steps
-    _draw_segment(work, _N_SHORT + 2)
-    low, high = draft.prefix, draft.suffix
-    if high < low + 2:
-        return False
-    work.goals[0], draft.n_goals = steps[high - 1].node, 1
-    for i in range(high - 2, low, -1):
-        arc = search.world.graph.reverse[steps[i].arc]
-        if arc < 0:
-            return False
-        work.piece[high - 2 - i] = arc
-    draft.n_piece = high - 2 - low
-    return True
-
-
-@helper
 def _swap_loops(search: Search, _: int) -> bool:
     """Draw two loops, one after the other at a node, to swap: survival stays as it is."""
     work = search.work
@@ -199,7 +177,6 @@ MOVES = (
     Move("splice", 0.25, _graft, 1),
     Move("graft", 0.25, _graft),
     Move("swap-loops", 0.02, _swap_loops),
-    Move("reverse", 0.06, _reverse),
     Move("adopt", 0.1, _adopt),
 )
 N_MOVES = len(MOVES)
