@@ -17,7 +17,7 @@ from botohe_moo.core import evaluate as evaluate_module
 KERNELS = {
     "construct": (ant_kernels, "construct"),
     "evaluate": (evaluate_module, "evaluate"),
-    "sift": (archive_module, "sift"),
+    "insert": (archive_module, "insert"),
     "learn": (ant_kernels, "learn"),
 }
 

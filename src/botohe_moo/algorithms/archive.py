@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.core.archive import Archive, Batch, merged, new_archive, new_found, sift
+from botohe_moo.core.archive import Archive, Batch, insert, new_archive
 from botohe_moo.trails import PlanBatch
 
 
@@ -60,13 +60,8 @@ class PlanArchive:
 
     def _insert(self, batch: PlanBatch, objectives: FloatArray) -> tuple[OffsetArray, OffsetArray]:
         """Return the indices of the batch's own Pareto set, and of the plans that are inserted."""
-        new, archive = Batch(objectives, *batch.arrays), self._arrays
-        found = new_found(new)
-        n_members, n_new = sift(
-            new, self.n_robots, archive.objectives, archive.hashes, self.max_ties, found
-        )
-        members, newcomers = found.members[:n_members], found.newcomers[:n_new]
-        if n_new > 0:
-            self._arrays = merged(archive, new, found.hashes, newcomers, self._next_id)
-            self._next_id += n_new
+        new, order = Batch(objectives, *batch.arrays), np.lexsort(-objectives.T[::-1])
+        members, newcomers, merged = insert(self._arrays, new, order, self.max_ties, self._next_id)
+        if len(newcomers):
+            self._arrays, self._next_id = merged, self._next_id + len(newcomers)
         return members, newcomers

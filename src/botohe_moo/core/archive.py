@@ -48,133 +48,101 @@ def plan_hash(batch: Batch, n_robots: int, plan: int) -> np.uint64:
     return total
 
 
-class Found(NamedTuple):
-    """What there is in a batch; all arrays are as long as the batch."""
-
-    # Indices of its plans by descending E[R], then E[S]; ``sift`` leaves those of its Pareto set in
-    # front.
-    members: OffsetArray
-    newcomers: OffsetArray  # indices of those that the archive neither dominates nor holds
-    hashes: SeedArray  # of the members' trails
-
-
-def new_found(batch: Batch) -> Found:
-    """Return the plans of a batch by descending E[R], then E[S]; equal ones stay in order."""
-    n_plans, (rewards, survivors) = len(batch.objectives), batch.objectives.T
-    order = np.lexsort((-survivors, -rewards))
-    return Found(order, np.empty(n_plans, np.int64), np.empty(n_plans, np.uint64))
-
-
 @kernel
-def sift(
-    batch: Batch,
-    n_robots: int,
-    archived: FloatArray,
-    hashes: SeedArray,
-    max_ties: int,
-    found: Found,
-) -> tuple[int, int]:
-    """Find the Pareto set of a batch, each plan once, and what of it is new to an archive.
+def insert(
+    archive: Archive, batch: Batch, order: OffsetArray, max_ties: int, first_id: int
+) -> tuple[OffsetArray, OffsetArray, Archive]:
+    """Find the Pareto set of a batch, each plan once, and merge it with an archive.
 
-    The archive has the objectives ``archived``, by descending E[R], and the ``hashes``. Of plans
-    with equal objectives it takes up to ``max_ties``. Returns how many members and newcomers there
-    are.
+    ``order`` has the plans of the batch by descending E[R], then E[S], and is overwritten. Of plans
+    with equal objectives the archive takes up to ``max_ties``. Newcomers get numbers from
+    ``first_id`` on. Returns the indices of the Pareto set and of the newcomers, and the archive.
     """
-    objectives, members, newcomers = batch.objectives, found.members, found.newcomers
-    best, rank = -np.inf, 0
-    n = n_new = first = first_new = 0  # the first ones are those with the objectives of the last
-    for i in range(members.shape[0]):
-        plan = members[i]  # n ≤ i: what is overwritten is not needed any more
-        reward, survivors = objectives[plan, 0], objectives[plan, 1]
-        if survivors > best and reward > -np.inf:  # it is not if it is NaN
-            best, first, first_new = survivors, n, n_new
-        elif n == first or survivors != best or reward != objectives[members[first], 0]:
-            continue
-        own, same = plan_hash(batch, n_robots, plan), first
-        while same < n and found.hashes[members[same]] != own:
-            same += 1
-        if same < n:
-            continue
-        members[n], found.hashes[plan] = plan, own
-        n += 1
-        while rank < archived.shape[0] and archived[rank, 0] >= reward:
-            rank += 1
-        n_ties = _n_ties(archived, hashes, rank, reward, survivors, own)
-        if n_ties >= 0 and n_ties + n_new - first_new < max_ties:
-            newcomers[n_new] = plan
-            n_new += 1
-    return n, n_new
-
-
-@inlined
-def _n_ties(
-    archived: FloatArray,
-    hashes: SeedArray,
-    rank: int,
-    reward: float,
-    survivors: float,
-    own: np.uint64,
-) -> int:
-    """Return how many plans of an archive have the objectives of a new one, whose hash is ``own``.
-
-    ``rank`` plans have as much reward or more; the last of them survives best. The result is −1
-    where one of them dominates the new plan, or is the same.
-    """
-    n, last = 0, rank - 1
-    if last < 0 or archived[last, 1] < survivors:
-        return 0
-    if archived[last, 1] > survivors or archived[last, 0] > reward:
-        return -1
-    while n <= last and archived[last - n, 0] == reward:
-        if hashes[last - n] == own:
-            return -1
-        n += 1
-    return n
-
-
-@kernel
-def merged(
-    archive: Archive, batch: Batch, hashes: SeedArray, newcomers: OffsetArray, first_id: int
-) -> Archive:
-    """Return an archive with newcomers of a batch, by descending E[R], less what they dominate."""
-    objectives, archived, n_old = batch.objectives, archive.objectives, archive.ids.shape[0]
-    room, n_robots = n_old + newcomers.shape[0], (batch.offsets.shape[0] - 1) // len(objectives)
-    into = Archive(
+    n_robots = (batch.offsets.shape[0] - 1) // max(1, order.shape[0])
+    hashes, newcomers = np.empty(order.shape[0], np.uint64), np.empty(order.shape[0], np.int64)
+    members = order[: _find_members(batch, n_robots, order, hashes)]
+    n_members, n_old = members.shape[0], archive.ids.shape[0]
+    room, n_nodes = n_old + n_members, archive.nodes.shape[0] + batch.nodes.shape[0]
+    merged = Archive(
         np.empty((room, 2)),
         np.empty(room, np.uint64),
         np.empty(room, np.int64),
-        np.empty(archive.nodes.shape[0] + batch.nodes.shape[0], np.int32),
+        np.empty(n_nodes, np.int32),
         np.zeros(room * n_robots + 1, np.int64),
     )
-    n = old = new = 0
-    reward, survivors = np.inf, -np.inf  # of the last newcomer, which survives best so far
-    while old < n_old or new < newcomers.shape[0]:
-        plan = newcomers[min(new, newcomers.shape[0] - 1)]
-        if old == n_old or (new < newcomers.shape[0] and objectives[plan, 0] >= archived[old, 0]):
-            reward, survivors = objectives[plan, 0], objectives[plan, 1]
-            into.hashes[n], into.ids[n] = hashes[plan], first_id + new
-            _append(into, n, n_robots, batch, plan)
-            n, new = n + 1, new + 1
+    best = -np.inf
+    n = n_new = old = new = first = 0  # the first one is that with the objectives of the last
+    while old + new < room:
+        is_new = old == n_old
+        if old < n_old and new < n_members:
+            is_new = _is_before(batch.objectives[members[new]], archive.objectives[old])
+        row = members[new] if is_new else old
+        own = hashes[new] if is_new else archive.hashes[old]
+        new, old = new + is_new, old + (not is_new)
+        objectives = batch.objectives if is_new else archive.objectives
+        reward, survivors = objectives[row, 0], objectives[row, 1]
+        if survivors > best:
+            best, first = survivors, n
+        is_dominated = survivors < best or (first < n and reward < merged.objectives[first, 0])
+        is_known = is_new and _has(merged.hashes, first, n, own)
+        if is_dominated or is_known or (is_new and n - first >= max_ties):
             continue
-        is_same = survivors == archived[old, 1] and reward == archived[old, 0]
-        if survivors < archived[old, 1] or is_same:
-            into.hashes[n], into.ids[n] = archive.hashes[old], archive.ids[old]
-            _append(into, n, n_robots, archive, old)
-            n += 1
-        old += 1
-    offsets = into.offsets[: n * n_robots + 1]
-    nodes = into.nodes[: offsets[n * n_robots]]
-    return Archive(into.objectives[:n], into.hashes[:n], into.ids[:n], nodes, offsets)
+        merged.objectives[n, 0], merged.objectives[n, 1] = reward, survivors
+        merged.hashes[n], merged.ids[n] = own, first_id + n_new if is_new else archive.ids[row]
+        if is_new:
+            newcomers[n_new] = row
+            n_new += 1
+            _copy(batch.nodes, batch.offsets, row, merged, n, n_robots)
+        else:
+            _copy(archive.nodes, archive.offsets, row, merged, n, n_robots)
+        n += 1
+    offsets = merged.offsets[: n * n_robots + 1]
+    nodes = merged.nodes[: offsets[n * n_robots]]
+    kept = Archive(merged.objectives[:n], merged.hashes[:n], merged.ids[:n], nodes, offsets)
+    return members, newcomers[:n_new], kept
 
 
 @inlined
-def _append(into: Archive, n: int, n_robots: int, plans: Batch | Archive, plan: int) -> None:
-    """Write objectives and trails of a plan behind ``n`` others."""
-    for k in range(2):
-        into.objectives[n, k] = plans.objectives[plan, k]
+def _find_members(batch: Batch, n_robots: int, order: OffsetArray, hashes: SeedArray) -> int:
+    """Leave the Pareto set in front of ``order``, and write its hashes; return how many it has."""
+    best, n, first = -np.inf, 0, 0
+    for i in range(order.shape[0]):
+        plan = order[i]  # n ≤ i: what is overwritten is not needed any more
+        reward, survivors = batch.objectives[plan, 0], batch.objectives[plan, 1]
+        if survivors > best and reward > -np.inf:  # it is not if it is NaN
+            best, first = survivors, n
+        elif n == first or survivors != best or reward != batch.objectives[order[first], 0]:
+            continue
+        own = plan_hash(batch, n_robots, plan)
+        if not _has(hashes, first, n, own):
+            order[n], hashes[n] = plan, own
+            n += 1
+    return n
+
+
+@inlined
+def _is_before(objectives: FloatArray, other: FloatArray) -> bool:
+    """Return whether a plan has more reward than another, or as much and survives better."""
+    is_as_rich = objectives[0] == other[0]
+    return bool(objectives[0] > other[0] or (is_as_rich and objectives[1] > other[1]))
+
+
+@inlined
+def _has(hashes: SeedArray, first: int, stop: int, own: np.uint64) -> bool:
+    """Return whether a hash is among some others."""
+    while first < stop and hashes[first] != own:
+        first += 1
+    return first < stop
+
+
+@inlined
+def _copy(
+    nodes: IntArray, offsets: OffsetArray, plan: int, into: Archive, n: int, n_robots: int
+) -> None:
+    """Write a plan's trails behind ``n`` others."""
     for robot in range(n_robots):
         trail, place = plan * n_robots + robot, n * n_robots + robot
-        start, stop = plans.offsets[trail], plans.offsets[trail + 1]
-        into.offsets[place + 1] = into.offsets[place] + stop - start
-        for i in range(stop - start):
-            into.nodes[into.offsets[place] + i] = plans.nodes[start + i]
+        start, length = offsets[trail], offsets[trail + 1] - offsets[trail]
+        for i in range(length):
+            into.nodes[into.offsets[place] + i] = nodes[start + i]
+        into.offsets[place + 1] = into.offsets[place] + length

@@ -6,6 +6,7 @@ i-th one, (0, 0) where there is none. They draw from one state of random numbers
 the plans.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,13 +15,43 @@ from botohe_moo._base.types import IntArray, OffsetArray, SeedArray
 from botohe_moo.core.compile import helper, kernel, shared
 from botohe_moo.core.paths import Paths, leads_home, new_paths, safest_path, way_home
 from botohe_moo.core.rng import below, uniform
-from botohe_moo.core.trails import Trails, write_trails
 from botohe_moo.core.world import Graph, Team, World, find_arc, layer_of
 
 _N_PIECES = 3
 
 # The repairs.
 SAFEST_PATH, TRUNCATE = 0, 1
+
+
+class Trails(NamedTuple):
+    """Trail t is ``nodes[offsets[t]:offsets[t + 1]]``; a plan's trails follow one another."""
+
+    # Indices of nodes, 64-bit as everywhere in kernels. Behind the trails that a kernel has written
+    # there may be room for more.
+    nodes: OffsetArray
+    offsets: OffsetArray  # where each trail begins, and the end of the last one (n_trails + 1)
+
+
+def read_trails(nodes: IntArray, offsets: OffsetArray) -> Trails:
+    """Return trails as kernels take them."""
+    return Trails(nodes.astype(np.int64), offsets)
+
+
+def write_trails(
+    n_trails: int, n_nodes: int, write: Callable[[int, Trails], int]
+) -> tuple[IntArray, OffsetArray]:
+    """Let a kernel write trails whose lengths are not known before.
+
+    ``write`` takes the number of trails that are written already, and where to write. It writes on
+    while there is room, and returns the new number. At first there is room for ``n_nodes`` nodes,
+    at least 1; it is doubled until all trails are written.
+    """
+    nodes, offsets = np.empty(n_nodes, np.int64), np.zeros(n_trails + 1, np.int64)
+    n_done = write(0, Trails(nodes, offsets))
+    while n_done < n_trails:
+        nodes = np.concatenate([nodes, np.empty_like(nodes)])
+        n_done = write(n_done, Trails(nodes, offsets))
+    return nodes[: offsets[-1]].astype(np.int32), offsets
 
 
 def new_pieces(n_trails: int) -> OffsetArray:

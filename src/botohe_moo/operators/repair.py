@@ -11,10 +11,9 @@ from pymoo.core.repair import Repair
 
 from botohe_moo._base.types import ObjectArray, OffsetArray
 from botohe_moo.core.threads import in_spans
-from botohe_moo.core.trails import read_trails
 from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
-from botohe_moo.operators.kernels import SAFEST_PATH, TRUNCATE, repair
+from botohe_moo.operators.kernels import SAFEST_PATH, TRUNCATE, read_trails, repair
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch
 

@@ -13,10 +13,17 @@ from botohe_moo._base.types import ObjectArray, OffsetArray, Rng
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability
 from botohe_moo.core.rng import draw_state
-from botohe_moo.core.trails import read_trails
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import PlanError
-from botohe_moo.operators.kernels import join_pieces, new_pieces, ruin, share, splice, whole_trails
+from botohe_moo.operators.kernels import (
+    join_pieces,
+    new_pieces,
+    read_trails,
+    ruin,
+    share,
+    splice,
+    whole_trails,
+)
 from botohe_moo.operators.repair import PlanRepair, SafestPathRepair, check_part
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch

@@ -155,15 +155,24 @@ class PopulationAlgorithm(BudgetedAlgorithm):
             "prob_mutation": prob_mutation,
         }
         self._least_infeasible: Population | None = None
-        made = make_repair(repair)
+        if isinstance(repair, PlanRepair):
+            made = repair
+        else:
+            made = make_operator("repair", repair, PlanRepair)
         made.n_threads = self.n_threads = n_threads
-        crossover = make_crossover(
-            crossover, prob=prob_crossover, repair=made, n_offsprings=self._n_children
-        )
+        if not isinstance(crossover, Crossover):
+            n, prob = self._n_children, prob_crossover
+            pairs = make_parts("crossover", crossover, prob=prob, repair=made, n_offsprings=n)
+            none = TrailSplice(prob=0.0, n_offsprings=n)
+            crossover = MixedCrossover(pairs, prob=prob) if pairs else none
+        if not isinstance(mutation, Mutation):
+            what, prob = "mutation", prob_mutation
+            parts = make_parts(what, mutation, needed=what, prob=prob, repair=made)
+            mutation = MixedMutation(parts, prob=prob)
         operators = {
             "sampling": make_sampling(sampling, corners=corners),
             "crossover": crossover,
-            "mutation": make_mutation(mutation, prob=prob_mutation, repair=made),
+            "mutation": mutation,
         }
         # Copies: the survivals that pymoo's signatures hold remember the fronts of other runs.
         defaults = {
@@ -285,21 +294,19 @@ def even_weights(n: int) -> FloatArray:
     return np.column_stack([weights, 1 - weights])
 
 
-def _weights(kind: str, given: Any, *, needed: str = "") -> dict[str, float]:
-    """Return the weights above 0 of operators, given one name or a mapping from names."""
-    if isinstance(given, str):
-        return {given: 1.0}
-    weights = check_weights(kind, given, given, needed=needed)
+def make_parts(
+    kind: str, given: Any, wanted: type | None = None, *, needed: str = "", **offered: Any
+) -> dict[Any, float]:
+    """Make operators of one name, or of a mapping from names to weights; return their weights.
+
+    Those of weight 0 are left out. ``offered`` are parameters that they may take.
+    """
+    weights = {given: 1.0} if isinstance(given, str) else given
+    weights = check_weights(kind, weights, weights, needed=needed)
     for name in weights:  # also of weight 0
         find_operator(kind, name)
-    return {name: weight for name, weight in weights.items() if weight}
-
-
-def make_repair(given: str | PlanRepair) -> PlanRepair:
-    """Make a repair: ``safest-path``, ``truncate``, ``penalty`` or that of another package."""
-    if isinstance(given, PlanRepair):
-        return given
-    return make_operator("repair", given, PlanRepair)  # type: ignore[no-any-return]
+    named = {name: weight for name, weight in weights.items() if weight}
+    return {make_operator(kind, k, wanted or KINDS[kind], **offered): w for k, w in named.items()}
 
 
 def make_sampling(given: Named | Sampling | Any, *, corners: bool = True) -> Sampling:
@@ -313,38 +320,10 @@ def make_sampling(given: Named | Sampling | Any, *, corners: bool = True) -> Sam
     if not isinstance(given, str | Mapping):
         rest = samplings.GuidedTrailSampling()
         return samplings.GivenSampling(given, samplings.CornerSampling(rest) if corners else rest)
-    weights = _weights("sampling", given, needed="sampling")
-    wanted = samplings.PlanSampling if len(weights) > 1 else Sampling  # pymoo's only by itself
-    parts = {make_operator("sampling", name, wanted): w for name, w in weights.items()}
+    is_one = isinstance(given, str) or len([weight for weight in given.values() if weight]) == 1
+    wanted = Sampling if is_one else samplings.PlanSampling  # pymoo's only by itself
+    parts = make_parts("sampling", given, wanted, needed="sampling")
     if not all(isinstance(part, samplings.PlanSampling) for part in parts):
         return next(iter(parts))
     sampling = samplings.MixedSampling(parts)
     return samplings.CornerSampling(sampling) if corners else sampling
-
-
-def make_crossover(
-    given: Named | Crossover, *, prob: float, repair: PlanRepair, n_offsprings: int = 2
-) -> Crossover:
-    """Make a crossover of ``splice`` and others; return a pymoo crossover as it is.
-
-    Without any weight above 0, no pair is crossed.
-    """
-    if isinstance(given, Crossover):
-        return given
-    if not (weights := _weights("crossover", given)):
-        return TrailSplice(prob=0.0, n_offsprings=n_offsprings)
-    offered = {"repair": repair, "n_offsprings": n_offsprings}
-    return MixedCrossover(_parts("crossover", weights, prob=prob, **offered), prob=prob)
-
-
-def make_mutation(given: Named | Mutation, *, prob: float, repair: PlanRepair) -> Mutation:
-    """Make a mutation of ``ruin``, ``share`` and others; return a pymoo one as it is."""
-    if isinstance(given, Mutation):
-        return given
-    weights = _weights("mutation", given, needed="mutation")
-    return MixedMutation(_parts("mutation", weights, prob=prob, repair=repair), prob=prob)
-
-
-def _parts(kind: str, weights: Mapping[str, float], **offered: Any) -> dict[Any, float]:
-    """Make operators of names with weights."""
-    return {make_operator(kind, k, KINDS[kind], **offered): w for k, w in weights.items()}
