@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.core.archive import Archive, Batch, insert, new_archive
+from botohe_moo.core.archive import Archive, Batch, first_plans, insert, new_archive
 from botohe_moo.trails import PlanBatch
 
 
@@ -19,7 +19,7 @@ class PlanArchive:
     def __init__(self, n_robots: int, *, max_ties: int = 1_000) -> None:
         self.n_robots = n_robots
         self.max_ties = max_ties
-        self._arrays = new_archive()
+        self._arrays = new_archive(0, 0, n_robots)
         self._next_id = 0
 
     def __len__(self) -> int:
@@ -48,7 +48,7 @@ class PlanArchive:
 
     @property
     def version(self) -> int:
-        """The number of plans that were ever inserted: it changes whenever the archive does."""
+        """A number that grows whenever the archive changes: more than any of the plans' ids."""
         return self._next_id
 
     def insert(self, batch: PlanBatch, objectives: FloatArray) -> OffsetArray:
@@ -56,12 +56,10 @@ class PlanArchive:
 
         Returns the indices of the batch's own Pareto set.
         """
-        return self._insert(batch, objectives)[0]
-
-    def _insert(self, batch: PlanBatch, objectives: FloatArray) -> tuple[OffsetArray, OffsetArray]:
-        """Return the indices of the batch's own Pareto set, and of the plans that are inserted."""
-        new, order = Batch(objectives, *batch.arrays), np.lexsort(-objectives.T[::-1])
-        members, newcomers, merged = insert(self._arrays, new, order, self.max_ties, self._next_id)
-        if len(newcomers):
-            self._arrays, self._next_id = merged, self._next_id + len(newcomers)
-        return members, newcomers
+        old, new, n_robots = self._arrays, Batch(objectives, *batch.arrays), self.n_robots
+        order, hashes = np.lexsort(-objectives.T[::-1]), np.empty(len(batch), np.uint64)
+        room = new_archive(len(self) + len(batch), len(old.nodes) + len(new.nodes), n_robots)
+        n_members, n, n_new = insert(old, new, order, hashes, self.max_ties, self.version, room)
+        if n_new:
+            self._arrays, self._next_id = first_plans(room, n, n_robots), self.version + len(batch)
+        return order[:n_members]

@@ -43,11 +43,10 @@ class PopulationArchive(PlanArchive):
         ``individuals`` are the same plans as pymoo's individuals, if there are any; ``population``
         then returns these.
         """
-        first = self.version
-        members, inserted = self._insert(batch, objectives)
+        first, members = self.version, super().insert(batch, objectives)
         if individuals is not None:
-            for number, i in enumerate(inserted.tolist(), start=first):
-                self._individuals[number] = individuals[i]
+            ids = self.arrays.ids
+            self._individuals |= {i: individuals[i - first] for i in ids[ids >= first].tolist()}
         return members
 
     def add(self, infills: Population) -> Self:  # noqa: ARG002

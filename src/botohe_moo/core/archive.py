@@ -33,10 +33,22 @@ class Archive(NamedTuple):
     offsets: OffsetArray
 
 
-def new_archive() -> Archive:
-    """Return an archive without plans."""
-    ids, offsets = np.empty(0, np.int64), np.zeros(1, np.int64)
-    return Archive(np.empty((0, 2)), np.empty(0, np.uint64), ids, np.empty(0, np.int32), offsets)
+def new_archive(n_plans: int, n_nodes: int, n_robots: int) -> Archive:
+    """Return room for an archive whose trails have some number of nodes in all."""
+    return Archive(
+        np.empty((n_plans, 2)),
+        np.empty(n_plans, np.uint64),
+        np.empty(n_plans, np.int64),
+        np.empty(n_nodes, np.int32),
+        np.zeros(n_plans * n_robots + 1, np.int64),
+    )
+
+
+def first_plans(archive: Archive, n: int, n_robots: int) -> Archive:
+    """Return the first ``n`` plans of an archive."""
+    offsets = archive.offsets[: n * n_robots + 1]
+    nodes = archive.nodes[: offsets[-1]]
+    return Archive(archive.objectives[:n], archive.hashes[:n], archive.ids[:n], nodes, offsets)
 
 
 @helper
@@ -50,33 +62,32 @@ def plan_hash(batch: Batch, n_robots: int, plan: int) -> np.uint64:
 
 @kernel
 def insert(
-    archive: Archive, batch: Batch, order: OffsetArray, max_ties: int, first_id: int
-) -> tuple[OffsetArray, OffsetArray, Archive]:
-    """Find the Pareto set of a batch, each plan once, and merge it with an archive.
+    archive: Archive,
+    batch: Batch,
+    order: OffsetArray,
+    hashes: SeedArray,
+    max_ties: int,
+    first_id: int,
+    merged: Archive,
+) -> tuple[int, int, int]:
+    """Merge an archive and the Pareto set of a batch, each plan once, into another archive.
 
-    ``order`` has the plans of the batch by descending E[R], then E[S], and is overwritten. Of plans
-    with equal objectives the archive takes up to ``max_ties``. Newcomers get numbers from
-    ``first_id`` on. Returns the indices of the Pareto set and of the newcomers, and the archive.
+    ``order`` has the plans of the batch by descending E[R], then E[S]; it begins with the indices
+    of the Pareto set afterwards, and ``hashes`` with their hashes. Of plans with equal objectives
+    up to ``max_ties`` stay. Newcomers' ids are ``first_id`` and their indices. ``merged`` has room
+    for all.
+
+    Returns how many plans there are in the Pareto set and in the archive, and how many are new.
     """
     n_robots = (batch.offsets.shape[0] - 1) // max(1, order.shape[0])
-    hashes, newcomers = np.empty(order.shape[0], np.uint64), np.empty(order.shape[0], np.int64)
-    members = order[: _find_members(batch, n_robots, order, hashes)]
-    n_members, n_old = members.shape[0], archive.ids.shape[0]
-    room, n_nodes = n_old + n_members, archive.nodes.shape[0] + batch.nodes.shape[0]
-    merged = Archive(
-        np.empty((room, 2)),
-        np.empty(room, np.uint64),
-        np.empty(room, np.int64),
-        np.empty(n_nodes, np.int32),
-        np.zeros(room * n_robots + 1, np.int64),
-    )
+    n_members, n_old = _find_members(batch, n_robots, order, hashes), archive.ids.shape[0]
     best = -np.inf
     n = n_new = old = new = first = 0  # the first one is that with the objectives of the last
-    while old + new < room:
+    while old + new < n_old + n_members:
         is_new = old == n_old
         if old < n_old and new < n_members:
-            is_new = _is_before(batch.objectives[members[new]], archive.objectives[old])
-        row = members[new] if is_new else old
+            is_new = _is_before(batch.objectives, order[new], archive.objectives, old)
+        row = order[new] if is_new else old
         own = hashes[new] if is_new else archive.hashes[old]
         new, old = new + is_new, old + (not is_new)
         objectives = batch.objectives if is_new else archive.objectives
@@ -88,18 +99,14 @@ def insert(
         if is_dominated or is_known or (is_new and n - first >= max_ties):
             continue
         merged.objectives[n, 0], merged.objectives[n, 1] = reward, survivors
-        merged.hashes[n], merged.ids[n] = own, first_id + n_new if is_new else archive.ids[row]
+        merged.hashes[n], merged.ids[n] = own, first_id + row if is_new else archive.ids[row]
         if is_new:
-            newcomers[n_new] = row
             n_new += 1
             _copy(batch.nodes, batch.offsets, row, merged, n, n_robots)
         else:
             _copy(archive.nodes, archive.offsets, row, merged, n, n_robots)
         n += 1
-    offsets = merged.offsets[: n * n_robots + 1]
-    nodes = merged.nodes[: offsets[n * n_robots]]
-    kept = Archive(merged.objectives[:n], merged.hashes[:n], merged.ids[:n], nodes, offsets)
-    return members, newcomers[:n_new], kept
+    return n_members, n, n_new
 
 
 @inlined
@@ -121,10 +128,10 @@ def _find_members(batch: Batch, n_robots: int, order: OffsetArray, hashes: SeedA
 
 
 @inlined
-def _is_before(objectives: FloatArray, other: FloatArray) -> bool:
+def _is_before(plans: FloatArray, one: int, others: FloatArray, other: int) -> bool:
     """Return whether a plan has more reward than another, or as much and survives better."""
-    is_as_rich = objectives[0] == other[0]
-    return bool(objectives[0] > other[0] or (is_as_rich and objectives[1] > other[1]))
+    difference = plans[one, 0] - others[other, 0]
+    return bool(difference > 0.0 or (difference == 0.0 and plans[one, 1] > others[other, 1]))
 
 
 @inlined
