@@ -137,7 +137,7 @@ class BOTOHE(Problem):
         plans
             As for :meth:`Mission.evaluate`.
         """
-        mission, (floors, budgets, _) = self.mission, self.limits
+        mission, floors, budgets = self.mission, self.limits.floors, self.limits.budgets
         alive, lengths = mission.robot_survival(plans), mission.trail_lengths(plans)
         for broken, values, limits, kept in (
             (alive < floors, alive, floors, "a survival of at least"),

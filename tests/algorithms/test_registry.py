@@ -19,7 +19,7 @@ from botohe_moo.algorithms.registry import (
 from botohe_moo.study.file.origin import algorithm_identity, algorithm_origin
 from tests.plugins.packages import entries, write_package
 
-# Parameters of BO-ACO and their defaults: section 6 of the design.
+# Parameters of BO-ACO and their defaults.
 BO_ACO = {
     "n_ants": 100,
     "evaporation": 0.04,

@@ -81,8 +81,7 @@ def insert(
     """
     n_robots = (batch.offsets.shape[0] - 1) // max(1, order.shape[0])
     n_members, n_old = _find_members(batch, n_robots, order, hashes), archive.ids.shape[0]
-    best = -np.inf
-    n = n_new = old = new = first = 0  # the first one is that with the objectives of the last
+    best, n, n_new, old, new, first = -np.inf, 0, 0, 0, 0, 0  # first with the last's objectives
     while old + new < n_old + n_members:
         is_new = old == n_old
         if old < n_old and new < n_members:

@@ -12,7 +12,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.core.compile import helper, kernel, shared
-from botohe_moo.core.world import Graph, Shortest, World
+from botohe_moo.core.world import Graph, Shortest, World, keeps
 
 ANYWHERE = -1  # instead of a node
 ALL_FREE = -2  # a trail that has used no arc
@@ -282,8 +282,7 @@ def _keeps(world: World, paths: Paths, n: int, robot: int, alive: float, length:
     for i in range(n):
         alive *= world.graph.survival[paths.path[i]]
         length += world.graph.length[paths.path[i]]
-    is_safe = alive >= world.limits.floors[robot]
-    return bool(is_safe and length <= world.limits.budgets[robot])
+    return keeps(world.limits, robot, alive, length)
 
 
 @helper

@@ -93,7 +93,7 @@ class Limits(NamedTuple):
 
     floors: FloatArray  # survival floors: the least product of survivals; 0 sets none (n_robots)
     budgets: FloatArray  # travel budgets: the largest sum of lengths; inf sets none (n_robots)
-    has_budgets: bool  # whether there is any travel budget
+    has_budgets: bool  # whether there is any travel budget: kernels ask
 
     @property
     def bind(self) -> bool:
@@ -294,6 +294,12 @@ def find_arc(graph: Graph, tail: int, head: int) -> int:
         if graph.head[arc] == head:
             return arc
     return -1
+
+
+@inlined
+def keeps(limits: Limits, robot: int, alive: float, length: float) -> bool:
+    """Return whether a trail of some survival and length keeps a robot's limits."""
+    return bool(alive >= limits.floors[robot] and length <= limits.budgets[robot])
 
 
 @inlined

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Kind, Mission, load_mission
-from botohe_moo.algorithms.bo_aco.kernels import LEAST, Depositors, Pheromone, learn
+from botohe_moo.algorithms.bo_aco.kernels import LEAST, Depositors, LearnRule, Pheromone, learn
 
 N_ROBOTS = 2
 WORLD = load_mission("complete", nodes=4, robots=N_ROBOTS).world
@@ -85,11 +85,10 @@ def test_learn(batch, chosen, archived, n_maps, evaporation, pooled, seed):
     learn(
         WORLD.graph,
         len(WORLD.team.reward),
+        LearnRule(evaporation, pooled),
         iteration,
         archive,
         True,
-        evaporation,
-        pooled,
         pheromone,
     )
     for (m, arc), levels_expected in expected.items():
@@ -102,7 +101,7 @@ def test_what_the_archive_deposits_is_kept_as_long_as_it_is_the_same():
     archive = depositors([((2.0, 1.0), [[0], [0]])])
     pheromone = new_pheromone(levels.copy())
     for is_new in (True, False, False):
-        learn(*OF_WORLD, nobody, archive, is_new, 0.0, False, pheromone)
+        learn(*OF_WORLD, LearnRule(0.0, False), nobody, archive, is_new, pheromone)
         archive = archive._replace(objectives=np.full((1, 2), 9.0))
     assert np.array_equal(pheromone.levels[0, :-1], levels[0, :-1])
     assert pheromone.levels[0, -1] == pytest.approx(levels[0, -1] + 3 * 2 * np.array([2.0, 1.0]))
@@ -115,7 +114,8 @@ def test_each_kind_has_a_loop_where_its_trails_end():
     # Behind the drone's three nodes come the rovers'.
     plan = depositors([((2.0, 5.0), [[0, 2, 1], [3, 5, 3], [3]])])
     levels = np.ones((1, world.graph.n_arcs + 2, 2))
-    learn(world.graph, len(world.team.reward), plan, plan, True, 0.0, True, new_pheromone(levels))
+    rule, pheromone = LearnRule(0.0, True), new_pheromone(levels)
+    learn(world.graph, len(world.team.reward), rule, plan, plan, True, pheromone)
     arcs = zip(world.graph.tail.tolist(), world.graph.head.tolist(), strict=True)
     arcs = [*arcs, "drone", "rover"]
     deposits = dict(zip(arcs, (levels[0] - 1).tolist(), strict=True))
@@ -130,6 +130,6 @@ def test_pheromone_never_vanishes():
     plans = depositors([((1.0, 1.0), [[0], [0]])])
     pheromone = new_pheromone(np.full((1, N_ARCS, 2), 1e-249))
     for _ in range(10_000):
-        learn(*OF_WORLD, plans, plans, True, 0.5, False, pheromone)
+        learn(*OF_WORLD, LearnRule(0.5, False), plans, plans, True, pheromone)
     assert (pheromone.levels[0, :-1] == LEAST).all()
     assert (pheromone.levels[0, -1] > 1).all()

@@ -17,7 +17,7 @@ from botohe_moo.core.paths import Paths, new_paths, safest_path
 from botohe_moo.core.rng import below, draw_weighted, uniform
 from botohe_moo.core.trails import sort_trails
 from botohe_moo.core.walk import Visits, new_visits, walk
-from botohe_moo.core.world import Graph, World, find_arc, layer_of
+from botohe_moo.core.world import Graph, World, find_arc, keeps, layer_of
 
 Number = TypeVar("Number", float, FloatArray)
 
@@ -317,12 +317,12 @@ def _copy(plan: Plan, into: Plan, first: int, stop: int) -> None:
 @helper
 def _walk(world: World, state: AnnealState, robot: int) -> bool:
     """Walk a robot's trail in the plan that is tried; return whether it keeps the limits."""
-    plan, limits, lists, last = state.tried, world.limits, state.visits, state.last[robot]
+    plan, lists, last = state.tried, state.visits, state.last[robot]
     trail = plan.items[plan.starts[robot] + 1 : plan.stops[robot]]
     visits = Visits(lists.node[last], lists.chance[last], lists.seen, lists.n_walks)
     n, alive, length = walk(world, world.returns, trail, trail.shape[0], robot, visits)
     state.n_visits[last], state.alive[last] = n, alive
-    return bool(alive >= limits.floors[robot] and length <= limits.budgets[robot])
+    return keeps(world.limits, robot, alive, length)
 
 
 @inlined

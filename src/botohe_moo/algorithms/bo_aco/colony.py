@@ -156,9 +156,9 @@ class Colony:
         ``learn`` is called only when ants build again, so that a first front need not compile it.
         """
         if self._to_learn is not None:
-            rule = self.settings.evaporation, self.settings.pooled_deposit
+            rule = kernels.LearnRule(self.settings.evaporation, self.settings.pooled_deposit)
             graph, n_nodes = self._world.graph, len(self._world.team.reward)
-            kernels.learn(graph, n_nodes, *self._to_learn, *rule, self._pheromone)
+            kernels.learn(graph, n_nodes, rule, *self._to_learn, self._pheromone)
             self._to_learn = None
 
     def __getstate__(self) -> dict[str, Any]:

@@ -62,6 +62,15 @@ class Pheromone(NamedTuple):
     archive_deposits: FloatArray  # and those of the global Pareto set
 
 
+class LearnRule(NamedTuple):
+    """How pheromone changes after an iteration."""
+
+    evaporation: float  # the share that evaporates, in [0, 1)
+    # Whether the deposits of the iteration's and of the global Pareto set are divided by the number
+    # of plans in both; otherwise each is divided by the number in its own set.
+    pooled: bool
+
+
 class Depositors(NamedTuple):
     """Plans that deposit pheromone."""
 
@@ -457,17 +466,14 @@ def _deposit(graph: Graph, n_nodes: int, plans: Depositors, amounts: FloatArray)
 def learn(
     graph: Graph,
     n_nodes: int,
+    rule: LearnRule,
     iteration: Depositors,
     archive: Depositors,
     is_new: bool,
-    evaporation: float,
-    pooled: bool,
     pheromone: Pheromone,
 ) -> None:
     """Evaporate pheromone, and deposit that of the iteration's and of the global Pareto set.
 
-    The share ``evaporation``, in [0, 1), evaporates. The deposits of both sets are divided by the
-    number of plans in both if they are ``pooled``, otherwise each by the number in its own set.
     What the archive deposits is summed up again only if the archive ``is_new``. ``n_nodes`` is the
     number of nodes in the mission.
     """
@@ -475,13 +481,13 @@ def learn(
     _deposit(graph, n_nodes, iteration, pheromone.deposits)
     if is_new:
         _deposit(graph, n_nodes, archive, pheromone.archive_deposits)
-    n, n_archived = iteration.members.shape[0], archive.members.shape[0]
-    if pooled:
+    stays, n, n_archived = 1.0 - rule.evaporation, len(iteration.members), len(archive.members)
+    if rule.pooled:
         n = n_archived = n + n_archived
     deposits, archived = pheromone.deposits, pheromone.archive_deposits
     for m in range(levels.shape[0]):
         for arc in range(levels.shape[1]):
             for k in range(2):
-                kept = (1.0 - evaporation) * levels[m, arc, k] + deposits[m, arc, k] / max(1, n)
+                kept = stays * levels[m, arc, k] + deposits[m, arc, k] / max(1, n)
                 level = kept + archived[m, arc, k] / max(1, n_archived)
                 levels[m, arc, k] = max(level, LEAST)

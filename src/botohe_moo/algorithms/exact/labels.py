@@ -43,7 +43,7 @@ from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArr
 from botohe_moo.core.compile import helper, inlined, kernel, shared
 from botohe_moo.core.paths import ANYWHERE, Paths, new_paths, search_paths
 from botohe_moo.core.rng import hash_keys
-from botohe_moo.core.world import CHECKING, Shortest, World
+from botohe_moo.core.world import CHECKING, Shortest, World, keeps
 
 SHELF = 32  # trails that are skipped together where none can be as good
 _PLACES = 2**18  # for chains of labels: a power of two
@@ -241,7 +241,7 @@ def _extend(search: LabelSearch, parent: int, arc: int) -> None:
     if _is_dominated(search):
         return
     if is_fresh or (node == base and world.ways.shortest is not None):
-        if home >= floor and _go_home(search) <= world.limits.budgets[0]:
+        if keeps(world.limits, 0, home, _go_home(search)):
             _add_trail(search, parent, arc, search.column, home)
         _look_ahead(search)  # the way home has been written over the prospects
     if survives <= 0.0 or survives < floor * (1.0 - CHECKING):

@@ -1,8 +1,11 @@
 """Moves of the Pareto local search: each cuts a trail somewhere and reconnects it.
 
-A move is a function of the search that chooses a prefix and a suffix of the trail, nodes to visit
-between them, and a piece of arcs to take after these, or a stored trail to take instead; it returns
-whether it found any. ``MOVES`` declares all moves: adding one there is all that it takes.
+A move is a function of the search that returns whether it found a child. It reads the trail that
+changes (``work.steps``), the numbers of all trails of the parent (``work.parent``) and the store.
+In ``work.draft`` it writes up to which position the trail is kept (``prefix``) and from which on
+(``suffix``); between both, ``n_steps`` random arcs, ``n_goals`` nodes to visit (``work.goals``) and
+``n_piece`` arcs (``work.piece``), joined by safest paths; or a stored trail to take instead
+(``adopted``). ``MOVES`` declares all moves.
 """
 
 from collections.abc import Callable

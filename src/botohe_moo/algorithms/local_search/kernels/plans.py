@@ -26,6 +26,7 @@ from botohe_moo.core.world import (
     aboard_at,
     aboard_of,
     credit_of,
+    keeps,
     layer_of,
 )
 
@@ -234,9 +235,9 @@ def add_trail(search: Search, robot: int, length: int) -> int:
     keep the robot's limits.
     """
     world, store, work = search.world, search.store, search.work
-    n, visits, limits = store.n, work.visits, world.limits
+    n, visits = store.n, work.visits
     n_visits, alive, walked = walk(world, world.returns, work.child, length, robot, visits)
-    if alive < limits.floors[robot] or walked > limits.budgets[robot]:
+    if not keeps(world.limits, robot, alive, walked):
         return state.NOT_STORED
     n.spare -= 1
     trail = store.spare[n.spare]
