@@ -23,11 +23,13 @@ from botohe_moo._base.cpus import n_cpus
 
 HERE = Path(__file__).parents[1]
 COLD = (  # missions, evaluations and algorithms
-    ("toy", 100, "pareto-local-search"),
     ("art_museum", 100, "pareto-local-search"),
-    ("art_museum", 100_000, "pareto-local-search"),
-    ("toy", 100, "bo-aco"),
-    ("toy", 100, "nsga2"),
+    ("art_museum", 1_000_000, "pareto-local-search"),
+    ("power_plant", 100, "pareto-local-search"),
+    ("terrain_200", 100, "pareto-local-search"),
+    ("art_museum", 100, "bo-aco"),
+    ("art_museum", 1_000_000, "bo-aco"),
+    ("art_museum", 100, "nsga2"),
     ("toy", 100, "exact"),
 )
 CORES = tuple(n for n in (1, 2) if n <= n_cpus())

@@ -375,7 +375,7 @@ def test_lines_where_there_is_no_terminal(capfd):
     assert [words for words, _ in itertools.groupby(shown)] == [
         "starting",
         "half of it",
-        "compiling for this machine, once: about 10 s, longer if it is busy.",
+        "compiling for this machine, once.",
         "compiling",
         "half of it",
     ]

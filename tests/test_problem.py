@@ -368,3 +368,8 @@ class TestSurvivalFloor:
         result = minimize(problem, make_algorithm("nsga2", pop_size=20), ("n_eval", 200), seed=1)
         assert (-result.F[:, 0] >= 3.0).all()
         assert result.G.tolist() == (3.0 + result.F[:, :1]).tolist()
+
+
+def test_operators_of_pymoo_are_refused_with_what_to_take_instead(toy):
+    with pytest.raises(TypeError, match=r"got numbers.*make_algorithm\('nsga2'\) has sampling"):
+        minimize(BOTOHE(toy), NSGA2(pop_size=10), ("n_gen", 1), seed=1)

@@ -184,6 +184,12 @@ class BOTOHE(Problem):
         return other
 
     def _evaluate(self, x: ObjectArray, out: dict[str, Any], *_: Any, **__: Any) -> None:
+        if np.issubdtype(np.asarray(x).dtype, np.number):
+            raise TypeError(
+                f"Expected trail plans to evaluate {self.name()}, got numbers, as pymoo's own "
+                "operators make. make_algorithm('nsga2') has sampling, crossover and mutation for "
+                "trail plans; make_algorithm('module:Class') wires any class of pymoo's."
+            )
         batch = self.mission.batch(x)
         F, G = self.evaluate_batch(batch), self.constrain_batch(batch)
         if not overrides(self, "_evaluate"):

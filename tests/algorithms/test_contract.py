@@ -29,6 +29,7 @@ from botohe_moo import (
     load_mission,
     make_algorithm,
 )
+from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.exact.front import exact_front
 from botohe_moo.algorithms.registry import algorithm_parameters
 from tests.examples import examples
@@ -306,3 +307,19 @@ def test_options_and_problems_are_checked():
             make_algorithm(name).setup(get_problem("zdt1"), termination=("n_eval", 10))
         with pytest.raises(ValueError, match="Expected a budget of at least 1 evaluation, got 0"):
             make_algorithm(name).setup(BOTOHE(load_mission("toy")), termination=("n_eval", 0))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_ask_and_tell_work_or_are_refused(name):
+    problem, algorithm = BOTOHE(load_mission("toy")), small(name)
+    algorithm.setup(problem, termination=("n_eval", 60), seed=1)
+    if isinstance(algorithm, ArchiveAlgorithm):
+        with pytest.raises(TypeError, match=r"evaluates its own plans: call next\(\), not ask"):
+            algorithm.ask()
+        return
+    while algorithm.has_next():
+        plans = algorithm.ask()
+        algorithm.evaluator.eval(problem, plans)
+        algorithm.tell(infills=plans)
+    assert algorithm.evaluator.n_eval == 60
+    assert len(algorithm.archive) > 0

@@ -161,36 +161,43 @@ class TestMachineCodeOnDisk:
         return loaded
 
     def test_it_is_that_of_the_present_source(self, loaded, tmp_path):
-        first = loaded(1)
-        assert not is_kept(first)
+        first, signature = loaded(1), (numba.int64,)
+        assert not is_kept(first, signature)
         assert first(2) == 3
-        assert is_kept(first)
+        assert is_kept(first, signature)
+        assert not is_kept(first, (numba.float64,))
         again = loaded(1)
-        assert is_kept(again)
+        assert is_kept(again, signature)
         assert again(2) == 3
         assert sum(again.stats.cache_hits.values()) == 1
         files = {*(tmp_path / "__pycache__").glob("*.nb?")}
         changed = loaded(5)
-        assert not is_kept(changed)
+        assert not is_kept(changed, signature)
         assert changed(2) == 7
         others = {*(tmp_path / "__pycache__").glob("*.nb?")}
         assert len(others) == len(files) == 2
         assert not others & files  # that of other sources is of no use
 
     @pytest.mark.parametrize("kind", ["nbi", "nbc"])
-    @pytest.mark.parametrize("content", [b"", b"no code"])
+    @pytest.mark.parametrize("content", [b"", b"no code", "cut off"])
     def test_where_it_is_damaged_it_is_made_again(self, loaded, tmp_path, kind, content):
         assert loaded(1)(2) == 3
         [path] = (tmp_path / "__pycache__").glob(f"*.{kind}")
-        path.write_bytes(content)
+        whole = path.read_bytes()
+        path.write_bytes(whole[: len(whole) // 2] if content == "cut off" else content)
         assert loaded(1)(2) == 3
         again = loaded(1)
         assert again(2) == 3
         assert sum(again.stats.cache_hits.values()) == 1
 
-    def test_where_none_could_be_there_is_nothing_to_wait_for(self):
-        assert is_kept(numba.njit(lambda: 1))
-        assert is_kept(lambda: 1)  # what numba makes of it with NUMBA_DISABLE_JIT
+    def test_where_it_is_still_being_written_it_is_not_there(self, loaded, tmp_path):
+        assert loaded(1)(2) == 3
+        [path] = (tmp_path / "__pycache__").glob("*.nbc")  # which numba writes after the index
+        path.unlink()
+        assert not is_kept(loaded(1), (numba.int64,))
+
+    def test_where_none_could_be_there_is_none(self):
+        assert not is_kept(numba.njit(lambda: 1), ())
 
 
 def test_sources_of_a_kernel_are_all_that_it_is_compiled_from():

@@ -22,6 +22,7 @@ from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import check_keywords, checked
 from botohe_moo._plugins.types import SameResult
 from botohe_moo.algorithms.individuals import PopulationArchive
+from botohe_moo.core.ready import begin_run, remaining
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE, FrontOutput, overrides
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
@@ -70,11 +71,18 @@ class BudgetedAlgorithm(Algorithm):
             )
         if self.termination is None and kwargs.get("termination") is None:
             kwargs["termination"] = ("n_eval", 100_000)
+        begin_run()
         super().setup(problem, **kwargs)
         if budget(self.termination) < 1:
             found = f"{budget(self.termination):g}"
             raise ValueError(f"Expected a budget of at least 1 evaluation, got {found}.")
         return self
+
+    def next(self) -> None:
+        """Run one iteration, as pymoo's loop does."""
+        spent = self.evaluator.n_eval
+        with remaining(self.n_left / spent if spent else 1.0):
+            super().next()
 
     @property
     def n_left(self) -> int:
@@ -204,6 +212,10 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
             return None
         self.finalize()
         return self.result()
+
+    def ask(self) -> Population | None:
+        """Refuse, by a TypeError, to hand out plans: the algorithm evaluates them itself."""
+        raise TypeError(f"{type(self).__name__} evaluates its own plans: call next(), not ask().")
 
     def _initialize_advance(self, **_: Any) -> None:
         if self.sampling:

@@ -21,6 +21,7 @@ from botohe_moo.bounds.plain import check_boundable, relaxed_to_plain
 from botohe_moo.bounds.proof import Proof
 from botohe_moo.bounds.schedule import Schedule
 from botohe_moo.bounds.turns import Turns
+from botohe_moo.core.ready import kernels
 from botohe_moo.indicators import check_objectives
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission, check_mission
@@ -33,6 +34,7 @@ MOST_ROBOTS = 5_000
 _SMALL, _LARGER, _GAP, _LOOSE_LENGTH = "toy", "power_plant", 0.5, 1e9
 
 
+@kernels("compiled")
 @checked
 def bound_front(
     mission: Mission,

@@ -258,10 +258,6 @@ def _search_and_write(
         tell(f"{problem.mission.title}: {brief(problem.mission, problem.max_length)}\n")
         try:
             with showing_search(how["evaluations"]) as progress:
-                if how["record"]["algorithm"] == "pareto-local-search":
-                    from botohe_moo.algorithms.local_search.ahead import compile_ahead
-
-                    compile_ahead(problem.mission, problem.world)
                 solution = search(
                     problem, algorithm, progress=progress, stop=stop, started=_STARTED, **how
                 )

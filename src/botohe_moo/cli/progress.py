@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from botohe_moo.study.planning import Plan
     from botohe_moo.study.run.task import Outcome, Record
 
-_COMPILING = "compiling for this machine, once: about 10 s, longer if it is busy"
+_COMPILING = "compiling for this machine, once"
 _SECONDS_BETWEEN_LINES = 6.0
 _SECONDS_BETWEEN_UPDATES = 0.5  # computing the area takes a while on large fronts
 

@@ -56,10 +56,14 @@ def kernel(function: Function) -> Function:
     return made
 
 
-def is_kept(kernel: Any) -> bool:
-    """Return whether machine code of a kernel is on disk, or none could be."""
-    cache: Any = getattr(kernel, "_cache", None)
-    return not isinstance(cache, _KernelCache) or cache.is_kept()
+def can_keep(kernel: Any) -> bool:
+    """Return whether machine code of a kernel can be on disk, for other processes to load."""
+    return isinstance(kernel._cache, _KernelCache) and kernel.py_func.__module__ != "__main__"
+
+
+def is_kept(kernel: Any, signature: tuple[Any, ...]) -> bool:
+    """Return whether machine code of a kernel for arguments of some types is on disk."""
+    return can_keep(kernel) and kernel._cache.is_kept(signature, kernel.targetctx.codegen())
 
 
 class _KernelCache(FunctionCache):
@@ -89,9 +93,13 @@ class _KernelCache(FunctionCache):
             if not path.name.startswith(self._stem()):
                 path.unlink(missing_ok=True)
 
-    def is_kept(self) -> bool:
-        """Return whether there are files of the present sources."""
-        return Path(self._cache_path, f"{self._stem()}.nbi").exists()
+    def is_kept(self, signature: Any, codegen: Any) -> bool:
+        """Return whether there is machine code of the present sources for a signature."""
+        with suppress(Exception):  # whatever damaged files may cause
+            self._name_files()
+            name = self._cache_file._load_index()[self._index_key(signature, codegen)]
+            return Path(self._cache_path, name).exists()  # it is written after the index
+        return False
 
     def _stem(self) -> str:
         return f"{self._impl.filename_base}-{_digest(_sources(self._py_func.__module__))}"

@@ -17,6 +17,7 @@ import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.core.compile import helper, inlined
+from botohe_moo.core.ready import expect_other_types
 
 # Relative tolerances. Searches plan with limits that are loosened by ``PLANNING``, and plans are
 # checked with ``CHECKING``: rounding never makes a plan that a search has found infeasible.
@@ -269,6 +270,7 @@ def cheapest_ways(graph: Graph, end: OffsetArray) -> tuple[OffsetArray, FloatArr
 
 def read_only(world: World) -> World:
     """Make all arrays of a world read-only, and return it."""
+    expect_other_types()
     for part in (*world, world.ways.shortest):
         for array in part or ():
             if isinstance(array, np.ndarray):

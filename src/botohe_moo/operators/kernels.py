@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import IntArray, OffsetArray, SeedArray
-from botohe_moo.core.compile import helper, kernel, shared
+from botohe_moo.core.compile import helper, shared
 from botohe_moo.core.paths import Paths, leads_home, new_paths, safest_path, way_home
+from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import below, uniform
 from botohe_moo.core.world import Graph, Team, World, find_arc, layer_of
 
@@ -140,7 +141,7 @@ def _continue_as(
     pieces[draft, 1, 0], pieces[draft, 1, 1] = onward, stop
 
 
-@kernel
+@at_once(lambda trails, *_: 5e-6 * len(trails.nodes))
 def splice(
     trails: Trails, team: Team, counts: OffsetArray, states: SeedArray, pieces: OffsetArray
 ) -> None:
@@ -171,7 +172,7 @@ def splice(
         _continue_as(pieces, other_child + t - others, offsets[t], q, p, offsets[s + 1])
 
 
-@kernel
+@at_once(lambda trails, *_: 5e-6 * len(trails.nodes))
 def ruin(trails: Trails, team: Team, states: SeedArray, via: IntArray, pieces: OffsetArray) -> None:
     """Cut a random segment out of one trail of each plan, and visit drawn nodes instead.
 
@@ -197,7 +198,7 @@ def ruin(trails: Trails, team: Team, states: SeedArray, via: IntArray, pieces: O
         pieces[trail, 2, 0], pieces[trail, 2, 1] = high, stop
 
 
-@kernel
+@at_once(lambda trails, *_: 5e-6 * len(trails.nodes))
 def share(
     trails: Trails,
     team: Team,
@@ -355,7 +356,7 @@ def _count_changes(
     return changes
 
 
-@kernel
+@at_once(lambda _world, _how, _scratch, drafts, *_: 1e-4 * len(drafts.nodes))
 def _repair(
     world: World,
     how: int,

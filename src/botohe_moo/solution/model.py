@@ -74,8 +74,8 @@ class Solution:
     interrupted
         Whether the search was stopped before its budget was spent.
     startup_seconds, startup_evaluations
-        The part of both until the first iteration was done. On a new machine it includes the time
-        to compile kernels, and from the command line that to import libraries.
+        The part of both until the first iteration was done. From the command line it includes the
+        time to import libraries, and for a large mission on a new machine that to compile kernels.
     moves
         What each move of a local search brought: children ``tried``, and plans that ``entered`` the
         front. Empty for other algorithms.

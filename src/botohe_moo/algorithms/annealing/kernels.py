@@ -11,9 +11,10 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.core.archive import Batch
-from botohe_moo.core.compile import helper, inlined, kernel, shared
+from botohe_moo.core.compile import helper, inlined, shared
 from botohe_moo.core.evaluate import Reached, begin_plan, combine, expected_reward, new_reached
 from botohe_moo.core.paths import Paths, new_paths, safest_path
+from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import below, draw_weighted, uniform
 from botohe_moo.core.trails import sort_trails
 from botohe_moo.core.walk import Visits, new_visits, walk
@@ -180,7 +181,7 @@ def _draw_positions(
     if move == DETOUR:
         first = below(states, n + 1)
         room = n + 1 - first
-        return first, first + min(room, int((room + 1) ** uniform(states, 0))) - 1
+        return first, first + min(room, int(math.pow(room + 1, uniform(states, 0)))) - 1
     if move == INSERT:
         first = below(states, n + 1)
         return first, min(first + 1, n)
@@ -414,7 +415,7 @@ def _record(graph: Graph, records: Batch, n: int, plan: Plan) -> None:
     records.objectives[n, 0], records.objectives[n, 1] = plan.objectives[0], plan.objectives[1]
 
 
-@kernel
+@at_once(lambda world, _rule, _state, _records, n: 1e-4 * n * (10 + world.n_robots))
 def anneal(world: World, rule: AnnealRule, state: AnnealState, records: Batch, n_steps: int) -> int:
     """Anneal one plan for a number of steps, each of which evaluates one plan.
 

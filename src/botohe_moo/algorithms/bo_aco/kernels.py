@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.core.compile import helper, inlined, kernel, shared
+from botohe_moo.core.compile import helper, inlined, shared
 from botohe_moo.core.paths import Paths, leads_home, way_within
+from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import uniform
 from botohe_moo.core.world import (
     AT_NEXT_DEPOT,
@@ -418,7 +419,7 @@ def _build_plan(world: World, build: Build, scratch: Scratch, ant: int) -> None:
         robot = robot + 1 if robot + 1 < n_robots else 0
 
 
-@kernel
+@at_once(lambda world, _, begin, end: 7e-6 * (end - begin) * world.n_robots * world.graph.n_arcs)
 def construct(world: World, build: Build, begin: int, end: int) -> tuple[IntArray, OffsetArray]:
     """Build the plans of the ants ``begin`` to ``end``; return their nodes and offsets, ragged.
 
@@ -462,7 +463,7 @@ def _deposit(graph: Graph, n_nodes: int, plans: Depositors, amounts: FloatArray)
                 amounts[which, arc, 1] += plans.objectives[plan, 1]
 
 
-@kernel
+@at_once(lambda *given: 3e-6 * (len(given[3].nodes) + len(given[4].nodes)))
 def learn(
     graph: Graph,
     n_nodes: int,

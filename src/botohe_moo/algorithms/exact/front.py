@@ -21,6 +21,7 @@ from botohe_moo.algorithms.exact.trails import TrailSearch, without_base_reward
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.core.evaluate import evaluate, new_values
 from botohe_moo.core.ordered import best_reward, grow_front, insert, new_front, read_front
+from botohe_moo.core.ready import kernels
 from botohe_moo.core.world import CHECKING, World
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission, check_mission
@@ -156,6 +157,7 @@ class FrontSearch:
         self._choices: teams.Choices | None = None
         self._spent = 0.0
 
+    @kernels("compiled")
     def advance(self) -> None:
         """Do a portion of the work; raise a TooLargeError as :func:`exact_front` does."""
         _compile_kernels(self.world.limits.has_budgets)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArray
-from botohe_moo.core.compile import helper, inlined, kernel, shared
+from botohe_moo.core.compile import helper, inlined, shared
 from botohe_moo.core.paths import (
     Near,
     Paths,
@@ -20,6 +20,7 @@ from botohe_moo.core.paths import (
     way_along,
     way_within,
 )
+from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import hash_keys, mixed
 from botohe_moo.core.world import CHECKING, Shortest, World
 
@@ -106,7 +107,7 @@ def new_beam(world: World, width: int, max_labels: int = MAX_LABELS) -> Beam:
     )
 
 
-@kernel
+@at_once(lambda world, near, rule, _: 7e-6 * rule.width * world.graph.n_arcs * near.nodes.shape[1])
 def best_trail(world: World, near: Near, rule: BeamRule, beam: Beam) -> tuple[int, float, bool]:
     """Find a closed trail of the greatest value for one robot; write its arcs to ``beam.trail``.
 
@@ -193,17 +194,17 @@ def _stand_at(beam: Beam, rule: BeamRule, label: int) -> None:
     while before != label:
         if before > label:
             at = labels[before]
+            node, before = at.node, at.parent
             used[at.arc] -= rule.trail
-            visits[at.node] -= 1
-            if visits[at.node] == 0:
-                ahead[at.node] = rule.worth[at.node]
-            before = at.parent
+            visits[node] -= 1
+            if visits[node] == 0:
+                ahead[node] = rule.worth[node]
         else:
             at = labels[label]
+            node, label = at.node, at.parent
             used[at.arc] += rule.trail
-            visits[at.node] += 1
-            ahead[at.node] = 0.0
-            label = at.parent
+            visits[node] += 1
+            ahead[node] = 0.0
 
 
 @helper
@@ -222,29 +223,31 @@ def _expand(
         n_most += graph.first[labels[parent].node + 1] - graph.first[labels[parent].node]
     size = _empty_table(table, n_most)
     for parent in range(low, high):
-        label = labels[parent]
+        label, tail = labels[parent], labels[parent].node
+        before, way, gained, unseen = label.alive, label.length, label.value, label.left
         _stand_at(beam, rule, parent)
-        for arc in range(graph.first[label.node], graph.first[label.node + 1]):
+        for arc in range(graph.first[tail], graph.first[tail + 1]):
             if used[arc] == rule.trail:
                 continue
             node, child = graph.head[arc], children[n]
+            alive, length = before * graph.survival[arc], way + graph.length[arc]
             fresh = ahead[node]
+            value, left = gained + alive * fresh, unseen - fresh
+            stay = rule.survival_weight * alive * home[node]
+            if value + alive * left + stay <= _enough(best):
+                continue
+            if _is_too_far(world, world.ways.shortest, robot, node, length):
+                continue
+            if alive * home[node] < world.limits.floors[robot]:
+                continue
             child.parent, child.arc, child.node = parent, arc, node
-            child.alive = label.alive * graph.survival[arc]
-            child.length = label.length + graph.length[arc]
-            child.value = label.value + child.alive * fresh
-            child.left = label.left - fresh
-            stay = rule.survival_weight * child.alive * home[node]
-            if child.value + child.alive * child.left + stay <= _enough(best):
-                continue
-            if _breaks_limits(world, world.ways.shortest, robot, child):
-                continue
+            child.alive, child.length, child.value, child.left = alive, length, value, left
             child.used = label.used ^ keys[arc]
             child.seen = label.seen ^ keys[node] if fresh > 0.0 else label.seen
             child.key = mixed(child.used + np.uint64(node))
             slot = _find(beam, size, child.key)
             known = table[slot]
-            if known >= 0 and children[known].value >= child.value:
+            if known >= 0 and children[known].value >= value:
                 continue
             used[arc], ahead[node] = rule.trail, 0.0
             _judge(world, near, rule, beam, child, stay)
@@ -268,15 +271,8 @@ def _expand(
 @inlined
 def _enough(best: Any) -> float:
     """Return what is surely better than the best trail known: smaller gains would be rounding."""
-    return float(best.value + CHECKING * best.value)
-
-
-@inlined
-def _breaks_limits(world: World, shortest: Shortest | None, robot: int, child: Any) -> bool:
-    """Return whether a label breaks limits even if it goes home and every arc is free."""
-    if _is_too_far(world, shortest, robot, child.node, child.length):
-        return True
-    return bool(child.alive * world.ways.home[child.node] < world.limits.floors[robot])
+    value = best.value
+    return float(value + CHECKING * value)
 
 
 @inlined
@@ -297,7 +293,8 @@ def _judge(world: World, near: Near, rule: BeamRule, beam: Beam, child: Any, sta
     nodes bring beyond the danger of going home by them. Near nodes that are too far from home for
     the travel budget do not count.
     """
-    node, home, (n_nodes, n_near) = child.node, world.ways.home, near.nodes.shape
+    node, length, alive, home = child.node, child.length, child.alive, world.ways.home
+    n_nodes, n_near = near.nodes.shape
     if n_near > 0 and near.nodes[node, 0] < 0:
         search_near(world.graph, beam.paths, beam.used, near, node)
     most = promise = nearby = 0.0
@@ -305,7 +302,7 @@ def _judge(world: World, near: Near, rule: BeamRule, beam: Beam, child: Any, sta
         there, reach = near.nodes[node, i], near.reach[node, i]
         worth = beam.ahead[there]
         nearby += worth
-        if _is_too_far(world, world.ways.shortest, rule.robot, there, child.length):
+        if _is_too_far(world, world.ways.shortest, rule.robot, there, length):
             continue
         brings = reach * worth
         danger = rule.survival_weight * (home[node] - reach * home[there])
@@ -313,8 +310,9 @@ def _judge(world: World, near: Near, rule: BeamRule, beam: Beam, child: Any, sta
         promise += max(0.0, brings - danger)
     if n_near < n_nodes - 1:
         most += max(0.0, child.left - nearby) * near.reach[node, n_near - 1]
-    child.bound = child.value + child.alive * most + stay
-    child.rank = child.value + stay + FORESIGHT * child.alive * promise
+    value = child.value + stay
+    child.bound = child.value + alive * most + stay
+    child.rank = value + FORESIGHT * alive * promise
 
 
 @helper

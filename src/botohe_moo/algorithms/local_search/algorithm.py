@@ -28,6 +28,8 @@ _WIDE_UP_TO = 20_000  # nodes times robots
 
 _FIRST_GENERATION = 100
 
+_SOON = 1_000  # evaluations: with more, the search is worth compiling
+
 
 class ParetoLocalSearch(ArchiveAlgorithm):
     """Pareto local search: plans of the front, changed in one trail, back into the front.
@@ -156,6 +158,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         mission = problem.mission
         if self.sampling:
             mission.evaluate(self.sampling)  # names what is wrong with plans from elsewhere
+        if self.n_left > _SOON:
+            self._search.first.prepare()
         plans = [*self.sampling, mission.stay_home(problem.world)]
         if self.greedy_start and not mission.has_returns and len(plans) < self.n_left:
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO

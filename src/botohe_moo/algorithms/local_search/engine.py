@@ -22,6 +22,7 @@ from botohe_moo.algorithms.local_search.kernels.routes import FULL_UP_TO, Routes
 from botohe_moo.algorithms.local_search.kernels.search import improve, trim
 from botohe_moo.algorithms.local_search.kernels.state import Given, Search, TrailStore
 from botohe_moo.core import ordered
+from botohe_moo.core.ready import prepare, settle
 from botohe_moo.core.rng import draw_state
 from botohe_moo.core.threads import apart
 from botohe_moo.core.world import World
@@ -130,7 +131,6 @@ class LocalSearch:
         kept = self._memory, self._waiting, self._states, self._tallies, self._front, self._store
         kept = apart(kept)
         self._memory, self._waiting, self._states, self._tallies, self._front, self._store = kept
-        self._compiled: set[Any] = set()  # kernels that have been called, and so compiled
         self._work = state.new_workspace(
             self.costs.priced,
             memory=self._memory[0],
@@ -235,15 +235,18 @@ class LocalSearch:
 
     def _timed(self, kernel: Any, *arguments: Any) -> int:
         """Call a kernel, and divide its time, but for compiling it, among the moves."""
-        if kernel not in self._compiled:
-            nothing = (self._nothing, 0, 0) if kernel is improve else (0,)
-            kernel(self.parts, *nothing)
-            self._compiled.add(kernel)
-        before, started = self._tallies["ticks"].copy(), time.perf_counter()
-        found: int = kernel(self.parts, *arguments)
+        before, parts = self._tallies["ticks"].copy(), self.parts
+        settle(kernel, parts, *arguments)
+        started = time.perf_counter()
+        found: int = kernel(parts, *arguments)
+        seconds = time.perf_counter() - started
         ticks = self._tallies["ticks"] - before
-        self._seconds += (time.perf_counter() - started) * ticks / max(1, ticks.sum())
+        self._seconds += seconds * ticks / max(1, ticks.sum())
         return found
+
+    def prepare(self) -> None:
+        """Let another process begin to compile the search, before there are any plans."""
+        prepare(improve, self.parts, self._nothing, 0, 0)
 
     @property
     def move_counts(self) -> dict[str, dict[str, int]]:
@@ -338,7 +341,7 @@ class LocalSearch:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        return {k: value for k, value in vars(self).items() if k not in ("_compiled", "_work")}
+        return {k: value for k, value in vars(self).items() if k != "_work"}
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
         self.__dict__.update(kept)

@@ -18,6 +18,7 @@ from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.genetic.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
+from botohe_moo.core.ready import kernels
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
@@ -91,6 +92,7 @@ class Recorder:
         self.recording_seconds += time.perf_counter() - began
 
 
+@kernels("compiled")
 def perform(
     run: Run, send: Callable[[Record], None], progress: Callable[[], Any] | None = None
 ) -> Outcome:

@@ -8,16 +8,19 @@ ruin and recreate principle", Journal of Computational Physics 159(2), 2000. A w
 plans that are a little worse, less and less so: Dueck and Scheuer, "Threshold accepting", Journal
 of Computational Physics 90(1), 1990.
 
-It is a kernel of its own, so that runs which end before any plan is ruined do not compile it.
+It is a kernel of its own, which short runs need not compile.
 """
+
+import math
 
 import numpy as np
 
 from botohe_moo.algorithms.local_search.kernels import plans, state
 from botohe_moo.algorithms.local_search.kernels.children import connect_child, write_child
 from botohe_moo.algorithms.local_search.kernels.state import Search, Workspace
-from botohe_moo.core.compile import helper, kernel, shared, ticks
+from botohe_moo.core.compile import helper, shared, ticks
 from botohe_moo.core.ordered import nearest_place, slope_at
+from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import below, uniform
 
 NONE = -1  # instead of a leg or a node
@@ -25,8 +28,8 @@ NONE = -1  # instead of a leg or a node
 # then the node's last insertion cost is a lower bound.
 UNKNOWN = -1
 
-# Smaller costs count as this much, since worth is divided by them.
-_LEAST_COST = 1e-300
+# Smaller costs count as this much, since worth is divided by them; and smaller survivals.
+_LEAST_COST = _LEAST_SURVIVAL = 1e-300
 
 # Costs differ by up to this at random, so that chance decides between legs into which a node may be
 # inserted at the same cost. If it were always the first, fronts would be worse (10 000 evaluations
@@ -51,7 +54,7 @@ P_PAIR = 0.7
 P_WALK, N_WALK, THRESHOLD = 0.08, 8, 0.05
 
 
-@kernel
+@at_once(lambda search, n: 3e-6 * min(n, 128) * search.world.graph.n_nodes**2)
 def recreate(search: Search, n_most: int) -> int:
     """Ruin and recreate plans that wait for it, and those that enter the front meanwhile.
 
@@ -218,10 +221,10 @@ def _draw_slack(search: Search, which: int) -> None:
     graph, limits, store, work = search.world.graph, search.world.limits, search.store, search.work
     slack, states, robot = work.slacks[which], work.states, work.chosen[which]
     trail = store.trails[work.parent[robot]]
-    slack.danger, slack.length = -np.log(trail.alive), np.inf
+    slack.danger, slack.length = -math.log(max(trail.alive, _LEAST_SURVIVAL)), np.inf
     if trail.n_arcs == 0:  # the robot may leave the base, with a survival of 1 / e or more
         slack.danger = uniform(states, 0)
-    slack.danger *= np.exp(SPREAD * (2.0 * uniform(states, 0) - 1.0))
+    slack.danger *= math.exp(SPREAD * (2.0 * uniform(states, 0) - 1.0))
     is_full = uniform(states, 0) < P_FULL
     longest, least = limits.budgets[robot], limits.floors[robot]
     if longest < np.inf:
@@ -234,7 +237,7 @@ def _draw_slack(search: Search, which: int) -> None:
             # By a finite factor, so that a danger of 0 stays 0.
             slack.danger *= min(longest / max(length, _LEAST_COST), 1.0 / _LEAST_COST)
     if least > 0.0:
-        most = -np.log(least)
+        most = -math.log(least)
         slack.danger = most if is_full else min(slack.danger, most)
 
 
@@ -280,7 +283,7 @@ def _set_leg(search: Search, number: int, before: int, after: int) -> None:
     if routes.prices_length:
         leg.length = routes.leaving_length[before, after]
         leg.danger -= routes.per_length[before] * leg.length
-    leg.survival = np.exp(-leg.danger)
+    leg.survival = math.exp(-leg.danger)
     leg.cost += SHUFFLED * uniform(search.work.states, 0)
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
-from botohe_moo.core.compile import helper, kernel, shared
+from botohe_moo.core.compile import helper, shared
 from botohe_moo.core.paths import (
     ANYWHERE,
     Near,
@@ -20,6 +20,7 @@ from botohe_moo.core.paths import (
     search_near,
     search_paths,
 )
+from botohe_moo.core.ready import at_once
 from botohe_moo.core.world import Graph, World
 
 FULL_UP_TO = 1_000
@@ -85,7 +86,7 @@ def find_routes(world: World, per_length: FloatArray) -> Routes:
     )
 
 
-@kernel
+@at_once(lambda graph, *_: 1e-5 * graph.n_nodes * graph.n_arcs)
 def _search_all(
     graph: Graph,
     paths: Paths,

@@ -9,7 +9,8 @@ from botohe_moo.algorithms.local_search.kernels import children, plans, state
 from botohe_moo.algorithms.local_search.kernels.moves import draw_trail, make_child
 from botohe_moo.algorithms.local_search.kernels.state import Given, Search
 from botohe_moo.core import ordered
-from botohe_moo.core.compile import helper, kernel, shared, ticks
+from botohe_moo.core.compile import helper, shared, ticks
+from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import below, draw_weighted, uniform
 from botohe_moo.core.world import find_arc
 
@@ -24,7 +25,7 @@ P_END, _P_SAFE_END = 0.1, 0.4
 P_OTHER = 0.5
 
 
-@kernel
+@at_once(lambda search, given, _, n: 2e-5 * (n * (150 + search.world.n_robots) + len(given.nodes)))
 def improve(search: Search, given: Given, begin: int, n_evaluations: int) -> int:
     """Insert the given plans, which are valid, from one on into the front, and search from there.
 
@@ -58,7 +59,7 @@ def improve(search: Search, given: Given, begin: int, n_evaluations: int) -> int
     return n
 
 
-@kernel
+@at_once(lambda search, n: 2e-6 * search.front.n.plans * (search.front.n.plans - n))
 def trim(search: Search, n_most: int) -> None:
     """Remove the plan of the front that contributes the least area until ``n_most`` are left.
 

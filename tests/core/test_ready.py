@@ -1,0 +1,208 @@
+"""Kernels that run as plain Python until they are compiled, here or by another process."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from botohe_moo.core import ready
+from botohe_moo.core.ready import at_once, expect_other_types, kernels, prepare, remaining
+
+pytestmark = pytest.mark.compiled_only
+
+
+@pytest.fixture
+def elsewhere(monkeypatch):
+    """No other process, as if none had been started; tasks that one is given."""
+    tasks = []
+
+    class Process:
+        running = True
+
+        def poll(self):
+            return None if self.running else 0
+
+        def wait(self):
+            self.running = False
+
+    def started(task):
+        tasks.append(task)
+        return Process()
+
+    monkeypatch.setattr(ready, "_elsewhere", ready._Elsewhere())
+    monkeypatch.setattr(ready, "_start", started)
+    monkeypatch.setattr(ready, "n_cpus", lambda: 2)
+    monkeypatch.setattr(ready, "can_keep", lambda _: True)
+    monkeypatch.setattr(ready, "is_kept", lambda *_: False)
+    return tasks
+
+
+def simple(seconds):
+    """A kernel that doubles; plain Python is said to take so many seconds for a call."""
+
+    @at_once(lambda _: seconds)
+    def double(x):
+        return 2 * x
+
+    return double
+
+
+def is_compiled(double):
+    return len(double.compiled.overloads) > 0
+
+
+class TestRule:
+    def test_short_calls_of_short_runs_are_interpreted(self, elsewhere):
+        double = simple(0.001)
+        assert [double(i) for i in range(5)] == [0, 2, 4, 6, 8]
+        assert not is_compiled(double)
+        assert elsewhere == []
+
+    def test_a_long_call_is_compiled_at_once(self, elsewhere):
+        double = simple(100.0)
+        assert double(3) == 6
+        assert is_compiled(double)
+        assert elsewhere == []
+
+    def test_a_long_call_waits_for_a_process_that_has_begun(self, elsewhere):
+        double = simple(100.0)
+        prepare(double, 3)
+        [(path, _)] = elsewhere
+        assert path == f"{__name__}:simple.<locals>.double"
+        assert double(3) == 6
+        assert ready._elsewhere._process.poll() is not None
+        assert is_compiled(double)  # here, since that one has left nothing
+
+    def test_with_one_processor_it_is_compiled_here(self, elsewhere, monkeypatch):
+        monkeypatch.setattr(ready, "n_cpus", lambda: 1)
+        double = simple(0.001)
+        double._run, double._spent = ready._Run.number, 1.0
+        with remaining(1_000.0):
+            assert double(3) == 6
+        assert is_compiled(double)
+        assert elsewhere == []
+
+    def test_python_goes_on_while_the_other_process_compiles(self, elsewhere, monkeypatch):
+        double, other = simple(0.001), simple(0.001)
+        monkeypatch.setattr(double, "_spent", 1.0)
+        monkeypatch.setattr(other, "_spent", 1.0)
+        for each in (double, other):
+            each._run = ready._Run.number
+        with remaining(1_000.0):
+            assert [double(1), double(2)] == [2, 4]
+            assert not is_compiled(double)
+            assert other(0.5) == 1.0
+        assert is_compiled(other)  # the other process has no time for it
+        assert len(elsewhere) == 1
+        ready._elsewhere.wait_for(double)
+        with remaining(1_000.0):
+            assert double(3) == 6
+        assert is_compiled(double)  # that one has failed
+        assert len(elsewhere) == 1
+
+    def test_what_the_rest_of_the_run_would_take_decides(self, elsewhere):
+        double = simple(0.001)
+        double._run, double._spent = ready._Run.number, 1.0
+        with remaining(2.0):
+            double(1)
+        assert elsewhere == []
+        with remaining(1_000.0):
+            double(1)
+        assert len(elsewhere) == 1
+
+    def test_it_begins_to_be_compiled_before_it_is_called(self, elsewhere):
+        double = simple(0.001)
+        prepare(double, 1)
+        assert len(elsewhere) == 1
+        prepare(double, 1)
+        prepare(simple(0.001), 1)
+        assert len(elsewhere) == 1  # one at a time
+        assert double(1) == 2
+        assert not is_compiled(double)
+
+    def test_modes(self, elsewhere):
+        double = simple(100.0)
+        with kernels("interpreted"):
+            double(1)
+            assert not is_compiled(double)
+        double = simple(0.0)
+        with kernels("compiled"):
+            double(1)
+            prepare(simple(0.0), 1)
+        assert is_compiled(double)
+        assert elsewhere == []
+
+    def test_other_types_are_another_matter(self, elsewhere):
+        double = simple(0.001)
+        with kernels("compiled"):
+            double(1)
+        assert double(2) == 4
+        expect_other_types()
+        assert double(0.5) == 1.0
+        assert len(double.compiled.overloads) == 1
+
+
+def test_warnings_of_numpy_are_none_of_kernels():
+    @at_once(lambda _: 0.0)
+    def invert(x):
+        return 1.0 / x
+
+    with np.errstate(all="raise"):
+        assert invert(np.float64(0.0)) == np.inf
+
+
+COLD = """
+import sys
+from botohe_moo import load_mission, solve
+from botohe_moo.algorithms.local_search.kernels.search import improve
+from botohe_moo.core import ready
+
+ready.n_cpus = lambda: int(sys.argv[1])
+found = solve("toy", evaluations=int(sys.argv[2]), seed=1)
+stats = improve.compiled.stats
+misses, hits = sum(stats.cache_misses.values()), sum(stats.cache_hits.values())
+print(misses, hits, found.objectives.tobytes().hex())
+"""
+
+
+def begin(folder, n_cpus, n_evaluations):
+    """Begin to solve with machine code in a folder."""
+    return subprocess.Popen(
+        [sys.executable, "-c", COLD, str(n_cpus), str(n_evaluations)],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def end(process):
+    """Wait for the end; how often `improve` was compiled and loaded, and the front."""
+    misses, hits, front = process.communicate()[0].split()
+    return int(misses), int(hits), front
+
+
+def cold(tmp_path, n_cpus, n_evaluations):
+    return end(begin(tmp_path / f"{n_cpus}-{n_evaluations}", n_cpus, n_evaluations))
+
+
+@pytest.mark.slow
+def test_the_other_process_compiles_what_this_one_loads(tmp_path):
+    misses, hits, front = cold(tmp_path, 2, 200_000)
+    assert (misses, hits) == (0, 1)
+    assert cold(tmp_path, 1, 200_000) == (1, 0, front)
+    assert cold(tmp_path, 2, 200_000) == (0, 1, front)  # from disk
+
+
+@pytest.mark.slow
+def test_two_runs_at_once_compile_into_one_folder(tmp_path):
+    processes = [begin(tmp_path, n_cpus, 50_000) for n_cpus in (1, 2)]
+    fronts = [end(process)[2] for process in processes]
+    assert fronts[0] == fronts[1]
+    assert end(begin(tmp_path, 1, 50_000)) == (0, 1, fronts[0])
+
+
+def test_a_short_run_compiles_nothing(tmp_path):
+    assert cold(tmp_path, 2, 100)[:2] == (0, 0)
+    assert not list(tmp_path.rglob("*.nbi"))
