@@ -9,6 +9,7 @@ at each call of a kernel that has not been compiled for such arguments:
   Python goes on until that is done. It compiles one kernel at a time; others are compiled here.
 """
 
+import atexit
 import os
 import pickle
 import subprocess
@@ -31,6 +32,8 @@ from botohe_moo.core.compile import can_keep, is_kept, kernel
 # Seconds that Python may take for one call, and for all calls of a run that are still to come:
 # about as long as compiling takes.
 _LONGEST_CALL, _LONGEST_REST = 3.0, 4.0
+# If another process compiles anyway, so many seconds in Python are reason enough for later runs.
+_NOTED = 0.2
 
 Mode: TypeAlias = Literal["auto", "compiled", "interpreted"]
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -115,6 +118,8 @@ class _Kernel:
         with np.errstate(all="ignore"):
             result = self.py_func(*arguments)
         self._spent += time.perf_counter() - started
+        if self._spent > _NOTED and _Run.mode == "auto":
+            _elsewhere.add(self, _signature(arguments))  # for later runs
         return result
 
     def settle(self, arguments: tuple[Any, ...]) -> bool:
@@ -164,57 +169,72 @@ class _Elsewhere:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
-        self._task: tuple[str, tuple[Any, ...]] | None = None
-        self._lock = threading.Lock()
+        self._tasks: list[tuple[_Kernel, tuple[Any, ...]]] = []  # those that are not done
+        self._lock = threading.RLock()
+
+    def _is_running(self) -> bool:
+        return self._process is not None and self._process.poll() is None
 
     def compiles(self, kernel: _Kernel, signature: tuple[Any, ...]) -> bool:
         """Return whether the process compiles a kernel, after having begun to if it was idle."""
         with self._lock:
-            task = kernel.path, signature
-            if self._process is not None and self._process.poll() is None:
-                return task == self._task
-            has_failed = task == self._task
-            if has_failed or n_cpus() == 1 or not can_keep(kernel.compiled):
-                return False
-            self._task = task
-            with suppress(Exception):  # whatever keeps it from starting: kernels are compiled here
-                self._process = _start(task)
-                return self._process is not None
-            return False
+            task = kernel, signature
+            if self._process is None and n_cpus() > 1 and can_keep(kernel.compiled):
+                with suppress(Exception):  # whatever keeps it from starting: all is compiled here
+                    self._process = _start()
+            self._tasks = [each for each in self._tasks if not each[0].is_ready(each[1])]
+            if self._is_running() and not self._tasks:
+                self.add(*task)
+            return self._is_running() and task in self._tasks
+
+    def add(self, kernel: _Kernel, signature: tuple[Any, ...]) -> None:
+        """Let the process, if it runs, compile a kernel after what it has to do already."""
+        with self._lock, suppress(Exception):
+            process, task = self._process, (kernel, signature)
+            if self._is_running() and process and process.stdin and task not in self._tasks:
+                pickle.dump((kernel.path, signature), process.stdin)
+                process.stdin.flush()
+                self._tasks.append(task)
 
     def wait_for(self, kernel: _Kernel) -> None:
         """Wait until the process has compiled a kernel, if it does so: numba locks no files."""
-        with self._lock:
-            if self._process is not None and self._task and self._task[0] == kernel.path:
-                self._process.wait()
+        for each, signature in self._tasks:
+            while each is kernel and self._is_running() and not each.is_ready(signature):
+                time.sleep(0.05)
+
+    def leave(self) -> None:
+        """Leave the process to itself: it ends when it has done what it was given."""
+        if self._process is not None and self._process.stdin is not None:
+            with suppress(Exception):
+                self._process.stdin.close()
+            self._process.returncode = 0  # nobody waits for it
 
 
 _elsewhere = _Elsewhere()
+atexit.register(_elsewhere.leave)
 
 
-def _start(task: tuple[str, tuple[Any, ...]]) -> subprocess.Popen[bytes] | None:
-    """Start a process that compiles a kernel; it goes on to its end, also if this one ends before.
+def _start() -> subprocess.Popen[bytes] | None:
+    """Start a process that compiles kernels; it ends its work also if this one ends before.
 
     None is started where Python is a part of another program.
     """
     if getattr(sys, "frozen", False) or not Path(sys.executable).name.startswith("python"):
         return None
     path = os.pathsep.join(str(folder or Path.cwd()) for folder in sys.path)
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-c", f"from {__name__} import compile_task; compile_task()"],
+    return subprocess.Popen(
+        [sys.executable, "-P", "-c", f"from {__name__} import compile_tasks; compile_tasks()"],
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env={**os.environ, "PYTHONPATH": path},
         start_new_session=True,  # Ctrl-C is for the process that searches
     )
-    assert process.stdin is not None
-    with process.stdin as pipe:
-        pickle.dump(task, pipe)
-    return process
 
 
-def compile_task() -> None:
-    """Compile the kernel that standard input names, for the types that it gives."""
-    path, signature = pickle.load(sys.stdin.buffer)  # what ``_start`` has written
-    resolve_name(path).compiled.compile(signature)
+def compile_tasks() -> None:
+    """Compile the kernels that standard input names, for the types that it gives."""
+    with suppress(EOFError):  # nobody has more to do
+        while True:
+            path, signature = pickle.load(sys.stdin.buffer)  # what ``add`` has written
+            resolve_name(path).compiled.compile(signature)
