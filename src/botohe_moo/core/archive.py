@@ -75,8 +75,8 @@ def insert(
 
     ``order`` has the plans of the batch by descending E[R], then E[S]; it begins with the indices
     of the Pareto set afterwards, and ``hashes`` with their hashes. Of plans with equal objectives
-    up to ``max_ties`` stay. Newcomers' ids are ``first_id`` and their indices. ``merged`` has room
-    for all.
+    up to ``max_ties`` stay. A newcomer's id is ``first_id`` plus its index. ``merged`` has room for
+    all.
 
     Returns how many plans there are in the Pareto set and in the archive, and how many are new.
     """

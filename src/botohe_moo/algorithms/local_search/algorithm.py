@@ -28,7 +28,8 @@ _WIDE_UP_TO = 20_000  # nodes times robots
 
 _FIRST_GENERATION = 100
 
-_SOON = 1_000  # evaluations: with more, the search is worth compiling
+# Evaluations: with more, the search is compiled meanwhile. The first iteration knows no pace yet.
+_SOON = 1_000
 
 
 class ParetoLocalSearch(ArchiveAlgorithm):
