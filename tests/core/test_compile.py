@@ -17,8 +17,8 @@ from numba import config
 from numba.core.cpu import CPUTargetOptions
 
 import botohe_moo
-from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.local_search.kernels import recreate
+from botohe_moo.base.types import FloatArray
 from botohe_moo.core import compile as decorators
 from botohe_moo.core import world
 from botohe_moo.core.compile import _PRIVATE, array_maker, helper, is_kept, kernel, shared
