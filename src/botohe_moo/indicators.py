@@ -1,16 +1,17 @@
 """Quality of a front as one number: area, IGD+ and additive epsilon."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import moocore
 import numpy as np
 from numpy.typing import ArrayLike
 
-from botohe_moo.base.messages import check_number, quoted
 from botohe_moo.base.types import FloatArray
-from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.model import Mission
+from botohe_moo.objectives import Objectives
 
 __all__ = [
     "INDICATORS",
@@ -25,8 +26,8 @@ __all__ = [
 TIE = 1e-12
 _ROUNDING = 1e-9
 
-# A mission, or what both objectives are at most: ``objective_bounds`` of a problem.
-Scale: TypeAlias = Mission | tuple[float, float]
+Scale: TypeAlias = Mission | Objectives
+"""What says what objectives are at most: a mission, or ``objectives`` of a problem."""
 
 
 def area_indicator(objectives: ArrayLike, mission: Scale) -> float:
@@ -40,8 +41,8 @@ def area_indicator(objectives: ArrayLike, mission: Scale) -> float:
     objectives
         Shape (n, 2): E[R] and E[S] of each plan (``-result.F``); dominated plans add nothing.
     mission
-        The mission of the plans. Of a problem with objectives of its own, what both are at most:
-        its ``objective_bounds``.
+        The mission of the plans. For a problem with other objectives, ``problem.objectives``; the
+        points then have a column for each of them.
 
     Raises
     ------
@@ -63,11 +64,11 @@ def area_indicator(objectives: ArrayLike, mission: Scale) -> float:
     >>> area_indicator([[5, 1], [2, 2]], toy)  # (5 · 1 + 2 · 1) / (10 · 2)
     0.35
     """
-    values, most = _possible("objectives", objectives, mission)
-    whole = float(most.prod())
+    stated = _objectives_of(mission)
+    values, whole = stated.check("objectives", objectives), math.prod(stated.bounds)
     if whole == 0 or len(values) == 0:
         return 0.0
-    area = float(moocore.hypervolume(values, ref=[0.0, 0.0], maximise=True)) / whole
+    area = float(moocore.hypervolume(values, ref=[0.0] * len(stated), maximise=True)) / whole
     # E[R] and the total reward are sums in different orders: the whole can be 1 + 4e-16.
     return 1.0 if 1.0 < area < 1.0 + _ROUNDING else area
 
@@ -162,7 +163,7 @@ class Indicator:
         Takes points (n, 2), the non-dominated E[R] and E[S] of a run or none, the mission, and
         between them, if it needs one, the reference front (m, 2). It gives a finite number, without
         points that of the single plan that brings nothing back, (0, 0). In a study of another
-        problem, points are of its objectives, and it gets ``objective_bounds`` for the mission.
+        problem, points are of its objectives, and it gets its ``objectives`` for the mission.
     higher_is_better
         None: it describes a front and does not judge it.
     needs_reference
@@ -239,49 +240,13 @@ def further_indicators() -> tuple[str, ...]:
     return tuple(name for name in INDICATORS if name not in ("area", "front_size"))
 
 
-def check_objectives(name: str, given: ArrayLike) -> FloatArray:
-    """Convert to an array (n, 2) of E[R] and E[S]; n may be 0, and minus infinity is accepted.
-
-    Parameters
-    ----------
-    name
-        Of the parameter, for messages.
-    given
-        What is to be converted.
-
-    Raises
-    ------
-    ValueError
-        If it is not of that shape, holds NaN or infinity, or is ``result.F``, which holds the
-        negatives.
-    """
-    try:
-        values = np.asarray(given, np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"Expected {name} of shape (n, 2), got {quoted(given)}.") from None
-    if values.shape == (0,):
-        return np.empty((0, 2))
-    if values.ndim != 2 or values.shape[1] != 2:
-        raise ValueError(f"Expected {name} of shape (n, 2), got {values.shape}.")
-    is_wrong = ~(values < np.inf).all(axis=1)
-    if is_wrong.any():
-        raise ValueError(f"Expected {name} without NaN and infinity, got {_row(values, is_wrong)}.")
-    if np.isfinite(values).all() and (values <= 0).all() and (values < 0).any():
-        raise ValueError(
-            f"Expected E[R] and E[S], which are at least 0, got {_row(values, values < 0)}; "
-            "pymoo's F holds their negatives: give -result.F."
-        )
-    return values
-
-
-def largest_objectives(scale: Scale) -> tuple[float, float]:
-    """Return what both objectives are at most, both at least 0.
+def largest_objectives(scale: Scale) -> tuple[float, ...]:
+    """Return what the objectives are at most, each at least 0.
 
     Parameters
     ----------
     scale
-        A mission, or ``objective_bounds`` of a problem with objectives of its own. A TypeError is
-        raised for anything else, and a ValueError for a tuple that has other than two such numbers.
+        A mission, or the ``objectives`` of a problem. A TypeError is raised for anything else.
 
     Examples
     --------
@@ -290,52 +255,25 @@ def largest_objectives(scale: Scale) -> tuple[float, float]:
     >>> largest_objectives(load_mission("toy"))
     (10.0, 2.0)
     """
-    if not isinstance(scale, tuple):
-        return check_mission(scale).total_reward, float(scale.robots)
-    if len(scale) != 2:
-        raise ValueError(f"Expected bounds of two objectives, got {quoted(scale)}.")
-    first, second = (check_number("an objective's bound", bound, at_least=0) for bound in scale)
-    return first, second
+    return _objectives_of(scale).bounds
 
 
-def _row(values: FloatArray, is_wrong: Any) -> str:
-    """Name the first row in which something is wrong."""
-    row = int(np.argwhere(is_wrong)[0, 0])
-    return f"{values[row].tolist()} in row {row}"
+def _objectives_of(scale: Scale) -> Objectives:
+    return scale if isinstance(scale, Objectives) else Objectives.of(scale)
 
 
-def _possible(name: str, given: ArrayLike, mission: Scale) -> tuple[FloatArray, FloatArray]:
-    """Convert points of a front; return them, and what both objectives are at most.
-
-    Raises a ValueError where a point exceeds that.
-    """
-    most = np.array(largest_objectives(mission))
-    values = check_objectives(name, given)
-    above = values > most * (1.0 + _ROUNDING)
-    if above.any():
-        expected = f"{name} of at most {most.tolist()}"
-        if isinstance(mission, Mission):
-            expected = f"E[R] <= {most[0]:g} and E[S] <= {mission.robots}, all that mission "
-            expected += f"{mission.name!r} has"
-        raise ValueError(
-            f"Expected {expected}, got {_row(values, above)}: the front is of another mission."
-        )
-    return values, most
-
-
-def _normalised(
-    objectives: ArrayLike, reference: ArrayLike, mission: Scale
-) -> tuple[FloatArray, FloatArray]:
-    """Divide both objectives by what they are at most, E[R] by the total reward; by 0 gives 0."""
-    points, most = _possible("objectives", objectives, mission)
-    targets, _ = _possible("reference", reference, mission)
-    if not len(targets):
-        raise ValueError("Expected at least one point in reference, got none.")
-    for name, values in (("objectives", points), ("reference", targets)):
+def _normalised(objectives: ArrayLike, reference: ArrayLike, scale: Scale) -> list[FloatArray]:
+    """Divide objectives by what they are at most; by 0 gives 0."""
+    stated, normalised = _objectives_of(scale), []
+    most = np.array(stated.bounds)
+    for name, given in (("objectives", objectives), ("reference", reference)):
+        values = stated.check(name, given)
         if not np.isfinite(values).all():
-            found = _row(values, ~np.isfinite(values))
+            found = values[~np.isfinite(values).all(axis=1)][0].tolist()
             raise ValueError(f"Expected {name} without NaN and infinity, got {found}.")
-    if not len(points):
-        points = np.zeros((1, 2))  # moocore scores an empty set as perfect
-    whole = np.where(most > 0, most, np.inf)
-    return points / whole, targets / whole
+        if not len(values):
+            if name == "reference":
+                raise ValueError("Expected at least one point in reference, got none.")
+            values = np.zeros((1, len(stated)))  # moocore scores an empty set as perfect
+        normalised.append(values / np.where(most > 0, most, np.inf))
+    return normalised

@@ -17,9 +17,10 @@ from botohe_moo.base.types import FloatArray, ObjectArray
 from botohe_moo.core.world import CHECKING
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.objectives import Objectives
 from botohe_moo.trails import PlanBatch, Plans
 
-__all__ = ["BOTOHE", "FrontOutput"]
+__all__ = ["BOTOHE", "FrontOutput", "LeastSurvival"]
 
 
 class BOTOHE(Problem):
@@ -77,8 +78,9 @@ class BOTOHE(Problem):
         check_mission(mission)
         limits = mission.limits(min_survival, max_length)
         n_constraints = int(allow_invalid) + int(limits.has_floors) + int(limits.has_budgets)
-        super().__init__(n_var=1, n_obj=2, n_ieq_constr=n_constraints, vtype=object)
         self.mission = mission
+        n_obj = len(self.objectives)
+        super().__init__(n_var=1, n_obj=n_obj, n_ieq_constr=n_constraints, vtype=object)
         self.min_survival = min_survival
         max_length = mission.max_length if max_length is None else max_length
         self.max_length = None if max_length == math.inf else max_length  # of robots of all kinds
@@ -149,29 +151,31 @@ class BOTOHE(Problem):
                 )
 
     @property
-    def objective_bounds(self) -> tuple[float, float]:
-        """Upper bounds of −F, column by column, at least 0: the total reward and the team size.
+    def objectives(self) -> Objectives:
+        """The names, upper bounds and columns of −F: E[R] and E[S].
 
-        Areas, IGD+ and epsilon of studies are shares of these. A subclass with other objectives
-        has to override this property, or studies refuse it.
+        A subclass with other objectives has to override this property: areas, tables and pictures
+        follow from it.
 
         Examples
         --------
         >>> from botohe_moo import BOTOHE, load_mission
+        >>> from botohe_moo.objectives import Objectives
         >>> class Safest(BOTOHE):
         ...     '''E[R], and how probably the robot in the greatest danger survives.'''
         ...     @property
-        ...     def objective_bounds(self):
-        ...         return self.mission.total_reward, 1.0
+        ...     def objectives(self):
+        ...         bounds = self.mission.total_reward, 1.0
+        ...         return Objectives(("E[R]", "least survival"), bounds, ("reward", "least"))
         ...     def evaluate_batch(self, batch):
         ...         F = super().evaluate_batch(batch)
         ...         F[:, 1] = -self.mission.robot_survival(batch).min(axis=1)
         ...         return F
         >>> toy = load_mission("toy")
-        >>> BOTOHE(toy).objective_bounds, Safest(toy).objective_bounds
+        >>> BOTOHE(toy).objectives.bounds, Safest(toy).objectives.bounds
         ((10.0, 2.0), (10.0, 1.0))
         """
-        return self.mission.total_reward, float(self.mission.robots)
+        return Objectives.of(self.mission)
 
     def allowing_invalid(self) -> BOTOHE:
         """Return the same problem with ``allow_invalid``."""
@@ -208,8 +212,8 @@ class BOTOHE(Problem):
         >>> BOTOHE(load_mission("toy")).is_plain
         True
         """
-        methods = ("_evaluate", "evaluate_batch")
-        return self.n_obj == 2 and not any(overrides(self, method) for method in methods)
+        methods = ("_evaluate", "evaluate_batch", "objectives")
+        return not any(overrides(self, method) for method in methods)
 
     def checked(self, what: str, values: Any, n_plans: int) -> FloatArray:
         """Refuse, by a ValueError, values of a wrong shape, and those that are not finite.
@@ -240,6 +244,51 @@ class BOTOHE(Problem):
     def name(self) -> str:
         """Return the problem's name, as pymoo shows it."""
         return f"BOTOHE({self.mission.name})"
+
+
+class LeastSurvival(BOTOHE):
+    """A BOTOHE of three objectives: E[R], E[S], and the least survival of a robot.
+
+    The third is the probability to survive of the robot in the greatest danger: among plans with as
+    many expected survivors, those that share the danger are better. Studies and ``solve`` take it
+    as ``problem: botohe_moo.problem:LeastSurvival``.
+
+    Parameters
+    ----------
+    mission, min_survival, max_length, allow_invalid
+        As for :class:`BOTOHE`.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.problem import LeastSurvival
+    >>> toy = load_mission("toy")
+    >>> problem = LeastSurvival(toy)
+    >>> plan = toy.plan([[1, 2, 4, 3, 1], [1]])
+    >>> problem.evaluate_batch(toy.batch([plan])).round(2).tolist()
+    [[-3.9, -1.59, -0.59]]
+    """
+
+    @property
+    def objectives(self) -> Objectives:
+        """E[R], E[S], and a probability."""
+        plain = super().objectives
+        return Objectives(
+            (*plain.names, "least survival"),
+            (*plain.bounds, 1.0),
+            (*plain.columns, "least_survival"),
+        )
+
+    def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
+        """Compute F (n, 3).
+
+        Parameters
+        ----------
+        batch
+            As for :meth:`BOTOHE.evaluate_batch`.
+        """
+        least = self.mission.robot_survival(batch).min(axis=1)
+        return np.column_stack([super().evaluate_batch(batch), -least])
 
 
 def overrides(problem: BOTOHE, method: str) -> bool:

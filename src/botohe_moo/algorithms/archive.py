@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+import moocore
 import numpy as np
 
-from botohe_moo.base.types import FloatArray, OffsetArray
-from botohe_moo.core.archive import Archive, Batch, first_plans, insert, new_archive
+from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo.core.archive import Archive, Batch, first_plans, insert, new_archive, plan_hashes
 from botohe_moo.trails import PlanBatch
 
 
 class PlanArchive:
-    """Non-dominated plans by descending expected reward.
+    """Non-dominated plans by descending objectives.
 
     Plans with equal objectives but different trails stay, the first ``max_ties`` of them; repeated
     plans are dropped.
     """
 
-    def __init__(self, n_robots: int, *, max_ties: int = 1_000) -> None:
+    def __init__(self, n_robots: int, *, max_ties: int = 1_000, n_objectives: int = 2) -> None:
         self.n_robots = n_robots
         self.max_ties = max_ties
-        self._arrays = new_archive(0, 0, n_robots)
+        self._arrays = new_archive(0, 0, n_robots, n_objectives)
         self._next_id = 0
 
     def __len__(self) -> int:
@@ -27,7 +28,7 @@ class PlanArchive:
 
     @property
     def objectives(self) -> FloatArray:
-        """E[R] and E[S] of each plan, to be maximised (n, 2); read-only."""
+        """The objectives of each plan, to be maximised (n, n_objectives); read-only."""
         view = self._arrays.objectives.view()
         view.flags.writeable = False
         return view
@@ -52,14 +53,44 @@ class PlanArchive:
         return self._next_id
 
     def insert(self, batch: PlanBatch, objectives: FloatArray) -> OffsetArray:
-        """Insert evaluated plans, with E[R] and E[S] (n, 2), that the archive does not dominate.
+        """Insert evaluated plans, with their objectives, that the archive does not dominate.
 
         Returns the indices of the batch's own Pareto set.
         """
         old, new, n_robots = self._arrays, Batch(objectives, *batch.arrays), self.n_robots
+        if objectives.shape[1] != 2:
+            return self._insert_many(batch, new)
         order, hashes = np.lexsort(-objectives.T[::-1]), np.empty(len(batch), np.uint64)
         room = new_archive(len(self) + len(batch), len(old.nodes) + len(new.nodes), n_robots)
         n_members, n, n_new = insert(old, new, order, hashes, self.max_ties, self.version, room)
         if n_new:
             self._arrays, self._next_id = first_plans(room, n, n_robots), self.version + len(batch)
         return order[:n_members]
+
+    def _insert_many(self, batch: PlanBatch, new: Batch) -> OffsetArray:
+        """Insert plans with other than two objectives."""
+        old, ids = self._arrays, self.version + np.arange(len(batch))
+        plans = PlanBatch.concatenate([self._plans, batch])
+        objectives = np.concatenate([old.objectives, new.objectives])
+        hashes = np.concatenate([old.hashes, plan_hashes(new, self.n_robots)])
+        rows = np.flatnonzero(_is_nondominated(objectives))
+        rows = rows[np.sort(np.unique(hashes[rows], return_index=True)[1])]
+        order = np.lexsort(-objectives[rows].T[::-1])  # plans of equal objectives stay in order
+        rows = rows[order]
+        is_first = np.ones(len(rows), bool)
+        is_first[1:] = (objectives[rows[1:]] != objectives[rows[:-1]]).any(axis=1)
+        place = np.arange(len(rows))
+        rows = rows[place - np.maximum.accumulate(np.where(is_first, place, 0)) < self.max_ties]
+        kept = plans.take(rows)
+        self._arrays = Archive(
+            objectives[rows], hashes[rows], np.concatenate([old.ids, ids])[rows], *kept.arrays
+        )
+        self._next_id += len(batch)
+        return np.flatnonzero(_is_nondominated(new.objectives))
+
+
+def _is_nondominated(objectives: FloatArray) -> BoolArray:
+    """Return which plans are finite and not dominated by another."""
+    is_kept = np.isfinite(objectives).all(axis=1)
+    is_kept[is_kept] = moocore.is_nondominated(objectives[is_kept], maximise=True, keep_weakly=True)
+    return is_kept

@@ -172,7 +172,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
             if overrides(problem, method):
                 found = f"{type(problem).__name__} overrides {method}"
                 raise TypeError(f"{found}, which {type(self).__name__} does not call: {why}")
-        check_n_objectives(self, problem, 2)
+        check_n_objectives(self, problem, None)
         if problem.n_eq_constr > 0:
             raise ValueError(
                 f"Expected a problem without equality constraints, which {type(self).__name__} "
@@ -184,6 +184,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         self.archive = PopulationArchive(
             problem.mission.robots,
             max_ties=self.max_ties,
+            n_objectives=problem.n_obj,
             constrain=problem.constrain_batch if problem.n_ieq_constr else None,
         )
 
@@ -226,7 +227,8 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
     def evaluate_plans(self, batch: PlanBatch) -> tuple[FloatArray, OffsetArray]:
         """Evaluate plans, and insert the feasible ones into the archive.
 
-        Returns their E[R] and E[S] (n, 2), and the indices of the Pareto set of the feasible ones.
+        Returns their objectives (n, n_objectives), and the indices of the Pareto set of the
+        feasible ones.
         """
         problem = self.problem
         batch = problem.mission.batch(batch)  # a TypeError names what is not a plan

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from typing import Self
 
-import moocore
 import numpy as np
 from pymoo.core.individual import Individual
 from pymoo.core.population import Population
@@ -25,9 +24,10 @@ class PopulationArchive(PlanArchive):
         n_robots: int,
         *,
         max_ties: int = 1_000,
+        n_objectives: int = 2,
         constrain: Callable[[PlanBatch], FloatArray] | None = None,
     ) -> None:
-        super().__init__(n_robots, max_ties=max_ties)
+        super().__init__(n_robots, max_ties=max_ties, n_objectives=n_objectives)
         self._constrain = constrain
         self._individuals: dict[int, Individual] = {}
         self._population, self._made = Population(), 0  # when ``version`` was that
@@ -65,54 +65,6 @@ class PopulationArchive(PlanArchive):
             self._population = Population.create(*self._individuals.values())
             self._made = self.version
         return self._population
-
-
-class ManyObjectiveArchive:
-    """An archive like :class:`PopulationArchive`, for more than two objectives."""
-
-    def __init__(self, n_robots: int, *, max_ties: int = 1_000) -> None:
-        self.n_robots = n_robots
-        self.max_ties = max_ties
-        self._members = Population()
-
-    def __len__(self) -> int:
-        return len(self._members)
-
-    @property
-    def objectives(self) -> FloatArray:
-        """The objectives of each plan, to be maximised (n, n_objectives)."""
-        return np.asarray(-self._members.get("F"), np.float64)
-
-    @property
-    def plans(self) -> PlanBatch:
-        """The plans, in the order of ``objectives``."""
-        return PlanBatch.from_plans([each.X[0] for each in self._members], self.n_robots)
-
-    def insert(
-        self, batch: PlanBatch, objectives: FloatArray, individuals: Sequence[Individual]
-    ) -> None:
-        """Insert evaluated plans that the archive does not dominate, each plan once."""
-        del batch, objectives  # pymoo's individuals have both
-        first = {each.X[0]: each for each in [*self._members, *individuals][::-1]}
-        candidates = Population.create(*[*first.values()][::-1])
-        F = candidates.get("F")
-        kept = moocore.is_nondominated(F, keep_weakly=True)
-        candidates, F = candidates[kept], F[kept]
-        # Of plans with equal objectives, the first ``max_ties`` stay.
-        _, groups = np.unique(F, axis=0, return_inverse=True)
-        by_group = np.argsort(groups, kind="stable")
-        starts = np.searchsorted(groups[by_group], groups[by_group])
-        rank = np.empty(len(F), np.int64)
-        rank[by_group] = np.arange(len(F)) - starts
-        self._members = candidates[rank < self.max_ties]
-
-    def add(self, infills: Population) -> Self:  # noqa: ARG002
-        """Return the archive itself, as :meth:`PopulationArchive.add` does."""
-        return self
-
-    def population(self) -> Population:
-        """Return the plans as pymoo's individuals."""
-        return self._members
 
 
 def _individual(

@@ -34,10 +34,10 @@ class Archive(NamedTuple):
     offsets: OffsetArray
 
 
-def new_archive(n_plans: int, n_nodes: int, n_robots: int) -> Archive:
+def new_archive(n_plans: int, n_nodes: int, n_robots: int, n_objectives: int = 2) -> Archive:
     """Return room for an archive whose trails have some number of nodes in all."""
     return Archive(
-        np.empty((n_plans, 2)),
+        np.empty((n_plans, n_objectives)),
         np.empty(n_plans, np.uint64),
         np.empty(n_plans, np.int64),
         np.empty(n_nodes, np.int32),
@@ -59,6 +59,15 @@ def plan_hash(batch: Batch, n_robots: int, plan: int) -> np.uint64:
     for trail in range(plan * n_robots, (plan + 1) * n_robots):
         total += hash_stretch(batch.nodes, batch.offsets[trail], batch.offsets[trail + 1])
     return total
+
+
+@at_once(lambda batch, *_: 1e-6 * len(batch.nodes))
+def plan_hashes(batch: Batch, n_robots: int) -> SeedArray:
+    """Hash the multiset of each plan's trails to 64 bits (n_plans)."""
+    hashes = np.empty(batch.objectives.shape[0], np.uint64)
+    for plan in range(hashes.shape[0]):
+        hashes[plan] = plan_hash(batch, n_robots, plan)
+    return hashes
 
 
 @at_once(lambda archive, batch, *_: 2e-6 * (len(archive.nodes) + len(batch.nodes)))

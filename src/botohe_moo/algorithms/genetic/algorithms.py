@@ -204,7 +204,7 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         distances = np.abs(self.ref_dirs[:, :1] - self.ref_dirs[:, 0])
         self.neighbors = np.argsort(distances, axis=1, kind="stable")[:, : self.n_neighbors]
-        bounds = np.array(problem.objective_bounds, np.float64)
+        bounds = np.array(problem.objectives.bounds)
         self.decomposition = _BoundedTchebicheff(np.where(bounds > 0, bounds, 1.0))
 
     def _initialize_advance(self, infills: Population, **kwargs: Any) -> None:

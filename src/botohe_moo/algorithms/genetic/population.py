@@ -20,7 +20,7 @@ from pymoo.core.sampling import Sampling
 from botohe_moo.algorithms import base
 from botohe_moo.algorithms.base import BudgetedAlgorithm, MaxTies, Threads
 from botohe_moo.algorithms.genetic import sampling as samplings
-from botohe_moo.algorithms.individuals import ManyObjectiveArchive, PopulationArchive
+from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.base.messages import check_weights
 from botohe_moo.base.parameters import Probability, check_keywords, checked, signature_parameters
 from botohe_moo.base.types import FloatArray, ObjectArray
@@ -104,7 +104,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
 
     pop: Population
     is_initialized: bool
-    archive: PopulationArchive | ManyObjectiveArchive
+    archive: PopulationArchive
     eliminate_duplicates: DuplicateElimination
 
     _n_children = 2  # of each pair
@@ -217,8 +217,9 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         base.check_n_objectives(self, problem, None if directions is None else directions.shape[1])
         if any(isinstance(repair, PenaltyOnly) for repair in self._repairs()):
             problem = problem.allowing_invalid()
-        kind = PopulationArchive if problem.n_obj == 2 else ManyObjectiveArchive
-        self.archive = kind(problem.mission.robots, max_ties=self.max_ties)
+        self.archive = PopulationArchive(
+            problem.mission.robots, max_ties=self.max_ties, n_objectives=problem.n_obj
+        )
         return super().setup(problem, **kwargs)
 
     def _repairs(self) -> list[object]:

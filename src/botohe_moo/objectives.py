@@ -1,0 +1,143 @@
+"""What a problem maximises: names, upper bounds and columns of its objectives."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.types import BoolArray, FloatArray
+from botohe_moo.mission.model import Mission, check_mission
+
+__all__ = ["Objectives", "check_objectives"]
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Objectives:
+    """The objectives of a problem, in the order of the columns of −F.
+
+    All of them are maximised, and at least 0.
+
+    Parameters
+    ----------
+    names
+        What axes and reports call them, such as E[R].
+    bounds
+        What each is at most, at least 0 and finite: areas, IGD+ and epsilon are shares of these.
+    columns
+        What tables call them, such as ``reward``.
+
+    Raises
+    ------
+    ValueError
+        If there are less than two, if they are not as many of each, or if a bound is out of its
+        range.
+
+    Examples
+    --------
+    >>> from botohe_moo import BOTOHE, load_mission
+    >>> BOTOHE(load_mission("toy")).objectives
+    Objectives(names=('E[R]', 'E[S]'), bounds=(10.0, 2.0), columns=('reward', 'survivors'))
+    """
+
+    names: tuple[str, ...]
+    bounds: tuple[float, ...]
+    columns: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for field in ("names", "bounds", "columns"):
+            object.__setattr__(self, field, tuple(getattr(self, field)))
+        n = {len(self.names), len(self.bounds), len(self.columns)}
+        if len(n) > 1 or min(n) < 2:
+            raise ValueError(
+                f"Expected names, bounds and columns of two objectives or more: {self}."
+            )
+        wrong = [bound for bound in self.bounds if not 0 <= bound < math.inf]
+        if wrong:
+            raise ValueError(f"Expected bounds of objectives in [0, inf), got {quoted(wrong[0])}.")
+        object.__setattr__(self, "bounds", tuple(map(float, self.bounds)))
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @classmethod
+    def of(cls, mission: Mission) -> Self:
+        """Return the objectives of a mission: E[R] and E[S]."""
+        bounds = check_mission(mission).total_reward, float(mission.robots)
+        return cls(("E[R]", "E[S]"), bounds, ("reward", "survivors"))
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether they are E[R] and E[S]."""
+        return self.names == ("E[R]", "E[S]")
+
+    def check(self, name: str, given: ArrayLike) -> FloatArray:
+        """Convert points to an array, as :func:`check_objectives`, and refuse those above a bound.
+
+        Parameters
+        ----------
+        name
+            Of the parameter, for messages.
+        given
+            What is to be converted.
+        """
+        values = check_objectives(name, given, self.names)
+        above = (values > np.array(self.bounds) * (1.0 + _ROUNDING)).any(axis=1)
+        if above.any():
+            most = zip(self.names, self.bounds, strict=True)
+            expected = " and ".join(f"{each} <= {bound:g}" for each, bound in most)
+            found = f"{_row(values, above)}: the front is of another mission"
+            raise ValueError(f"Expected {expected}, got {found}.")
+        return values
+
+
+def check_objectives(
+    name: str, given: ArrayLike, names: Sequence[str] = ("E[R]", "E[S]")
+) -> FloatArray:
+    """Convert points to an array (n, n_objectives); n may be 0, and minus infinity is accepted.
+
+    Parameters
+    ----------
+    name
+        Of the parameter, for messages.
+    given
+        What is to be converted.
+    names
+        Those of the objectives.
+
+    Raises
+    ------
+    ValueError
+        If it is not of that shape, holds NaN or infinity, or is ``result.F``, which holds the
+        negatives.
+    """
+    n = len(names)
+    try:
+        values = np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"Expected {name} of shape (n, {n}), got {quoted(given)}.") from None
+    if values.shape == (0,):
+        return np.empty((0, n))
+    if values.ndim != 2 or values.shape[1] != n:
+        raise ValueError(f"Expected {name} of shape (n, {n}), got {values.shape}.")
+    is_wrong = ~(values < np.inf).all(axis=1)
+    if is_wrong.any():
+        raise ValueError(f"Expected {name} without NaN and infinity, got {_row(values, is_wrong)}.")
+    is_negative = (values < 0).any(axis=1)
+    if is_negative.any() and np.isfinite(values).all() and (values <= 0).all():
+        raise ValueError(
+            f"Expected {' and '.join(names)}, which are at least 0, got "
+            f"{_row(values, is_negative)}; pymoo's F holds their negatives: give -result.F."
+        )
+    return values
+
+
+def _row(values: FloatArray, is_wrong: BoolArray) -> str:
+    """Name the first row in which something is wrong."""
+    row = int(is_wrong.argmax())
+    return f"{values[row].tolist()} in row {row}"
