@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from botohe_moo.indicators import area_indicator, epsilon_indicator, igd_plus_indicator
 from botohe_moo.mission import Mission
+from botohe_moo.objectives import Objectives
 from tests.strategies import missions, plans
 
 
@@ -49,6 +50,31 @@ class TestByHand:
             ([(8, 0.5), (0, 2)], 4),
         ):
             assert area_indicator(points, quay()) == pytest.approx(below / 20, abs=1e-15)
+
+    def test_of_three_objectives(self):
+        stated = Objectives(("E[R]", "E[S]", "least"), (10, 2, 1), ("reward", "survivors", "least"))
+        corner, other = (10, 1, 0.5), (5, 2, 0.5)  # which have 5 · 1 · 0.5 in common
+        assert area_indicator([corner, other], stated) == pytest.approx((5 + 5 - 2.5) / 20)
+        # It lacks half of the reward, none of the robots, and half of the probability.
+        assert igd_plus_indicator([other], [(10, 2, 1)], stated) == pytest.approx(math.sqrt(0.5))
+        assert epsilon_indicator([other], [(10, 2, 1)], stated) == 0.5
+        with pytest.raises(ValueError, match=r"objectives of shape \(n, 3\), got \(1, 2\)"):
+            area_indicator([(1, 1)], stated)
+        with pytest.raises(ValueError, match=r"E\[S\] <= 2 and least <= 1, got .* in row 0: "):
+            area_indicator([(1, 1, 1.1)], stated)
+
+    @pytest.mark.parametrize(
+        ("names", "bounds", "message"),
+        [
+            (("a",), (1,), "two objectives or more"),
+            (("a", "b"), (1, 2, 3), "two objectives or more"),
+            (("a", "b"), (1, math.inf), r"bounds of objectives in \[0, inf\), got inf"),
+            (("a", "b"), (-1, 1), r"got -1"),
+        ],
+    )
+    def test_objectives_that_are_not(self, names, bounds, message):
+        with pytest.raises(ValueError, match=message):
+            Objectives(names, bounds, names)
 
     def test_what_the_mission_does_not_have_is_refused(self):
         above = (1.0, 2.1)

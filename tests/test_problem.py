@@ -18,8 +18,9 @@ from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
 from pymoo.optimize import minimize
 
+from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.mission import Mission, load_mission
-from botohe_moo.problem import BOTOHE, FrontOutput
+from botohe_moo.problem import BOTOHE, FrontOutput, LeastSurvival
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 
@@ -193,6 +194,22 @@ class TestSubclasses:
         f, g = ShortOfTarget(toy, 0.5).evaluate(x)
         assert -f == pytest.approx(np.array(EXPECTED), abs=1e-15)
         assert g.tolist() == [[pytest.approx(0.5 - reward)] for reward, _ in EXPECTED]
+
+
+class TestLeastSurvival:
+    def test_by_hand(self, toy, x):
+        F = LeastSurvival(toy).evaluate(x)
+        assert -F[:, :2] == pytest.approx(np.array(EXPECTED))
+        # A robot that stays survives; of a pair on the way, the one in the greater danger counts.
+        assert -F[:, 2] == pytest.approx(toy.robot_survival(x).min(axis=1))
+        assert LeastSurvival(toy).objectives.bounds == (10.0, 2.0, 1.0)
+
+    def test_pymoo_finds_a_front_of_three(self, toy):
+        problem = LeastSurvival(toy, min_survival=0.5)
+        result = minimize(problem, make_algorithm("nsga2"), ("n_eval", 500), seed=1)
+        assert result.F.shape == (len(result.X), 3)
+        assert -result.F[:, 2] == pytest.approx(toy.robot_survival(result.X).min(axis=1))
+        assert (-result.F[:, 2]).min() >= 0.5
 
 
 class TestForeignAlgorithms:

@@ -3,13 +3,13 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from botohe_moo.base.messages import quoted
-from botohe_moo.base.types import BoolArray, FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 
 __all__ = ["Objectives", "check_objectives"]
@@ -137,7 +137,7 @@ def check_objectives(
     return values
 
 
-def _row(values: FloatArray, is_wrong: BoolArray) -> str:
+def _row(values: FloatArray, is_wrong: Any) -> str:
     """Name the first row in which something is wrong."""
     row = int(is_wrong.argmax())
     return f"{values[row].tolist()} in row {row}"

@@ -58,7 +58,7 @@ class ThreeForPymoo(Three):
 HONOURED = {
     Hasty: set(EVERY) - IN_KERNELS,
     HastyForPymoo: POPULATIONS,
-    Three: POPULATIONS - DIRECTED,
+    Three: set(EVERY) - IN_KERNELS - DIRECTED,
     ThreeForPymoo: POPULATIONS - DIRECTED,
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import moocore
 import numpy as np
 
-from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo.base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.core.archive import Archive, Batch, first_plans, insert, new_archive, plan_hashes
 from botohe_moo.trails import PlanBatch
 
@@ -69,28 +69,30 @@ class PlanArchive:
 
     def _insert_many(self, batch: PlanBatch, new: Batch) -> OffsetArray:
         """Insert plans with other than two objectives."""
-        old, ids = self._arrays, self.version + np.arange(len(batch))
-        plans = PlanBatch.concatenate([self._plans, batch])
+        old, n_old = self._arrays, len(self)
+        hashes = plan_hashes(new, self.n_robots)
+        members = _pareto_rows(new.objectives, hashes)
         objectives = np.concatenate([old.objectives, new.objectives])
-        hashes = np.concatenate([old.hashes, plan_hashes(new, self.n_robots)])
-        rows = np.flatnonzero(_is_nondominated(objectives))
-        rows = rows[np.sort(np.unique(hashes[rows], return_index=True)[1])]
-        order = np.lexsort(-objectives[rows].T[::-1])  # plans of equal objectives stay in order
-        rows = rows[order]
-        is_first = np.ones(len(rows), bool)
+        hashes = np.concatenate([old.hashes, hashes])
+        rows = _pareto_rows(objectives, hashes)
+        # Plans with equal objectives come one after another, and stay in their order.
+        rows = rows[np.lexsort(-objectives[rows].T[::-1])]
+        place, is_first = np.arange(len(rows)), np.ones(len(rows), bool)
         is_first[1:] = (objectives[rows[1:]] != objectives[rows[:-1]]).any(axis=1)
-        place = np.arange(len(rows))
-        rows = rows[place - np.maximum.accumulate(np.where(is_first, place, 0)) < self.max_ties]
-        kept = plans.take(rows)
-        self._arrays = Archive(
-            objectives[rows], hashes[rows], np.concatenate([old.ids, ids])[rows], *kept.arrays
-        )
-        self._next_id += len(batch)
-        return np.flatnonzero(_is_nondominated(new.objectives))
+        n_ties = place - np.maximum.accumulate(np.where(is_first, place, 0))
+        rows = rows[n_ties < self.max_ties]
+        if (rows >= n_old).any():
+            ids = np.append(old.ids, self.version + np.arange(len(batch)))
+            kept = PlanBatch.concatenate([self._plans, batch]).take(rows)
+            self._arrays = Archive(objectives[rows], hashes[rows], ids[rows], *kept.arrays)
+            self._next_id += len(batch)
+        return members
 
 
-def _is_nondominated(objectives: FloatArray) -> BoolArray:
-    """Return which plans are finite and not dominated by another."""
-    is_kept = np.isfinite(objectives).all(axis=1)
-    is_kept[is_kept] = moocore.is_nondominated(objectives[is_kept], maximise=True, keep_weakly=True)
-    return is_kept
+def _pareto_rows(objectives: FloatArray, hashes: SeedArray) -> OffsetArray:
+    """Return the rows of the Pareto set, each plan once; objectives that are NaN are left out."""
+    rows = np.flatnonzero(np.isfinite(objectives).all(axis=1))
+    rows = rows[moocore.is_nondominated(objectives[rows], maximise=True, keep_weakly=True)]
+    _, first = np.unique(hashes[rows], return_index=True)
+    pareto: OffsetArray = rows[np.sort(first)]
+    return pareto

@@ -21,9 +21,9 @@ from botohe_moo.bounds.proof import Proof
 from botohe_moo.bounds.schedule import Schedule
 from botohe_moo.bounds.turns import Turns
 from botohe_moo.core.ready import kernels
-from botohe_moo.indicators import check_objectives
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.objectives import check_objectives
 
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 1024.0

@@ -17,8 +17,9 @@ from botohe_moo.base.types import FloatArray
 from botohe_moo.bounds.envelopes import lower_envelope
 from botohe_moo.bounds.plain import fewest_moving
 from botohe_moo.bounds.record import FORMAT, BoundRecord, Line, Step, read_record
-from botohe_moo.indicators import area_indicator, check_objectives
+from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, check_mission, numbers_digest
+from botohe_moo.objectives import check_objectives
 
 _ROUNDING = 1e-12  # survivors are lowered by this share: they are sums of rounded products
 _TIE = 1e-9  # plans above the bound by this share are on it: their sums have other orders

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from botohe_moo import indicators
+from botohe_moo import objectives
 from botohe_moo.base.messages import check_integer, quoted
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.mission.model import Mission, check_mission
@@ -34,7 +34,7 @@ def objectives_of(mission: Mission, given: PlansOrObjectives) -> FloatArray:
 
 def check_objectives(points: NDArray[Any], expected: str = "objectives") -> FloatArray:
     """Check that objectives are of shape (n_plans, 2), finite and at least 0."""
-    values = indicators.check_objectives(expected, points)
+    values = objectives.check_objectives(expected, points)
     if (values < 0).any():
         row = int(np.argmax((values < 0).any(axis=1)))
         raise ValueError(
