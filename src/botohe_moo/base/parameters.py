@@ -430,8 +430,11 @@ def validated(
     except ValidationError as invalid:
         faults = []
         for place, said in faults_in(content, invalid):
-            keys = [f"line {line(place)}"] if line else [".".join(map(str, place[:-1]))]
-            faults.append(": ".join(filter(None, [*keys, said[0].lower() + said[1:].rstrip(".")])))
+            above = place[
+                : max((i for i, key in enumerate(place) if isinstance(key, str)), default=0)
+            ]
+            where = f"line {line(place)}" if line else ".".join(map(str, above))
+            faults.append(f"{where}{where and ': '}{said[0].lower()}{said[1:].rstrip('.')}")
         raise m.FaultsError(faults, source) from None
     except ValueError as error:
         raise m.FaultsError(str(error), source) from None
@@ -559,8 +562,6 @@ def raised_faults(make: Callable[..., Any], values: Mapping[str, Any]) -> list[F
     except m.ParameterError as error:
         return [*error.faults]
     except Exception as error:  # whatever another package's code may raise
-        said = str(error)
-        return [
-            (None, said if isinstance(error, ValueError) else f"{type(error).__name__}: {said}")
-        ]
+        kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
+        return [(None, f"{kind}{error}")]
     return []
