@@ -1,14 +1,16 @@
 """Quality of a front as one number: area, IGD+ and additive epsilon."""
 
+import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import moocore
 import numpy as np
 from numpy.typing import ArrayLike
 
+from botohe_moo.base.registry import Registry, is_path
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission
 from botohe_moo.objectives import Objectives
@@ -155,6 +157,9 @@ def _front_size(objectives: FloatArray, mission: Scale) -> float:  # noqa: ARG00
 class Indicator:
     """An indicator as studies use it: their tables, reports and files follow from it.
 
+    Packages register instances in the entry-point group ``botohe_moo.indicators``, and a study file
+    may name one as ``module:NAME``.
+
     Parameters
     ----------
     label
@@ -202,7 +207,7 @@ class Indicator:
         """Whether it measures how far a front is from the reference: less is better."""
         return self.needs_reference and self.higher_is_better is False
 
-    def measure(self, points: FloatArray, reference: FloatArray | None, mission: Scale) -> float:
+    def __call__(self, points: FloatArray, reference: FloatArray | None, mission: Scale) -> float:
         """Compute it for the points of a front; a ValueError if it gives no finite number."""
         given = (points, reference, mission) if self.needs_reference else (points, mission)
         value = self.function(*given)
@@ -210,9 +215,27 @@ class Indicator:
             raise ValueError(f"Indicator {self.label!r}: expected a finite number, got {value}.")
         return float(value)
 
+    measure = __call__
 
-# All that a study file may name, in the order of tables: a line here makes a function an indicator.
-INDICATORS: dict[str, Indicator] = {
+
+class _Indicators(Registry):
+    """The indicators that a study file may name, in the order of tables.
+
+    ``module:NAME`` names one of a module, and is among the others from then on.
+    """
+
+    def find(self, name: str, makes: type | None = None) -> Any:
+        """Return the indicator of a name; a function of a front and a mission describes fronts."""
+        found = super().find(name, makes)
+        if not isinstance(found, Indicator):
+            needs_reference = "reference" in inspect.signature(found).parameters
+            found = Indicator(found.__name__, found, None, needs_reference)
+        if is_path(name):
+            self.own[name] = found
+        return found
+
+
+_OURS = {
     "area": Indicator(
         "area", area_indicator, higher_is_better=True, long_label="area (normalised hypervolume)"
     ),
@@ -233,6 +256,7 @@ INDICATORS: dict[str, Indicator] = {
     ),
     "front_size": Indicator("front size", _front_size, higher_is_better=None),
 }
+INDICATORS = _Indicators("botohe_moo.indicators", "indicator", own=_OURS)
 
 
 def further_indicators() -> tuple[str, ...]:

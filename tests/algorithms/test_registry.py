@@ -17,7 +17,7 @@ from botohe_moo.algorithms.registry import (
     describe_algorithm,
 )
 from botohe_moo.study.file.origin import algorithm_identity, algorithm_origin
-from tests.plugins.packages import entries, write_package
+from tests.base.packages import entries, write_package
 
 # Parameters of BO-ACO and their defaults.
 BO_ACO = {
@@ -204,7 +204,7 @@ class TestRefusals:
 
     def test_all_faults_at_once(self):
         given = {"n_ant": 3, "heuristic": 1, "evaporation": 1.3, "n_ants": "100"}
-        unknown, *others = algorithm_faults("bo-aco", given, plain=True)
+        unknown, *others = algorithm_faults("bo-aco", given)
         assert unknown[0] == "n_ant"
         assert others == [
             ("n_ants", "Expected n_ants to be an integer in [1, 1000000], got '100'."),
@@ -220,12 +220,9 @@ class TestRefusals:
         assert blamed is None
         assert found.startswith("it cannot be imported (ModuleNotFoundError: No module named")
 
-    def test_python_objects_are_for_python(self):
+    def test_python_objects(self):
         plan = load_mission("toy").plan([[1], [1]])
         assert algorithm_faults("bo-aco", {"sampling": [plan]}) == []
-        assert algorithm_faults("bo-aco", {"sampling": [plan]}, plain=True) == [
-            ("sampling", "sampling can be given from Python only.")
-        ]
 
 
 class TestOtherPackages:
@@ -270,7 +267,9 @@ class TestOtherPackages:
         with pytest.raises(ValueError, match=r"to be an integer, got 'deep'\.$") as caught:
             make_algorithm("reef", width=1, depth="deep")
         assert caught.value.parameter == "depth"
-        with pytest.raises(ValueError, match=r"reef:lagoon of package reef to give .*, got 3\.$"):
+        with pytest.raises(
+            ValueError, match=r"^Algorithm 'lagoon': expected an object .*, got 3\.$"
+        ):
             make_algorithm("lagoon")
 
     @pytest.mark.parametrize(
@@ -342,11 +341,11 @@ class TestOnlyAlgorithmsAreCalled:
             "os.system",
             "builtins:exec",
         ):
-            said = f"^Algorithm {path!r}: it is not called, .* does not state that it makes an"
+            said = f"^Algorithm {path!r}: expected a class derived from Algorithm, or a function"
             for function in (make_algorithm, algorithm_parameters, algorithm_origin):
                 with pytest.raises(ValueError, match=said):
                     function(path)
-            [(blamed, _)] = algorithm_faults(path, {"command": "true"}, plain=True)
+            [(blamed, _)] = algorithm_faults(path, {"command": "true"})
             assert blamed is None
         assert sys.modules["reef"].called == []
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from botohe_moo.base.files import new_folder, replace_file
+from botohe_moo.base.files import Source, new_folder, read_json, replace_file
 
 
 def contents(folder):
@@ -89,6 +89,20 @@ def test_a_missing_folder(tmp_path):
     assert raised.value.filename == str(path.parent)
     assert raised.value.strerror == "there is no such folder"
     assert contents(tmp_path) == {}
+
+
+class TestJson:
+    def test_a_key_that_stands_twice_is_refused(self, tmp_path):
+        path = tmp_path / "site.json"
+        path.write_text('{"nodes": [{"reward": 1, "id": "reef", "reward": 2}]}')
+        said = "^expected each key of an object once, found 'reward' twice$"
+        with pytest.raises(ValueError, match=said):
+            Source(path).json  # noqa: B018
+        assert read_json('{"a": {"b": 1}, "b": [{"a": 2}]}') == {"a": {"b": 1}, "b": [{"a": 2}]}
+
+    def test_what_is_not_json(self):
+        with pytest.raises(ValueError, match=r"^expected JSON: Expecting value: line 1 column 7"):
+            read_json('{"a": }')
 
 
 class TestNewFolder:

@@ -11,9 +11,9 @@ import tomllib
 import pytest
 
 from botohe_moo.study import read_study
+from tests.base.test_installed import botohe, pip_install, search_path, write_wheel
 from tests.docs.guides import DOCS, blocks
 from tests.forked import run_forked
-from tests.plugins.test_installed import botohe, pip_install, search_path, write_wheel
 
 pytestmark = pytest.mark.slow
 EXAMPLES = DOCS / "examples"

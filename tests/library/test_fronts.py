@@ -196,7 +196,7 @@ class TestFiles:
                 lambda c: c["plans"][0].__setitem__(3, [0, 9]),
                 "a plan has a node, a trail or a finder",
             ),
-            (lambda c: c["plans"][0].__setitem__(3, [0, -1]), "plans.0.3.1"),
+            (lambda c: c["plans"][0].__setitem__(3, [0, -1]), r"plans\[0\]\[3\]\[1\]"),
             (lambda c: c["plans"][0].__setitem__(2, 1), "a plan has a node, a trail or a finder"),
             (
                 lambda c: c["trails"][1].__setitem__(1, "x"),

@@ -173,6 +173,9 @@ class TestJSON:
 
     def test_what_is_nested_too_deep(self, json_faults):
         assert "recursion" in json_faults("[" * 100_000)[0]
+        assert json_faults('{"nodes": [{"id": 1, "reward": 1, "reward": 2}], "edges": []}') == [
+            "expected each key of an object once, found 'reward' twice"
+        ]
 
     def test_missing_and_wrong_keys_all_at_once(self, json_faults):
         assert json_faults({"directed": "yes", "graph": [], "nodes": []}) == [

@@ -180,16 +180,10 @@ class TestOtherPackages:
         assert len(load_mission("shoal", depth=5, robots=2).nodes) == 5
 
     def test_whatever_their_functions_raise(self, install):
-        """One error that names the mission, its function and its package."""
-        found = "RuntimeError: no tide"
         install("tide-missions", "def tide():\n    raise RuntimeError('no tide')\n", tide="tide")
-        said = f"tide_missions:tide of package tide-missions raised {found}"
-        with pytest.raises(MissionError, match=f"^Mission 'tide': {re.escape(said)}") as caught:
+        with pytest.raises(RuntimeError, match="no tide"):
             load_mission("tide")
-        assert caught.value.__cause__ is not None
-        [(blamed, fault)] = mission_faults("tide")
-        assert blamed is None
-        assert fault.startswith(said)
+        assert mission_faults("tide") == [(None, "RuntimeError: no tide")]
 
     def test_faults_of_their_missions(self, install, tmp_path):
         """The error names the plug-in, and the file if it reads one."""
@@ -274,12 +268,9 @@ class TestCheck:
         assert mission_faults("wreck", {"danger": 0.5}) == []
         assert "made" in sys.modules["reef_missions"].__dict__
 
-    def test_python_objects_are_for_python(self, install):
+    def test_python_objects(self, install):
         install("reef-missions", TYPED, wreck="wreck")
-        given = {"danger": 0.5, "known": [load_mission("toy")]}
-        assert mission_faults("wreck", given) == []
-        message = "known can be given from Python only."
-        assert mission_faults("wreck", given, plain=True) == [("known", message)]
+        assert mission_faults("wreck", {"danger": 0.5, "known": [load_mission("toy")]}) == []
 
     @pytest.mark.parametrize(
         ("name", "parameters", "faults"),
@@ -370,10 +361,10 @@ class TestModules:
             )
         )
         for path in ("dark_shore:bare", "dark_shore:other", "dark_shore:called.append"):
-            with pytest.raises(MissionError, match=r"that it makes a Mission|is looked for in"):
+            with pytest.raises(MissionError, match=r"\(-> Mission\)|is looked for in"):
                 load_mission(path)
-            [(blamed, said)] = mission_faults(path, {}, plain=True)
+            [(blamed, said)] = mission_faults(path, {})
             assert blamed is None
-            assert "makes a Mission" in said or "is looked for in" in said
+            assert "(-> Mission)" in said or "is looked for in" in said
         assert sys.modules["dark_shore"].called == []
         assert load_mission("dark_shore:Island") == load_mission("dark_shore:Island.far")

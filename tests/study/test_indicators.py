@@ -13,6 +13,7 @@ from botohe_moo.plots import plot_curves
 from botohe_moo.study import SCHEMAS, StudyError, load_study, read_study, run_study
 from botohe_moo.study.file.schema import study_schema
 from botohe_moo.study.report.page import write_report
+from tests.base.packages import entries, write_package
 
 STUDY = {
     "name": "gains",
@@ -42,8 +43,8 @@ def columns(monkeypatch):
     columns = {name: schema.names for name, schema in SCHEMAS.items()}
     gain = Indicator("gain %", most_reward, higher_is_better=True)
     missed = Indicator("missed", reward_missed, higher_is_better=False, needs_reference=True)
-    monkeypatch.setitem(INDICATORS, "gain", gain)
-    monkeypatch.setitem(INDICATORS, "missed", missed)
+    monkeypatch.setitem(INDICATORS.own, "gain", gain)
+    monkeypatch.setitem(INDICATORS.own, "missed", missed)
     return columns
 
 
@@ -83,6 +84,56 @@ def test_it_is_in_tables_reports_and_figures(columns, tmp_path):
     assert r"gain\\\%" in written["summary.tex"].read_text("utf-8")
     assert {"igd_plus-toy.svg", "epsilon-toy.svg", "missed-toy.svg"} <= written.keys()
     assert plot_curves(tables.trace, value="missed").get_ylabel() == "missed"
+
+
+SPACING = """
+from botohe_moo.indicators import Indicator
+
+def width(points, mission):
+    return float(points[:, 0].max(initial=0) - points[:, 0].min(initial=0))
+
+def far(points, reference, mission):
+    return float(len(reference))
+
+WIDTH = Indicator("width", width, higher_is_better=True)
+"""
+
+
+@pytest.fixture
+def spacing(tmp_path, monkeypatch):
+    """A package that registers an indicator, in a module that has others, too."""
+    entry_points = entries("indicators", "spacing_of_fronts", width="WIDTH")
+    write_package(tmp_path, "spacing-of-fronts", SPACING, entry_points)
+    monkeypatch.syspath_prepend(tmp_path)
+    before = {*INDICATORS.own}
+    yield
+    for name in INDICATORS.own.keys() - before:
+        del INDICATORS.own[name]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("in_process", "spacing")
+def test_it_may_be_of_another_package(tmp_path):
+    """By an entry point, or by its path: then a function describes fronts."""
+    assert [*INDICATORS][-1] == "width"
+    named = "spacing_of_fronts:far"
+    run_study(loaded(tmp_path, indicators=["area", "width", named]), tmp_path / "done")
+    tables = read_study(tmp_path / "done")
+    found = tables.indicators.pivot_table("value", "run", "indicator")
+    rewards = tables.plans.groupby("run")["reward"]
+    assert found["width"].to_dict() == pytest.approx(rewards.max().to_dict())
+    assert set(found[named]) == {len(tables.references)}
+    assert set(tables.comparisons["indicator"]) == {"area", "width"}
+    page = next(path for path in write_report(tables) if path.name == "report.html")
+    assert "width</th>" in page.read_text("utf-8")
+
+
+@pytest.mark.usefixtures("spacing")
+def test_what_a_path_leads_to_is_checked(tmp_path):
+    assert INDICATORS["spacing_of_fronts:WIDTH"].higher_is_better
+    for wrong, said in (("json:no", "cannot be imported"), ("json:__name__", "to be a function")):
+        with pytest.raises(StudyError, match=rf"indicators\.0: .*{said}"):
+            loaded(tmp_path, indicators=[wrong])
 
 
 @pytest.mark.usefixtures("columns")

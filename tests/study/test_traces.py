@@ -98,7 +98,7 @@ class TestScores:
             return area_indicator(points, mission)
 
         counted = dataclasses.replace(INDICATORS["area"], function=measure)
-        monkeypatch.setitem(INDICATORS, "area", counted)
+        monkeypatch.setitem(INDICATORS.own, "area", counted)
         one, _, other = self.FRONTS
         fronts = [("m", front) for front in [one] * 5 + [other] * 5]
         score_records(fronts, REFERENCE, missions={"m": quay()}, indicators=[])

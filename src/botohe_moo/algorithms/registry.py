@@ -7,19 +7,19 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo.base.messages import PluginError
+from botohe_moo.base.messages import ParameterError, PluginError
 from botohe_moo.base.parameters import (
     Fault,
     Parameter,
     accepted_parameters,
     call_factory,
-    factory_faults,
+    raised_faults,
     summary_of,
 )
-from botohe_moo.base.registry import PluginGroup, declared_factory, is_path
+from botohe_moo.base.registry import Registry, is_path
 from botohe_moo.mission.loading import load_mission
 
-PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
+ALGORITHMS = Registry("botohe_moo.algorithms", "algorithm")
 # Options of a run: the caller of ``minimize`` sets them.
 _PYMOOS_OWN = frozenset(inspect.signature(Algorithm).parameters)
 
@@ -62,22 +62,16 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     60
     """
     factory = find_algorithm(name)
-    source, origin = PLUGINS.source(name), PLUGINS.origin(name)
-    accepted = accepted_by(factory)
-    algorithm: Algorithm = call_factory(
-        source, factory, accepted, parameters, wanted=Algorithm, origin=origin
-    )
-    return algorithm
+    source, accepted = ALGORITHMS.source(name), accepted_by(factory)
+    made: Algorithm = call_factory(source, factory, accepted, parameters, wanted=Algorithm)
+    return made
 
 
-def algorithm_faults(
-    name: str, parameters: Mapping[str, Any] | None = None, *, plain: bool = False
-) -> list[Fault]:
+def algorithm_faults(name: str, parameters: Mapping[str, Any] | None = None) -> list[Fault]:
     """Return everything that keeps :func:`make_algorithm` from making an algorithm.
 
     These are pairs of a parameter's name (None for the whole) and what is wrong. If all parameters
-    are of their types, the algorithm is made, to see what its constructor raises. With ``plain``
-    the parameters are from a text file, and parameters that only take Python objects are refused.
+    are of their types, the algorithm is made, to see what its constructor raises.
 
     Examples
     --------
@@ -86,9 +80,7 @@ def algorithm_faults(
     >>> algorithm_faults("bo-aco", {"evaporation": 1.3})
     [('evaporation', 'Expected evaporation in (0, 1), got 1.3.')]
     """
-    source, accepted = PLUGINS.source(name), functools.partial(algorithm_parameters, name)
-    make, given = functools.partial(make_algorithm, name), parameters or {}
-    return factory_faults(source, accepted, make, given, plain=plain)
+    return raised_faults(functools.partial(make_algorithm, name), parameters or {})
 
 
 def algorithm_names() -> tuple[str, ...]:
@@ -100,7 +92,7 @@ def algorithm_names() -> tuple[str, ...]:
     >>> "pareto-local-search" in algorithm_names()
     True
     """
-    return tuple(PLUGINS.load_all())
+    return tuple(ALGORITHMS.loaded())
 
 
 def algorithm_parameters(name: str) -> tuple[Parameter, ...]:
@@ -132,14 +124,14 @@ def find_algorithm(name: str) -> Callable[..., Any]:
     if not isinstance(name, str):
         raise ValueError(f"Expected the name of an algorithm, got {name!r}.")
     try:
-        if is_path(name):
-            found = declared_factory(name, PLUGINS, Algorithm)
-            from botohe_moo.algorithms.genetic.algorithms import wired  # loads all operators
-
-            return wired(name, found)
-        return PLUGINS.load(name)
+        found: Callable[..., Any] = ALGORITHMS.find(name, makes=Algorithm)
     except PluginError as error:
-        raise ValueError(f"{PLUGINS.source(name)}: {error}.") from error
+        raise ParameterError(f"{error}.", source=ALGORITHMS.source(name)) from error
+    if is_path(name):
+        from botohe_moo.algorithms.genetic.algorithms import wired  # loads all operators
+
+        return wired(name, found)
+    return found
 
 
 @functools.lru_cache(maxsize=64)  # a grid asks for every combination

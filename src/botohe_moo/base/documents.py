@@ -3,15 +3,11 @@
 import math
 import re
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
-from yaml.composer import Composer
+import yaml
 from yaml.constructor import ConstructorError, SafeConstructor
-from yaml.cyaml import CParser
-from yaml.error import MarkedYAMLError
 from yaml.nodes import MappingNode, ScalarNode, SequenceNode
-from yaml.reader import ReaderError
-from yaml.resolver import BaseResolver
 
 _MOST_VALUES = 10_000_000
 _TAG = "tag:yaml.org,2002:"
@@ -26,21 +22,22 @@ _CORE = {
 }
 
 
-class _Loader(Composer, SafeConstructor, BaseResolver, CParser):  # type: ignore[misc]
+class _Loader(yaml.composer.Composer, yaml.CSafeLoader):  # type: ignore[misc]
     """Makes the types of JSON only, of events of the parser in C, which is fast.
 
     They are composed in Python: in C, a text that is nested too deep would end the interpreter.
     """
 
-    yaml_constructors = {  # noqa: RUF012 (as the class that it replaces)
-        None if tag is None else _TAG + tag: SafeConstructor.yaml_constructors[tag and _TAG + tag]
-        for tag in (None, "null", "bool", "float", "str", "seq", "map")
+    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
+    yaml_constructors: ClassVar[dict[str | None, Any]] = {
+        tag: SafeConstructor.yaml_constructors[tag]
+        for tag in (None, *(_TAG + kind for kind in ("null", "bool", "float", "str", "seq", "map")))
     }
+    yaml_constructors[f"{_TAG}timestamp"] = SafeConstructor.construct_yaml_str  # of YAML 1.1
 
     def __init__(self, text: str) -> None:
-        CParser.__init__(self, text)
-        for base in (Composer, SafeConstructor, BaseResolver):
-            base.__init__(self)
+        yaml.CSafeLoader.__init__(self, text)
+        yaml.composer.Composer.__init__(self)
         self._flat: set[Any] = set()
 
     def flatten_mapping(self, node: Any) -> None:
@@ -65,15 +62,10 @@ class _Loader(Composer, SafeConstructor, BaseResolver, CParser):  # type: ignore
 
     def _integer(self, node: Any) -> int:
         text = self.construct_scalar(node).replace("_", "")
-        try:
-            return int(text, 0 if text[:2] in ("0o", "0x") else 10)
-        except ValueError as error:  # thousands of digits
-            raise ConstructorError(None, None, str(error), node.start_mark) from None
+        return int(text, 0 if text[:2] in ("0o", "0x") else 10)
 
 
 _Loader.add_constructor(f"{_TAG}int", _Loader._integer)
-# YAML 1.2 has no dates: they are texts.
-_Loader.add_constructor(f"{_TAG}timestamp", SafeConstructor.construct_yaml_str)
 for _kind, _pattern in _CORE.items():
     _Loader.add_implicit_resolver(f"{_TAG}{_kind}", re.compile(f"({_pattern})\\Z"), None)
 
@@ -106,10 +98,10 @@ class Document:
             self.content: Any = self._root and loader.construct_document(self._root)
         except DocumentError:
             raise
-        except ReaderError as error:  # a character that YAML does not allow
+        except yaml.reader.ReaderError as error:  # a character that YAML does not allow
             line = text.encode()[: error.position].count(b"\n") + 1  # the position is in bytes
             raise DocumentError(line, f"{error.reason} (#x{error.character:04x})") from None
-        except MarkedYAMLError as error:
+        except yaml.error.MarkedYAMLError as error:
             raise DocumentError(*_explained(error)) from None
         except (ValueError, LookupError, RecursionError) as error:
             raise DocumentError(1, str(error)) from None

@@ -10,14 +10,13 @@ import io
 import itertools
 import json
 import os
+import re
 import secrets
-import stat
-import tempfile
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from botohe_moo.base.messages import FaultsError
+from botohe_moo.base.messages import FaultsError, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,120 +25,7 @@ if TYPE_CHECKING:
 
 FilePath: TypeAlias = str | os.PathLike[str]
 
-_SEPARATORS = ",;\t"
 FILE, FAULTS = "botohe_moo file", "botohe_moo faults"  # attributes of tables read from files
-
-
-@contextlib.contextmanager
-def new_folder(wanted: Path) -> Iterator[Path]:
-    """Make a folder that was not there; it is removed, with its parents, if it is left empty.
-
-    Where there is a folder of the ``wanted`` name, ``-2``, ``-3`` and so on is added.
-    """
-    missing = [path for path in wanted.parents if not path.exists()]
-    wanted.parent.mkdir(parents=True, exist_ok=True)
-    made = wanted
-    for number in itertools.count(2):
-        try:
-            made.mkdir()  # at once, so that no other process takes it
-            break
-        except FileExistsError:
-            made = wanted.with_name(f"{wanted.name}-{number}")
-    try:
-        yield made
-    finally:
-        for path in (made, *missing):
-            with contextlib.suppress(OSError):
-                path.rmdir()
-
-
-def check_folder(folder: Path) -> None:
-    """Check that files can be written to a folder, which need not exist; nothing is left behind."""
-    missing = [path for path in (folder, *folder.parents) if not path.exists()]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder):
-            pass
-    except OSError as error:
-        reason = "it is a file" if folder.is_file() else error.strerror
-        raise OSError(f"{folder}: expected a folder to write to; {reason}.") from None
-    finally:
-        for path in missing:
-            with contextlib.suppress(OSError):
-                path.rmdir()
-
-
-def read_bytes(path: Path) -> bytes:
-    """Read a file; an OSError refuses devices and pipes, which may have no end."""
-    _mode_of(path)
-    return path.read_bytes()
-
-
-def _mode_of(path: Path) -> int | None:
-    """Return the permissions of a file, None if it is not there; refuse what is not a file."""
-    try:
-        mode = path.stat().st_mode
-    except FileNotFoundError:
-        return None
-    if stat.S_ISDIR(mode):
-        raise IsADirectoryError(errno.EISDIR, "expected a file, found a folder", str(path))
-    if not stat.S_ISREG(mode):
-        raise OSError(errno.EINVAL, "expected a file, found a device or a pipe", str(path))
-    return stat.S_IMODE(mode)
-
-
-def check_parent(path: Path) -> None:
-    """Refuse, with an OSError that names the folder, a file in a folder that does not exist."""
-    folder = path.parent
-    if not folder.exists():
-        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(folder))
-    if not folder.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, "expected a folder, found a file", str(folder))
-
-
-def suffix_fault(path: Path, known: Collection[str]) -> str:
-    """Say what is wrong with the suffix of a file's name; nothing if it is a ``known`` one."""
-    if path.suffix.lower() in known:
-        return ""
-    found = f"the suffix {path.suffix!r}" if path.suffix else "no suffix"
-    return f"expected a file name that ends in one of {', '.join(known)}; found {found}"
-
-
-def check_suffix(path: Path, known: Collection[str]) -> None:
-    """Refuse, with a ValueError, a file name that has none of the ``known`` suffixes."""
-    if fault := suffix_fault(path, known):
-        raise ValueError(f"{path}: {fault}.")
-
-
-def check_file(path: Path) -> None:
-    """Refuse, with an OSError, a file in a folder that does not exist, or in place of a folder."""
-    check_parent(path)
-    _mode_of(path)
-
-
-def replace_file(path: Path, data: bytes) -> None:
-    """Write ``data`` to a file in one step: it appears complete, or stays as it was.
-
-    A symlink stays: the file that it leads to is written, and keeps its permissions. An OSError
-    refuses devices and pipes, which would be replaced by a file.
-    """
-    target = Path(os.path.realpath(path))
-    check_parent(target)
-    mode = _mode_of(path)
-    temporary = target.with_name(f".{secrets.token_hex(8)}.tmp")
-    try:
-        with temporary.open("xb") as file:
-            if mode is not None:
-                temporary.chmod(mode)
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(target)
-    except OSError as error:  # which would name the temporary file
-        raise OSError(error.errno, error.strerror, str(path)) from None
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
 
 
 class Source:
@@ -175,22 +61,126 @@ class Source:
 
     @functools.cached_property
     def json(self) -> Any:
-        """The content of a JSON file; a ValueError if it is not JSON."""
-        try:
-            return json.loads(self.text)
-        except json.JSONDecodeError as error:
-            raise ValueError(f"expected JSON: {error}") from None
+        """The content of a JSON file; a ValueError if it is not JSON, or repeats a key."""
+        return read_json(self.text)
 
     @functools.cached_property
     def yaml(self) -> Document:
         """The content of a YAML file, with lines of values; a ValueError if it is not YAML."""
         # Imported late: it takes time, and most missions are not in YAML.
-        from botohe_moo.base.documents import Document, DocumentError
+        from botohe_moo.base.documents import Document
 
         try:
             return Document(self.text)
-        except DocumentError as error:
+        except ValueError as error:
             raise ValueError(f"line {error}") from None
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a file; an OSError refuses folders, and devices and pipes, which may have no end."""
+    _check_regular(path)
+    return path.read_bytes()
+
+
+def read_json(text: str | bytes) -> Any:
+    """Return the content of a JSON text; a ValueError if it is not JSON, or repeats a key."""
+    try:
+        return json.loads(text, object_pairs_hook=_object)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"expected JSON: {error}") from None
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"expected each key of an object once, found {quoted(twice)} twice")
+    return content
+
+
+def _check_regular(path: Path) -> None:
+    """Refuse, with an OSError, a folder, a device or a pipe; the file need not exist."""
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, "expected a file, found a folder", str(path))
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "expected a file, found a device or a pipe", str(path))
+
+
+def check_file(path: Path) -> None:
+    """Refuse, with an OSError, a file in a folder that does not exist, or in place of a folder."""
+    if not path.parent.exists():
+        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(path.parent))
+    if not path.parent.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "expected a folder, found a file", str(path.parent))
+    _check_regular(path)
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse, with an OSError, a folder that cannot be written to; it need not exist."""
+    there = next(path for path in (folder, *folder.parents) if path.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        reason = "is read-only" if there.is_dir() else "is a file"
+        raise OSError(f"{folder}: expected a folder to write to; {there} {reason}.")
+
+
+def suffix_fault(path: Path, known: Collection[str]) -> str:
+    """Say what is wrong with the suffix of a file's name; nothing if it is a ``known`` one."""
+    if path.suffix.lower() in known:
+        return ""
+    found = f"the suffix {path.suffix!r}" if path.suffix else "no suffix"
+    return f"expected a file name that ends in one of {', '.join(known)}; found {found}"
+
+
+def check_suffix(path: Path, known: Collection[str]) -> None:
+    """Refuse, with a ValueError, a file name that has none of the ``known`` suffixes."""
+    if fault := suffix_fault(path, known):
+        raise ValueError(f"{path}: {fault}.")
+
+
+@contextlib.contextmanager
+def new_folder(wanted: Path) -> Iterator[Path]:
+    """Make a folder that was not there; it is removed, with its parents, if it is left empty.
+
+    Where there is a folder of the ``wanted`` name, ``-2``, ``-3`` and so on is added.
+    """
+    missing = [path for path in wanted.parents if not path.exists()]
+    wanted.parent.mkdir(parents=True, exist_ok=True)
+    names = (wanted.with_name(f"{wanted.name}-{number}") for number in itertools.count(2))
+    for made in itertools.chain([wanted], names):
+        with contextlib.suppress(FileExistsError):
+            made.mkdir()  # at once, so that no other process takes it
+            break
+    try:
+        yield made
+    finally:
+        for path in (made, *missing):
+            with contextlib.suppress(OSError):
+                path.rmdir()
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write ``data`` to a file in one step: it appears complete, or stays as it was.
+
+    A symlink stays: the file that it leads to is written, and keeps its permissions. An OSError
+    refuses devices and pipes, which would be replaced by a file.
+    """
+    target = Path(os.path.realpath(path))
+    check_file(target)
+    temporary = target.with_name(f".{secrets.token_hex(8)}.tmp")
+    try:
+        with temporary.open("xb") as file:
+            if target.exists():
+                temporary.chmod(target.stat().st_mode & 0o7777)
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(target)
+    except OSError as error:  # which would name the temporary file
+        raise OSError(error.errno, error.strerror, str(path)) from None
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
 
 
 def read_table(path: FilePath) -> pd.DataFrame:
@@ -209,9 +199,9 @@ def read_table(path: FilePath) -> pd.DataFrame:
         remedy = "save it as 'CSV UTF-8', as spreadsheets call it"
         raise ValueError(f"{path}: {error}; {remedy}") from None
     first, _, rest = text.lstrip().partition("\n")
-    separator = max(_SEPARATORS, key=first.count)
-    if (said := first.strip('"\r').lower()) in (f"sep={mark}" for mark in _SEPARATORS):  # of Excel
-        text, separator = f"\n{rest}", said[4]
+    separator = max(",;\t", key=first.count)
+    if re.fullmatch(r'"?sep=[,;\t]"?\r?', first, re.IGNORECASE):  # of Excel
+        text = f"\n{rest}"
     lines = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     try:
         rows = {i: cells for i, cells in enumerate(lines, 1) if any(map(str.strip, cells))}

@@ -16,11 +16,23 @@ _REPR.maxstring, _REPR.maxother = 60, _LONG
 
 
 class ParameterError(ValueError):
-    """A value is not as expected; ``parameter`` is the name of the parameter, if it is one."""
+    """A value is not as expected.
 
-    def __init__(self, message: str, parameter: str | None = None) -> None:
-        super().__init__(message)
+    ``parameter`` is the name of the parameter, if it is one; ``faults`` lists what is wrong with
+    this and other parameters, each as the parameter's name and a message. The error's own message
+    begins with ``source``, such as "Mission 'toy'".
+    """
+
+    def __init__(
+        self,
+        message: str,
+        parameter: str | None = None,
+        faults: Iterable[tuple[str | None, str]] = (),
+        source: str = "",
+    ) -> None:
+        super().__init__(f"{source}: {message}" if source else message)
         self.parameter = parameter
+        self.faults = tuple(faults) or ((parameter, message),)
 
 
 class FaultsError(ValueError):
@@ -49,20 +61,19 @@ class FaultsError(ValueError):
 
 
 class PluginError(ValueError):
-    """A name is not registered, or cannot be used; says why."""
+    """What a name stands for is not registered, or cannot be used; says why."""
 
 
-def check_integer(name: str, value: Any, *, at_least: int, at_most: int | None = None) -> int:
+def check_integer(name: str, value: Any, *, at_least: int, at_most: float = math.inf) -> int:
     """Return ``value`` as an int, or raise the ParameterError that says what was expected."""
     if isinstance(value, bool) or not isinstance(value, Integral):
         expected = f"{name} to be an integer >= {at_least}"
-        raise ParameterError(f"Expected {expected}, got {quoted(value)}.", name)
-    number = int(value)
-    if number < at_least:
-        raise ParameterError(f"Expected {name} >= {at_least}, got {value}.", name)
-    if at_most is not None and number > at_most:
-        raise ParameterError(f"Expected {name} <= {at_most}, got {value}.", name)
-    return number
+    elif at_least <= int(value) <= at_most:
+        return int(value)
+    else:
+        value = int(value)
+        expected = f"{name} >= {at_least}" if value < at_least else f"{name} <= {at_most}"
+    raise ParameterError(f"Expected {expected}, got {quoted(value)}.", name)
 
 
 def check_number(
@@ -78,18 +89,15 @@ def check_number(
     number = as_float(value)
     if math.isfinite(number) and above < number < below and at_least <= number <= at_most:
         return number
-    open_low = above >= at_least
-    low = above if open_low else at_least
-    if min(below, at_most) < math.inf:
-        high = f"{below:g})" if below <= at_most else f"{at_most:g}]"
-        expected = f"{name} in {'(' if open_low else '['}{low:g}, {high}"
-    elif low == -math.inf:
-        expected = f"{name} to be a finite number"
-    else:
-        expected = f"{name} {'>' if open_low else '>='} {low:g}"
-        if number == math.inf:
-            expected += " and finite"
-    raise ParameterError(f"Expected {expected}, got {quoted(value)}.", name)
+    low, high = max(above, at_least), min(below, at_most)
+    expected = " to be a finite number"
+    if high < math.inf:
+        opening, closing = "(" if above == low else "[", ")" if below == high else "]"
+        expected = f" in {opening}{low:g}, {high:g}{closing}"
+    elif low > -math.inf:
+        finite = " and finite" if number == math.inf else ""
+        expected = f" {'>' if above == low else '>='} {low:g}{finite}"
+    raise ParameterError(f"Expected {name}{expected}, got {quoted(value)}.", name)
 
 
 def as_float(value: Any) -> float:

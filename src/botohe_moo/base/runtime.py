@@ -12,6 +12,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+_USUAL = (signal.SIG_DFL, signal.default_int_handler)
+
 
 def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Make the ``__getattr__`` and ``__dir__`` (PEP 562) and the ``__all__`` of a package.
@@ -49,22 +51,20 @@ def n_cpus(groups: Path = Path("/sys/fs/cgroup")) -> int:
     ``PYTHON_CPU_COUNT``), but no more than a container's share of time allows, as the files of the
     control ``groups`` have it.
     """
-    usable: Callable[[], int | None] | None = getattr(os, "process_cpu_count", None)
-    affinity: Callable[[int], set[int]] | None = getattr(os, "sched_getaffinity", None)
-    if usable is not None:
-        n = usable() or 1
+    system: Any = os  # whose functions differ by platform and version
+    if hasattr(system, "process_cpu_count"):
+        n = system.process_cpu_count() or 1
+    elif hasattr(system, "sched_getaffinity"):
+        n = len(system.sched_getaffinity(0))
     else:
-        n = os.cpu_count() or 1 if affinity is None else len(affinity(0))
+        n = os.cpu_count() or 1
     for names in (("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")):
         with suppress(OSError, ValueError):  # of the other version, no quota ("max"), or no groups
-            words = [word for name in names for word in (groups / name).read_text().split()]
+            words = " ".join((groups / name).read_text() for name in names).split()
             quota, period = map(int, words)
             if quota > 0:
                 n = min(n, math.ceil(quota / period))
     return max(n, 1)
-
-
-_DEFAULTS = (signal.SIG_DFL, signal.default_int_handler)
 
 
 class Stop(threading.Event):
@@ -85,7 +85,7 @@ def hold_signals(*numbers: int, handled: bool = False) -> Iterator[Stop]:
     usual: dict[int, Any] = {}
     for number in numbers if threading.current_thread() is threading.main_thread() else ():
         handler = signal.getsignal(number)
-        if handler in _DEFAULTS or (handled and callable(handler)):
+        if handler in _USUAL or (handled and callable(handler)):
             usual[number] = handler
 
     def note(number: int, _: object) -> None:

@@ -51,9 +51,9 @@ def list_missions() -> None:
     """List the named missions and the generators."""
     from botohe_moo.base.parameters import summary_of
     from botohe_moo.mission import mission_names
-    from botohe_moo.mission.loading import PLUGINS
+    from botohe_moo.mission.loading import MISSIONS
 
-    tell(listing((name, summary_of(PLUGINS.load(name))) for name in mission_names()))
+    tell(listing((name, summary_of(MISSIONS[name])) for name in mission_names()))
     more = (
         "`botohe missions show NAME` tells more. Generators take parameters: "
         "`botohe missions show terrain -m nodes=50 -m seed=3`."

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import jinja2
 
-from botohe_moo.base.files import check_parent, check_suffix, replace_file
+from botohe_moo.base.files import check_file, check_suffix, replace_file
 from botohe_moo.decide import Choice
 from botohe_moo.decide.wishes import Wish
 from botohe_moo.explorer.data import page_data
@@ -84,7 +84,7 @@ def check_page_file(path: str | os.PathLike[str]) -> Path:
     """Refuse a file name that does not end in ``.html``, or whose folder does not exist."""
     path = Path(path)
     check_suffix(path, (".html", ".htm"))
-    check_parent(path)
+    check_file(path)
     return path
 
 

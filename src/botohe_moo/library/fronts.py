@@ -20,7 +20,7 @@ from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
 from botohe_moo.base.files import Source
 from botohe_moo.base.messages import quoted
-from botohe_moo.base.parameters import json_record
+from botohe_moo.base.parameters import validated
 from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, numbers_digest
@@ -225,7 +225,7 @@ class BestKnown:
 
         The plans themselves are looked at by :meth:`check`, which is called if ``check`` is set.
         """
-        record = json_record(path, unpacked(path), _Record)
+        record = validated(unpacked(path), _Record, source=str(path))
         if record.mission_digest != (digest := numbers_digest(mission)):
             raise ValueError(
                 f"{path}: expected the digest {digest} of {mission.name!r}, found that of another "

@@ -26,10 +26,10 @@ from botohe_moo.base.parameters import (
     accepted_parameters,
     call_factory,
     checked,
-    factory_faults,
+    raised_faults,
     signature_parameters,
 )
-from botohe_moo.base.registry import PluginGroup, declared_factory, package_of
+from botohe_moo.base.registry import Registry, package_of
 from botohe_moo.mission.formats import reading
 from botohe_moo.mission.formats.nodelink import mission_content, read_node_link
 from botohe_moo.mission.formats.tables import make_mission
@@ -96,7 +96,7 @@ def library_name_of(digest: str) -> str | None:
 COMMON = ("robots", "lengths_from_pos")  # parameters that every mission takes
 # The options that files of all formats take.
 OF_FILES = {p.name: p for p in signature_parameters(make_mission)}
-PLUGINS = PluginGroup("botohe_moo.missions", "mission")
+MISSIONS = Registry("botohe_moo.missions", "mission")
 
 
 def art_museum() -> Mission:
@@ -343,7 +343,7 @@ def save_mission(mission: Mission, path: FilePath) -> None:
 
 
 def mission_faults(
-    name_or_path: FilePath, parameters: Mapping[str, Any] | None = None, *, plain: bool = False
+    name_or_path: FilePath, parameters: Mapping[str, Any] | None = None
 ) -> list[Fault]:
     """Return everything that keeps `load_mission` from making a mission.
 
@@ -355,9 +355,7 @@ def mission_faults(
     >>> mission_faults("terrain", {"nodes": "50", "robots": 3})
     [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
     """
-    accepted, make = partial(mission_parameters, name_or_path), partial(load_mission, name_or_path)
-    source, given = PLUGINS.source(name_or_path), parameters or {}
-    return factory_faults(source, accepted, make, given, plain=plain, also=COMMON)
+    return raised_faults(partial(load_mission, name_or_path), parameters or {})
 
 
 def mission_parameters(name_or_path: FilePath) -> tuple[Parameter, ...]:
@@ -386,7 +384,7 @@ def mission_names() -> tuple[str, ...]:
     >>> "art_museum" in mission_names()
     True
     """
-    return tuple(PLUGINS.load_all())
+    return tuple(MISSIONS.loaded())
 
 
 def mission_origin(name_or_path: FilePath) -> dict[str, str | None]:
@@ -398,7 +396,7 @@ def mission_origin(name_or_path: FilePath) -> dict[str, str | None]:
     name: Any = name_or_path
     if isinstance(name, str) and name.startswith(PREFIX):
         name = ENTRIES[name.removeprefix(PREFIX)].source
-    return package_of(PLUGINS.entry(name).dist if name in PLUGINS.claims() else None)
+    return package_of(MISSIONS.entry(name).dist if name in MISSIONS else None)
 
 
 def find_factory(name: FilePath) -> Callable[..., Any] | None:
@@ -410,16 +408,17 @@ def find_factory(name: FilePath) -> Callable[..., Any] | None:
         raise ValueError(f"Expected {expected}, got {quoted(name)}.")
     if name.startswith(PREFIX):
         return partial(_of_library, name.removeprefix(PREFIX))
-    is_known = name in PLUGINS.claims()
+    is_known = name in MISSIONS
     is_module = ":" in name and not is_known
     if not is_known and (reading.is_file_name(name) or Path(name).is_file()):
         return None
     try:
-        return declared_factory(name, PLUGINS, Mission) if is_module else PLUGINS.load(name)
+        found: Callable[..., Any] = MISSIONS.find(name, makes=Mission)
+        return found
     except PluginError as error:
         files = f"mission files end in one of {', '.join(reading.suffixes())}"
         hint = f"; {files}; botohe missions import reads tables" * (not is_known and not is_module)
-        raise MissionError(f"{error}{hint}", PLUGINS.source(name)) from error
+        raise MissionError(f"{error}{hint}", MISSIONS.source(name)) from error
 
 
 def _of_library(name: str) -> Mission:
@@ -438,13 +437,14 @@ def _of_library(name: str) -> Mission:
 def _make(
     function: Callable[..., Any], name: str, robots: int | None, parameters: dict[str, Any]
 ) -> Mission:
-    source, origin = PLUGINS.source(name), PLUGINS.origin(name)
+    source = MISSIONS.source(name)
     accepted = accepted_parameters(function)
     if robots is not None and any(parameter.name == "robots" for parameter in accepted):
         parameters = {**parameters, "robots": robots}
-    context: dict[str, Any] = {"wanted": Mission, "origin": origin, "also": COMMON}
     try:
-        mission: Mission = call_factory(source, function, accepted, parameters, **context)
+        mission: Mission = call_factory(
+            source, function, accepted, parameters, wanted=Mission, also=COMMON
+        )
     except (PluginError, FaultsError) as error:
         raise reading.within(source, error) from error
     return mission if robots in (None, mission.robots) else mission.with_robots(robots)

@@ -11,8 +11,8 @@ from pymoo.core.mutation import Mutation
 from pymoo.core.repair import Repair
 from pymoo.core.sampling import Sampling
 
-from botohe_moo.base import registry
 from botohe_moo.base.messages import ParameterError, PluginError, nearest_first, quoted
+from botohe_moo.base.registry import Registry, is_path, says_it_makes
 
 Factory: TypeAlias = Callable[..., Any]
 
@@ -23,7 +23,7 @@ KINDS: Mapping[str, type] = {
     "mutation": Mutation,
     "repair": Repair,
 }
-_PLUGINS = registry.PluginGroup("botohe_moo.operators", "operator")
+OPERATORS = Registry("botohe_moo.operators", "operator")
 
 
 def find_operator(kind: str, name: Any) -> Factory:
@@ -32,20 +32,16 @@ def find_operator(kind: str, name: Any) -> Factory:
     ``name`` is a registered one or ``module:Class``. A ParameterError says what keeps it from being
     used.
     """
-    if not isinstance(name, str) or not (registry.is_path(name) or name in _PLUGINS.claims()):
+    if not isinstance(name, str) or not (is_path(name) or name in OPERATORS):
         raise _unknown(kind, name)
+    if name.startswith("pymoo."):
+        raise _fault(kind, name, "pymoo's own operators do not work on trail plans")
     try:
-        if not registry.is_path(name):
-            factory = _PLUGINS.load(name)
-        elif name.partition(".")[0] == "pymoo":
-            raise PluginError("pymoo's own operators do not work on trail plans")
-        else:
-            factory = registry.declared_factory(name, _PLUGINS, KINDS[kind])
+        factory: Factory = OPERATORS.find(name, makes=KINDS[kind])
     except PluginError as error:
         raise _fault(kind, name, str(error)) from error
-    if isinstance(factory, type) and not registry.says_it_makes(factory, KINDS[kind]):
-        why = f", which is not derived from pymoo's {KINDS[kind].__name__}"
-        raise _unknown(kind, name, why)
+    if isinstance(factory, type) and not says_it_makes(factory, KINDS[kind]):
+        raise _unknown(kind, name, f", which is not derived from pymoo's {KINDS[kind].__name__}")
     return factory
 
 
@@ -67,7 +63,7 @@ def named_operators(parameters: Mapping[str, Any]) -> list[tuple[str, Factory]]:
         for name in names:
             with contextlib.suppress(ParameterError):
                 factory = find_operator(kind, name)
-                path = name if registry.is_path(name) else _PLUGINS.entry(name).value
+                path = name if is_path(name) else OPERATORS.entry(name).value
                 found.append((path, factory))
     return sorted(found, key=lambda pair: pair[0])
 
@@ -80,9 +76,8 @@ def make_operator(kind: str, name: Any, wanted: type, **offered: Any) -> Any:
     factory = find_operator(kind, name)
     try:
         made = factory(**_taken_options(factory, offered))
-    except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        found = f"{type(error).__name__}: {error}"
-        raise _fault(kind, name, f"cannot be made ({found})") from error
+    except (TypeError, ValueError) as error:
+        raise _fault(kind, name, f"cannot be made ({type(error).__name__}: {error})") from error
     if not isinstance(made, wanted):
         found = f"expected an object of type {wanted.__name__}, got {type(made).__qualname__}"
         raise _fault(kind, name, found)
@@ -95,10 +90,9 @@ def _fault(kind: str, name: str, found: str) -> ParameterError:
 
 def _registered(kind: str) -> Iterator[str]:
     """List the names of registered operators that state that they are of a kind."""
-    for name in _PLUGINS.claims():
-        with contextlib.suppress(PluginError), warnings.catch_warnings(action="ignore"):
-            if registry.says_it_makes(_PLUGINS.load(name), KINDS[kind]):
-                yield name
+    with warnings.catch_warnings(action="ignore"):
+        found = OPERATORS.loaded()
+    return (name for name, factory in found.items() if says_it_makes(factory, KINDS[kind]))
 
 
 def _taken_options(factory: Factory, offered: Mapping[str, Any]) -> dict[str, Any]:

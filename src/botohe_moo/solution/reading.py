@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
 from botohe_moo.base.files import Source
-from botohe_moo.base.parameters import json_record
+from botohe_moo.base.parameters import validated
 from botohe_moo.mission.loading import read_mission
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.solution.model import Solution, as_json
@@ -75,7 +75,7 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
     if mission is None:
         mission = read_mission(folder / "mission.json")
     path = folder / "plans.json"
-    record = json_record(path, Source(path).data, _Record)
+    record = validated(Source(path).data, _Record, source=str(path))
     if record.mission_digest != numbers_digest(mission):
         raise ValueError(
             f"{source}: expected the mission that the plans in {path} were made for, found one "

@@ -102,7 +102,7 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
     It is taken for an algorithm where it does not say, and where both have the name.
     """
     # Imported when they are needed, as below: pymoo takes long to load, and missions do without.
-    from botohe_moo.algorithms.registry import PLUGINS
+    from botohe_moo.algorithms.registry import ALGORITHMS
     from botohe_moo.base.registry import is_path, says_it_makes
     from botohe_moo.mission.loading import mission_names
     from botohe_moo.mission.model import Mission
@@ -110,7 +110,7 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
     found: Any = factory
     if isinstance(factory, str):
         if not is_path(factory):
-            is_mission = factory not in PLUGINS.claims() and factory in mission_names()
+            is_mission = factory not in ALGORITHMS and factory in mission_names()
             return "mission" if is_mission else "algorithm"
         try:
             found = resolve_name(factory)

@@ -12,8 +12,8 @@ from botohe_moo.algorithms.registry import algorithm_faults
 from botohe_moo.study import read_study
 from botohe_moo.study.file.code import code_mismatch
 from botohe_moo.study.file.origin import algorithm_origin
-from tests.plugins.packages import entries, write_package
-from tests.plugins.test_installed import botohe
+from tests.base.packages import entries, write_package
+from tests.base.test_installed import botohe
 
 REEF = """
     import functools

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from botohe_moo.base.files import FilePath, suffix_fault
 from botohe_moo.base.files import Source as Source  # what readers are given
-from botohe_moo.base.registry import PluginGroup
+from botohe_moo.base.registry import Registry
 from botohe_moo.mission.hazards import Zone
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import MissionError
@@ -134,7 +134,7 @@ class Format:
     write: Callable[[Mission], bytes] | None = None
 
 
-_FORMATS = PluginGroup("botohe_moo.formats", "format", Format)
+FORMATS = Registry("botohe_moo.formats", "format", Format)
 
 # Keys by which files are known that are no missions, and what can be done about them.
 _UNSUPPORTED = {
@@ -161,8 +161,7 @@ def formats() -> dict[str, Format]:
     Those of this package come last: of formats with one suffix the others are asked first whether
     they know a file, and the last one writes it.
     """
-    found = _FORMATS.load_all()
-    return dict(sorted(found.items(), key=lambda pair: _FORMATS.is_ours(pair[0])))
+    return dict(sorted(FORMATS.loaded().items(), key=lambda pair: FORMATS.is_ours(pair[0])))
 
 
 def suffixes() -> tuple[str, ...]:

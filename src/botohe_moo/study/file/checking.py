@@ -134,7 +134,7 @@ class CheckedContent:
             again = load_mission(**source) if foreign else mission
         except (Exception, SystemExit) as error:  # whatever another package's code may do
             parameters = {key: value for key, value in source.items() if key != "name_or_path"}
-            faults = mission_faults(name, parameters, plain=True)
+            faults = mission_faults(name, parameters)
             self._add_faults(
                 "mission", member, name, faults or [(None, f"{type(error).__name__}: {error}")]
             )
@@ -153,7 +153,7 @@ class CheckedContent:
         origins: dict[str, dict[str, str | None]] = {}  # each reads files, and many are the same
         for member in _members(entries):
             name = member.entry.algorithm
-            if faults := algorithm_faults(name, member.parameters, plain=True):
+            if faults := algorithm_faults(name, member.parameters):
                 self._add_faults("algorithm", member, name, faults)
                 continue
             code = f"{name} {[member.parameters.get(kind) for kind in OPERATORS]}"

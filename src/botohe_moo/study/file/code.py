@@ -1,16 +1,14 @@
 """The code that a study names: problems of your own, and whether a worker has the same."""
 
-import functools
 import math
 from collections.abc import Iterable, Mapping
-from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
 
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.base.messages import quoted
-from botohe_moo.base.registry import imported
+from botohe_moo.base.registry import Registry
 from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import largest_objectives
 from botohe_moo.problem import BOTOHE
@@ -18,6 +16,7 @@ from botohe_moo.study.file.model import PACKAGES, StudyAlgorithm, StudyMission, 
 from botohe_moo.study.file.origin import algorithm_origin
 
 _ROUNDING = 1e-9
+PROBLEMS = Registry("botohe_moo.problems", "problem")
 
 
 def find_problem(path: str | None) -> type[BOTOHE]:
@@ -27,7 +26,7 @@ def find_problem(path: str | None) -> type[BOTOHE]:
     """
     if path is None:
         return BOTOHE
-    found: Any = imported(functools.partial(resolve_name, path), "it")
+    found: Any = PROBLEMS.find(path, makes=BOTOHE)
     if not (isinstance(found, type) and issubclass(found, BOTOHE)):
         raise ValueError(f"expected a class derived from BOTOHE, got {quoted(found)}")
     if found._evaluate is not BOTOHE._evaluate:

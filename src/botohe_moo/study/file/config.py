@@ -14,6 +14,7 @@ from pydantic import (
 )
 
 from botohe_moo.base.messages import check_choice, quoted
+from botohe_moo.base.registry import is_path
 from botohe_moo.indicators import INDICATORS
 from botohe_moo.mission.loading import ENTRIES, PREFIX, SELECTIONS, library_names
 from botohe_moo.study.file.values import Label, Name, Text, all_distinct, check_distinct
@@ -24,8 +25,15 @@ MAX_SEEDS = 100_000
 
 
 def _check_indicator(value: str) -> str:
-    check_choice("an indicator", value, INDICATORS)
+    if is_path(value):
+        INDICATORS.find(value)
+    else:
+        check_choice("an indicator", value, INDICATORS)
     return value
+
+
+def _registered_indicators() -> list[str]:
+    return [name for name in INDICATORS if not is_path(name)]
 
 
 def labelled_missions(value: Any) -> Any:
@@ -63,7 +71,7 @@ def labelled(value: Any) -> Any:
 IndicatorName = Annotated[
     str,
     AfterValidator(_check_indicator),
-    Field(json_schema_extra=lambda schema: schema.update(enum=[*INDICATORS])),
+    Field(json_schema_extra=lambda schema: schema.update(examples=[*INDICATORS])),
 ]
 Names = Annotated[list[str], Field(min_length=1)]
 Count = Annotated[int, Field(ge=1, le=MAX_EVALUATIONS)]
@@ -264,7 +272,7 @@ class StudyFile(_Entry):
     """When fronts are recorded."""
     indicators: Annotated[
         list[IndicatorName],
-        Field(default_factory=lambda: [*INDICATORS], min_length=1),
+        Field(default_factory=_registered_indicators, min_length=1),
         all_distinct("indicator"),
     ]
     """What fronts are judged by."""

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 from botohe_moo.base.documents import Document, DocumentError
 from botohe_moo.base.files import read_bytes
 from botohe_moo.base.messages import most_alike, quoted
-from botohe_moo.base.parameters import content_faults
+from botohe_moo.base.parameters import faults_in
 from botohe_moo.study.file.checking import CheckedContent, Fault, Place
 from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.model import MANIFEST, Study, StudyError, seeds_of, study_folder
@@ -66,7 +66,7 @@ def load_study(
     try:
         file = StudyFile.model_validate(content)
     except ValidationError as invalid:
-        faults = [*content_faults(content, invalid, _known_keys)]
+        faults = faults_in(content, invalid, known_keys=_known_keys)
     checked = CheckedContent(content, file, path.parent, _missing_packages(content, out))
     faults += checked.faults
     if faults or file is None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm
+from botohe_moo.algorithms.registry import ALGORITHMS, accepted_by, find_algorithm
 from botohe_moo.base.parameters import call_factory, changes_nothing, plain_value
 from botohe_moo.base.registry import is_path, package_of
 
@@ -44,7 +44,7 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
     # A method that takes any keywords may give its class other defaults, which are not stated.
     stated = [p for p in accepted if p.own and not p.required]
     defaults = {p.name: plain_value(p.default) for p in stated}
-    made = call_factory(PLUGINS.source(name), factory, accepted, parameters)
+    made = call_factory(ALGORITHMS.source(name), factory, accepted, parameters)
     given = {key: plain_value(value) for key, value in parameters.items()}
     effective = {**_attributes(made), **defaults, **_plain(getattr(made, "settings", {})), **given}
     return AlgorithmIdentity(
@@ -95,7 +95,7 @@ def _canonical_name(name: str) -> str:
     if isinstance(owner, type):
         within = f"{owner.__qualname__}.{found.__name__}"
     path = f"{module}:{within}" if module and within else name
-    values = {entry.value: known for known, (entry, *_) in PLUGINS.claims().items()}
+    values = {entry.value: known for known, (entry, *_) in ALGORITHMS.claims().items()}
     return values.get(path) or values.get(name) or path
 
 
@@ -116,7 +116,7 @@ def algorithm_origin(
     if is_path(path):
         owner = _distribution_of(path.partition(":")[0])
     else:
-        entry = PLUGINS.entry(path)
+        entry = ALGORITHMS.entry(path)
         owner = entry.dist
         parts = [(entry.value, factory)]
     if any(isinstance((parameters or {}).get(kind), str | Mapping) for kind in OPERATORS):

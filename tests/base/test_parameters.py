@@ -20,10 +20,9 @@ from botohe_moo.base.parameters import (
     accepted_parameters,
     call_factory,
     changes_nothing,
-    check_values,
     checked,
     plain_value,
-    raised_fault,
+    raised_faults,
     range_text,
     takes_any_name,
     type_text,
@@ -32,6 +31,12 @@ from botohe_moo.base.parameters import (
 
 def value_faults(name, value, hint):
     return Parameter(name, hint=hint).checked(value)[1]
+
+
+def faults_of(factory, values, also=()):
+    """What is wrong with the values that a factory is called with."""
+    call = functools.partial(call_factory, "X", factory, accepted_parameters(factory), also=also)
+    return raised_faults(lambda **given: call(given), values)
 
 
 class Rope:
@@ -95,15 +100,16 @@ class TestValues:
     def test_wrong_ones(self, hint, value, message):
         assert value_faults("x", value, hint) == [message]
 
-    def test_validators_of_others_may_raise_anything(self):
+    def test_validators_of_others(self):
         def refuse(value):
             raise value
 
         def check(value):
             return value_faults("x", value, Annotated[Any, BeforeValidator(refuse)])
 
-        assert check(ValueError("Odd.")) == ["x: Odd, got ValueError('Odd.')."]
-        assert check(KeyError("odd")) == ["x: KeyError: 'odd'"]
+        assert check(ValueError("Odd.")) == ["x: Odd."]
+        with pytest.raises(KeyError, match="odd"):
+            check(KeyError("odd"))
 
     @given(
         st.integers()
@@ -234,30 +240,29 @@ class TestAccepted:
 
 class TestCheckValues:
     def test_all_faults_at_once(self):
-        accepted = accepted_parameters(climb)
-        faults = check_values(accepted, {"m": 1, "n": 6, "rope": 3}, plain=True)
+        faults = faults_of(climb, {"m": 1, "n": 6, "rope": 3})
         assert [name for name, _ in faults] == ["m", "n", "share", "rope"]
         unknown, low, missing, rope = (message for _, message in faults)
         assert unknown == "there is no parameter 'm'; known are lost, n, rope, share."
         assert missing == "missing a required parameter 'share'."
         assert low == "Expected n in [1, 5], got 6."
-        assert rope == "rope can be given from Python only."
+        assert rope == "Expected rope to be of type Rope, got 3."
 
     def test_other_names(self):
-        [(blamed, _)] = check_values(accepted_parameters(climb), {"share": 0.5, "m": 1})
+        [(blamed, _)] = faults_of(climb, {"share": 0.5, "m": 1})
         assert blamed == "m"  # whatever it would take
-        assert check_values(accepted_parameters(lambda: 0), {"m": 1}, also=["robots"]) == [
+        assert faults_of(lambda: 0, {"m": 1}, also=["robots"]) == [
             ("m", "there is no parameter 'm'; known are robots.")
         ]
-        assert check_values(accepted_parameters(lambda: 0), {"m": 1}) == [
+        assert faults_of(lambda: 0, {"m": 1}) == [
             ("m", "there is no parameter 'm'; it takes none.")
         ]
 
     def test_a_default_is_always_in_order(self):
         def odd(*, n: int = None, m: Few = 0): ...  # noqa: RUF013
 
-        assert check_values(accepted_parameters(odd), {"n": None, "m": 0}) == []
-        assert len(check_values(accepted_parameters(odd), {"n": "", "m": 9})) == 2
+        assert faults_of(odd, {"n": None, "m": 0}) == []
+        assert len(faults_of(odd, {"n": "", "m": 9})) == 2
 
     names = st.sampled_from(["n", "share", "rope", "lost", "m"])
     values = st.recursive(
@@ -270,12 +275,9 @@ class TestCheckValues:
 
     @given(st.dictionaries(names, values, max_size=5))
     def test_no_value_is_too_odd(self, values):
-        accepted = accepted_parameters(climb)
-        faults = check_values(accepted, values, plain=True)
+        faults = faults_of(climb, values)
         assert {name for name, _ in faults} <= {*values, "share"}
         assert all(message for _, message in faults)
-        if not faults:
-            assert call_factory("X", climb, accepted, values) is not None
 
 
 class TestChecked:
@@ -326,8 +328,6 @@ class TestCall:
         def dive(*, depth: int, breath: float = 1.0):
             if depth == 31:
                 raise ValueError("Expected depth in [1, 30], got 31.")
-            if breath == 0:
-                raise MemoryError
             if breath < 0:
                 raise KeyError("breath")
             called.append(depth)
@@ -346,18 +346,19 @@ class TestCall:
             call(depth="3")
         with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got '3'\.$"):
             call(depth="3", breath=0)
-        with pytest.raises(MemoryError):
-            call(depth=3, breath=0)
-        with pytest.raises(ValueError, match=r"^X: it raised KeyError: 'breath'\.$") as e:
+        with pytest.raises(KeyError, match="breath"):
             call(depth=3, breath=-1)
-        assert isinstance(e.value.__cause__, KeyError)
         assert called == []
         call(depth=3)
         assert called == [3]
 
     def test_what_was_raised(self):
         def fault(error):
-            return raised_fault(error, {"n", "share"}, source="X")
+            def fall(*, n=1, share=2):
+                raise error
+
+            [found] = faults_of(fall, {"n": 1, "share": 2})
+            return found
 
         assert fault(ParameterError("X: A small share.", "share")) == ("share", "A small share.")
         assert fault(ParameterError("n is too small.", "other")) == (None, "n is too small.")
@@ -367,7 +368,6 @@ class TestCall:
         assert fault(ValueError("Expected a share below 1.")) == (None, "Expected a share below 1.")
         assert fault(ValueError("Expected m >= 1.")) == (None, "Expected m >= 1.")
         assert fault(ValueError("")) == (None, "")
-        assert fault(OSError("gone")) == (None, "OSError: gone")
 
 
 class TestResults:
@@ -385,7 +385,7 @@ class TestResults:
         found = {p.name: changes_nothing(p.hint) for p in accepted_parameters(search)}
         assert found == {"n": False, "a": True, "b": True, "c": True, "d": True, "e": False}
         assert accepted_parameters(search)[2].range == ">= 1"
-        assert check_values(accepted_parameters(search), {"a": 3, "b": 2, "c": None}) == []
+        assert faults_of(search, {"a": 3, "b": 2, "c": None}) == []
 
     def test_plain_values(self):
         for value, plain in [
@@ -417,7 +417,7 @@ class Climb(BaseModel):
     share: float = Field(gt=0, lt=1)
     knot: Knot = Knot.REEF
     sizes: tuple[int, ...] = ()
-    notes: list[str] = Field(default_factory=list, alias="remarks")
+    notes: list[str] = []
 
     @field_validator("share", mode="before")
     @classmethod
@@ -452,7 +452,6 @@ class TestModels:
     def test_values_are_converted(self):
         accepted = accepted_parameters(ByModel)
         given = {"share": "25%", "knot": "bowline", "sizes": [1, 2], "notes": ["x"]}
-        assert check_values(accepted, given, plain=True) == []
         assert call_factory("Climb", ByModel, accepted, given).values == {
             "n": 2,
             "share": 0.25,
@@ -466,7 +465,7 @@ class TestModels:
         ("given", "said"),
         [
             ({"n": 0, "share": 2}, "Expected n >= 1, got 0. Expected share < 1, got 2."),
-            ({"n": 5, "share": 0.6}, "expected share <= 0.5 where n is 5"),
+            ({"n": 5, "share": 0.6}, "expected share <= 0.5 where n is 5."),
             ({"share": 0.5, "sizes": [1, "x"]}, "Expected sizes[1] to be an integer, got 'x'."),
             ({"n": 1}, "missing a required parameter 'share'."),
         ],

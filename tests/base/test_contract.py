@@ -75,7 +75,7 @@ def test_each_number_states_its_range_and_keeps_it(name, kind):
             number = get_args(hint)[0]
             for side, bound in bounds(hint):
                 value = outside(side, bound, hint)
-                [(blamed, said)] = check(name, {parameter.name: value}, plain=True)
+                [(blamed, said)] = check(name, {parameter.name: value})
                 assert blamed == parameter.name
                 assert said.startswith(f"Expected {parameter.name} {parameter.range}")
                 assert said.endswith(f", got {value!r}.")
