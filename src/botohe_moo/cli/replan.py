@@ -125,7 +125,7 @@ def _write(solution: Solution, found: Replan, evaluations: int, seed: int, out: 
     from dataclasses import replace
 
     from botohe_moo.plots import plot_replan
-    from botohe_moo.solution.model import draw_picture
+    from botohe_moo.solution import draw_picture
 
     rest = replace(
         solution,
