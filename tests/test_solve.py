@@ -373,9 +373,9 @@ class TestDescription:
     def test_of_a_front(self, toy):
         text = solution_of(toy, [[[1, 2, 4, 2, 1], [1]], [[1], [1]]], seconds=0.5).describe()
         assert text.splitlines()[:3] == [  # 3.24 / (2 - 1.6561)
-            "plan_id  reward  survivors  reward per survivor more, to next row",
-            "      0  3.2400     1.6561                                  9.421",
-            "      1  0.0000     2.0000",
+            "plan_id  reward  survivors  price of a survivor",
+            "      0  3.2400     1.6561                9.421",
+            "      1  0.0000     2.0000                9.421",
         ]
         assert "by hand, seed 1: spent 2 evaluations in 0.5 s (4 a second)" in text
         assert text.endswith("area 0.2683, 2 plans on the front")  # 3.24 · 1.6561 / 20
@@ -400,9 +400,9 @@ class TestDescription:
         assert found[0] == 0
         assert found[-1] == 1000
         assert [int(row[0]) for row in rows if "knee" in row] == [500]
-        for i, j, row in zip(found, found[1:], rows, strict=False):
-            # (x² - y²) / (y - x)
-            cost = 2.5 * (survivors[i] + survivors[j])
+        for i, row in zip(found, rows, strict=True):
+            # Slopes are 2.5 (x² - y²) / (y - x) from one plan to the next.
+            cost = 2.5 * (survivors[max(i - 1, 0)] + survivors[min(i + 1, 1000)])
             assert row[:4] == [
                 f"{i}",
                 f"{objectives[i, 0]:.4f}",

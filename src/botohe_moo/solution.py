@@ -21,7 +21,7 @@ from botohe_moo._base.source import Source
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
 from botohe_moo._plugins.faults import json_record
-from botohe_moo.decide import choosing, fronts, hazards, tradeoffs
+from botohe_moo.decide import choosing, fronts, hazards
 from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.formats.nodelink import write_node_link
@@ -157,9 +157,9 @@ class Solution:
         """Mark where the front bends; see :func:`botohe_moo.decide.knees`."""
         return fronts.knees(self.mission, self.objectives)
 
-    def exchange_rate(self, index: int, *, window: float = 0.25) -> tradeoffs.ExchangeRate:
-        """Compute what 0.1 survivors cost; see :func:`botohe_moo.decide.exchange_rate`."""
-        return tradeoffs.exchange_rate(self.mission, self.objectives, index, window=window)
+    def survivor_price(self, index: int) -> float:
+        """Compute the price of a survivor; see :func:`botohe_moo.decide.survivor_price`."""
+        return fronts.survivor_price(self.mission, self.objectives, index)
 
     def representatives(self, k: int = 5) -> tuple[int, ...]:
         """Select ``k`` plans, by their rows; see :func:`botohe_moo.decide.representatives`."""
@@ -180,13 +180,11 @@ class Solution:
         """Describe the search and its front in words and a table.
 
         The table has some ten plans, or all: the ends of the front, its knee (see :meth:`knees`)
-        and :meth:`representatives`. Its last column is the reward that is given up for each further
-        expected survivor, from one row to the next.
+        and :meth:`representatives`. Its last column is :meth:`survivor_price`.
         """
         front = self.mission, self.plans, self.objectives
-        rows = tuple(range(len(self.plans))) if all_plans else tradeoffs.shown_rows(*front)
-        table = tradeoffs.front_table(self.mission, self.objectives, rows) if rows else "no plans"
-        some = f", {len(rows)} of them above" if len(rows) < len(self.plans) else ""
+        table, n_rows = fronts.front_table(*front, all_plans=all_plans)
+        some = f", {n_rows} of them above" if n_rows < len(self.plans) else ""
         start = self.startup_seconds if self.startup_seconds >= _LONG_START else 0.0
         took, started = "", ""
         if self.seconds is not None:

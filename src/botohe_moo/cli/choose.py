@@ -111,8 +111,8 @@ def choose_plan(
     """
     with failing():
         from botohe_moo.decide.choosing import taken
-        from botohe_moo.decide.export import check_plan_path
         from botohe_moo.decide.fronts import check_row
+        from botohe_moo.decide.plan_files import check_plan_path
         from botohe_moo.solution import read_solution
 
         asked = {"wishes": bool(wish), "--toward": toward is not None, "--plan": plan is not None}
