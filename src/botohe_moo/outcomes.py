@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias, overload
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import ParameterError, check_choice, check_integer, quoted
-from botohe_moo._base.types import FloatArray, OffsetArray, Rng, SeedArray
+from botohe_moo.base.messages import ParameterError, check_choice, check_integer, quoted
+from botohe_moo.base.types import FloatArray, OffsetArray, Rng, SeedArray
 from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, Returns, Team
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import TrailPlan

@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
-from botohe_moo._base.files import replace_file
-from botohe_moo._base.source import Source
-from botohe_moo._base.types import FloatArray
-from botohe_moo._base.words import counted
-from botohe_moo._plugins.faults import json_record
+from botohe_moo.base.files import Source, replace_file
+from botohe_moo.base.messages import counted
+from botohe_moo.base.parameters import json_record
+from botohe_moo.base.types import FloatArray
 from botohe_moo.decide import choosing, fronts, hazards
 from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator

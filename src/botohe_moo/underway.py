@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from botohe_moo._base import spreadsheets
-from botohe_moo._base.checks import check_choice, check_integer, check_number, quoted
-from botohe_moo._base.types import FloatArray
-from botohe_moo._base.words import counted, difference_text, price_text, short_text
 from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
+from botohe_moo.base import files
+from botohe_moo.base.messages import check_choice, check_integer, check_number, counted, quoted
+from botohe_moo.base.numbers import difference_text, price_text, short_text
+from botohe_moo.base.types import FloatArray
 from botohe_moo.decide.fronts import survivor_prices
 from botohe_moo.decide.wishes import label_text, node_of
 from botohe_moo.mission import underway as u
@@ -93,14 +93,14 @@ def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
     robot 0 lost on the way to 4
     """
     check_mission(mission)
-    frame = spreadsheets.read_table(path)
+    frame = files.read_table(path)
     columns = [str(column).strip().lower() for column in frame.columns]
     known = {"time", "robot", "event", "node"}
     if not {"robot", "event"} <= set(columns) <= known or len(columns) > len(set(columns)):
         expected = "the columns robot, event and node, and perhaps time"
         raise EventError(f"{path}: expected {expected}, found {quoted(', '.join(columns))}.")
-    events, faults = [], list(frame.attrs[spreadsheets.FAULTS])
-    for where, given in spreadsheets.filled_cells(frame, columns, str(path)):
+    events, faults = [], list(frame.attrs[files.FAULTS])
+    for where, given in files.filled_cells(frame, columns, str(path)):
         name = given.get("robot", "")
         robot = int(name) if re.fullmatch(r"-?[0-9]+", name) else name
         try:

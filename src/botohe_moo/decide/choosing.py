@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from botohe_moo._base.checks import check_choice, check_number
-from botohe_moo._base.words import price_text, short_text
+from botohe_moo.base.messages import check_choice, check_number
+from botohe_moo.base.numbers import price_text, short_text
 from botohe_moo.decide import fronts
 from botohe_moo.decide.fronts import Neighbours
 from botohe_moo.decide.wishes import QUANTITIES, Candidates, Quantity, Wish, parse_wishes

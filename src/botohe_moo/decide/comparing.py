@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.words import difference_text
+from botohe_moo.base.numbers import difference_text
 from botohe_moo.decide.fronts import arc_counts, distances
 from botohe_moo.decide.wishes import label_text
 from botohe_moo.mission.model import Mission, check_mission

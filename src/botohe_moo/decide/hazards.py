@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo._base.checks import check_integer, check_number, quoted
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.messages import check_integer, check_number, quoted
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.core import evaluate as kernels
 from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, layer_of
 from botohe_moo.decide.fronts import objectives_of

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from botohe_moo import outcomes
-from botohe_moo._base import files as f
-from botohe_moo._base.checks import check_choice, check_number, quoted
+from botohe_moo.base import files as f
+from botohe_moo.base.messages import check_choice, check_number, quoted
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.formats.routes import write_route_graph
 from botohe_moo.mission.hazards import places_of

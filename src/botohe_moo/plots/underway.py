@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from botohe_moo._base.words import price_text
+from botohe_moo.base.numbers import price_text
 from botohe_moo.decide.fronts import check_objectives
 from botohe_moo.plots.draw.canvas import open_axes
 from botohe_moo.plots.draw.maps import add_reach_bar, name_map, name_room, open_sheet, title_sheet
