@@ -17,7 +17,7 @@ from botohe_moo import Event, Mission, load_mission, replan, simulate_policy, so
 from botohe_moo.base.types import FloatArray
 from botohe_moo.explorer import replay
 from botohe_moo.plots import plot_policies, save_plot
-from botohe_moo.underway import play_mission, robot_price
+from botohe_moo.underway import play_mission
 
 # Missions with their parameters, and when they pay.
 SITES: tuple[tuple[str, dict[str, Any], str], ...] = (
@@ -58,7 +58,7 @@ def run(folder: Path) -> bool:
                 mission,
                 solution.plans[row],
                 POLICIES,
-                price=robot_price(mission, solution.objectives, row),
+                price=solution.survivor_price(row),
                 missions=MISSIONS,
                 workers=os.cpu_count() or 1,
             )
@@ -93,7 +93,7 @@ def time_replans(path: Path) -> None:
         solution = solve(mission, evaluations=20_000, n_islands=1)
         row = supported_row(solution.objectives, 0.55 * mission.robots)
         plan = solution.plans[row]
-        price = robot_price(mission, solution.objectives, row)
+        price = solution.survivor_price(row)
         trails = mission.labels(plan)
         out = [robot for robot, trail in enumerate(trails) if len(trail) > 3]
         events = [Event("reached", robot, trails[robot][2]) for robot in out]
@@ -133,7 +133,7 @@ def photograph_replay(path: Path) -> None:
     """Take a picture of the mission of docs/explorer.md, at the step in which a robot is lost."""
     museum = load_mission("art_museum")
     solution = solve(museum, evaluations=20_000, n_islands=1)
-    price = robot_price(museum, solution.objectives, 159)
+    price = solution.survivor_price(159)
     played = play_mission(museum, solution.plans[159], price=price, number=1)
     step = next(i for i, step in enumerate(played.steps) if step.lost)
     with tempfile.TemporaryDirectory() as folder:

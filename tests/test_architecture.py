@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import botohe_moo
-from botohe_moo import algorithms, decide, explorer, mission, operators, outcomes, plots, study
+from botohe_moo import algorithms, decide, explorer, mission, operators, plots, study
 from botohe_moo.algorithms import greedy
 
-LAZY_PACKAGES = [botohe_moo, algorithms, decide, explorer, mission, operators, outcomes]
+LAZY_PACKAGES = [botohe_moo, algorithms, decide, explorer, mission, operators]
 LAZY_PACKAGES += [plots, study, greedy]
 
 

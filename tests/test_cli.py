@@ -39,7 +39,7 @@ from botohe_moo import (
 )
 from botohe_moo.cli.choose import VehicleOption
 from botohe_moo.cli.progress import showing
-from botohe_moo.decide.driving import VEHICLES
+from botohe_moo.decide.plan_files import VEHICLES
 from botohe_moo.explorer import replay_page
 from botohe_moo.underway import play_mission
 from tests.forked import run_forked
@@ -895,7 +895,7 @@ class TestReplan:
         (tmp_path / "events.csv").write_text("robot,event,node\n0,lost,\n")
         ended = botohe("replan", "out", "events.csv", "--plan", 0, "--out", "rest")
         assert (ended.status, ended.err) == (0, "")
-        assert "A robot more costs" in flat(ended.out)
+        assert "One more survivor costs" in flat(ended.out)
         rest = read_solution(tmp_path / "rest")
         assert rest.mission.robots == read_solution(out).mission.robots - 1
         assert names_in(tmp_path / "rest") == sorted([*FILES, "replan.png"])
@@ -947,7 +947,7 @@ class TestSimulate:
         assert header == list(table.columns)
         found = np.array([row[1:-1] for row in rows], float)
         assert found == pytest.approx(table.iloc[:, 1:-1].to_numpy(float), abs=1e-4)
-        assert ended.out.startswith("A robot more costs 2 reward.")
+        assert ended.out.startswith("One more survivor costs 2 reward.")
         assert (tmp_path / "policies.png").stat().st_size > 10_000
 
     def test_bad_input(self, refused, solved):

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from botohe_moo.mission import save_mission as save_mission
     from botohe_moo.mission import survival_from_raster as survival_from_raster
     from botohe_moo.mission import survival_from_zones as survival_from_zones
+    from botohe_moo.mission.underway import Event as Event
     from botohe_moo.outcomes import plan_outcomes as plan_outcomes
     from botohe_moo.plots import plot_front as plot_front
     from botohe_moo.plots import plot_mission as plot_mission
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from botohe_moo.solution import read_solution as read_solution
     from botohe_moo.solving import solve as solve
     from botohe_moo.trails import TrailPlan as TrailPlan
-    from botohe_moo.underway import Event as Event
     from botohe_moo.underway import replan as replan
     from botohe_moo.underway import simulate_policy as simulate_policy
 

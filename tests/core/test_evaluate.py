@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from botohe_moo.mission import Kind, Mission, PlanError, load_mission
-from botohe_moo.outcomes.outcomes import plan_outcomes
+from botohe_moo.outcomes import plan_outcomes
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests import strategies, twins
 from tests.examples import examples

@@ -18,9 +18,15 @@ Two robots leave the dock. Three dead-end nodes, the ways back are safe:
 AB, AC, BC and C are not dominated; the total reward is 7.
 """
 
+from functools import partial
+
 import networkx as nx
 
 from botohe_moo import Mission
+from botohe_moo.decide import Wish
+
+Expected, Chance, TailMean = (partial(Wish, form) for form in ("expected", "chance", "tail mean"))
+WorstCase, EveryRobot, Reach = (partial(Wish, f) for f in ("worst case", "every robot", "reach"))
 
 LEAVES = {"a": (4, 0.5), "b": (2, 0.9), "c": (1, 1.0)}
 NAMES = ["AB", "AC", "AA", "BC", "BB", "C"]

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission
 from botohe_moo.decide import after_losses, hazards, robustness, worst_case
-from botohe_moo.decide import losses as losses_of_robots
 from tests.decide.made import LEAVES, MISSION, NAMES, PLANS, star, trips
 from tests.decide.test_choosing import fronts
 
@@ -133,7 +132,7 @@ class TestAfterLosses:
         losses = data.draw(st.integers(1, mission.robots - 1))
         exact = worst_case(mission, plans, losses)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(losses_of_robots, "_MAX_SETS", 0)
+            patch.setattr(hazards, "_MAX_SETS", 0)
             bound = worst_case(mission, plans, losses)
             assert after_losses(mission, plans, losses)["lost"].tolist() == [None] * len(plans)
         assert (bound <= exact + 1e-9).all()

@@ -10,18 +10,18 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission
-from botohe_moo.decide import (
+from botohe_moo.decide import Wish, parse_wishes
+from botohe_moo.decide.wishes import FORMS
+from tests.decide.made import (
+    MISSION,
     Chance,
     EveryRobot,
     Expected,
     Reach,
     TailMean,
-    Wish,
     WorstCase,
-    parse_wishes,
+    star,
 )
-from botohe_moo.decide.grammar import FORMS
-from tests.decide.made import MISSION, star
 
 LABELS = [
     "north hall",
@@ -219,7 +219,9 @@ def test_typed_wishes_check_their_parts():
         (Expected, {"quantity": "price", "at_least": 1}, "Expected quantity among .*, got 'price'"),
         (Chance, {"quantity": "reward", "value": None, "at_least": 1}, "Expected value >= 0"),
         (EveryRobot, {"at_least": True}, r"Expected at_least in \[0, 1\], got True"),
-        (Wish, {"at_least": -1}, "Expected at_least >= 0, got -1"),
+        (WorstCase, {"at_least": -1, "losses": 1}, "Expected at_least >= 0, got -1"),
+        (WorstCase, {"at_least": 1, "losses": None}, "Expected losses to be an integer >= 0"),
+        (Wish, {"form": "best case", "at_least": 1}, "Expected form among worst case, "),
     ):
         with pytest.raises(ValueError, match=fault):
             kind(**parts)

@@ -18,7 +18,7 @@ from playwright.sync_api import expect
 
 from botohe_moo import Mission, load_mission
 from botohe_moo.decide import compare, plan_csv, plan_geojson, plan_json
-from botohe_moo.decide.judging import MAX_OUTCOMES, N_SAMPLES, SEED
+from botohe_moo.decide.wishes import MAX_OUTCOMES, N_SAMPLES, SEED
 from botohe_moo.explorer import explore
 from botohe_moo.explorer.texts import sentence_writer
 from botohe_moo.outcomes import plan_outcomes, reach_probabilities

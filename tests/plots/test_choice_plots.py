@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 
 from botohe_moo import Event, replan, simulate_policy
-from botohe_moo.decide import judging, knees, representatives
+from botohe_moo.decide import knees, representatives, wishes
 from botohe_moo.outcomes import reward_distribution, survivors_distribution
 from botohe_moo.plots import (
     plot_case_study,
@@ -95,8 +95,8 @@ class TestOutcomes:
 
     def test_simulated_rewards_are_told(self, monkeypatch):
         mission = load("art_museum")
-        monkeypatch.setattr(judging, "MAX_OUTCOMES", 1)
-        monkeypatch.setattr(judging, "N_SAMPLES", 500)
+        monkeypatch.setattr(wishes, "MAX_OUTCOMES", 1)
+        monkeypatch.setattr(wishes, "N_SAMPLES", 500)
         left, _ = plot_outcomes(mission, mission.plan(MUSEUM_TRAILS))
         (entry,) = legend_texts(left)
         assert entry.endswith("; R from 500 simulated missions")
@@ -222,7 +222,7 @@ class TestUnderWay:
             assert abs(cloud[:, 1] - played["survivors"]).max() < 0.36
         gain, error = outcomes.table.loc[1, ["gain", "gain_se"]]
         assert legend_texts(ax) == ["front", "static", f"losses: {gain:+.2f} ± {error:.2f}"]
-        assert "a robot more costs 2 reward; 30 missions" in words(ax)
+        assert "one more survivor costs 2 reward; 30 missions" in words(ax)
 
     def test_the_old_plan_and_the_new(self):
         mission, plans = toy_plans()

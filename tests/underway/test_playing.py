@@ -8,8 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Event, load_mission, simulate_policy
-from botohe_moo.underway import play_mission
-from botohe_moo.underway.playing import POLICIES
+from botohe_moo.underway import POLICIES, play_mission
 from tests.examples import examples
 from tests.mission.test_underway import keeps_limits
 from tests.strategies import missions_with_plans, team_missions_with_plans

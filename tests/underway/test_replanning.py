@@ -9,9 +9,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Event, Kind, Mission, load_mission, replan, simulate_policy, solve
+from botohe_moo.decide import survivor_price
 from botohe_moo.mission import PlanError
-from botohe_moo.underway import EventError, read_events, robot_price
-from botohe_moo.underway.playing import POLICIES
+from botohe_moo.underway import POLICIES, EventError, read_events
 from tests.examples import examples
 from tests.mission.test_underway import LOST, keeps_limits, moments
 from tests.strategies import missions_with_plans, team_missions_with_plans
@@ -67,25 +67,18 @@ def test_a_robot_is_sent_on_where_another_was_lost():
     assert found.objectives.tolist() == [5, 0.25]
     assert found.gain == 5 - 2 * 0.75
     assert str(found) == (
-        "A robot more costs 2 reward. The new plan has 5 more reward and 0.75 fewer survivors."
+        "One more survivor costs 2 reward. The new plan has 5 more reward and 0.75 fewer survivors."
     )
     kept = replan(mission, plan, lost, price=100)
     assert kept.plan == kept.left.plan
     assert str(kept).endswith("What is left of the plan stays as it is.")
 
 
-def test_the_price_of_a_robot():
-    toy, front = load_mission("toy"), [[8, 0], [7, 1], [4, 1.4], [0, 2]]
-    prices = [robot_price(toy, front, i) for i in range(4)]
-    assert prices == pytest.approx([1, 4, 7, 7])  # the third is below the hull
-    assert robot_price(toy, [[3, 1]], 0) == 0
-
-
 def test_policies_meet_the_same_dangers():
     museum = load_mission("art_museum")
     solution = solve(museum, evaluations=3_000)
     row = int(np.argmin(abs(solution.objectives[:, 1] - 1.6)))
-    plan, price = solution.plans[row], robot_price(museum, solution.objectives, row)
+    plan, price = solution.plans[row], survivor_price(museum, solution.objectives, row)
     given = {"price": price, "evaluations": 60}
     table = simulate_policy(museum, plan, tuple(POLICIES), missions=20, **given).table
     assert table["policy"].tolist() == list(POLICIES)
@@ -104,7 +97,7 @@ def test_a_plan_implies_a_price():
     solution = solve(museum, evaluations=3_000)
     row = int(np.argmin(abs(solution.objectives[:, 1] - 1.6)))
     found = replan(museum, solution.plans[row], [Event("lost", 2)])
-    price = robot_price(museum, solution.objectives, row)
+    price = survivor_price(museum, solution.objectives, row)
     assert found.price == pytest.approx(price, rel=0.35)
     outcomes = simulate_policy(museum, solution.plans[row], "static", missions=2)
     assert outcomes.price == found.price

@@ -51,3 +51,39 @@ def probability_text(probability: float, decimals: int) -> str:
     if float(text) == 1 and probability < 1 - 1e-12:
         return f">{1 - unit:.{decimals}f}"
     return text
+
+
+def short_text(value: float) -> str:
+    """Write a number with four significant digits."""
+    return f"{value:.4g}"
+
+
+def exact_text(value: float) -> str:
+    """Write a number with all the digits that it takes to read the same number again.
+
+    >>> exact_text(0.5), exact_text(2.0), exact_text(1 / 3)
+    ('0.5', '2', '0.3333333333333333')
+    """
+    text = f"{value:g}"
+    return text if float(text) == value else repr(value)
+
+
+def difference_text(value: float, what: str) -> str:
+    """Write how much more or less reward, or how many more or fewer survivors, a plan has.
+
+    >>> difference_text(0.5, "reward"), difference_text(-1, "survivors"), difference_text(0, "x")
+    ('0.5 more reward', '1 fewer survivors', 'the same x')
+    """
+    if abs(value) < 1e-9:
+        return f"the same {what}"
+    less = "fewer" if what == "survivors" else "less"
+    return f"{short_text(abs(value))} {'more' if value > 0 else less} {what}"
+
+
+def price_text(price: float) -> str:
+    """Write the price of a survivor, as reward.
+
+    >>> price_text(3.2)
+    'one more survivor costs 3.2 reward'
+    """
+    return f"one more survivor costs {short_text(price)} reward"

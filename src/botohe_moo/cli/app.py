@@ -226,7 +226,7 @@ def solve_mission(
     )
     choice = solution.choose(*wishes) if wishes else None
     if explore:
-        from botohe_moo.solution.model import PAGE
+        from botohe_moo.solution import PAGE
 
         write_page(solution, folder / PAGE, choice)
     if choice is not None:

@@ -119,7 +119,7 @@ def bound_mission(
 def certify(solution: Solution, folder: Path, time_limit: float, threads: int | None) -> None:
     """Bound the front of a solution, say how good it is, and write the bound to its folder."""
     from botohe_moo.plots import plot_front
-    from botohe_moo.solution.model import BOUND, FRONT_PICTURE, draw_picture
+    from botohe_moo.solution import BOUND, FRONT_PICTURE, draw_picture
 
     with stoppable(_STOPPING) as stop:
         how: dict[str, Any] = {"seed": solution.seed, **_limits_of(solution)}

@@ -111,8 +111,8 @@ def choose_plan(
     """
     with failing():
         from botohe_moo.decide.choosing import taken
-        from botohe_moo.decide.export import check_plan_path
         from botohe_moo.decide.fronts import check_row
+        from botohe_moo.decide.plan_files import check_plan_path
         from botohe_moo.solution import read_solution
 
         asked = {"wishes": bool(wish), "--toward": toward is not None, "--plan": plan is not None}
@@ -143,7 +143,7 @@ def choose_plan(
 
 
 def _check_not_of_solution(folder: Path, out: Path) -> None:
-    from botohe_moo.solution.model import FILES
+    from botohe_moo.solution import FILES
 
     if any(out.resolve() == (folder / name).resolve() for name in FILES):
         raise ValueError(f"{out}: a file of the solution itself; give another name.")
@@ -153,7 +153,7 @@ def _write(
     mission: Mission, plan: TrailPlan, path: Path, altitude: float | None, vehicle: str
 ) -> None:
     from botohe_moo.decide import write_plan
-    from botohe_moo.solution.model import draw_picture
+    from botohe_moo.solution import draw_picture
 
     with failing():
         if path.suffix.lower() in PICTURES:
@@ -228,8 +228,7 @@ def explore_front(
     """
     with failing():
         from botohe_moo.explorer.page import check_page_file
-        from botohe_moo.solution import read_solution
-        from botohe_moo.solution.model import PAGE
+        from botohe_moo.solution import PAGE, read_solution
 
         solution = read_solution(folder)
         path = check_page_file(folder / PAGE if out is None else out)

@@ -149,8 +149,6 @@ def _of_runs(tables: StudyTables, label: str, mission: Mission) -> Iterator[tupl
     """Give the plans of each run on a mission of a study, and how they were found."""
     from pydantic import Field, TypeAdapter
 
-    from botohe_moo.library.fronts import batch_of
-
     n_robots = Field(min_length=mission.robots, max_length=mission.robots)
     plan_type = Annotated[list[list[int | str]], n_robots]
     as_plans: TypeAdapter[Any] = TypeAdapter(list[plan_type])
@@ -170,7 +168,7 @@ def _of_runs(tables: StudyTables, label: str, mission: Mission) -> Iterator[tupl
             ) from None
         said = tables.manifest["algorithms"][algorithm]
         method = _method(said["algorithm"], said["parameters"], evaluations, seed)
-        yield batch_of(mission, plans), method
+        yield mission.pack(plans), method
 
 
 def _method(algorithm: str, parameters: Mapping[str, Any], evaluations: int, seed: int) -> str:

@@ -27,7 +27,7 @@ PriceOption = Annotated[
     typer.Option(
         "--price",
         metavar="REWARD",
-        help="What a robot more is worth; by default the slope of the front at the plan.",
+        help="The price of a survivor; by default that of the plan, as `choose` tells it.",
     ),
 ]
 ReplansOption = Annotated[
@@ -42,12 +42,11 @@ def plan_under_way(
     """Return a solution, one of its plans, and the price and limits with which it is replanned."""
     from botohe_moo.decide.fronts import check_row
     from botohe_moo.solution import read_solution
-    from botohe_moo.underway import robot_price
 
     solution = read_solution(folder)
     row = check_row("--plan", plan, len(solution.plans))
     if price is None:
-        price = robot_price(solution.mission, solution.objectives, row)
+        price = solution.survivor_price(row)
     limits = {"min_survival": solution.min_survival, "max_length": solution.max_length}
     return solution, solution.plans[row], {"price": price, **limits}
 
@@ -83,7 +82,7 @@ def replan_mission(
     a robot that is `lost` is the one to which it was on its way, or empty. A robot that is `home`
     has followed its trail to the end, and stays there.
 
-    The new plan is never worth less than what is left of the old one, at the price of a robot.
+    The new plan is never worth less than what is left of the old one, at the price of a survivor.
 
     With --out, `botohe choose`, `explore` and `replan` go on from that folder.
 
@@ -125,7 +124,7 @@ def _write(solution: Solution, found: Replan, evaluations: int, seed: int, out: 
     from dataclasses import replace
 
     from botohe_moo.plots import plot_replan
-    from botohe_moo.solution.model import draw_picture
+    from botohe_moo.solution import draw_picture
 
     rest = replace(
         solution,

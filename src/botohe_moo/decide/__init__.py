@@ -12,31 +12,24 @@ if TYPE_CHECKING:
     from botohe_moo.decide.comparing import Change as Change
     from botohe_moo.decide.comparing import Difference as Difference
     from botohe_moo.decide.comparing import compare as compare
-    from botohe_moo.decide.driving import nav2_files as nav2_files
-    from botohe_moo.decide.driving import qgc_plans as qgc_plans
-    from botohe_moo.decide.export import plan_csv as plan_csv
-    from botohe_moo.decide.export import plan_geojson as plan_geojson
-    from botohe_moo.decide.export import plan_json as plan_json
-    from botohe_moo.decide.export import write_plan as write_plan
     from botohe_moo.decide.fronts import Mark as Mark
+    from botohe_moo.decide.fronts import Neighbours as Neighbours
+    from botohe_moo.decide.fronts import Step as Step
     from botohe_moo.decide.fronts import knees as knees
+    from botohe_moo.decide.fronts import neighbours as neighbours
     from botohe_moo.decide.fronts import representatives as representatives
-    from botohe_moo.decide.grammar import parse_wishes as parse_wishes
+    from botohe_moo.decide.fronts import survivor_price as survivor_price
     from botohe_moo.decide.hazards import after_losses as after_losses
     from botohe_moo.decide.hazards import robustness as robustness
     from botohe_moo.decide.hazards import worst_case as worst_case
-    from botohe_moo.decide.robots import robot_table as robot_table
-    from botohe_moo.decide.tradeoffs import ExchangeRate as ExchangeRate
-    from botohe_moo.decide.tradeoffs import Neighbours as Neighbours
-    from botohe_moo.decide.tradeoffs import Step as Step
-    from botohe_moo.decide.tradeoffs import exchange_rate as exchange_rate
-    from botohe_moo.decide.tradeoffs import neighbours as neighbours
-    from botohe_moo.decide.wishes import Chance as Chance
-    from botohe_moo.decide.wishes import EveryRobot as EveryRobot
-    from botohe_moo.decide.wishes import Expected as Expected
-    from botohe_moo.decide.wishes import Reach as Reach
-    from botohe_moo.decide.wishes import TailMean as TailMean
+    from botohe_moo.decide.plan_files import nav2_files as nav2_files
+    from botohe_moo.decide.plan_files import plan_csv as plan_csv
+    from botohe_moo.decide.plan_files import plan_geojson as plan_geojson
+    from botohe_moo.decide.plan_files import plan_json as plan_json
+    from botohe_moo.decide.plan_files import qgc_plans as qgc_plans
+    from botohe_moo.decide.plan_files import robot_table as robot_table
+    from botohe_moo.decide.plan_files import write_plan as write_plan
     from botohe_moo.decide.wishes import Wish as Wish
-    from botohe_moo.decide.wishes import WorstCase as WorstCase
+    from botohe_moo.decide.wishes import parse_wishes as parse_wishes
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from botohe_moo.base.messages import check_choice, check_number
-from botohe_moo.decide.fronts import SLACK, check_row, scales, short_text
-from botohe_moo.decide.grammar import parse_wishes
-from botohe_moo.decide.judging import N_SAMPLES, Candidates, takes_reward_distribution
-from botohe_moo.decide.tradeoffs import ExchangeRate, Neighbours, exchange_rate, neighbours
-from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish
+from botohe_moo.base.numbers import price_text, short_text
+from botohe_moo.decide import fronts
+from botohe_moo.decide.fronts import Neighbours
+from botohe_moo.decide.wishes import QUANTITIES, Candidates, Quantity, Wish, parse_wishes
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import Plans, TrailPlan
 
@@ -61,8 +60,8 @@ class Choice:
         Why this one, in a sentence.
     cost
         What it costs beside its neighbours on the front.
-    rate
-        What 0.1 survivors cost in reward at this plan.
+    price
+        The price of a survivor at this plan, as :func:`survivor_price` computes it.
     met
         Whether it meets all wishes. If no plan does, it is the one that comes nearest.
     wishes, missed
@@ -87,14 +86,20 @@ class Choice:
     survivors: float
     why: str
     cost: Neighbours
-    rate: ExchangeRate
+    price: float
     met: bool
     wishes: tuple[Wish, ...]
     missed: tuple[Miss, ...]
 
     def __str__(self) -> str:
         objectives = f"reward {short_text(self.reward)}, survivors {short_text(self.survivors)}"
-        return f"plan {self.index}: {objectives}\n{self.why}\n{self.cost}\n{self.rate}"
+        return "\n".join([f"plan {self.index}: {objectives}", self.why, *self.costs])
+
+    @property
+    def costs(self) -> tuple[str, ...]:
+        """What it costs beside its neighbours, and what a survivor costs, in sentences."""
+        price = [f"{price_text(self.price).capitalize()}."] if self.price else []
+        return (str(self.cost), *price)
 
 
 def choose(
@@ -117,10 +122,9 @@ def choose(
         Its plans, for example ``solution.plans`` or ``result.X``.
     *wishes
         Texts such as ``"survivors >= 2"``, ``"drone survivors >= 1"`` or
-        ``"P(reward >= 5) >= 0.8"``, see :func:`parse_wishes`, or wishes such as
-        ``EveryRobot(at_least=0.5)``.
+        ``"P(reward >= 5) >= 0.8"``, or what :func:`parse_wishes` makes of them.
     most
-        What the plan is to have most of; default: the survivors if all wishes are of the form
+        The quantity to maximise; default: the survivors if all wishes are of the form
         ``reward >= x``, else the reward.
 
     Returns
@@ -164,32 +168,31 @@ def choose(
 def best(front: Candidates, wishes: Iterable[str | Wish], most: Quantity | None = None) -> Choice:
     """Choose one of the candidates; see :func:`choose`."""
     wanted = parse_wishes(front.mission, wishes)
-    if most is not None:
-        check_choice("most", most, QUANTITIES)
-    else:
-        of_reward = all(isinstance(w, Expected) and w.quantity == "reward" for w in wanted)
+    if most is None:
+        of_reward = all((w.form, w.quantity) == ("expected", "reward") for w in wanted)
         most = "survivors" if of_reward else "reward"
+    check_choice("most", most, QUANTITIES)
     first = QUANTITIES.index(most)
     order = np.lexsort((-front.objectives[:, 1 - first], -front.objectives[:, first])).tolist()
-    quickest_first = sorted(wanted, key=takes_reward_distribution)
-    for i in order:
-        if not any(front.missing(wish, i) for wish in quickest_first):
-            values = " and ".join(f"{wish} ({short_text(front.value(wish, i))})" for wish in wanted)
-            why = (
-                f"The best among these plans ({len(front)}): plan {i} has the most {most} with "
-                f"{values}.{_simulated(front, wanted)}"
-            )
-            return _choice(front, i, why, wanted)
-    spans = np.array([front.span(wish) for wish in wanted])
-    shortfalls = np.array([[front.missing(wish, i) for wish in wanted] for i in order]) / spans
-    nearest = order[int(shortfalls.max(axis=1).argmin())]
-    said = " and ".join(map(str, wanted))
-    why = (
-        f"None of these plans ({len(front)}) has {said}{_no_plan(front, wanted)}. Plan {nearest} "
-        f"comes nearest: it misses {' and '.join(map(str, _missed(front, nearest, wanted)))}."
-        f"{_simulated(front, wanted)}"
-    )
-    return _choice(front, nearest, why, wanted)
+    quickest_first = sorted(wanted, key=lambda wish: wish.of_rewards)
+    n_plans = f"these plans ({len(front)})"
+    meeting = (i for i in order if not any(front.missing(wish, i) for wish in quickest_first))
+    if (chosen := next(meeting, None)) is not None:
+        values = (f"{wish} ({short_text(front.value(wish, chosen))})" for wish in wanted)
+        has = f"plan {chosen} has the most {most} with {' and '.join(values)}"
+        why = f"The best among {n_plans}: {has}."
+    else:
+        shortfalls = np.array([[front.missing(wish, i) for wish in wanted] for i in order])
+        shortfalls /= [front.span(wish) for wish in wanted]
+        chosen = order[int(shortfalls.max(axis=1).argmin())]
+        beyond = dict.fromkeys(filter(None, map(front.beyond, wanted)))
+        no_plan = "; no plan can, because the mission has " if beyond else ""
+        why = (
+            f"None of {n_plans} has {' and '.join(map(str, wanted))}{no_plan}"
+            f"{' and '.join(beyond)}. Plan {chosen} comes nearest: it misses "
+            f"{' and '.join(map(str, _missed(front, chosen, wanted)))}."
+        )
+    return _choice(front, chosen, why + front.simulation_note(wanted), wanted)
 
 
 def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -> Choice:
@@ -231,14 +234,14 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
     (2, False)
     """
     wanted = (
-        Expected(quantity="reward", at_least=check_number("reward", reward, at_least=0)),
-        Expected(quantity="survivors", at_least=check_number("survivors", survivors, at_least=0)),
+        Wish("expected", check_number("reward", reward, at_least=0), "reward"),
+        Wish("expected", check_number("survivors", survivors, at_least=0), "survivors"),
     )
     front = Candidates(mission, plans)
     reference = np.array([wish.at_least for wish in wanted])
-    beyond = (front.objectives - reference) / scales(mission)
+    beyond = (front.objectives - reference) / fronts.scales(mission)
     least = beyond.min(axis=1)
-    equal = least >= least.max() - SLACK
+    equal = least >= least.max() - fronts.SLACK
     i = int(np.where(equal, beyond.sum(axis=1), -np.inf).argmax())
     missed = _missed(front, i, wanted)
     point = f"reward {short_text(reference[0])} and survivors {short_text(reference[1])}"
@@ -250,7 +253,7 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
 def taken(mission: Mission, plans: Plans, index: int) -> Choice:
     """Take the plan of a row, from 0, and say what it costs beside its neighbours."""
     front = Candidates(mission, plans)
-    index = check_row("index", index, len(front))
+    index = fronts.check_row("index", index, len(front))
     return _choice(front, index, f"Taken by its number from these plans ({len(front)}).", ())
 
 
@@ -268,25 +271,9 @@ def _choice(front: Candidates, i: int, why: str, wishes: tuple[Wish, ...]) -> Ch
         reward=reward,
         survivors=survivors,
         why=why,
-        cost=neighbours(front.mission, front.objectives, i),
-        rate=exchange_rate(front.mission, front.objectives, i),
+        cost=fronts.neighbours(front.mission, front.objectives, i),
+        price=fronts.survivor_price(front.mission, front.objectives, i),
         met=not missed,
         wishes=wishes,
         missed=missed,
-    )
-
-
-def _no_plan(front: Candidates, wishes: tuple[Wish, ...]) -> str:
-    """Write why no plan at all can meet wishes that ask for more than the mission has."""
-    beyond = dict.fromkeys(front.beyond(wish) for wish in wishes)
-    why = " and ".join(has for has in beyond if has)
-    return f"; no plan can, because the mission has {why}" if why else ""
-
-
-def _simulated(front: Candidates, wishes: tuple[Wish, ...]) -> str:
-    if not (front.simulated and any(takes_reward_distribution(wish) for wish in wishes)):
-        return ""
-    return (
-        f" Some rewards were simulated with {N_SAMPLES:,} missions, because their exact "
-        "distributions take too long."
     )

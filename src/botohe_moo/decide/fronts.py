@@ -1,13 +1,15 @@
-"""Fronts: objectives, the plans that are not dominated, knees and representatives."""
+"""Fronts: the plans that are not dominated, the price of a survivor, knees and representatives."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from botohe_moo import objectives
 from botohe_moo.base.messages import check_integer, quoted
+from botohe_moo.base.numbers import difference_text, short_text
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, Plans
@@ -17,6 +19,8 @@ PlansOrObjectives = Plans | FloatArray
 
 # Objectives divided by their `scales` that differ by less are equal: sums are rounded.
 SLACK = 1e-9
+
+_ROWS = 10  # of a table that does not show all plans
 
 
 def objectives_of(mission: Mission, given: PlansOrObjectives) -> FloatArray:
@@ -66,18 +70,146 @@ def check_row(name: str, row: object, n_plans: int) -> int:
     return number
 
 
-def short_text(value: float) -> str:
-    """Write a number with four significant digits."""
-    return f"{value:.4g}"
+def survivor_price(mission: Mission, plans: PlansOrObjectives, index: int) -> float:
+    """Compute the price of a survivor at a plan of a front: the reward that one more costs there.
+
+    It is the slope of the front's convex hull at the plan's survivors; where two edges of the hull
+    meet, their mean. So it is what a survivor is worth to someone who chooses this plan. It is 0
+    where no plan trades reward for survivors.
+
+    Parameters
+    ----------
+    mission, plans
+        As for :func:`knees`.
+    index
+        Row of the plan, from 0.
+
+    Raises
+    ------
+    ValueError
+        As for :func:`knees`, or if there is no such row.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import survivor_price
+    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
+    >>> survivor_price(load_mission("toy"), front, 1)
+    4.0
+    """
+    objectives = objectives_of(mission, plans)
+    row = check_row("index", index, len(objectives))
+    return float(survivor_prices(objectives, objectives[row, 1]))
 
 
-def difference_text(value: float, what: str) -> str:
-    """Write how much more or less reward, or how many more or fewer survivors, a plan has."""
-    survivors = what == "survivors"
-    if abs(value) < 1e-9:
-        return f"as {'many' if survivors else 'much'} {what}"
-    less = "fewer" if survivors else "less"
-    return f"{short_text(abs(value))} {'more' if value > 0 else less} {what}"
+def survivor_prices(objectives: FloatArray, survivors: FloatArray) -> FloatArray:
+    """Compute the price of a survivor where a front has these numbers of survivors (n)."""
+    hull: list[FloatArray] = []
+    for point in objectives[front_rows(objectives)]:  # by ascending survivors
+        while len(hull) > 1 and _is_below(hull[-1], hull[-2], point):
+            hull.pop()
+        hull.append(point)
+    if len(hull) == 1:
+        return np.zeros(np.shape(survivors))
+    rewards, corners = np.array(hull).T
+    slopes = -np.diff(rewards) / np.diff(corners)
+    edges = [np.searchsorted(corners[1:-1], survivors, side) for side in ("left", "right")]
+    prices: FloatArray = slopes[edges].mean(axis=0)
+    return prices
+
+
+def _is_below(point: FloatArray, one: FloatArray, other: FloatArray) -> bool:
+    """Return whether a point of a front lies on or below the line between two others."""
+    (reward, survivors), (more, fewer) = point - one, other - one
+    return bool(reward * fewer <= more * survivors)
+
+
+@dataclass(frozen=True)
+class Step:
+    """The way from a plan to another one.
+
+    Attributes
+    ----------
+    index
+        Row of the other plan.
+    reward, survivors
+        E[R] and E[S] of the other plan minus those of this one.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import Step, neighbours
+    >>> toy = load_mission("toy")
+    >>> front = [[8, 0], [7, 1], [4, 1.5], [0, 2]]  # E[R] and E[S] of four plans
+    >>> neighbours(toy, front, 1).safer == Step(index=2, reward=-3.0, survivors=0.5)
+    True
+    """
+
+    index: int
+    reward: float
+    survivors: float
+
+
+class Neighbours(NamedTuple):
+    """What a plan costs beside its neighbours on the front; ``str`` says it.
+
+    Attributes
+    ----------
+    richer, safer
+        The ways to the plans with the next larger reward, and with the next larger number of
+        survivors; None if there is none.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import Neighbours, neighbours
+    >>> toy = load_mission("toy")
+    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
+    >>> print(neighbours(toy, front, 0))
+    Beside it on the front, plan 1 has 1 more survivors for 1 less reward.
+    """
+
+    richer: Step | None
+    safer: Step | None
+
+    def __str__(self) -> str:
+        parts = []
+        for step in dict.fromkeys(step for step in self if step is not None):
+            both = [difference_text(step.reward, "reward")]
+            both.insert(step is self.richer, difference_text(step.survivors, "survivors"))
+            word = "for" if step.reward * step.survivors < 0 else "and"
+            parts.append(f"plan {step.index} has {both[0]} {word} {both[1]}")
+        if not parts:
+            return "No plan of the front has more reward or more survivors."
+        return f"Beside it on the front, {'; '.join(parts)}."
+
+
+def neighbours(mission: Mission, plans: PlansOrObjectives, index: int) -> Neighbours:
+    """Find the plans beside a plan on the front, and the differences to them.
+
+    Parameters
+    ----------
+    mission, plans, index
+        As for :func:`survivor_price`, which also says what is raised.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import neighbours
+    >>> toy = load_mission("toy")
+    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
+    >>> neighbours(toy, front, 0).richer is None  # nothing has more reward
+    True
+    """
+    objectives = objectives_of(mission, plans)
+    index = check_row("index", index, len(objectives))
+    rows = front_rows(objectives)  # by descending reward
+    gain = (objectives[rows] - objectives[index]) / scales(mission)
+    richer, safer = (
+        [Step(row, *(objectives[row] - objectives[index]).tolist()) for row in beside.tolist()]
+        for beside in (rows[gain[:, 0] > SLACK][-1:], rows[gain[:, 1] > SLACK][:1])
+    )
+    return Neighbours(next(iter(richer), None), next(iter(safer), None))
 
 
 @dataclass(frozen=True)
@@ -141,7 +273,7 @@ def knees(mission: Mission, plans: PlansOrObjectives) -> tuple[Mark, ...]:
     Raises
     ------
     ValueError
-        If there is no plan, or these are not objectives.
+        If there is no plan, or what is given are not objectives.
 
     Notes
     -----
@@ -169,6 +301,34 @@ def knees(mission: Mission, plans: PlansOrObjectives) -> tuple[Mark, ...]:
         marks.append((rows[above.argmax()], *_CHORD))
     marks.append((rows[scaled.prod(axis=1).argmax()], *_PRODUCT))
     return tuple(Mark(int(row), *words, *objectives[row].tolist()) for row, *words in marks)
+
+
+def front_table(
+    mission: Mission, plans: Plans, objectives: FloatArray, *, all_plans: bool = False
+) -> tuple[str, int]:
+    """Lay out a front with the price of a survivor, and mark its knee; return the number of rows.
+
+    There are some ten rows: the ends of the front, its knee, and representatives; or all.
+    """
+    n_plans = len(objectives)
+    if not n_plans:
+        return "no plans", 0
+    knee, rows = knees(mission, objectives)[0].index, range(n_plans)
+    shown: Sequence[int] = rows
+    if n_plans > _ROWS and not all_plans:
+        marked = {0, n_plans - 1, knee}
+        batch = mission.batch(plans)
+        shown = sorted(marked.union(representing(mission, batch, objectives, _ROWS - len(marked))))
+    prices = survivor_prices(objectives, objectives[:, 1])
+    table = [("plan_id", "reward", "survivors", "price of a survivor")]
+    for row in shown:
+        reward, survivors = objectives[row].tolist()
+        table.append((str(row), f"{reward:.4f}", f"{survivors:.4f}", short_text(prices[row])))
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = ["  ".join(map(str.rjust, line, widths)) for line in table]
+    if n_plans > 2:
+        lines[1 + list(shown).index(knee)] += "  knee"
+    return "\n".join(lines), len(shown)
 
 
 def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ...]:
@@ -226,32 +386,22 @@ def representing(
     dominated = np.setdiff1d(np.arange(len(batch)), rows)
     order = np.append(rows, dominated)
     counts = arc_counts(batch.take(order), per_robot=False)
-    segments = _segments(objectives[rows] / scales(mission), k)
+    points = objectives[rows] / scales(mission)
+    way = np.append(0.0, np.hypot(*np.diff(points, axis=0).T).cumsum())
+    segments = np.minimum((way / (way[-1] or 1.0) * k).astype(np.int64), k - 1)
     chosen = []
     for segment in np.unique(segments):
         members = np.flatnonzero(segments == segment)
         apart = distances(counts[members], counts[members])
         chosen.append(int(members[apart.sum(axis=1).argmin()]))
-    for end in (len(rows), len(order)):  # others only if the front has too few
-        _add_farthest(chosen, counts[:end], k)
+    for end in (len(rows), len(order)):  # dominated ones only if the front has too few
+        while len(chosen) < min(k, end):
+            nearest = distances(counts[:end], counts[chosen]).min(axis=1)
+            nearest[chosen] = -1
+            chosen.append(int(nearest.argmax()))
     found = order[chosen]
     by_reward = np.lexsort((objectives[found, 1], -objectives[found, 0]))
     return tuple(found[by_reward].tolist())
-
-
-def _add_farthest(chosen: list[int], counts: FloatArray, k: int) -> None:
-    """Add the plan that is farthest from all chosen ones, until there are ``k``, or all."""
-    while len(chosen) < min(k, len(counts)):
-        nearest = distances(counts, counts[chosen]).min(axis=1)
-        nearest[chosen] = -1
-        chosen.append(int(nearest.argmax()))
-
-
-def _segments(points: FloatArray, k: int) -> OffsetArray:
-    """Return which of ``k`` equally long segments of the way along all points each is in (n)."""
-    way = np.append(0.0, np.hypot(*np.diff(points, axis=0).T).cumsum())
-    segments: OffsetArray = np.minimum((way / (way[-1] or 1.0) * k).astype(np.int64), k - 1)
-    return segments
 
 
 def arc_counts(batch: PlanBatch, *, per_robot: bool) -> FloatArray:

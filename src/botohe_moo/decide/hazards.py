@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
+from itertools import combinations
+from math import comb
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,13 +13,19 @@ import numpy as np
 from botohe_moo.base.messages import check_integer, check_number, quoted
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.core import evaluate as kernels
-from botohe_moo.decide.judging import Candidates
-from botohe_moo.decide.losses import worst_losses
-from botohe_moo.mission.model import Mission
-from botohe_moo.trails import PlanBatch, Plans
+from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, layer_of
+from botohe_moo.decide.fronts import objectives_of
+from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.outcomes import collect_probabilities
+from botohe_moo.trails import Plans, TrailPlan
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_MAX_SETS = 1_000_000  # of robots that are lost
+_CELLS = 2**20  # numbers that are computed at once
+_LOG_OF_ZERO = -750.0  # exp of it is 0
+_TIE = 1e-12  # of the reward: sets that are as bad
 
 
 def robustness(
@@ -85,44 +94,32 @@ def robustness(
     spread = check_number("spread", spread, at_least=0)
     n_scenarios = check_integer("n_scenarios", n_scenarios, at_least=1)
     rng = np.random.default_rng(check_integer("seed", seed, at_least=0))
-    front = Candidates(mission, plans)
-    arc_of = _mission_arcs(mission)
+    objectives = objectives_of(mission, batch := check_mission(mission).batch(plans))
+    world, n = mission.world, len(mission.nodes)
+    # Of each arc of the world which arc of the mission it is: an arc is as wrong for all kinds.
+    tail, head = np.array([world.graph.tail, world.graph.head]) % n
+    arcs = sorted(mission.index(u) * n + mission.index(v) for u, v in mission.graph.edges)
+    arc_of = np.searchsorted(arcs, tail * n + head)
     exponents = [np.full(len(arc_of), factor) for factor in factors]
     if spread:
-        n_arcs = len(mission.graph.edges)
-        drawn = (rng.standard_normal(n_arcs)[arc_of] for _ in range(n_scenarios))
+        drawn = (rng.standard_normal(len(arcs))[arc_of] for _ in range(n_scenarios))
         exponents += [np.exp(spread * normal) for normal in drawn]
-    low, high = front.objectives.copy(), front.objectives.copy()
-    regret = _regrets(front.objectives)
+    scenarios = [objectives]
     for exponent in exponents:
-        objectives = _evaluate(mission, front.batch, mission.world.graph.survival**exponent)
-        low, high = np.minimum(low, objectives), np.maximum(high, objectives)
-        regret = np.maximum(regret, _regrets(objectives))
-    columns: dict[str, Any] = {"plan_id": np.arange(len(front.plans))}
+        survival = world.graph.survival**exponent
+        survival.setflags(write=False)  # as numba has compiled it
+        values = kernels.new_values(len(batch), batch.n_robots)
+        wrong = world._replace(graph=world.graph._replace(survival=survival))
+        kernels.evaluate(wrong, *batch.arrays, True, values)
+        scenarios.append(values.objectives)
+    regret = np.max([_regrets(found) for found in scenarios], axis=0)
+    low, high = np.min(scenarios, axis=0), np.max(scenarios, axis=0)
+    columns: dict[str, Any] = {"plan_id": np.arange(len(batch))}
     for column, name in enumerate(("reward", "survivors")):
-        columns[name] = front.objectives[:, column]
+        columns[name] = objectives[:, column]
         columns[f"{name}_low"], columns[f"{name}_high"] = low[:, column], high[:, column]
         columns[f"{name}_regret"] = regret[:, column]
     return pd.DataFrame(columns)
-
-
-def _mission_arcs(mission: Mission) -> OffsetArray:
-    """Return for each arc of ``mission.world`` which arc of the mission it is, of all kinds."""
-    n, graph = len(mission.nodes), mission.world.graph
-    tail, head = np.array([graph.tail, graph.head])
-    arcs = sorted(mission.index(u) * n + mission.index(v) for u, v in mission.graph.edges)
-    found: OffsetArray = np.searchsorted(arcs, tail % n * n + head % n)
-    return found
-
-
-def _evaluate(mission: Mission, batch: PlanBatch, survival: FloatArray) -> FloatArray:
-    """Compute the objectives (n_plans, 2) with other survivals of the arcs."""
-    survival.setflags(write=False)  # as numba has compiled it
-    values = kernels.new_values(len(batch), batch.n_robots)
-    world = mission.world
-    world = world._replace(graph=world.graph._replace(survival=survival))
-    kernels.evaluate(world, *batch.arrays, True, values)
-    return values.objectives
 
 
 def _regrets(objectives: FloatArray) -> FloatArray:
@@ -165,11 +162,12 @@ def after_losses(mission: Mission, plans: Plans, alpha: int = 1) -> pd.DataFrame
     """
     import pandas as pd
 
-    front, losses = Candidates(mission, plans), _check_losses(mission, "alpha", alpha)
-    worst = [worst_losses(mission, plan, losses) for plan in front.plans]
-    left, lost = zip(*worst, strict=True)
-    columns = {"reward": front.objectives[:, 0], "reward_left": left, "lost": lost}
-    return pd.DataFrame({"plan_id": np.arange(len(front)), **columns})
+    rewards = objectives_of(mission, batch := check_mission(mission).batch(plans))[:, 0]
+    alpha = check_integer("alpha", alpha, at_least=0, at_most=mission.robots)
+    worst = [worst_losses(mission, plan, alpha) for plan in batch]
+    table = pd.DataFrame(worst, columns=["reward_left", "lost"])
+    table.insert(0, "reward", rewards)
+    return table.rename_axis("plan_id").reset_index()
 
 
 def worst_case(mission: Mission, plans: Plans, losses: int = 1) -> FloatArray:
@@ -215,9 +213,86 @@ def worst_case(mission: Mission, plans: Plans, losses: int = 1) -> FloatArray:
     >>> worst_case(toy, plans).round(2).tolist()
     [0.0, 0.9]
     """
-    front, losses = Candidates(mission, plans), _check_losses(mission, "losses", losses)
-    return np.array([worst_losses(mission, plan, losses)[0] for plan in front.plans])
+    objectives_of(mission, batch := check_mission(mission).batch(plans))  # checks them
+    losses = check_integer("losses", losses, at_least=0, at_most=mission.robots)
+    return np.array([worst_losses(mission, plan, losses)[0] for plan in batch])
 
 
-def _check_losses(mission: Mission, name: str, losses: int) -> int:
-    return check_integer(name, losses, at_least=0, at_most=mission.robots)
+def worst_losses(
+    mission: Mission, plan: TrailPlan, losses: int
+) -> tuple[float, tuple[int, ...] | None]:
+    """Compute the worst case of a valid plan, and which robots are lost; None if it is a bound.
+
+    See :func:`botohe_moo.worst_case`.
+    """
+    collected = collect_probabilities(mission, plan)
+    paying = np.flatnonzero(collected.any(axis=0) & (mission.rewards > 0))
+    rewards, missed = mission.rewards[paying], 1 - collected[:, paying]
+    missed_at_start = 1 - _collected_at_start(mission)[:, paying]
+    if comb(mission.robots, losses) > _MAX_SETS:
+        return _worst_bound(rewards, missed, missed_at_start, losses), None
+    sets = _sets(mission.robots, losses)
+    left = _rewards_without(rewards, missed, missed_at_start, sets)
+    worst = int((left <= left.min() + _TIE * rewards.sum()).argmax())
+    return float(left[worst]), tuple(sets[worst].tolist())
+
+
+@lru_cache(maxsize=1)
+def _sets(n_robots: int, losses: int) -> OffsetArray:
+    """List the sets of so many robots (n_sets, losses)."""
+    sets = np.array(list(combinations(range(n_robots), losses)), dtype=np.int64)
+    return sets.reshape(comb(n_robots, losses), losses)
+
+
+def _rewards_without(
+    rewards: FloatArray, missed: FloatArray, missed_at_start: FloatArray, sets: OffsetArray
+) -> FloatArray:
+    """Compute E[R] without the robots of each set (n_sets, losses).
+
+    ``missed`` are the probabilities that a robot does not collect a reward (robots, n_rewards) if
+    it follows its trail, ``missed_at_start`` those if it never leaves.
+    """
+    with np.errstate(divide="ignore"):
+        logs, logs_at_start = (
+            np.maximum(np.log(of), _LOG_OF_ZERO) for of in (missed, missed_at_start)
+        )
+    left, n_at_once = np.empty(len(sets)), max(1, _CELLS // max(1, missed.size))
+    for first in range(0, len(sets), n_at_once):
+        some = sets[first : first + n_at_once]
+        lost = np.zeros((len(some), len(missed)))
+        np.put_along_axis(lost, some, 1.0, axis=1)
+        by_nobody = np.exp((1 - lost) @ logs + lost @ logs_at_start)
+        left[first : first + n_at_once] = (1 - by_nobody) @ rewards
+    return left
+
+
+def _worst_bound(
+    rewards: FloatArray, missed: FloatArray, missed_at_start: FloatArray, losses: int
+) -> float:
+    """Bound the worst case from below; see :func:`botohe_moo.worst_case`."""
+    given, n_robots = (rewards, missed, missed_at_start), len(missed)
+    [none], [all_robots] = (_rewards_without(*given, _sets(n_robots, n)) for n in (n_robots, 0))
+    alone = np.sort(_rewards_without(*given, _sets(n_robots, n_robots - 1)))
+    by_sum = all_robots - (alone - none)[-losses:].sum()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(missed > 0, missed_at_start / missed, np.inf)
+    lost = np.zeros(missed.shape, dtype=bool)
+    np.put_along_axis(lost, ratio.argsort(axis=0)[-losses:], True, axis=0)
+    by_node = (1 - np.where(lost, missed_at_start, missed).prod(axis=0)) @ rewards
+    return float(max(by_sum, alone[-losses - 1], by_node))
+
+
+def _collected_at_start(mission: Mission) -> FloatArray:
+    """Compute with what probability robots that never leave collect rewards (robots, n_nodes)."""
+    world, collected = mission.world, np.zeros((mission.robots, len(mission.nodes)))
+    team, returns = world.team, world.returns
+    paid = np.ones(mission.robots, bool)
+    if returns is not None:
+        paid = returns.credit[team.start] != AT_NEXT_DEPOT
+    where = np.arange(mission.robots), team.origin[team.start]
+    collected[where] = team.share[team.start] * paid
+    if returns is not None:
+        for robot in np.flatnonzero(returns.credit[team.start] == AT_THIS_DEPOT):
+            aboard = returns.aboard[returns.first[robot] : returns.stop[robot]]
+            collected[robot, aboard] = team.share[layer_of(team, team.start[robot]) + aboard]
+    return collected

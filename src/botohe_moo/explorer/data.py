@@ -13,8 +13,7 @@ from botohe_moo.base.messages import counted, quoted
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.decide import Choice, compare, knees, representatives
 from botohe_moo.decide.choosing import best
-from botohe_moo.decide.judging import N_SAMPLES, Candidates
-from botohe_moo.decide.wishes import Wish
+from botohe_moo.decide.wishes import N_SAMPLES, Candidates, Wish
 from botohe_moo.explorer.site import picture_data, site_data
 from botohe_moo.explorer.texts import (
     bin_codes,
@@ -189,8 +188,7 @@ def _chosen(candidates: Candidates, wish: str | Wish | Choice) -> Choice:
 
 def _named(choice: Choice) -> set[int]:
     """Return the rows of the plans that the sentences about a choice name."""
-    steps = (choice.cost.richer, choice.cost.safer, choice.rate.richer, choice.rate.safer)
-    return {step.index for step in steps if step is not None}
+    return {step.index for step in choice.cost if step is not None}
 
 
 def _marks(front: Solution, choices: Iterable[Choice]) -> Iterator[tuple[Any, ...]]:
@@ -199,7 +197,7 @@ def _marks(front: Solution, choices: Iterable[Choice]) -> Iterator[tuple[Any, ..
     for found in choices:
         kind, said = ("choice", "meets") if found.met else ("miss", "comes nearest to")
         name = f"{said} {' and '.join(map(str, found.wishes))}" if found.wishes else "chosen"
-        yield kind, found.index, name, found.why, str(found.cost), str(found.rate)
+        yield kind, found.index, name, found.why, *found.costs
     for knee in knees(mission, objectives):
         yield "knee", knee.index, f"knee: {knee.name}", f"Knee: {knee.definition}."
     for row in representatives(mission, front.plans, _N_REPRESENTATIVES):

@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from botohe_moo.base.files import replace_file
-from botohe_moo.decide.fronts import short_text
+from botohe_moo.base.numbers import price_text
 from botohe_moo.explorer.page import check_page_file, render
 from botohe_moo.explorer.site import site_data
 from botohe_moo.explorer.texts import LITTLE, number_texts, probability_codes, sentence_writer
 from botohe_moo.mission.model import Mission
-from botohe_moo.underway import PlayedMission
-from botohe_moo.underway.played import PlayedStep
-from botohe_moo.underway.playing import POLICIES
+from botohe_moo.underway import POLICIES, PlayedMission, PlayedStep
 
 SCRIPTS = ("data", "room", "map", "site", "replay")
 
@@ -84,7 +82,7 @@ def replay_data(played: PlayedMission) -> dict[str, Any]:
     write = sentence_writer(mission.nodes)
     number = {trail: i for i, trail in enumerate(dict.fromkeys(t for s in steps for t in s.trails))}
     plans = [[number[trail] for trail in step.trails] for step in steps]
-    price = f"a robot more costs {short_text(played.price)} reward"
+    price = price_text(played.price)
     return {
         "about": write(
             f"Mission {played.number} of seed {played.seed}: {POLICIES[played.policy]}; {price}"

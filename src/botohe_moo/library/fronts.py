@@ -6,11 +6,11 @@ import gzip
 import json
 import math
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import astuple, dataclass, field
 from datetime import date
 from functools import cached_property
-from itertools import chain, groupby
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 from unicodedata import category
@@ -133,7 +133,7 @@ class BestKnown:
     @cached_property
     def plans(self) -> PlanBatch:
         """The plans, in the order of ``objectives``; they are valid if `check` finds no fault."""
-        return batch_of(self.mission, [found.trails for found in self._found])
+        return self.mission.pack([found.trails for found in self._found])
 
     @property
     def area(self) -> float:
@@ -267,20 +267,6 @@ def unpacked(path: Path) -> bytes:
         return gzip.decompress(data) if path.suffix == ".gz" else data
     except (OSError, EOFError, zlib.error) as error:
         raise ValueError(f"{path}: the file cannot be read ({error}).") from None
-
-
-def batch_of(mission: Mission, plans: Sequence[Sequence[Sequence[int]]]) -> PlanBatch:
-    """Return plans of a mission as a batch, without looking at them.
-
-    ``plans`` has a trail for each robot, as indices of nodes in ``mission.nodes``.
-    """
-    n_nodes = len(mission.nodes)
-    first = [n_nodes * mission.kinds.index(kind) for kind in mission.kind_of]  # of each layer
-    trails = [trail for plan in plans for trail in plan]
-    lengths = np.fromiter(map(len, trails), np.int64, len(trails))
-    nodes = np.fromiter(chain.from_iterable(trails), np.int32, int(lengths.sum()))
-    nodes += np.repeat(np.tile(np.array(first, np.int32), len(plans)), lengths)
-    return PlanBatch(nodes, np.concatenate([[0], np.cumsum(lengths)]), mission.robots)
 
 
 def _non_dominated(found: Iterable[_Found]) -> tuple[_Found, ...]:

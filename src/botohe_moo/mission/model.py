@@ -472,6 +472,21 @@ class Mission:
             team = f"Mission {quoted(self.name)} has {self.robots} robots."
             raise PlanError(f"{error} {team}") from None
 
+    def pack(self, plans: Sequence[Sequence[Sequence[int]]]) -> PlanBatch:
+        """Pack plans that are given as indices of ``nodes``, without looking at them.
+
+        Parameters
+        ----------
+        plans
+            A trail for each robot of each plan.
+        """
+        first = [len(self.nodes) * self.kinds.index(kind) for kind in self.kind_of]  # of layers
+        trails = [trail for plan in plans for trail in plan]
+        lengths = np.fromiter(map(len, trails), np.int64, len(trails))
+        nodes = np.fromiter(chain.from_iterable(trails), np.int32, int(lengths.sum()))
+        nodes += np.repeat(np.tile(np.array(first, np.int32), len(plans)), lengths)
+        return PlanBatch(nodes, np.concatenate([[0], np.cumsum(lengths)]), self.robots)
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Mission):
             return NotImplemented

@@ -10,7 +10,7 @@ import seaborn as sns
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from botohe_moo.decide.judging import Candidates
+from botohe_moo.decide.wishes import Candidates
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.algorithms import DASHES
 from botohe_moo.plots.draw.style import Palette, palette_of, theme

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from botohe_moo.decide.fronts import check_objectives, short_text
+from botohe_moo.base.numbers import price_text
+from botohe_moo.decide.fronts import check_objectives
 from botohe_moo.plots.draw.canvas import open_axes
 from botohe_moo.plots.draw.maps import add_reach_bar, name_map, name_room, open_sheet, title_sheet
 from botohe_moo.plots.draw.places import node_positions
@@ -87,7 +88,7 @@ def plot_policies(
     objectives
         Shape (n_plans, 2): E[R] and E[S] of the front's plans. Default: no front.
     title
-        Name of the picture. Default: the mission's title, and what a robot more costs.
+        Name of the picture. Default: the mission's title, and what one more survivor costs.
     ax
         Axes to draw on. One will be created if not given.
 
@@ -143,7 +144,7 @@ def plot_policies(
             yticks=range(mission.robots + 1),
         )
         ax.legend(loc="upper left", bbox_to_anchor=(0, -0.12), ncols=2, title="gain a mission")
-        price = f"a robot more costs {short_text(outcomes.price)} reward"
+        price = price_text(outcomes.price)
         missions = f"{len(jitter):,} missions"
         title_above(ax, mission.title if title is None else title, f"{price}; {missions}")
     return ax

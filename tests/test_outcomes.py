@@ -14,15 +14,16 @@ from hypothesis import strategies as st
 
 import botohe_moo.mission
 from botohe_moo.mission import Mission, PlanError
-from botohe_moo.outcomes.distribution import Distribution
-from botohe_moo.outcomes.outcomes import (
+from botohe_moo.outcomes import (
+    Distribution,
     Outcomes,
     plan_outcomes,
+    reach_probabilities,
     reward_distribution,
     simulate,
     survivors_distribution,
+    team_reach,
 )
-from botohe_moo.outcomes.reaching import reach_probabilities, team_reach
 from tests import twins
 from tests.strategies import missions_with_plans
 

@@ -2,32 +2,38 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import io
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
-from botohe_moo.base.files import replace_file
+from botohe_moo.base.files import Source, replace_file
 from botohe_moo.base.messages import counted
+from botohe_moo.base.parameters import validated
 from botohe_moo.base.types import FloatArray
-from botohe_moo.decide import choosing, fronts, hazards, tradeoffs
+from botohe_moo.decide import choosing, fronts, hazards
 from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.formats.nodelink import write_node_link
+from botohe_moo.mission.loading import read_mission
 from botohe_moo.mission.model import Mission, numbers_digest
-from botohe_moo.trails import TrailPlan
+from botohe_moo.mission.rules import read_label
+from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+
+__all__ = ["PictureError", "Solution", "read_solution"]
 
 TABLES = ("front.csv", "plans.json", "mission.json")
 FRONT_PICTURE = "front.png"
@@ -150,9 +156,9 @@ class Solution:
         """Mark where the front bends; see :func:`botohe_moo.decide.knees`."""
         return fronts.knees(self.mission, self.objectives)
 
-    def exchange_rate(self, index: int, *, window: float = 0.25) -> tradeoffs.ExchangeRate:
-        """Compute what 0.1 survivors cost; see :func:`botohe_moo.decide.exchange_rate`."""
-        return tradeoffs.exchange_rate(self.mission, self.objectives, index, window=window)
+    def survivor_price(self, index: int) -> float:
+        """Compute the price of a survivor; see :func:`botohe_moo.decide.survivor_price`."""
+        return fronts.survivor_price(self.mission, self.objectives, index)
 
     def representatives(self, k: int = 5) -> tuple[int, ...]:
         """Select ``k`` plans, by their rows; see :func:`botohe_moo.decide.representatives`."""
@@ -173,13 +179,11 @@ class Solution:
         """Describe the search and its front in words and a table.
 
         The table has some ten plans, or all: the ends of the front, its knee (see :meth:`knees`)
-        and :meth:`representatives`. Its last column is the reward that is given up for each further
-        expected survivor, from one row to the next.
+        and :meth:`representatives`. Its last column is :meth:`survivor_price`.
         """
         front = self.mission, self.plans, self.objectives
-        rows = tuple(range(len(self.plans))) if all_plans else tradeoffs.shown_rows(*front)
-        table = tradeoffs.front_table(self.mission, self.objectives, rows) if rows else "no plans"
-        some = f", {len(rows)} of them above" if len(rows) < len(self.plans) else ""
+        table, n_rows = fronts.front_table(*front, all_plans=all_plans)
+        some = f", {n_rows} of them above" if n_rows < len(self.plans) else ""
         start = self.startup_seconds if self.startup_seconds >= _LONG_START else 0.0
         took, started = "", ""
         if self.seconds is not None:
@@ -243,7 +247,7 @@ class Solution:
                 for row, plan in zip(self.rows(), self.plans, strict=True)
             ],
         }
-        return as_json(content, indent=1) + "\n"
+        return _as_json(content, indent=1) + "\n"
 
     def write(
         self, folder: str | os.PathLike[str], *, before_pictures: Callable[[], object] | None = None
@@ -278,7 +282,7 @@ class Solution:
         front = io.StringIO()  # not by pandas, whose import a printed front should not wait for
         csv.writer(front, lineterminator="\n").writerows([COLUMNS, *self.rows()])
         tables = {"front.csv": front.getvalue().encode(), "plans.json": self.to_json().encode()}
-        with contextlib.suppress(ValueError):
+        with suppress(ValueError):
             tables["mission.json"] = write_node_link(self.mission)
         for name in FILES:
             if name in tables:
@@ -300,7 +304,123 @@ def draw_picture(path: Path, plot: Callable[..., Axes], *shown: Any, **options: 
         raise PictureError(f"{path.name} cannot be drawn ({reason}).") from error
 
 
-def as_json(content: object, *, indent: int | None = None) -> str:
+_REMEDY = "Solve the mission again, or put back what was written."
+
+
+class _Plan(BaseModel, strict=True):
+    reward: FiniteFloat
+    survivors: FiniteFloat
+    trails: list[list[Any]]
+
+
+class _Record(BaseModel, strict=True):
+    algorithm: str
+    parameters: dict[str, Any]
+    seed: NonNegativeInt
+    min_survival: Annotated[float, Field(ge=0, le=1)]
+    max_length: Annotated[FiniteFloat, Field(ge=0)] | None = None  # not in earlier versions' files
+    evaluations: NonNegativeInt
+    interrupted: bool
+    moves: dict[str, dict[str, NonNegativeInt]] = Field(default_factory=dict)
+    area: FiniteFloat
+    mission_source: dict[str, Any]
+    mission_digest: str
+    plans: list[_Plan]
+
+
+def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = None) -> Solution:
+    """Read the solution that :meth:`Solution.write` wrote.
+
+    All plans are evaluated again. Nothing in the files is executed or unpickled.
+
+    Parameters
+    ----------
+    folder
+        The folder, with ``plans.json`` and ``mission.json``.
+    mission
+        The mission, by default that of ``mission.json``. It has to be given if JSON cannot hold its
+        labels; they are known by their ``repr`` then.
+
+    Raises
+    ------
+    ValueError
+        If there is no solution in the folder, a file is missing or is not what ``write`` wrote, the
+        mission has changed since, a plan is not one of the mission's, or the objectives are not
+        those of the plans. It names the folder or file, the fault and the remedy.
+
+    Examples
+    --------
+    >>> from botohe_moo import read_solution, solve
+    >>> files = solve("toy", "greedy", evaluations=100).write("found")
+    >>> read_solution("found")
+    <Solution of 'toy' by greedy, seed 1: 4 plans, area 0.6087, 4 evaluations>
+    """
+    try:
+        return _read(Path(folder), mission)
+    except ValueError as error:
+        raise ValueError(f"{str(error).removesuffix('.')}. {_REMEDY}") from None
+
+
+def _read(folder: Path, mission: Mission | None) -> Solution:
+    path, source = folder / "plans.json", folder / "mission.json"
+    if mission is None:
+        mission, where = read_mission(source), str(source)
+    else:
+        where = f"mission {mission.name!r}"
+    record = validated(Source(path).data, _Record, source=str(path))
+    if record.mission_digest != numbers_digest(mission):
+        raise ValueError(f"{where} does not match {path}: the mission was changed.")
+    try:
+        batch = _plans_of(record, mission)
+        evaluated = mission.evaluate(batch)
+        objectives = np.array([(p.reward, p.survivors) for p in record.plans], float)
+        objectives = objectives.reshape(-1, 2)
+        agree = np.isclose(objectives, evaluated, rtol=1e-9, atol=1e-9).all(axis=1)
+        if not agree.all():
+            i = int(agree.argmin())
+            raise ValueError(
+                f"Plan {i}: expected the objectives {evaluated[i].tolist()} of its trails, got "
+                f"{objectives[i].tolist()}: the plans or the mission were changed."
+            )
+        solution = Solution(
+            mission=mission,
+            plans=tuple(batch),
+            objectives=objectives,
+            seconds=None,
+            source=record.mission_source,
+            **record.model_dump(exclude={"plans", "mission_source", "mission_digest", "area"}),
+        )
+        if not np.isclose(solution.area, record.area, rtol=1e-9):
+            expected = f"expected plans of area {record.area:.6g}, found {solution.area:.6g}"
+            raise ValueError(f"{expected}: plans are missing.")
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return solution
+
+
+def _plans_of(record: _Record, mission: Mission) -> PlanBatch:
+    """Return the plans of a file, in one pass: a front may have millions of nodes on its trails."""
+    read = [json.loads(_as_json(node)) for node in mission.nodes]  # as JSON gives them back
+    indices = {read_label(label): index for index, label in enumerate(read)}
+    has_lists = any(isinstance(label, list) for label in read)  # which cannot be keys
+    index_of = (lambda label: indices[read_label(label)]) if has_lists else indices.__getitem__
+    plans: list[Sequence[Sequence[int]]] = []
+    for i, plan in enumerate(record.plans):
+        trails: Sequence[Sequence[int]]
+        try:
+            trails = [[*map(index_of, trail)] for trail in plan.trails]
+            if len(trails) != mission.robots:
+                raise KeyError
+        except (KeyError, TypeError, ValueError):  # something is wrong, and `plan` says what
+            try:
+                trails = mission.trails(mission.plan(plan.trails))
+            except ValueError as error:
+                raise ValueError(f"Plan {i}: {error}") from None
+        plans.append(trails)
+    return mission.pack(plans)
+
+
+def _as_json(content: object, *, indent: int | None = None) -> str:
     """Write a solution, or a label of its mission, as JSON."""
     return json.dumps(content, indent=indent, default=_plain)
 

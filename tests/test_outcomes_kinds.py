@@ -10,8 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Kind, Mission
-from botohe_moo.outcomes.outcomes import reward_distribution, simulate, survivors_distribution
-from botohe_moo.outcomes.reaching import collect_probabilities, reach_probabilities, team_reach
+from botohe_moo.outcomes import (
+    collect_probabilities,
+    reach_probabilities,
+    reward_distribution,
+    simulate,
+    survivors_distribution,
+    team_reach,
+)
 from tests import twins
 from tests.strategies import team_missions_with_plans
 

@@ -1,0 +1,753 @@
+"""Missions under way: plans made anew, missions that are played, and what replanning is worth."""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import os
+import re
+import time
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
+from botohe_moo.base import files
+from botohe_moo.base.messages import check_choice, check_integer, check_number, counted, quoted
+from botohe_moo.base.numbers import difference_text, price_text, short_text
+from botohe_moo.base.types import FloatArray
+from botohe_moo.decide.fronts import survivor_prices
+from botohe_moo.decide.wishes import label_text, node_of
+from botohe_moo.mission import underway as u
+from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.rules import by_kind
+from botohe_moo.mission.underway import Event, EventError, RobotState, UnderWay, under_way
+from botohe_moo.trails import TrailPlan
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "Event",
+    "EventError",
+    "PlayedMission",
+    "PlayedStep",
+    "PolicyOutcomes",
+    "Replan",
+    "UnderWay",
+    "play_mission",
+    "read_events",
+    "replan",
+    "simulate_policy",
+    "under_way",
+]
+
+POLICIES = {
+    "static": "the plan stays as it is",
+    "losses": "the plan is made anew after each loss",
+    "arrivals": "the plan is made anew whenever robots get to a node",
+    "one by one": "robots go one after another, that with most hops first; the plan is made anew "
+    "when one is home or lost",
+    "shortest first": "as one by one, but that with fewest hops goes first",
+}
+_ORDERS = {"one by one": max, "shortest first": min}  # which trail goes next
+_EVALUATIONS_OF_A_PRICE = 2_000
+_AT_ONCE = 25  # missions that a worker plays before it says so
+
+
+def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
+    r"""Read what has happened from a CSV file with the columns ``robot``, ``event`` and ``node``.
+
+    Rows are in the order of the events, as in the log of a mission. A column ``time`` is ignored.
+    Robots are rows of the plan, from 0, or names of kinds of one robot. Events are ``reached``,
+    ``lost`` and ``home``, as for :class:`Event`; the node may be empty where it may be None. Labels
+    are written as in wishes.
+
+    Parameters
+    ----------
+    mission
+        The mission, which knows the nodes.
+    path
+        The file.
+
+    Raises
+    ------
+    EventError
+        If a column is missing or unknown, or a row has too few or too many cells or an unknown
+        node. All such rows are listed.
+    ValueError
+        If the file is not a table.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.underway import read_events
+    >>> written = Path("events.csv").write_text("robot,event,node\n0,lost,4\n")
+    >>> print(*read_events(load_mission("toy"), "events.csv"))
+    robot 0 lost on the way to 4
+    """
+    check_mission(mission)
+    frame = files.read_table(path)
+    columns = [str(column).strip().lower() for column in frame.columns]
+    known = {"time", "robot", "event", "node"}
+    if not {"robot", "event"} <= set(columns) <= known or len(columns) > len(set(columns)):
+        expected = "the columns robot, event and node, and perhaps time"
+        raise EventError(f"{path}: expected {expected}, found {quoted(', '.join(columns))}.")
+    events, faults = [], list(frame.attrs[files.FAULTS])
+    for where, given in files.filled_cells(frame, columns, str(path)):
+        name = given.get("robot", "")
+        robot = int(name) if re.fullmatch(r"-?[0-9]+", name) else name
+        try:
+            node = node_of(mission, given["node"]) if "node" in given else None
+            events.append(Event(given.get("event", "").lower(), robot, node, where))
+        except ValueError as error:
+            faults.append(f"{where}: {error}")
+    if faults:
+        raise EventError("\n".join(faults))
+    return events
+
+
+@dataclass(frozen=True)
+class Replan:
+    """The best rest of a plan at a price, and the front of all rests.
+
+    Attributes
+    ----------
+    left
+        What is left of the mission and of its plan.
+    price
+        The price of a survivor, as reward.
+    plan
+        The plan of ``left.mission`` that is worth most: its reward, and its survivors at the price.
+    objectives, before
+        Its E[R] and E[S], and those of the rest of the running plan. Rewards that count already
+        are ``left.banked``.
+    plans, front
+        All plans found that are not dominated, by descending reward, and their objectives.
+
+    Examples
+    --------
+    >>> from botohe_moo import Event, load_mission, replan
+    >>> from botohe_moo.underway import Replan
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
+    >>> found = replan(toy, plan, [Event("home", 1)], price=50)
+    >>> isinstance(found, Replan), found.left.banked
+    (True, 1.0)
+    """
+
+    left: UnderWay
+    price: float
+    plan: TrailPlan
+    objectives: FloatArray
+    before: FloatArray
+    plans: tuple[TrailPlan, ...]
+    front: FloatArray
+
+    @property
+    def gain(self) -> float:
+        """What the new plan is worth more than the rest of the old one, as reward; at least 0."""
+        worths = (float(r + self.price * s) for r, s in (self.objectives, self.before))
+        return next(worths) - next(worths)
+
+    def __str__(self) -> str:
+        price = f"{price_text(self.price).capitalize()}."
+        if self.gain <= 0.0:
+            return f"{price} What is left of the plan stays as it is."
+        more = (self.objectives - self.before).tolist()
+        reward, survivors = map(difference_text, more, ("reward", "survivors"))
+        return f"{price} The new plan has {reward} and {survivors}."
+
+
+def replan(
+    mission: Mission,
+    plan: TrailPlan,
+    events: Iterable[Event],
+    *,
+    price: float | None = None,
+    evaluations: int = 400,
+    seed: int = 1,
+    min_survival: float = 0.0,
+    max_length: float | None = None,
+) -> Replan:
+    """Make a plan anew for what is left of a mission after some events.
+
+    A Pareto local search starts from the rest of the running plan, so that no plan found is worse.
+
+    Parameters
+    ----------
+    mission, plan, events
+        As for :func:`botohe_moo.underway.under_way`.
+    price
+        The price of a survivor, as reward, at least 0; :func:`botohe_moo.decide.survivor_price`
+        gives that of a plan of a front. Default: the price that the plan implies, on a front which
+        a local search of 2 000 evaluations finds from it.
+    evaluations
+        Plans to evaluate, at least 0.
+    seed
+        Seed of the search, at least 0.
+    min_survival, max_length
+        As for :func:`botohe_moo.underway.under_way`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    PlanError, EventError, MissionError
+        As for :func:`botohe_moo.underway.under_way`.
+
+    Examples
+    --------
+    >>> from botohe_moo import Event, load_mission, replan
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> new = replan(toy, plan, [Event("lost", 0)], price=1)
+    >>> new.left.mission.robots, new.gain >= 0
+    (1, True)
+    """
+    evaluations = check_integer("evaluations", evaluations, at_least=0)
+    generator = np.random.default_rng(check_integer("seed", seed, at_least=0))
+    left = under_way(
+        check_mission(mission), plan, events, min_survival=min_survival, max_length=max_length
+    )
+    price = _price_of(mission, plan, price, min_survival, max_length)
+    return _replan_left(left, price, evaluations, generator)
+
+
+def _replan_left(
+    left: UnderWay, price: float, evaluations: int, random_state: np.random.Generator
+) -> Replan:
+    """Make a plan anew for what is left of a mission, as `replan` does."""
+    rest = left.mission
+    search = LocalSearch(rest, Costs(rest.limited()), random_state=random_state)
+    search.insert(rest.batch([left.plan, rest.stay_home()]))
+    search.run(evaluations)
+    batch, objectives, _ = search.plans()
+    plans = list(batch)
+    [before] = rest.evaluate([left.plan])
+    worth = objectives @ np.array([1.0, price])
+    best = int(np.argmax(worth))
+    same = np.isclose(objectives, before, rtol=1e-12, atol=0.0).all(axis=1)
+    if same.any() and np.isclose(worth[same][0], worth[best], rtol=1e-12, atol=0.0):
+        best = int(np.argmax(same))
+        plans[best], objectives[best] = left.plan, before
+    return Replan(left, price, plans[best], objectives[best], before, tuple(plans), objectives)
+
+
+def _price_of(mission: Mission, plan: TrailPlan, price: float | None, *limits: Any) -> float:
+    """Check the price of a survivor; if there is none, compute the one that a plan implies.
+
+    That is the price on a front which a short local search finds from the plan, always with the
+    same seed, since a plan implies one price.
+    """
+    if price is not None:
+        return check_number("price", price, at_least=0)
+    search = LocalSearch(
+        mission, Costs(mission.limited(*limits)), random_state=np.random.default_rng(1)
+    )
+    search.insert(mission.batch([plan, mission.stay_home()]))
+    search.run(_EVALUATIONS_OF_A_PRICE)
+    return float(survivor_prices(search.plans()[1], mission.evaluate([plan])[0, 1]))
+
+
+@dataclass(frozen=True)
+class PlayedStep:
+    """A step of a mission that was played: each robot that moves tries one arc.
+
+    Attributes
+    ----------
+    events
+        What happened to the robots that moved.
+    trails
+        The trail of each robot after the step: where it has been, and where it is to go, by the new
+        plan if one was made. That of a lost robot ends with the node to which it was on its way.
+    at
+        The position on its trail of the node where each robot is; or, if it is lost, came from.
+    lost
+        The robots that are lost by now.
+    collected
+        The reward that counts by now, by node; only of nodes of which some does.
+    replan
+        The plan made anew after these events, if one was. Its ``before`` and ``objectives`` are
+        what is expected from now on without it and with it.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.underway import PlayedStep, play_mission
+    >>> toy = load_mission("toy")
+    >>> start = play_mission(toy, toy.plan([[1, 2, 1], [1]]), price=1).steps[0]
+    >>> isinstance(start, PlayedStep), start.trails, start.at
+    (True, ((1, 2, 1), (1,)), (0, 0))
+    """
+
+    events: tuple[Event, ...]
+    trails: tuple[tuple[Hashable, ...], ...]
+    at: tuple[int, ...]
+    lost: tuple[int, ...]
+    collected: dict[Hashable, float]
+    replan: Replan | None
+
+    @property
+    def reward(self) -> float:
+        """The reward that counts by now."""
+        return math.fsum(self.collected.values())
+
+
+@dataclass(frozen=True)
+class PlayedMission:
+    """A mission that was played, as `play_mission` returns it.
+
+    Attributes
+    ----------
+    mission, plan, policy, price, seed, number
+        As for :func:`play_mission`.
+    steps
+        The start, at which nothing has happened yet, and each step after it.
+    reward, survivors
+        What has come of it. The reward is to be expected where a ``share`` is not 1.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.underway import PlayedMission, play_mission
+    >>> toy = load_mission("toy")
+    >>> played = play_mission(toy, toy.stay_home(), price=1)
+    >>> isinstance(played, PlayedMission), len(played.steps)
+    (True, 1)
+    >>> print(played)
+    No robot is lost. The mission ends with 0 reward and 2 of 2 robots.
+    """
+
+    mission: Mission
+    plan: TrailPlan
+    policy: str
+    price: float
+    seed: int
+    number: int
+    steps: tuple[PlayedStep, ...]
+    reward: float
+    survivors: int
+
+    def __str__(self) -> str:
+        losses = [loss for step in self.steps for loss in self._losses(step, "")]
+        replans = sum(step.replan is not None for step in self.steps)
+        times = "once" if replans == 1 else f"{replans:,} times"
+        anew = f" The plan is made anew {times}." if replans else ""
+        lost = f"Lost: {', '.join(losses)}." if losses else "No robot is lost."
+        return f"{lost}{anew} {self._end()}"
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What happened in each step, in words."""
+        return tuple(" ".join(self._sentences(i)) for i in range(len(self.steps)))
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row for each step.
+
+        The columns are ``step``, ``reward`` (that counts by now), ``robots`` (not lost by now),
+        ``lost`` (in this step), ``replanned``, and, if it was, what is expected from then on:
+        ``reward_before``, ``survivors_before``, ``reward_after`` and ``survivors_after``.
+        """
+        import pandas as pd
+
+        columns = ("reward_before", "survivors_before", "reward_after", "survivors_after")
+        rows = []
+        for number, step in enumerate(self.steps):
+            new = step.replan
+            expected = [math.nan] * 4 if new is None else [*new.before, *new.objectives]
+            rows.append(
+                {
+                    "step": number,
+                    "reward": step.reward,
+                    "robots": self.mission.robots - len(step.lost),
+                    "lost": len(self._losses(step)),
+                    "replanned": new is not None,
+                    **dict(zip(columns, expected, strict=True)),
+                }
+            )
+        return pd.DataFrame(rows)
+
+    def _sentences(self, number: int) -> Iterator[str]:
+        step = self.steps[number]
+        if number == 0:
+            [expected] = self.mission.evaluate([self.plan]).tolist()
+            yield f"Start: {_expected(expected)} expected."
+        else:
+            moved = len(step.events)
+            on = f"{counted(moved, 'robot')} move{'s' if moved == 1 else ''} on"
+            yield f"Step {number}: {', '.join(self._losses(step)) or on}."
+        if step.replan is not None:
+            now = f"{_expected(step.replan.objectives)} expected from now on"
+            if step.replan.gain <= 0.0:
+                yield f"The plan is made anew and stays as it is: {now}."
+            else:
+                before = " and ".join(map(short_text, step.replan.before))
+                yield f"The plan is made anew: {now}, instead of {before}."
+        if number == len(self.steps) - 1:
+            yield self._end()
+
+    def _losses(self, step: PlayedStep, verb: str = "is lost ") -> list[str]:
+        """Write which robots are lost in a step, and where."""
+        lost = [int(event.robot) for event in step.events if event.what == "lost"]
+        ways = {robot: map(label_text, step.trails[robot][-2:]) for robot in lost}
+        return [
+            f"{self._name(robot)} {verb}between {' and '.join(way)}" for robot, way in ways.items()
+        ]
+
+    def _name(self, robot: int) -> str:
+        several = len(self.mission.kinds) > 1
+        return f"{self.mission.kind_of[robot].name if several else 'robot'} {robot}"
+
+    def _end(self) -> str:
+        team = counted(self.mission.robots, "robot")
+        reward = short_text(self.reward)
+        return f"The mission ends with {reward} reward and {self.survivors} of {team}."
+
+
+def _expected(objectives: Iterable[float]) -> str:
+    reward, survivors = map(short_text, objectives)
+    return f"{reward} reward and {survivors} survivors"
+
+
+class _Policy(NamedTuple):
+    """When plans are made anew, and how; and the robots of the plan at the start."""
+
+    name: str
+    price: float
+    evaluations: int
+    robots: tuple[RobotState, ...]
+
+
+class _Played(NamedTuple):
+    """What has come of a mission: the reward, survivors, replans, and the seconds that these took.
+
+    The reward is to be expected where a share is not 1.
+    """
+
+    reward: float
+    survivors: int
+    replans: int
+    seconds: float
+
+
+def play_mission(
+    mission: Mission,
+    plan: TrailPlan,
+    policy: str = "losses",
+    *,
+    price: float | None = None,
+    seed: int = 1,
+    number: int = 0,
+    evaluations: int = 400,
+    min_survival: float = 0.0,
+    max_length: float | None = None,
+) -> PlayedMission:
+    """Play one mission of those that `simulate_policy` plays, and record each step.
+
+    Parameters
+    ----------
+    mission, plan, price, seed, evaluations, min_survival, max_length
+        As for :func:`botohe_moo.simulate_policy`.
+    policy
+        One of those of :func:`botohe_moo.simulate_policy`.
+    number
+        Which of the missions of this seed, from 0.
+
+    Raises
+    ------
+    ValueError
+        If the policy is unknown, or a parameter is out of its range.
+    PlanError
+        If the plan is not valid for the mission, or does not keep the limits.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.underway import play_mission
+    >>> toy = load_mission("toy")
+    >>> played = play_mission(toy, toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]]), price=2)
+    >>> print(played.sentences[-1])
+    Step 10: 1 robot moves on. The mission ends with 10 reward and 1 of 2 robots.
+    """
+    seed = check_integer("seed", seed, at_least=0)
+    given = evaluations, min_survival, max_length
+    [made] = _policies(mission, plan, [policy], price, *given)
+    number = check_integer("number", number, at_least=0)
+    steps: list[PlayedStep] = []
+    end = _play(mission, made, seed, number, steps)
+    return PlayedMission(
+        mission, plan, policy, made.price, seed, number, tuple(steps), end.reward, end.survivors
+    )
+
+
+def _policies(
+    mission: Mission,
+    plan: TrailPlan,
+    names: Sequence[str],
+    price: float | None,
+    evaluations: int,
+    *limits: Any,
+) -> list[_Policy]:
+    """Return policies for a plan, all of which is checked."""
+    for name in names:
+        check_choice("policy", name, tuple(POLICIES))
+    evaluations = check_integer("evaluations", evaluations, at_least=0)
+    robots = u.robots_at_start(mission, plan, check_mission(mission).limits(*limits))
+    price = _price_of(mission, plan, price, *limits)
+    return [_Policy(name, price, evaluations, tuple(robots)) for name in names]
+
+
+def _play(
+    mission: Mission,
+    policy: _Policy,
+    seed: int,
+    number: int,
+    steps: list[PlayedStep] | None = None,
+) -> _Played:
+    """Play a mission, by its number among those of a seed; add what happens to ``steps``."""
+    generator = np.random.default_rng([seed, number])
+    dangers = generator.random((mission.robots, len(mission.graph.edges)))
+    robots = list(policy.robots)
+    moving, replans, seconds = -1, 0, 0.0
+    if steps is not None:
+        steps.append(_step(mission, robots, (), None))
+    while movers := [robot for robot in robots if _has_hops(robot)]:
+        if order := _ORDERS.get(policy.name):
+            if moving not in [robot.number for robot in movers]:
+                moving = order(movers, key=lambda robot: len(robot.trail) - robot.at).number
+            movers = [robots[moving]]
+        events, new = tuple(_moved(mission, robot, dangers) for robot in movers), None
+        robots = u.apply_events(robots, events)
+        is_time = _is_time(policy.name, [robots[robot.number] for robot in movers])
+        if is_time and any(robot.state != "lost" for robot in robots):
+            began = time.perf_counter()
+            left = u.remaining_mission(mission, robots)
+            new = _replan_left(left, policy.price, policy.evaluations, generator)
+            for row, trail in zip(left.robots, left.mission.labels(new.plan), strict=True):
+                gone = robots[row].trail[: robots[row].at]
+                robots[row] = replace(robots[row], trail=(*gone, *trail))
+            replans, seconds = replans + 1, seconds + time.perf_counter() - began
+        if steps is not None:
+            steps.append(_step(mission, robots, events, new))
+    survivors = sum(robot.state != "lost" for robot in robots)
+    return _Played(u.settle_rewards(mission, robots).banked, survivors, replans, seconds)
+
+
+def _moved(mission: Mission, robot: RobotState, dangers: FloatArray) -> Event:
+    """Return what happens to a robot on its next arc."""
+    tail, head = robot.trail[robot.at : robot.at + 2]
+    [survival] = by_kind(mission.graph.edges[tail, head]["survival"], [robot.kind])
+    survives = dangers[robot.number, robot.at] < survival
+    return Event("reached" if survives else "lost", robot.number, head)
+
+
+def _step(
+    mission: Mission,
+    robots: Sequence[RobotState],
+    events: tuple[Event, ...],
+    replan: Replan | None,
+) -> PlayedStep:
+    """Record what has happened, and where robots are now."""
+    left = u.settle_rewards(mission, robots).left
+    rewards = {node: float(mission.graph.nodes[node]["reward"]) for node in left}
+    lost = tuple(robot.number for robot in robots if robot.state == "lost")
+    return PlayedStep(
+        events,
+        tuple(
+            robot.trail[: robot.at + 2] if robot.number in lost else robot.trail for robot in robots
+        ),
+        tuple(robot.at for robot in robots),
+        lost,
+        {node: rewards[node] - pays for node, pays in left.items() if pays < rewards[node]},
+        replan,
+    )
+
+
+def _has_hops(robot: RobotState) -> bool:
+    return robot.state == "out" and robot.at + 1 < len(robot.trail)
+
+
+def _is_time(policy: str, moved: Sequence[RobotState]) -> bool:
+    """Return whether it is time to make a plan anew."""
+    if policy in ("static", "arrivals"):
+        return policy == "arrivals"
+    has_lost = any(robot.state == "lost" for robot in moved)
+    return has_lost or (policy in _ORDERS and not _has_hops(moved[0]))
+
+
+@dataclass(frozen=True)
+class PolicyOutcomes:
+    """What came of missions that were played under some policies.
+
+    Attributes
+    ----------
+    mission, plan
+        The mission and the plan with which each starts.
+    price
+        What a survivor is worth, as reward.
+    played
+        A row for each policy and mission that was played, with the columns ``policy``, ``mission``
+        (its number), ``reward``, ``survivors``, ``replans`` and ``seconds`` (of all replans). Where
+        a share is not 1, the reward is to be expected.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, simulate_policy
+    >>> from botohe_moo.underway import PolicyOutcomes
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
+    >>> outcomes = simulate_policy(toy, plan, "losses", price=2, missions=20)
+    >>> isinstance(outcomes, PolicyOutcomes), len(outcomes.played)
+    (True, 40)
+    """
+
+    mission: Mission
+    plan: TrailPlan
+    price: float
+    played: pd.DataFrame
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row for each policy: means of missions, and what they are worth.
+
+        The columns are ``policy``, ``reward``, ``survivors``, ``gain`` (what a mission is worth
+        more than with the plan as it is, at the price), ``gain_se`` (its standard error),
+        ``replans`` (of a mission) and ``seconds`` (of a replan).
+        """
+        import pandas as pd
+
+        worth = self.played["reward"] + self.price * self.played["survivors"]
+        by_policy = self.played.assign(worth=worth).groupby("policy", sort=False)
+        base = by_policy.get_group("static")["worth"].to_numpy()
+        rows = []
+        for name, played in by_policy:
+            gains, replans = played["worth"].to_numpy() - base, played["replans"].sum()
+            rows.append(
+                {
+                    "policy": name,
+                    "reward": played["reward"].mean(),
+                    "survivors": played["survivors"].mean(),
+                    "gain": gains.mean(),
+                    "gain_se": gains.std(ddof=1) / len(gains) ** 0.5,
+                    "replans": played["replans"].mean(),
+                    "seconds": played["seconds"].sum() / max(1, replans),
+                }
+            )
+        return pd.DataFrame(rows)
+
+    def __str__(self) -> str:
+        return (
+            f"{price_text(self.price).capitalize()}.\n{self.table.round(4).to_string(index=False)}"
+        )
+
+
+def simulate_policy(
+    mission: Mission,
+    plan: TrailPlan,
+    policy: str | Sequence[str] = ("losses", "one by one"),
+    *,
+    price: float | None = None,
+    missions: int = 1_000,
+    seed: int = 1,
+    evaluations: int = 400,
+    min_survival: float = 0.0,
+    max_length: float | None = None,
+    workers: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> PolicyOutcomes:
+    """Play missions under policies of replanning, and with the plan as it is.
+
+    All policies meet the same dangers: hop i of robot k is survived if a number, drawn once for
+    each mission, robot and hop, is less than the survival of its arc.
+
+    Parameters
+    ----------
+    mission, plan
+        A mission, and a plan of it.
+    policy
+        When a plan is made anew, one or more of: ``"losses"``, after each; ``"arrivals"``, whenever
+        robots get to a node; ``"one by one"``, where robots go one after another, that with most
+        hops first, and each is planned for when the one before is home or lost;
+        ``"shortest first"``, the same, but that with fewest hops goes first; ``"static"``, never,
+        which is always played.
+    price
+        What a survivor is worth, as reward; default: what the plan implies, as for :func:`replan`.
+    missions
+        How many are played under each policy, at least 2.
+    seed
+        Seed of all random numbers, at least 0.
+    evaluations
+        Of each replan, at least 0.
+    min_survival, max_length
+        The limits of the plan, as for :func:`botohe_moo.underway.under_way`.
+    workers
+        Processes that play missions, at least 1; the outcomes do not depend on their number. In a
+        script, more than one need ``if __name__ == "__main__":``.
+    progress
+        Called with the number of missions played, whenever some have been.
+
+    Raises
+    ------
+    ValueError
+        If a policy is unknown, or a parameter is out of its range.
+    PlanError
+        If the plan is not valid for the mission, or does not keep the limits.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, simulate_policy
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
+    >>> outcomes = simulate_policy(toy, plan, "losses", price=2, missions=20)
+    >>> outcomes.table["policy"].tolist()
+    ['static', 'losses']
+    """
+    import pandas as pd
+
+    names = [policy] if isinstance(policy, str) else list(policy)
+    names = list(dict.fromkeys(["static", *names]))
+    missions = check_integer("missions", missions, at_least=2)
+    seed = check_integer("seed", seed, at_least=0)
+    workers = check_integer("workers", workers, at_least=1)
+    given = evaluations, min_survival, max_length
+    policies = _policies(mission, plan, names, price, *given)
+    blocks = [range(i, min(i + _AT_ONCE, missions)) for i in range(0, missions, _AT_ONCE)]
+    play_block = partial(_play_missions, mission, policies, seed)
+    with ExitStack() as stack:
+        results: Iterable[list[dict[str, object]]] = map(play_block, blocks)
+        if workers > 1 and len(blocks) > 1:
+            context = multiprocessing.get_context("spawn")
+            pool = ProcessPoolExecutor(min(workers, len(blocks)), mp_context=context)
+            results = stack.enter_context(pool).map(play_block, blocks)
+        rows = []
+        for block, found in zip(blocks, results, strict=True):
+            rows += found
+            if progress is not None:
+                progress(block.stop)
+    played = pd.DataFrame(rows)
+    order = played["policy"].map(names.index)
+    played = played.iloc[np.argsort(order, kind="stable")].reset_index(drop=True)
+    return PolicyOutcomes(mission, plan, policies[0].price, played)
+
+
+def _play_missions(
+    mission: Mission,
+    policies: Sequence[_Policy],
+    seed: int,
+    numbers: Iterable[int],
+) -> list[dict[str, object]]:
+    """Play some missions under each policy, by their numbers."""
+    rows = []
+    for number in numbers:
+        for policy in policies:
+            played = _play(mission, policy, seed, number)
+            rows.append({"policy": policy.name, "mission": number, **played._asdict()})
+    return rows
