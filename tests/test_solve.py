@@ -39,6 +39,7 @@ from botohe_moo import (
 )
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES
 from botohe_moo.base.runtime import hold_signals
+from botohe_moo.problem import LeastSurvival
 from botohe_moo.solution import PictureError, Solution
 from botohe_moo.solving import RefusalError
 from tests.examples import examples
@@ -665,3 +666,52 @@ class TestReading:
         path.write_text(json.dumps(content))
         read_solution(tmp_path)
         assert "antigravity" not in sys.modules
+
+
+class TestOtherObjectives:
+    def test_a_problem_of_three_is_solved_written_and_read(self, tmp_path):
+        solution = solve("toy", "nsga2", problem="least-survival", evaluations=300)
+        least = solution.mission.robot_survival(solution.plans).min(axis=1)
+        assert solution.objectives[:, 2] == pytest.approx(least)
+        assert solution.objectives[:, :2] == pytest.approx(
+            solution.mission.evaluate(solution.plans)
+        )
+        assert (np.diff(solution.objectives[:, 0]) <= 0).all()
+        assert [*solution.table] == ["plan_id", "reward", "survivors", "least_survival"]
+        assert solution.area == area_indicator(solution.objectives, solution.stated)
+        assert "least_survival" in solution.describe()
+        written = solution.write(tmp_path)
+        assert tmp_path / "front.png" in written
+        assert pd.read_csv(tmp_path / "front.csv").columns.tolist() == [*solution.table]
+        again = read_solution(tmp_path)
+        assert again.objectives.tolist() == solution.objectives.tolist()
+        assert (again.problem, again.stated) == (solution.problem, solution.stated)
+        assert again.problem == "botohe_moo.problem:LeastSurvival"
+        assert again.choose("survivors >= 1").plan in again.plans
+
+    def test_a_column_that_is_missing_is_named(self, tmp_path):
+        solve("toy", "nsga2", problem=LeastSurvival, evaluations=100).write(tmp_path)
+        path = tmp_path / "plans.json"
+        path.write_text(path.read_text().replace('"least_survival": ', '"most_survival": ', 1))
+        with pytest.raises(ValueError, match=r"plans\[0\]\.least_survival: expected a finite numb"):
+            read_solution(tmp_path)
+
+    @pytest.mark.parametrize(
+        ("problem", "message"),
+        [
+            (
+                "least-surviva",
+                "Problem 'least-surviva': there is no such problem; known are least-s",
+            ),
+            ("nowhere:Class", "Problem 'nowhere:Class': it cannot be imported"),
+            ("botohe_moo.mission:Mission", "a class derived from BOTOHE"),
+            (Mission, "a class derived from BOTOHE"),
+            (
+                type("Vague", (BOTOHE,), {"evaluate_batch": None}),
+                "Vague overrides evaluate_batch, and",
+            ),
+        ],
+    )
+    def test_what_is_no_problem_is_refused(self, problem, message):
+        with pytest.raises(ValueError, match=message):
+            solve("toy", "nsga2", problem=problem, evaluations=100)

@@ -11,8 +11,9 @@ from pymoo.core.problem import Problem
 from pymoo.util.display.column import Column
 from pymoo.util.display.output import Output
 
-from botohe_moo.base.messages import quoted
+from botohe_moo.base.messages import PluginError, quoted
 from botohe_moo.base.parameters import Probability, TravelBudget, checked
+from botohe_moo.base.registry import Registry
 from botohe_moo.base.types import FloatArray, ObjectArray
 from botohe_moo.core.world import CHECKING
 from botohe_moo.indicators import area_indicator
@@ -250,8 +251,8 @@ class LeastSurvival(BOTOHE):
     """A BOTOHE of three objectives: E[R], E[S], and the least survival of a robot.
 
     The third is the probability to survive of the robot in the greatest danger: among plans with as
-    many expected survivors, those that share the danger are better. Studies and ``solve`` take it
-    as ``problem: botohe_moo.problem:LeastSurvival``.
+    many expected survivors, those that share the danger are better. Studies and ``solve`` call it
+    ``least-survival``.
 
     Parameters
     ----------
@@ -295,6 +296,46 @@ def overrides(problem: BOTOHE, method: str) -> bool:
     """Return whether a problem overrides a method of :class:`BOTOHE`."""
     own = getattr(type(problem), method) is not getattr(BOTOHE, method)
     return own or method in vars(problem)
+
+
+PROBLEMS = Registry(
+    "botohe_moo.problems", "problem", own={"botohe": BOTOHE, "least-survival": LeastSurvival}
+)
+
+
+def find_problem(problem: str | type[BOTOHE]) -> type[BOTOHE]:
+    """Return the class of a problem by its name, or ``module:Class``, whose module is run.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or it does not state the objectives that it computes.
+    """
+    found: Any = problem
+    if isinstance(problem, str):
+        try:
+            found = PROBLEMS.find(problem, BOTOHE)
+        except PluginError as error:
+            raise ValueError(f"{PROBLEMS.source(problem)}: {error}.") from error
+    if not (isinstance(found, type) and issubclass(found, BOTOHE)):
+        raise ValueError(f"Expected a class derived from BOTOHE, got {quoted(found)}.")
+    if found._evaluate is not BOTOHE._evaluate:
+        raise ValueError(
+            f"{found.__name__} overrides _evaluate, which not all algorithms call: override "
+            "evaluate_batch."
+        )
+    overrides_values = found.evaluate_batch is not BOTOHE.evaluate_batch
+    if overrides_values and found.objectives is BOTOHE.objectives:
+        raise ValueError(
+            f"{found.__name__} overrides evaluate_batch, and does not state its objectives: areas "
+            "are shares of what they are at most."
+        )
+    return found
+
+
+def problem_path(problem: type[BOTOHE]) -> str:
+    """Return the name of a problem's class, as ``module:Class``."""
+    return f"{problem.__module__}:{problem.__qualname__}"
 
 
 class FrontOutput(Output):

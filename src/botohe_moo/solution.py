@@ -5,10 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,7 +18,7 @@ import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
 from botohe_moo.base.files import Source, replace_file
-from botohe_moo.base.messages import counted
+from botohe_moo.base.messages import counted, quoted
 from botohe_moo.base.parameters import validated
 from botohe_moo.base.types import FloatArray
 from botohe_moo.decide import choosing, fronts, hazards
@@ -27,6 +28,7 @@ from botohe_moo.mission.formats.nodelink import write_node_link
 from botohe_moo.mission.loading import read_mission
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.mission.rules import read_label
+from botohe_moo.objectives import Objectives
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
@@ -40,7 +42,7 @@ FRONT_PICTURE = "front.png"
 PAGE = "explorer.html"
 BOUND = "bound.json"
 FILES = (*TABLES, FRONT_PICTURE, "mission.png", PAGE, BOUND)
-COLUMNS = ("plan_id", "reward", "survivors")
+_SHOWN = 10  # rows of a table of a front of other objectives, at most
 _LONG_START = 0.5  # seconds; with everything loaded and compiled, a search starts in milliseconds
 
 
@@ -70,7 +72,7 @@ class Solution:
     plans
         The non-dominated plans, by descending expected reward.
     objectives
-        Their E[R] and E[S] (n_plans, 2).
+        Their objectives (n_plans, n_objectives): E[R] and E[S], or those of ``stated``.
     algorithm, parameters, seed
         The algorithm's name, its parameters as given, and the seed.
     evaluations
@@ -85,6 +87,9 @@ class Solution:
     moves
         What each move of a local search brought: children ``tried``, and plans that ``entered`` the
         front. Empty for other algorithms.
+    problem, stated
+        The class of the problem, as ``module:Class``, and its objectives; None, and E[R] and E[S],
+        for :class:`BOTOHE` itself.
     source
         Arguments of :func:`load_mission` that make the mission, where they are known.
     min_survival, max_length
@@ -120,19 +125,28 @@ class Solution:
     source: Mapping[str, Any] = field(default_factory=dict)
     min_survival: float = 0.0
     max_length: float | None = None
+    problem: str | None = None
+    stated: Objectives = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.stated is None:
+            object.__setattr__(self, "stated", Objectives.of(self.mission))
 
     @property
     def area(self) -> float:
         """The front's area indicator, in [0, 1]."""
-        return area_indicator(self.objectives, self.mission)
+        return area_indicator(self.objectives, self.stated)
 
     @property
     def table(self) -> pd.DataFrame:
-        """The front: ``plan_id``, ``reward`` (E[R]) and ``survivors`` (E[S])."""
+        """The front: ``plan_id``, ``reward`` (E[R]) and ``survivors`` (E[S]).
+
+        For another problem it has the columns of its objectives.
+        """
         import pandas as pd
 
-        table = pd.DataFrame(self.objectives, columns=COLUMNS[1:])
-        return table.rename_axis(COLUMNS[0]).reset_index()
+        table = pd.DataFrame(self.objectives, columns=self.stated.columns)
+        return table.rename_axis("plan_id").reset_index()
 
     def worst_case(self, losses: int = 1) -> FloatArray:
         """Compute the least E[R] if some robots never leave; see :func:`botohe_moo.worst_case`.
@@ -164,9 +178,9 @@ class Solution:
         """Select ``k`` plans, by their rows; see :func:`botohe_moo.decide.representatives`."""
         return fronts.representatives(self.mission, self.plans, k)
 
-    def rows(self) -> list[tuple[int, float, float]]:
+    def rows(self) -> list[tuple[int | float, ...]]:
         """Return the rows of ``table`` as plain numbers."""
-        return [(i, reward, alive) for i, (reward, alive) in enumerate(self.objectives.tolist())]
+        return [(i, *values) for i, values in enumerate(self.objectives.tolist())]
 
     def __repr__(self) -> str:
         return (
@@ -181,8 +195,14 @@ class Solution:
         The table has some ten plans, or all: the ends of the front, its knee (see :meth:`knees`)
         and :meth:`representatives`. Its last column is :meth:`survivor_price`.
         """
-        front = self.mission, self.plans, self.objectives
-        table, n_rows = fronts.front_table(*front, all_plans=all_plans)
+        if self.problem is None:
+            front = self.mission, self.plans, self.objectives
+            table, n_rows = fronts.front_table(*front, all_plans=all_plans)
+        else:
+            rows = np.arange(len(self.plans))
+            if not all_plans:
+                rows = np.unique(np.linspace(0, len(rows) - 1, _SHOWN).round().astype(int))
+            table, n_rows = self.table.iloc[rows].round(3).to_string(index=False), len(rows)
         some = f", {n_rows} of them above" if n_rows < len(self.plans) else ""
         start = self.startup_seconds if self.startup_seconds >= _LONG_START else 0.0
         took, started = "", ""
@@ -226,8 +246,10 @@ class Solution:
 
         What JSON cannot hold is written as its ``repr``.
         """
+        columns = ("plan_id", *self.stated.columns)
         content = {
             "mission": self.mission.name,
+            **({} if self.problem is None else {"problem": self.problem, "stated": self.stated}),
             "mission_source": self.source,
             "mission_digest": numbers_digest(self.mission),
             "robots": self.mission.robots,
@@ -243,7 +265,7 @@ class Solution:
             "area": self.area,
             "version": version("botohe-moo"),
             "plans": [
-                {**dict(zip(COLUMNS, row, strict=True)), "trails": self.mission.labels(plan)}
+                {**dict(zip(columns, row, strict=True)), "trails": self.mission.labels(plan)}
                 for row, plan in zip(self.rows(), self.plans, strict=True)
             ],
         }
@@ -271,16 +293,21 @@ class Solution:
         self._write_tables(folder)
         if before_pictures is not None:
             before_pictures()
-        from botohe_moo.plots import plot_front, plot_mission
+        from botohe_moo.plots import plot_front, plot_mission, plot_pairs
 
-        draw_picture(folder / FRONT_PICTURE, plot_front, self.objectives, self.mission)
+        if self.problem is None:
+            draw_picture(folder / FRONT_PICTURE, plot_front, self.objectives, self.mission)
+        else:
+            draw_picture(folder / FRONT_PICTURE, plot_pairs, self.table, self.stated)
         draw_picture(folder / "mission.png", plot_mission, self.mission)
         return [folder / name for name in FILES if (folder / name).exists()]
 
     def _write_tables(self, folder: Path) -> None:
         """Write the tables, and remove the other files of an earlier search."""
         front = io.StringIO()  # not by pandas, whose import a printed front should not wait for
-        csv.writer(front, lineterminator="\n").writerows([COLUMNS, *self.rows()])
+        csv.writer(front, lineterminator="\n").writerows(
+            [("plan_id", *self.stated.columns), *self.rows()]
+        )
         tables = {"front.csv": front.getvalue().encode(), "plans.json": self.to_json().encode()}
         with suppress(ValueError):
             tables["mission.json"] = write_node_link(self.mission)
@@ -307,9 +334,7 @@ def draw_picture(path: Path, plot: Callable[..., Axes], *shown: Any, **options: 
 _REMEDY = "Solve the mission again, or put back what was written."
 
 
-class _Plan(BaseModel, strict=True):
-    reward: FiniteFloat
-    survivors: FiniteFloat
+class _Plan(BaseModel, strict=True, extra="allow"):
     trails: list[list[Any]]
 
 
@@ -325,6 +350,8 @@ class _Record(BaseModel, strict=True):
     area: FiniteFloat
     mission_source: dict[str, Any]
     mission_digest: str
+    problem: str | None = None
+    stated: Objectives | None = None
     plans: list[_Plan]
 
 
@@ -372,9 +399,10 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
         raise ValueError(f"{where} does not match {path}: the mission was changed.")
     try:
         batch = _plans_of(record, mission)
-        evaluated = mission.evaluate(batch)
-        objectives = np.array([(p.reward, p.survivors) for p in record.plans], float)
-        objectives = objectives.reshape(-1, 2)
+        stated = record.stated or Objectives.of(mission)
+        objectives = _objectives_of(record, stated.columns)
+        # What another problem computes is taken as it is: no code is run that a file names.
+        evaluated = mission.evaluate(batch) if record.problem is None else objectives
         agree = np.isclose(objectives, evaluated, rtol=1e-9, atol=1e-9).all(axis=1)
         if not agree.all():
             i = int(agree.argmin())
@@ -388,7 +416,10 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
             objectives=objectives,
             seconds=None,
             source=record.mission_source,
-            **record.model_dump(exclude={"plans", "mission_source", "mission_digest", "area"}),
+            stated=stated,
+            **record.model_dump(
+                exclude={"plans", "mission_source", "mission_digest", "area", "stated"}
+            ),
         )
         if not np.isclose(solution.area, record.area, rtol=1e-9):
             expected = f"expected plans of area {record.area:.6g}, found {solution.area:.6g}"
@@ -396,6 +427,20 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return solution
+
+
+def _objectives_of(record: _Record, columns: Sequence[str]) -> FloatArray:
+    """Return the objectives of a file's plans."""
+    values = np.empty((len(record.plans), len(columns)))
+    for i, plan in enumerate(record.plans):
+        given = plan.model_extra or {}
+        for j, column in enumerate(columns):
+            value = given.get(column)
+            if not isinstance(value, int | float) or not math.isfinite(value):
+                expected = f"plans[{i}].{column}: expected a finite number"
+                raise ValueError(f"{expected}, got {quoted(value)}.")
+            values[i, j] = value
+    return values
 
 
 def _plans_of(record: _Record, mission: Mission) -> PlanBatch:
@@ -427,4 +472,6 @@ def _as_json(content: object, *, indent: int | None = None) -> str:
 
 def _plain(value: object) -> object:
     """Return what JSON can hold instead of ``value``."""
+    if isinstance(value, Objectives):
+        return asdict(value)
     return value.item() if isinstance(value, np.generic) else repr(value)

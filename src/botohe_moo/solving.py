@@ -20,7 +20,7 @@ from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission
-from botohe_moo.problem import BOTOHE
+from botohe_moo.problem import BOTOHE, find_problem, problem_path
 from botohe_moo.solution import Solution
 from botohe_moo.trails import TrailPlan
 
@@ -55,6 +55,7 @@ def solve(
     seed: int = 1,
     min_survival: float = 0.0,
     max_length: float | None = None,
+    problem: str | type[BOTOHE] = BOTOHE,
     n_islands: int | None = None,
     n_threads: int | None = None,
     progress: Progress | None = None,
@@ -82,6 +83,9 @@ def solve(
     max_length
         Travel budget: how long every robot's trail may be, at least 0. Default: the mission's own
         (``mission.max_length``), if it has one; ``math.inf`` for none.
+    problem
+        What plans are searched by: a class derived from :class:`BOTOHE` that states its
+        ``objectives``, or its name as ``module:Class``.
     n_islands
         Searches that go on side by side once that pays. Default: 8, where the algorithm has them.
         The result depends on it.
@@ -137,7 +141,7 @@ def solve(
             f"{', '.join(parameters)} for {type(algorithm).__name__}."
         )
     return search(
-        BOTOHE(mission, min_survival=min_survival, max_length=max_length),
+        find_problem(problem)(mission, min_survival=min_survival, max_length=max_length),
         algorithm,
         evaluations=evaluations,
         seed=seed,
@@ -192,7 +196,7 @@ def search(
         raise RefusalError(f"Algorithm {name!r}: {error}") from error
 
     def area() -> float:
-        return area_indicator(_front(algorithm)[0], mission)
+        return area_indicator(_front(algorithm)[0], problem.objectives)
 
     startup: dict[str, Any] = {}
     with hold_signals(signal.SIGINT, handled=True) if stop is None else nullcontext(stop) as stop:
@@ -228,6 +232,8 @@ def search(
         seconds=seconds,
         interrupted=algorithm.has_next(),
         moves=getattr(algorithm, "move_counts", {}),
+        problem=None if type(problem) is BOTOHE else problem_path(type(problem)),
+        stated=problem.objectives,
         **{**record, "algorithm": name},
         **startup,
     )
@@ -237,10 +243,10 @@ def _front(algorithm: Algorithm) -> tuple[FloatArray, tuple[TrailPlan, ...]]:
     """Return the feasible, non-dominated plans an algorithm has found, by descending reward."""
     opt = algorithm.opt
     if opt is None or not len(opt) or not opt.get("feas").any():
-        return np.empty((0, 2)), ()
+        return np.empty((0, algorithm.problem.n_obj)), ()
     opt = opt[opt.get("feas")]
     objectives = np.asarray(-opt.get("F"), np.float64)
     kept = moocore.is_nondominated(objectives, maximise=True, keep_weakly=True)
     opt, objectives = opt[kept], objectives[kept]
-    order = np.lexsort((objectives[:, 1], -objectives[:, 0]))
+    order = np.lexsort((*objectives.T[:0:-1], -objectives[:, 0]))
     return objectives[order], tuple(opt[int(i)].X[0] for i in order)

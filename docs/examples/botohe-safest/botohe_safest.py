@@ -11,7 +11,9 @@ class Safest(BOTOHE):
     def objectives(self):
         """At most all reward, and certainty."""
         bounds = self.mission.total_reward, 1.0
-        return Objectives(("E[R]", "least survival"), bounds, ("reward", "least_survival"))
+        return Objectives(
+            ("E[R]", "least survival"), bounds, ("reward", "least_survival")
+        )
 
     def evaluate_batch(self, batch):
         """Return F: what is to be large has a minus."""

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from botohe_moo.plots.front import plot_front as plot_front
     from botohe_moo.plots.mission import plot_mission as plot_mission
     from botohe_moo.plots.outcomes import plot_outcomes as plot_outcomes
+    from botohe_moo.plots.pairs import plot_pairs as plot_pairs
     from botohe_moo.plots.pheromone import plot_pheromone as plot_pheromone
     from botohe_moo.plots.plan import plot_choices as plot_choices
     from botohe_moo.plots.plan import plot_plan as plot_plan
