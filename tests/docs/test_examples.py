@@ -18,7 +18,7 @@ from tests.forked import run_forked
 pytestmark = pytest.mark.slow
 EXAMPLES = DOCS / "examples"
 # Packages with entry points: these are installed by pip, and found by their names.
-PACKAGES = ("botohe-drift", "botohe-edges", "botohe-tower", "botohe-rich-visit")
+PACKAGES = ("botohe-drift", "botohe-edges", "botohe-tower", "botohe-rich-visit", "botohe-spacing")
 
 
 def as_lines(groups):
@@ -121,6 +121,18 @@ def test_the_mutation_is_known_by_its_name(site, tmp_path):
     (tmp_path / "mutations.yaml").write_text(text)
     ended = botohe("study", "plan", "mutations.yaml", site=site, cwd=tmp_path)
     assert (ended.status, "9 runs" in ended.out) == (0, True), ended
+
+
+def test_the_indicator_is_in_the_study_and_in_its_report(site, tmp_path):
+    shutil.copy(EXAMPLES / "botohe-spacing" / "spacing.yaml", tmp_path)
+    for command in commands("adding-an-indicator"):
+        ended = botohe(*command, site=site, cwd=tmp_path)
+        assert ended.status == 0, ended.err
+    tables = read_study(tmp_path / "results" / "spacing")
+    assert set(tables.indicators["indicator"]) == {"area", "spacing"}
+    assert set(tables.comparisons["indicator"]) == {"area", "spacing"}
+    page = tmp_path / "results" / "spacing" / "report" / "report.html"
+    assert "spacing" in page.read_text("utf-8")
 
 
 def test_the_problem_is_in_the_study_and_in_its_report(tmp_path):

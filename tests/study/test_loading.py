@@ -525,7 +525,7 @@ indicators: [area, igd]
         for path in ("local_harm:run", "local_harm:os.system"):
             entry = {kind: path, "parameters": {"command": f"touch {tmp_path / 'harm'}"}}
             [line] = lines(changed(**{f"{kind}s": {"x": entry}}))
-            assert line.startswith(f"{kind}s.x.{kind}: {path!r}: it is not called, because ")
+            assert line.startswith(f"{kind}s.x.{kind}: {path!r}: expected a class derived from ")
             assert f"register it as entry point of 'botohe_moo.{kind}s'" in line
             assert not (tmp_path / "harm").exists()
 

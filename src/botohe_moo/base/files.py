@@ -120,8 +120,9 @@ def check_folder(folder: Path) -> None:
     """Refuse, with an OSError, a folder that cannot be written to; it need not exist."""
     there = next(path for path in (folder, *folder.parents) if path.exists())
     if not there.is_dir() or not os.access(there, os.W_OK):
-        reason = "is read-only" if there.is_dir() else "is a file"
-        raise OSError(f"{folder}: expected a folder to write to; {there} {reason}.")
+        place = "it" if there == folder else str(there)
+        fault = "cannot be written to" if there.is_dir() else "is a file"
+        raise OSError(f"{folder}: expected a folder to write to; {place} {fault}.")
 
 
 def suffix_fault(path: Path, known: Collection[str]) -> str:

@@ -355,7 +355,8 @@ def faults_in(
     found: dict[Place, list[Any]] = {}
     for error in invalid.errors(include_url=False):
         place = _way_into(content, error["loc"])
-        place += error["loc"][-1:] if error["type"] == "missing" else ()
+        if not (place or name) or error["type"] == "missing":
+            place += error["loc"][-1:]  # a key that is not there
         found.setdefault(place, []).append(error)
     faults = []
     for place, errors in found.items():

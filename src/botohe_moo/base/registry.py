@@ -76,8 +76,11 @@ class Registry(Mapping[str, Any]):
             found = _imported(functools.partial(pkgutil.resolve_name, name), origin)
             targets = {entry.value for entries in self.claims().values() for entry in entries}
             if makes and name not in targets and not says_it_makes(found, makes):
-                expected = f"a class derived from {makes.__name__}, or a function that returns one"
-                raise PluginError(f"expected {expected} (-> {makes.__name__}), got {found!r}")
+                raise PluginError(
+                    f"expected a class derived from {makes.__name__}, or a function that returns "
+                    f"one (-> {makes.__name__}), got {found!r}; or register it as entry point of "
+                    f"{self.group!r}"
+                )
         if not isinstance(found, self.holds):
             expected = "function or class" if self.holds is Callable else self.holds.__name__
             raise PluginError(f"expected {origin} to be a {expected}, got {found!r}")

@@ -1,260 +1,359 @@
-"""What studies rest on: the rules for algorithms."""
+"""What studies rest on: the rules for algorithms, in the order in which they are best fixed.
+
+Every public function is a rule. Its docstring says what is promised, and how to keep it.
+"""
 
 from __future__ import annotations
 
+import pickle
+from dataclasses import dataclass
+from typing import Any
+
 import moocore
+import networkx as nx
 import numpy as np
 from pymoo.core.algorithm import Algorithm
 
 from botohe_moo.algorithms.registry import accepted_by
 from botohe_moo.base.types import FloatArray
+from botohe_moo.mission.generators import drones_and_rovers, random
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
-from botohe_moo.testing.rules import Rules, Subject, expect
-from botohe_moo.testing.watching import (
-    Counted,
-    Halved,
-    Run,
-    Watched,
-    kinds_of_robots,
-    measured,
-    missing,
-    one_way,
-    refuses,
-    run,
-    streets,
-)
+from botohe_moo.testing.rules import Check, expect
+from botohe_moo.trails import PlanBatch, TrailPlan
 
 _EVALUATIONS = 300
-_BUDGETS = (1, 7, 45, 171)
+# Generations in a row without an evaluation, after which an algorithm is taken for endless.
+_MOST_IDLE = 1_000
 
-RULES = Rules()
 
+def can_be_made(check: Check) -> None:
+    """Without arguments, a new algorithm is made at each call.
 
-@RULES.add(
-    "Let it be called without arguments, and return a new pymoo Algorithm each time.",
-    comes_first=True,
-)
-def can_be_made(subject: Subject) -> None:
-    """Without arguments, a new algorithm is made at each call."""
-    one, other = subject.make(), subject.make()
+    Let it be called without arguments, and return a new pymoo Algorithm each time.
+    """
+    one, other = check.make(), check.make()
     expect(isinstance(one, Algorithm), f"it gives {type(one).__name__}, not a pymoo Algorithm")
     expect(one is not other, "it gives the same object twice")
 
 
-@RULES.add(
-    "Evaluate plans in every generation, and set `self.termination.force_termination` when done.",
-    comes_first=True,
-)
-def runs_end(subject: Subject) -> None:
-    """A run ends when its budget is spent, or before."""
-    _run(subject, BOTOHE(streets()))
+def runs_end(check: Check) -> None:
+    """A run ends when its budget is spent, or before.
+
+    Evaluate plans in every generation, and set `self.termination.force_termination` when done.
+    """
+    _run(check, BOTOHE(_streets()))
 
 
-@RULES.add("State each parameter in the signature, by name, with its type and its default.")
-def parameters_stated(subject: Subject) -> None:
-    """All parameters are in the signature, with their types."""
-    stated = accepted_by(subject.factory)
-    untyped = [parameter.name for parameter in stated if not parameter.annotation]
+def parameters_stated(check: Check) -> None:
+    """All parameters are in the signature, with their types.
+
+    State each parameter in the signature, by name, with its type and its default.
+    """
+    untyped = [each.name for each in accepted_by(check.factory) if not each.annotation]
     expect(not untyped, f"no type is stated of {', '.join(untyped)}")
 
 
-@RULES.add(
-    "Put TrailPlans into X, made with the mission's arcs alone, and leave F as it is evaluated."
-)
-def valid_plans(subject: Subject) -> None:
-    """The result holds valid plans, and the objectives that the problem computes of them."""
-    for mission in (streets(), measured()):
-        found = _true_run(subject, BOTOHE(mission))
-        expect(found.plans, "its result holds no plan")
+def valid_plans(check: Check) -> None:
+    """The result holds valid plans, and the objectives that the problem computes of them.
+
+    Put TrailPlans into X, made with the mission's arcs alone, and leave F as it is evaluated.
+    """
+    for mission in (_streets(), _measured()):
+        expect(_true_run(check, BOTOHE(mission)).plans, "its result holds no plan")
 
 
-@RULES.add(
-    "Evaluate by the problem that `setup` is given; if that cannot be, raise a TypeError in "
-    "`setup` that names the problem's class."
-)
-def own_objectives(subject: Subject) -> None:
-    """Another objective, by a subclass of BOTOHE, is used, or the problem is refused by name."""
-    problem = Halved(streets())
-    if not refuses(subject.make(), problem):
-        _true_run(subject, problem)
+def own_objectives(check: Check) -> None:
+    """Another objective, by a subclass of BOTOHE, is used, or the problem is refused by name.
+
+    Evaluate by the problem that `setup` is given; if that cannot be, raise a TypeError in `setup`
+    that names the problem's class.
+    """
+    problem = _Halved(_streets())
+    if not _refuses(check, problem):
+        _true_run(check, problem)
 
 
-@RULES.add("Keep all non-dominated plans of all generations: ArchiveAlgorithm has an archive.")
-def front_of_all_evaluated(subject: Subject) -> None:
-    """The result is the front of all plans that were evaluated; none is lost on the way."""
+def front_of_all_evaluated(check: Check) -> None:
+    """The result is the front of all plans that were evaluated; none is lost on the way.
+
+    Keep all non-dominated plans of all generations: ArchiveAlgorithm has an archive.
+    """
     for floor in (0.0, 0.3):
-        problem = Watched(streets(), min_survival=floor)
-        watched = not refuses(subject.make(), Watched(streets(), min_survival=floor))
-        plain = BOTOHE(problem.mission, min_survival=floor)
-        found = _run(subject, problem if watched else plain)
-        feasible = [point for _, point, is_feasible in problem.seen if is_feasible]
-        seen = np.reshape(feasible, (-1, 2))
-        for points in (*found.fronts, seen if watched else found.fronts[-1]):
-            lost = missing(points, found.objectives)
-            expect(not len(lost), f"its result lacks a plan that it found, {_points(lost)}")
+        problem = _Watched(_streets(), min_survival=floor)
+        plain = BOTOHE(_streets(), min_survival=floor)
+        found = _run(check, plain if _refuses(check, problem) else problem)
+        seen = [point for point, feasible in problem.seen if feasible]
+        for points in (*found.fronts, np.reshape(seen, (-1, 2))):
+            least = points - 1e-12 * (1.0 + np.abs(points))
+            as_good = (found.objectives >= least[:, None]).all(axis=2).any(axis=1)
+            lost = _first(points[~as_good])
+            expect(not lost, f"its result lacks a plan that it found, {lost}")
         distinct = np.unique(found.objectives, axis=0)
-        dominated = distinct[~moocore.is_nondominated(distinct, maximise=True)]
-        expect(not len(dominated), f"its result holds a dominated plan, {_points(dominated)}")
+        dominated = _first(distinct[~moocore.is_nondominated(distinct, maximise=True)])
+        expect(not dominated, f"its result holds a dominated plan, {dominated}")
 
 
-@RULES.add("Evaluate no more plans than the termination still allows, and as many.")
-def exact_budget(subject: Subject) -> None:
-    """Budgets are spent to the last evaluation, and not beyond, unless it ends by itself."""
-    problem = BOTOHE(streets())
-    for budget in _BUDGETS:
-        spent = _run(subject, problem, budget).spent
-        expect(spent <= budget, f"it spent {spent} of {budget} evaluations")
+def exact_budget(check: Check) -> None:
+    """Budgets are spent to the last evaluation, and not beyond, unless it ends by itself.
+
+    Evaluate no more plans than the termination still allows, and as many.
+    """
+    problem = BOTOHE(_streets())
+    for budget in (1, 7, 45, 171):
+        spent = _run(check, problem, budget).spent
+        said = f"it spent {spent} of {budget} evaluations"
+        expect(spent <= budget, said)
         if spent < budget:
-            more = _run(subject, problem, 2 * budget).spent
-            expect(
-                more == spent, f"it spent {spent} of {budget} evaluations, {more} of twice as many"
-            )
+            more = _run(check, problem, 2 * budget).spent
+            expect(more == spent, f"{said}, {more} of twice as many")
 
 
-@RULES.add(
-    "Evaluate plans by `self.evaluator.eval(self.problem, population)` alone: it counts them."
-)
-def true_budget(subject: Subject) -> None:
-    """Every plan that is evaluated is counted."""
-    plain = streets()
-    mission = Counted(plain.graph, base=plain.base, robots=plain.robots)
-    problem = Watched(mission)
-    if not refuses(subject.make(), Watched(plain)):  # what happens in kernels cannot be seen
-        spent = _run(subject, problem).spent
+def true_budget(check: Check) -> None:
+    """Every plan that is evaluated is counted.
+
+    Evaluate plans by `self.evaluator.eval(self.problem, population)` alone: it counts them.
+    """
+    plain = _streets()
+    mission = _Counted(plain.graph, base=plain.base, robots=plain.robots)
+    problem = _Watched(mission)
+    if not _refuses(check, _Watched(plain)):  # what happens in kernels cannot be seen
+        spent = _run(check, problem).spent
         evaluated = max(len(problem.seen), mission.n_evaluated)
         expect(spent == evaluated, f"it evaluated {evaluated} plans, and counted {spent}")
 
 
-@RULES.add(
-    "Draw all random numbers from `self.random_state`, depend on no time and no order of sets, and "
-    "keep nothing in the class, the module or default arguments."
-)
-def same_seed_same_front(subject: Subject) -> None:
-    """The same seed gives the same plans in the same order, whatever ran before."""
-    one = _run(subject, BOTOHE(streets()), seed=5)
-    _run(subject, BOTOHE(one_way()), seed=7)
-    same = _run(subject, BOTOHE(streets()), seed=5)
-    _expect_same(one, same, "two runs with the same seed differ")
+def same_seed_same_front(check: Check) -> None:
+    """The same seed gives the same plans in the same order, whatever ran before.
+
+    Draw all random numbers from `self.random_state`, depend on no time and no order of sets, and
+    keep nothing in the class, the module or default arguments.
+    """
+    one = _run(check, BOTOHE(_streets()), seed=5)
+    _run(check, BOTOHE(_one_way()), seed=7)
+    same = one.equals(_run(check, BOTOHE(_streets()), seed=5))
+    expect(same, "two runs with the same seed differ")
 
 
-@RULES.add(
-    "Draw random numbers from `self.random_state`; an algorithm that draws none states so: "
-    "`deterministic = True` in its class."
-)
-def other_seed_other_front(subject: Subject) -> None:
-    """Another seed gives other plans, unless the algorithm says that it is deterministic."""
-    problem = BOTOHE(streets())
-    differs = any(
-        _run(subject, problem, budget, seed=1).trails
-        != _run(subject, problem, budget, seed=2).trails
-        for budget in (20, 60, 200)
-    )
-    if getattr(subject.make(), "deterministic", False):
+def other_seed_other_front(check: Check) -> None:
+    """Another seed gives other plans, unless the algorithm says that it is deterministic.
+
+    Draw random numbers from `self.random_state`; an algorithm that draws none states so:
+    `deterministic = True` in its class.
+    """
+    runs = [
+        [_run(check, BOTOHE(_streets()), budget, seed=seed).trails for budget in (20, 60, 200)]
+        for seed in (1, 2)
+    ]
+    differs = runs[0] != runs[1]
+    if getattr(check.make(), "deterministic", False):
         expect(not differs, "it says that it is deterministic, and two seeds give other plans")
     else:
         expect(differs, "two seeds give the same plans with 20, with 60 and with 200 evaluations")
 
 
-@RULES.add(
-    "Hold nothing that cannot be pickled, such as lambdas, generators and open files, and leave "
-    "nothing out that the run needs."
-)
-def resumes_when_pickled(subject: Subject) -> None:
-    """A run that is pickled on its way, and unpickled, ends bit for bit as one that is not."""
-    problem = BOTOHE(streets())
-    whole = _run(subject, problem)
+def resumes_when_pickled(check: Check) -> None:
+    """A run that is pickled on its way, and unpickled, ends bit for bit as one that is not.
+
+    Hold nothing that cannot be pickled, such as lambdas, generators and open files, and leave
+    nothing out that the run needs.
+    """
+    whole = _run(check, BOTOHE(_streets()))
     n = len(whole.fronts)
     for stop in sorted({0, 1, n // 2}):
-        resumed = _run(subject, problem, pickled_after=stop)
-        _expect_same(
-            whole, resumed, f"a run that is pickled after {stop} of {n} generations differs"
-        )
+        same = whole.equals(_run(check, BOTOHE(_streets()), pickled_after=stop))
+        expect(same, f"a run that is pickled after {stop} of {n} generations differs")
 
 
-@RULES.add("Lead trails along the mission's arcs, in their direction, and home over unused ones.")
-def one_way_mission(subject: Subject) -> None:
-    """Missions whose arcs have no reverse are planned, and robots leave the base."""
-    _expect_gain(subject, one_way(), "no robot collects anything where all arcs are one-way")
+def one_way_mission(check: Check) -> None:
+    """Missions whose arcs have no reverse are planned, and robots leave the base.
+
+    Lead trails along the mission's arcs, in their direction, and home over unused ones.
+    """
+    gained = _true_run(check, BOTOHE(_one_way())).objectives[:, 0].any()
+    expect(gained, "no robot collects anything where all arcs are one-way")
 
 
-@RULES.add("Do not take for granted that there are two robots.")
-def one_robot(subject: Subject) -> None:
-    """A team of one robot is planned."""
-    _expect_gain(subject, streets().with_robots(1), "a single robot collects nothing")
+def one_robot(check: Check) -> None:
+    """A team of one robot is planned.
+
+    Do not take for granted that there are two robots.
+    """
+    gained = _true_run(check, BOTOHE(_streets().with_robots(1))).objectives[:, 0].any()
+    expect(gained, "a single robot collects nothing")
 
 
-@RULES.add(
-    "Compare CV first: `result.X` holds feasible plans alone, and is None where there are none."
-)
-def survival_floor(subject: Subject) -> None:
-    """A survival floor is kept, also one that nothing but staying home satisfies."""
+def survival_floor(check: Check) -> None:
+    """A survival floor is kept, also one that nothing but staying home satisfies.
+
+    Compare CV first: `result.X` holds feasible plans alone, and is None where there are none.
+    """
     for floor in (0.5, 1.0):
-        problem = BOTOHE(streets(), min_survival=floor)
-        _expect_limits(problem, _true_run(subject, problem))
+        _limited_run(check, BOTOHE(_streets(), min_survival=floor))
 
 
-@RULES.add(
-    "Compare CV first: `result.X` holds feasible plans alone, and is None where there are none."
-)
-def travel_budget(subject: Subject) -> None:
-    """A travel budget is kept."""
-    for budget in (0.0, 4.0):
-        problem = BOTOHE(measured(), max_length=budget)
-        _expect_limits(problem, _true_run(subject, problem))
+def travel_budget(check: Check) -> None:
+    """A travel budget is kept.
+
+    Compare CV first: `result.X` holds feasible plans alone, and is None where there are none.
+    """
+    for budget in (0.0, 3.0):
+        _limited_run(check, BOTOHE(_measured(), max_length=budget))
 
 
-@RULES.add(
-    "Plan with `problem.world`, in which each kind has nodes of its own, from `team.start` to "
-    "`team.end`; or let `supports(mission)` be `mission.is_plain`."
-)
-def kinds(subject: Subject) -> None:
-    """Each kind of robots keeps its start, end and limits, unless `supports` says it cannot."""
-    mission = kinds_of_robots()
-    supports = getattr(subject.make(), "supports", None)
-    if supports is not None and not supports(mission):
-        return
-    problem = BOTOHE(mission)
-    found = _true_run(subject, problem)
-    expect(found.plans, "its result holds no plan for kinds of robots")
-    _expect_limits(problem, found)
+def kinds(check: Check) -> None:
+    """Each kind of robots keeps its start, end and limits, unless `supports` says it cannot.
+
+    Plan with `problem.world`, in which each kind has nodes of its own, from `team.start` to
+    `team.end`; or let `supports(mission)` be `mission.is_plain`.
+    """
+    mission = drones_and_rovers(drones=2, rovers=1)
+    supports = getattr(check.make(), "supports", None)
+    if supports is None or supports(mission):
+        expect(_limited_run(check, BOTOHE(mission)).plans, "its result holds no plan for kinds")
 
 
-def _expect_limits(problem: BOTOHE, found: Run) -> None:
-    """Expect that every robot keeps its limits."""
+def _streets() -> Mission:
+    """Make a mission of eight nodes, with arcs there and back, for two robots."""
+    return random(nodes=8, arc_probability=0.4, robots=2, seed=3)
+
+
+def _one_way() -> Mission:
+    """Make a mission of six nodes on two rings that share the base; no arc has a reverse."""
+    graph: nx.DiGraph[Any] = nx.DiGraph()
+    graph.add_nodes_from((node, {"reward": float(node)}) for node in range(6))
+    nx.add_cycle(graph, [0, 1, 2, 3], survival=0.9)
+    nx.add_cycle(graph, [0, 4, 5], survival=0.8)
+    graph.add_edge(2, 4, survival=0.95)
+    return Mission(graph, base=0, robots=2, name="one-way")
+
+
+def _measured() -> Mission:
+    """Make the mission of streets with lengths."""
+    return _streets().with_lengths_from_pos()
+
+
+class _Watched(BOTOHE):
+    """Remembers E[R] and E[S] of all plans that it evaluates, and whether they are feasible."""
+
+    def __init__(self, mission: Mission, **limits: Any) -> None:
+        super().__init__(mission, **limits)
+        self.seen: list[tuple[list[float], bool]] = []
+
+    def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
+        F = super().evaluate_batch(batch)
+        feasible = np.asarray((self.constrain_batch(batch) <= 0).all(axis=1)).tolist()
+        self.seen += zip((-F).tolist(), feasible, strict=True)
+        return F
+
+    def __deepcopy__(self, memo: dict[int, object]) -> _Watched:
+        return self
+
+
+class _Counted(Mission):
+    """Counts all plans that are evaluated."""
+
+    n_evaluated = 0
+
+    def evaluate(self, plans: Any) -> FloatArray:
+        values = super().evaluate(plans)
+        self.n_evaluated += len(values)
+        return values
+
+
+class _Halved(BOTOHE):
+    """A problem with another objective: half of E[R]."""
+
+    def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
+        return super().evaluate_batch(batch) * [0.5, 1.0]
+
+
+@dataclass
+class _Run:
+    """What is known of a run that ended."""
+
+    plans: list[TrailPlan]  # of its result
+    objectives: FloatArray  # E[R] and E[S] of these as the algorithm says (n, 2)
+    fronts: list[FloatArray]  # E[R] and E[S] after each generation
+    spent: int  # evaluations, by the algorithm's own count
+
+    @property
+    def trails(self) -> list[Any]:
+        return [plan.trails for plan in self.plans]
+
+    def equals(self, other: _Run) -> bool:
+        same = self.objectives.tolist() == other.objectives.tolist()
+        return same and self.trails == other.trails
+
+
+def _run(
+    check: Check,
+    problem: BOTOHE,
+    evaluations: int = _EVALUATIONS,
+    *,
+    seed: int = 1,
+    pickled_after: int | None = None,
+) -> _Run:
+    """Run an algorithm until its budget is spent, as pymoo's ``minimize`` does.
+
+    After the generation ``pickled_after``, or before its setup where that is 0, the algorithm is
+    pickled, and the run goes on with what was unpickled.
+    """
+    algorithm = check.make()
+    if pickled_after == 0:
+        algorithm = pickle.loads(pickle.dumps(algorithm))
+    algorithm.setup(problem, termination=("n_eval", evaluations), seed=seed)
+    idle, spent, fronts = 0, 0, []
+    while algorithm.has_next():
+        algorithm.next()
+        optimum = [] if algorithm.opt is None else [one.F for one in algorithm.opt if one.feas]
+        fronts.append(-np.array(optimum, float).reshape(-1, 2))
+        idle = idle + 1 if algorithm.evaluator.n_eval == spent else 0
+        spent = algorithm.evaluator.n_eval
+        expect(idle < _MOST_IDLE, f"it spent no evaluation in {idle:,} generations in a row")
+        if len(fronts) == pickled_after:
+            algorithm = pickle.loads(pickle.dumps(algorithm))
+    result = algorithm.result()
+    plans = [] if result.X is None else list(np.asarray(result.X, object).ravel())
+    for plan in plans:
+        expect(isinstance(plan, TrailPlan), f"its result holds {plan!r}, which is not a TrailPlan")
+    F = np.empty((0, 2)) if result.F is None else -np.atleast_2d(result.F)
+    expect(len(F) == len(plans), f"its result has {len(plans)} plans, and F of {len(F)}")
+    return _Run(plans, F, fronts, spent)
+
+
+def _true_run(check: Check, problem: BOTOHE) -> _Run:
+    """Run, and compare the objectives of the result with what the problem computes."""
+    found = _run(check, problem)
+    true = -problem.evaluate_batch(problem.mission.batch(found.plans))
+    wrong = (true != found.objectives).any(axis=1)
+    claimed, computed = _first(found.objectives[wrong]), _first(true[wrong])
+    expect(not wrong.any(), f"it claims {claimed} of a plan that has {computed}")
+    return found
+
+
+def _limited_run(check: Check, problem: BOTOHE) -> _Run:
+    """Run, and expect that every robot keeps its limits, and that objectives are true."""
+    found = _true_run(check, problem)
     try:
         problem.check_limits(found.plans)
     except ValueError as error:
         expect(False, f"a limit is broken: {error}")
-
-
-def _run(subject: Subject, problem: BOTOHE, evaluations: int = _EVALUATIONS, **how: int) -> Run:
-    return run(subject.make(), problem, evaluations, **how)
-
-
-def _expect_gain(subject: Subject, mission: Mission, message: str) -> None:
-    """Expect plans of a mission in which robots collect something."""
-    found = _true_run(subject, BOTOHE(mission))
-    expect(any(found.objectives[:, 0] > 0.0), message)
-
-
-def _true_run(subject: Subject, problem: BOTOHE) -> Run:
-    """Run, and compare the objectives of the result with what the problem computes."""
-    found = _run(subject, problem)
-    true = -problem.evaluate_batch(problem.mission.batch(found.plans))
-    wrong = np.flatnonzero((true != found.objectives).any(axis=1))
-    if len(wrong):
-        claimed, computed = (_points(values[wrong]) for values in (found.objectives, true))
-        expect(False, f"it claims {claimed} of a plan that has {computed}")
     return found
 
 
-def _expect_same(one: Run, other: Run, message: str) -> None:
-    same = one.trails == other.trails and one.objectives.tolist() == other.objectives.tolist()
-    expect(same, message)
+def _refuses(check: Check, problem: BOTOHE) -> bool:
+    """Return whether an algorithm refuses a problem with another evaluation by its name."""
+    try:
+        check.make().setup(problem, termination=("n_eval", 1), seed=1)
+    except TypeError as error:
+        if type(problem).__name__ in str(error):
+            return True
+        raise
+    return False
 
 
-def _points(points: FloatArray) -> str:
+def _first(points: FloatArray) -> str:
     """Write the first of some points (n, 2); nothing if there is none."""
     return "".join(
         f"E[R] {reward:.6g} and E[S] {survivors:.6g}" for reward, survivors in points[:1]

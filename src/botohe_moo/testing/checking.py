@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 import functools
+import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from pkgutil import resolve_name
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from botohe_moo.base.messages import nearest_first, quoted
-from botohe_moo.testing.rules import (
-    BrokenRuleError,
-    CheckResult,
-    Rule,
-    Subject,
-    fault_of,
-    name_of,
-    run_rules,
-)
+from botohe_moo.testing.rules import BrokenRuleError, Check, CheckResult, rules_of, said_by
 
 if TYPE_CHECKING:
     import pytest
@@ -68,7 +60,7 @@ def check_algorithm(
     >>> {result.status for result in results}
     {'passed'}
     """
-    return run_rules(*rules_and_subject(factory, parameters, "algorithm"))
+    return _results(factory, parameters, "algorithm")
 
 
 def check_mission(
@@ -93,7 +85,23 @@ def check_mission(
     >>> [result.rule for result in check_mission("terrain", {"nodes": 20})][:3]
     ['can_be_made', 'parameters_stated', 'same_twice']
     """
-    return run_rules(*rules_and_subject(factory, parameters, "mission"))
+    return _results(factory, parameters, "mission")
+
+
+def _results(factory: Any, parameters: Mapping[str, Any] | None, kind: Kind) -> list[CheckResult]:
+    results: list[CheckResult] = []
+    broken = remedy = ""
+    for check in _checks(factory, parameters, kind):
+        began = time.perf_counter()
+        if broken:
+            results.append(CheckResult(check.rule, "not run", 0.0, f"{broken} failed", remedy))
+        elif message := check.fault():
+            seconds, remedy = time.perf_counter() - began, said_by(check.function)[1]
+            results.append(CheckResult(check.rule, "failed", seconds, message, remedy))
+            broken = check.rule if check.rule in ("can_be_made", "runs_end") else ""
+        else:
+            results.append(CheckResult(check.rule, "passed", time.perf_counter() - began))
+    return results
 
 
 def kind_of(factory: str | Callable[..., Any]) -> Kind:
@@ -103,61 +111,43 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
     """
     # Imported when they are needed, as below: pymoo takes long to load, and missions do without.
     from botohe_moo.algorithms.registry import ALGORITHMS
+    from botohe_moo.base.messages import PluginError
     from botohe_moo.base.registry import is_path, says_it_makes
-    from botohe_moo.mission.loading import mission_names
+    from botohe_moo.mission.loading import MISSIONS
     from botohe_moo.mission.model import Mission
 
     found: Any = factory
     if isinstance(factory, str):
         if not is_path(factory):
-            is_mission = factory not in ALGORITHMS and factory in mission_names()
-            return "mission" if is_mission else "algorithm"
+            return "mission" if factory in MISSIONS and factory not in ALGORITHMS else "algorithm"
         try:
-            found = resolve_name(factory)
-        except Exception:  # of another package's code: making it says which
+            found = MISSIONS.find(factory)
+        except PluginError:  # making it says why
             return "algorithm"
     return "mission" if says_it_makes(found, Mission) else "algorithm"
 
 
-def rules_and_subject(
-    factory: str | Callable[..., Any],
-    parameters: Mapping[str, Any] | None,
-    kind: Kind,
-) -> tuple[list[Rule], Subject]:
-    """Return the rules for algorithms or missions, and what they are checked on."""
+def _checks(factory: Any, parameters: Mapping[str, Any] | None, kind: Kind) -> list[Check]:
+    """Return the checks of an algorithm or a mission, a rule each."""
+    rules: ModuleType
+    find: Callable[[str], Any]
+    by_name: Callable[..., Any]
     if kind == "algorithm":
-        from botohe_moo.algorithms.registry import find_algorithm, make_algorithm
-        from botohe_moo.testing.algorithms import RULES
-
-        found: Any = find_algorithm(factory) if isinstance(factory, str) else factory
-        by_name: Callable[..., Any] = make_algorithm
+        from botohe_moo.algorithms.registry import find_algorithm as find
+        from botohe_moo.algorithms.registry import make_algorithm as by_name
+        from botohe_moo.testing import algorithms as rules
     else:
-        from botohe_moo.mission.loading import find_factory, load_mission
-        from botohe_moo.testing.missions import RULES
-
-        found = find_factory(factory) if isinstance(factory, str) else factory
-        by_name = load_mission
+        from botohe_moo.mission.loading import find_factory as find
+        from botohe_moo.mission.loading import load_mission as by_name
+        from botohe_moo.testing import missions as rules
+    is_name = isinstance(factory, str)
+    found = find(factory) if is_name else factory
     if not callable(found):
         expected = f"a class or function that makes {'an' if kind[0] == 'a' else 'a'} {kind}"
         raise TypeError(f"Expected {expected}, or its name, got {quoted(factory)}.")
-    make: Any = functools.partial(by_name, factory) if isinstance(factory, str) else factory
-    return RULES, Subject(name_of(factory), found, functools.partial(make, **(parameters or {})))
-
-
-@dataclass(frozen=True)
-class Check:
-    """One rule on one algorithm or mission, to be called in a test."""
-
-    rule: Rule
-    subject: Subject
-
-    def __call__(self) -> None:
-        """Check; a BrokenRuleError says what happened, and what to do."""
-        if (fault := fault_of(self.rule, self.subject)) is not None:
-            raise BrokenRuleError(
-                f"{self.subject.name}, {self.rule.name}: {fault}.\n"
-                f"The rule: {self.rule.promise}\nTo keep it: {self.rule.remedy}"
-            )
+    make = functools.partial(by_name, factory) if is_name else factory
+    make = functools.partial(make, **(parameters or {}))
+    return [Check(rule, found, make) for rule in rules_of(rules)]
 
 
 def parametrize_with_checks(
@@ -203,18 +193,17 @@ def parametrize_with_checks(
     if isinstance(factories, str) or not isinstance(factories, Iterable):
         raise TypeError(f"Expected factories to be a list, got {quoted(factories)}.")
     expected = dict(expected_failed_checks or {})
-    made = [rules_and_subject(factory, None, kind or kind_of(factory)) for factory in factories]
-    known = {rule.name for rules, _ in made for rule in rules}
-    for name in expected.keys() - known if made else ():
-        near = ", ".join(nearest_first(str(name), sorted(known)))
-        raise ValueError(f"There is no rule {name!r}; known are {near}.")
-    cases = []
-    for rules, subject in made:
-        for rule in rules:
+    cases, known = [], set()
+    for factory in factories:
+        for check in _checks(factory, None, kind or kind_of(factory)):
+            known.add(check.rule)
             marks: list[Any] = []
-            if rule.name in expected:
-                reason = expected[rule.name]
+            if check.rule in expected:
+                reason = expected[check.rule]
                 marks.append(pytest.mark.xfail(reason=reason, strict=True, raises=BrokenRuleError))
-            label = f"{subject.name}-{rule.name}"
-            cases.append(pytest.param(Check(rule, subject), id=label, marks=marks))
+            name = factory if isinstance(factory, str) else check.factory.__qualname__
+            cases.append(pytest.param(check, id=f"{name}-{check.rule}", marks=marks))
+    for rule in expected.keys() - known if known else ():
+        near = ", ".join(nearest_first(str(rule), sorted(known)))
+        raise ValueError(f"There is no rule {rule!r}; known are {near}.")
     return pytest.mark.parametrize("check", cases)

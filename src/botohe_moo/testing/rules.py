@@ -1,18 +1,15 @@
-"""Rules: a promise each, how it is checked, and how to keep it."""
-
-from __future__ import annotations
+"""A rule is a promise: how it is checked, and how to keep it."""
 
 import inspect
 import os
-import time
 import traceback
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from types import ModuleType
+from typing import Any, Literal
 
 from botohe_moo.base.messages import quoted
-from botohe_moo.base.parameters import summary_of
 
 _OURS = str(Path(__file__).parents[1]) + os.sep
 _LONGEST = 500  # characters of another package's message
@@ -27,29 +24,6 @@ class BrokenRuleError(AssertionError):
     >>> issubclass(BrokenRuleError, AssertionError)  # which pytest shows as a failed test
     True
     """
-
-
-@dataclass(frozen=True)
-class Subject:
-    """What is checked: what makes it, and what it states of its parameters."""
-
-    name: str
-    factory: Callable[..., Any]  # the class or function itself
-    make: Callable[[], Any]
-
-
-_Check: TypeAlias = Callable[[Subject], None]
-
-
-@dataclass(frozen=True)
-class Rule:
-    """A promise, and how it is checked."""
-
-    name: str
-    promise: str
-    remedy: str
-    check: _Check  # raises whatever shows that the promise is not kept
-    comes_first: bool = False  # whether without it there is nothing to check the others on
 
 
 @dataclass(frozen=True)
@@ -85,18 +59,51 @@ class CheckResult:
     remedy: str = ""
 
 
-class Rules(list[Rule]):
-    """Rules in the order in which they are best fixed."""
+@dataclass(frozen=True)
+class Check:
+    """One rule on one algorithm or mission, to be called in a test.
 
-    def add(self, remedy: str, *, comes_first: bool = False) -> Callable[[_Check], _Check]:
-        """Add a function as a rule: its name is the rule's, and its docstring the promise."""
+    A rule is a function that takes what is checked, as ``make``, and raises an error if the promise
+    is not kept. Its docstring begins with the promise, and the next paragraph says how to keep it.
+    """
 
-        def add(check: _Check) -> _Check:
-            promise = summary_of(check)
-            self.append(Rule(check.__name__, promise, remedy, check, comes_first))
-            return check
+    function: Callable[[Any], None]
+    factory: Callable[..., Any]  # the class or function itself
+    make: Any  # makes what is checked
 
-        return add
+    @property
+    def rule(self) -> str:
+        """The name of the rule."""
+        return self.function.__name__
+
+    def __call__(self) -> None:
+        """Check; a BrokenRuleError says what happened, and what to do."""
+        if message := self.fault():
+            promise, remedy = said_by(self.function)
+            name = getattr(self.factory, "__qualname__", quoted(self.factory))
+            raise BrokenRuleError(
+                f"{name}, {self.rule}: {message}.\nThe rule: {promise}\nTo keep it: {remedy}"
+            )
+
+    def fault(self) -> str:
+        """Return how the rule is broken; nothing where it is kept."""
+        try:
+            self.function(self)
+        except BrokenRuleError as error:
+            return str(error)
+        except (Exception, SystemExit) as error:  # whatever another package's code may raise
+            text = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(": ")
+            frames = traceback.extract_tb(error.__traceback__)
+            theirs = [frame for frame in frames if not frame.filename.startswith(_OURS)]
+            where = [f" ({Path(f.filename).name}, line {f.lineno})" for f in theirs[-1:]]
+            return text[:_LONGEST].rstrip(".") + "".join(where)
+        return ""
+
+
+def said_by(rule: Callable[..., None]) -> tuple[str, str]:
+    """Return the promise of a rule, and how to keep it, as its docstring has them."""
+    promise, remedy, *_ = (inspect.getdoc(rule) or "").split("\n\n")
+    return " ".join(promise.split()), " ".join(remedy.split())
 
 
 def expect(kept: object, message: str) -> None:
@@ -105,49 +112,10 @@ def expect(kept: object, message: str) -> None:
         raise BrokenRuleError(message)
 
 
-def run_rules(rules: Iterable[Rule], subject: Subject) -> list[CheckResult]:
-    """Check all rules, up to one that comes first and fails: then the others are not run."""
-    results: list[CheckResult] = []
-    broken: CheckResult | None = None
-    for each in rules:
-        if broken is not None:
-            reason = f"{broken.rule} failed"
-            results.append(CheckResult(each.name, "not run", 0.0, reason, broken.remedy))
-            continue
-        started = time.perf_counter()
-        message = fault_of(each, subject)
-        result = CheckResult(each.name, "passed", time.perf_counter() - started)
-        if message is not None:
-            result = replace(result, status="failed", message=message, remedy=each.remedy)
-            broken = result if each.comes_first else None
-        results.append(result)
-    return results
-
-
-def fault_of(each: Rule, subject: Subject) -> str | None:
-    """Return how a rule is broken; None where it is kept."""
-    try:
-        each.check(subject)
-    except BrokenRuleError as error:
-        return str(error)
-    except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        return _raised(error)
-    return None
-
-
-def _raised(error: BaseException) -> str:
-    """Write what was raised, and where in code of other packages."""
-    text = f"{type(error).__name__}: {error}".rstrip(": ")
-    text = " ".join(text.split())
-    frames = traceback.extract_tb(error.__traceback__)
-    theirs = [frame for frame in frames if not frame.filename.startswith(_OURS)]
-    where = f" ({Path(theirs[-1].filename).name}, line {theirs[-1].lineno})" if theirs else ""
-    return f"{text[:_LONGEST].rstrip('.')}{where}"
-
-
-def name_of(factory: Any) -> str:
-    """Return the name of a function or class, for messages."""
-    if isinstance(factory, str):
-        return factory
-    named = inspect.isroutine(factory) or isinstance(factory, type)
-    return str(factory.__qualname__) if named else quoted(factory)
+def rules_of(module: ModuleType) -> list[Callable[[Any], None]]:
+    """Return the rules of a module: its public functions, in their order."""
+    return [
+        found
+        for name, found in vars(module).items()
+        if getattr(found, "__module__", "") == module.__name__ and not name.startswith("_")
+    ]

@@ -16,7 +16,7 @@ from botohe_moo.study.file.model import PACKAGES, StudyAlgorithm, StudyMission, 
 from botohe_moo.study.file.origin import algorithm_origin
 
 _ROUNDING = 1e-9
-PROBLEMS = Registry("botohe_moo.problems", "problem")
+PROBLEMS = Registry("botohe_moo.problems", "problem", object)
 
 
 def find_problem(path: str | None) -> type[BOTOHE]:
@@ -26,7 +26,7 @@ def find_problem(path: str | None) -> type[BOTOHE]:
     """
     if path is None:
         return BOTOHE
-    found: Any = PROBLEMS.find(path, makes=BOTOHE)
+    found: Any = PROBLEMS.find(path)
     if not (isinstance(found, type) and issubclass(found, BOTOHE)):
         raise ValueError(f"expected a class derived from BOTOHE, got {quoted(found)}")
     if found._evaluate is not BOTOHE._evaluate:

@@ -71,7 +71,11 @@ def labelled(value: Any) -> Any:
 IndicatorName = Annotated[
     str,
     AfterValidator(_check_indicator),
-    Field(json_schema_extra=lambda schema: schema.update(examples=[*INDICATORS])),
+    Field(
+        json_schema_extra=lambda schema: schema.update(
+            anyOf=[{"enum": [*INDICATORS]}, {"pattern": "[:.]"}]
+        )
+    ),
 ]
 Names = Annotated[list[str], Field(min_length=1)]
 Count = Annotated[int, Field(ge=1, le=MAX_EVALUATIONS)]
