@@ -448,12 +448,7 @@ class Mission:
             As of ``Mission.limits``, loosened by what rounding may take.
         """
         values = self._values(plans, strict=True)
-        alive, lengths, floors, budgets = (
-            values.alive,
-            values.lengths,
-            limits.floors,
-            limits.budgets,
-        )
+        alive, floors, budgets = values.alive, limits.floors, limits.budgets
         for broken, found, limit, kept in (
             (alive < floors, alive, floors, "a survival of at least"),
             (values.lengths > budgets, values.lengths, budgets, "a length of at most"),
