@@ -11,8 +11,14 @@ import seaborn as sns
 
 from botohe_moo import FrontBound, TrailPlan, bound_front, load_mission, solve
 from botohe_moo.base.runtime import n_cpus
-from botohe_moo.library import Finder, best_known, check_library, library_names, library_table
-from botohe_moo.library.files import add_plans
+from botohe_moo.library import (
+    Finder,
+    add_plans,
+    best_known,
+    check_library,
+    library_names,
+    library_table,
+)
 from botohe_moo.mission.loading import ENTRIES
 
 FINDER = "the developers of botohe-moo"

@@ -71,7 +71,7 @@ class TestContents:
             if path.is_file() and "__pycache__" not in path.parts
         }
         assert {"botohe_moo/py.typed", "botohe_moo/mission/data/toy.json"} <= files
-        files |= {f"botohe_moo/library/data/{path.name}" for path in LIBRARY.iterdir()}
+        files |= {f"botohe_moo/mission/data/library/{path.name}" for path in LIBRARY.iterdir()}
         info = f"{STEM}.dist-info/"
         packed = contents(WHEEL)
         assert {name for name in packed if not name.startswith(info)} == files
@@ -290,7 +290,7 @@ class TestLibrary:
     """After the tests of use: kernels are compiled by then."""
 
     def test_best_known_fronts_come_with_the_package(self, installed, tmp_path):
-        folder = installed.site / "botohe_moo" / "library" / "data"
+        folder = installed.site / "botohe_moo" / "mission" / "data" / "library"
         there = {path.name: path.read_bytes() for path in folder.iterdir()}
         assert there == {path.name: path.read_bytes() for path in LIBRARY.iterdir()}
         code = "from botohe_moo.library import best_known; best_known('town-16').check()"

@@ -139,17 +139,7 @@ class BOTOHE(Problem):
         plans
             As for :meth:`Mission.evaluate`.
         """
-        mission, floors, budgets = self.mission, self.limits.floors, self.limits.budgets
-        alive, lengths = mission.robot_survival(plans), mission.trail_lengths(plans)
-        for broken, values, limits, kept in (
-            (alive < floors, alive, floors, "a survival of at least"),
-            (lengths > budgets, lengths, budgets, "a length of at most"),
-        ):
-            for plan, robot in np.argwhere(broken)[:1].tolist():
-                raise ValueError(
-                    f"Plan {plan}, robot {robot}: expected {kept} {limits[robot]:g} in mission "
-                    f"{quoted(mission.name)}, got {values[plan, robot]:g}."
-                )
+        self.mission.check_limits(plans, self.limits)
 
     @property
     def objectives(self) -> Objectives:

@@ -732,9 +732,8 @@ def simulate_policy(
             rows += found
             if progress is not None:
                 progress(block.stop)
+    rows.sort(key=lambda row: names.index(str(row["policy"])))
     played = pd.DataFrame(rows)
-    order = played["policy"].map(names.index)
-    played = played.iloc[np.argsort(order, kind="stable")].reset_index(drop=True)
     return PolicyOutcomes(mission, plan, policies[0].price, played)
 
 

@@ -122,8 +122,8 @@ def test_plans_of_another_mission_are_refused(botohe, library, tmp_path):
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        (lambda plan: plan["trails"].__setitem__(0, [0, 5, 0]), "plan 3"),
-        (lambda plan: plan.update(reward=99.0), "plan 3: expected the objectives"),
+        (lambda plan: plan["trails"].__setitem__(0, [0, 5, 0]), "Plan 3"),
+        (lambda plan: plan.update(reward=99.0), "Plan 3: expected the objectives"),
     ],
 )
 def test_an_invalid_plan_is_named(botohe, library, solved, change, fault):

@@ -12,14 +12,15 @@ from filelock import FileLock, Timeout
 
 from botohe_moo import MissionError, area_indicator, bound_front, load_mission, solve
 from botohe_moo.library import (
+    FOLDER,
     Finder,
+    add_plans,
     best_known,
     certified_bound,
     check_library,
     library_names,
     library_table,
 )
-from botohe_moo.library.files import FOLDER, add_plans
 from botohe_moo.mission.loading import ENTRIES, library_name_of
 from botohe_moo.mission.model import numbers_digest
 from botohe_moo.study import StudyError, load_study, make_tables, run_study
@@ -198,7 +199,7 @@ class TestAdding:
     def test_links_to_a_folder_have_its_lock(self, library, tmp_path, monkeypatch):
         link = tmp_path / "link"
         link.symlink_to(library, target_is_directory=True)
-        monkeypatch.setattr("botohe_moo.library.files.FileLock", partial(FileLock, timeout=0))
+        monkeypatch.setattr("botohe_moo.library.FileLock", partial(FileLock, timeout=0))
         with FileLock(tmp_path / ".library.lock"), pytest.raises(Timeout):
             add_plans({}, folder=link)
 

@@ -132,6 +132,7 @@ class TestMerging:
         [
             (("27.11.2026", "Ada", "by hand"), "Expected a date .* got '27.11.2026'"),
             (("20261127", "Ada", "by hand"), "Expected a date such as 2026-11-27"),
+            (("2026-06-31", "Ada", "by hand"), "day is out of range"),
             (("2026-11-27", " ", "by hand"), "Expected a line that says who found the plans"),
             (("2026-11-27", "Ada", ""), "Expected a line that says by what, got ''"),
             (("2026-11-27", "A\nda", "by hand"), "Expected a line that says who"),
@@ -188,7 +189,10 @@ class TestFiles:
                 lambda c: c["plans"][0].__setitem__(0, 4.14 * (1 + 8e-10)),
                 "Plan 0: expected the obj",
             ),
-            (lambda c: c["plans"][0][3].reverse(), "Plan 0: expected the trails of robots"),
+            (
+                lambda c: c["plans"][0][3].reverse(),
+                "with the trails of robots that are alike sorted",
+            ),
             (lambda c: c["plans"].reverse(), "Expected plans by descending reward"),
             (lambda c: c["plans"].append(c["plans"][-1]), "each once"),
             (lambda c: c["plans"][0].__setitem__(3, [0]), "expected 2 trails in each plan"),

@@ -99,7 +99,7 @@ def test_what_is_left_is_what_enumeration_gives(case, data):
             mission.after(plan, events)
         return
     if not keeps_limits(mission, plan):
-        with pytest.raises(PlanError, match=r"^Robot \d: expected a trail"):
+        with pytest.raises(PlanError, match=r"^Plan 0, robot \d: expected a (survival|length) of "):
             under_way(mission, plan, events)
         return
     left = under_way(mission, plan, events)
@@ -204,12 +204,12 @@ def test_limits_are_named():
     plan = toy.plan([[1], [1, 2, 4, 2, 1]])
     [[_, survival]] = toy.robot_survival([plan])
     for limit, expected in (
-        ({"min_survival": 1.0}, f"with survival >= 1, got {survival:.4g}."),
-        ({"max_length": 3}, "of length <= 3, got 4."),
+        ({"min_survival": 1.0}, f"a survival of at least 1 in mission 'toy', got {survival:g}."),
+        ({"max_length": 3}, "a length of at most 3 in mission 'toy', got 4."),
     ):
         with pytest.raises(PlanError) as caught:
             toy.after(plan, [], **limit)
-        assert str(caught.value) == f"Robot 1: expected a trail {expected}"
+        assert str(caught.value) == f"Plan 0, robot 1: expected {expected}"
 
 
 def test_bad_events():

@@ -43,9 +43,9 @@ def test_limits_of_the_plan_are_checked():
     museum = load_mission("art_museum")
     solution = solve(museum, evaluations=1_000)
     for limit in ({"min_survival": 0.9}, {"max_length": 3}):
-        with pytest.raises(PlanError, match=r"^Robot \d: expected a trail"):
+        with pytest.raises(PlanError, match=r"^Plan 0, robot \d: expected a (survival|length) of "):
             replan(museum, solution.plans[0], [], **limit)
-        with pytest.raises(PlanError, match=r"^Robot \d: expected a trail"):
+        with pytest.raises(PlanError, match=r"^Plan 0, robot \d: expected a (survival|length) of "):
             simulate_policy(museum, solution.plans[0], **limit)
 
 

@@ -14,7 +14,7 @@ from botohe_moo.cli.options import path_option
 from botohe_moo.cli.shell import FAILED, failing, say, tell
 
 if TYPE_CHECKING:
-    from botohe_moo.library.fronts import Finder
+    from botohe_moo.library import Finder
     from botohe_moo.mission.model import Mission
     from botohe_moo.study import StudyTables
     from botohe_moo.trails import PlanBatch, Plans
@@ -50,7 +50,7 @@ def library() -> None:
 def list_library(selection: SelectionArgument = "all", library: FolderOption = None) -> None:
     """List missions: nodes, arcs, robots, plans and area of the best known front, certified gap."""
     with failing():
-        from botohe_moo.library.files import FOLDER, library_table
+        from botohe_moo.library import FOLDER, library_table
 
         table = library_table(selection, folder=library or FOLDER)
     shown = table.drop(columns=["bound_area"])
@@ -66,8 +66,7 @@ def check(selection: SelectionArgument = "all", library: FolderOption = None) ->
     The exit status is 1 if something is wrong, 2 for bad input.
     """
     with failing():
-        from botohe_moo.library import check_library, library_names
-        from botohe_moo.library.files import FOLDER
+        from botohe_moo.library import FOLDER, check_library, library_names
 
         names = library_names(selection)
         faults = check_library(names, folder=library or FOLDER)
@@ -101,7 +100,7 @@ def add(
     Plans that are dominated leave. Additions in any order give the same files.
     """
     with failing():
-        from botohe_moo.library.files import FOLDER, add_plans
+        from botohe_moo.library import FOLDER, add_plans
 
         date = dt.date.today().isoformat() if on is None else on
         changed = add_plans(_found_in(found, by, date), folder=library or FOLDER)
@@ -115,7 +114,7 @@ def add(
 
 def _found_in(folder: Path, by: str, on: str) -> Found:
     """Read the plans of a solution or a study, by the library's name of their mission."""
-    from botohe_moo.library.fronts import Finder
+    from botohe_moo.library import Finder
     from botohe_moo.mission.loading import library_name_of
     from botohe_moo.mission.model import numbers_digest
     from botohe_moo.solution import read_solution

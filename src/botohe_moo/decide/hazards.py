@@ -13,10 +13,9 @@ import numpy as np
 from botohe_moo.base.messages import check_integer, check_number, quoted
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.core import evaluate as kernels
-from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, layer_of
 from botohe_moo.decide.fronts import objectives_of
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes import collect_probabilities
+from botohe_moo.outcomes import collected
 from botohe_moo.trails import Plans, TrailPlan
 
 if TYPE_CHECKING:
@@ -225,10 +224,11 @@ def worst_losses(
 
     See :func:`botohe_moo.worst_case`.
     """
-    collected = collect_probabilities(mission, plan)
-    paying = np.flatnonzero(collected.any(axis=0) & (mission.rewards > 0))
-    rewards, missed = mission.rewards[paying], 1 - collected[:, paying]
-    missed_at_start = 1 - _collected_at_start(mission)[:, paying]
+    found = collected(mission, plan)
+    at_start = collected(mission, TrailPlan(trail[:1] for trail in plan.trails))
+    paying = np.flatnonzero(found.any(axis=0) & (mission.rewards > 0))
+    rewards, missed = mission.rewards[paying], 1 - found[:, paying]
+    missed_at_start = 1 - at_start[:, paying]
     if comb(mission.robots, losses) > _MAX_SETS:
         return _worst_bound(rewards, missed, missed_at_start, losses), None
     sets = _sets(mission.robots, losses)
@@ -280,19 +280,3 @@ def _worst_bound(
     np.put_along_axis(lost, ratio.argsort(axis=0)[-losses:], True, axis=0)
     by_node = (1 - np.where(lost, missed_at_start, missed).prod(axis=0)) @ rewards
     return float(max(by_sum, alone[-losses - 1], by_node))
-
-
-def _collected_at_start(mission: Mission) -> FloatArray:
-    """Compute with what probability robots that never leave collect rewards (robots, n_nodes)."""
-    world, collected = mission.world, np.zeros((mission.robots, len(mission.nodes)))
-    team, returns = world.team, world.returns
-    paid = np.ones(mission.robots, bool)
-    if returns is not None:
-        paid = returns.credit[team.start] != AT_NEXT_DEPOT
-    where = np.arange(mission.robots), team.origin[team.start]
-    collected[where] = team.share[team.start] * paid
-    if returns is not None:
-        for robot in np.flatnonzero(returns.credit[team.start] == AT_THIS_DEPOT):
-            aboard = returns.aboard[returns.first[robot] : returns.stop[robot]]
-            collected[robot, aboard] = team.share[layer_of(team, team.start[robot]) + aboard]
-    return collected

@@ -437,6 +437,28 @@ class Mission:
         """
         return self._values(plans, strict=False).lengths
 
+    def check_limits(self, plans: Plans, limits: Limits) -> None:
+        """Refuse, by a PlanError that names one of them, robots that do not keep their limits.
+
+        Parameters
+        ----------
+        plans
+            As for :meth:`evaluate`, which also says what is raised.
+        limits
+            As of ``Mission.limits``, loosened by what rounding may take.
+        """
+        values = self._values(plans, strict=True)
+        alive, floors, budgets = values.alive, limits.floors, limits.budgets
+        for broken, found, limit, kept in (
+            (alive < floors, alive, floors, "a survival of at least"),
+            (values.lengths > budgets, values.lengths, budgets, "a length of at most"),
+        ):
+            for plan, robot in np.argwhere(broken)[:1].tolist():
+                raise PlanError(
+                    f"Plan {plan}, robot {robot}: expected {kept} {limit[robot]:g} in mission "
+                    f"{quoted(self.name)}, got {found[plan, robot]:g}."
+                )
+
     def evaluate_drafts(self, plans: Plans) -> tuple[FloatArray, FloatArray]:
         """Compute the objectives (n_plans, 2) of plans that need not be valid, and their faults.
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from botohe_moo.library.files import library_digest
+from botohe_moo.library import library_digest
 from botohe_moo.study.file.model import Run, Study, StudyError, StudyMission, installed_versions
 from botohe_moo.study.run.task import BoundTask
 from botohe_moo.study.store.folder import FAILURES, StudyFolder
