@@ -32,7 +32,7 @@ from botohe_moo.outcomes import (
     reach_probabilities,
     team_reach,
 )
-from botohe_moo.plots.draw.background import read_background
+from botohe_moo.plots.site import read_background
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:

@@ -15,9 +15,7 @@ from botohe_moo.explorer.texts import number_texts, probability_codes, shown_nam
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.hazards import places_of
 from botohe_moo.mission.model import Mission
-from botohe_moo.plots.draw.background import Background
-from botohe_moo.plots.draw.places import layout_notes, node_positions
-from botohe_moo.plots.draw.site import Site, only_some, site_of
+from botohe_moo.plots.site import Background, Site, layout_notes, node_positions, only_some, site_of
 
 
 def site_data(mission: Mission) -> dict[str, Any]:
