@@ -30,7 +30,7 @@ function renderTables() {
   showNodes(plan);
   showPinned(go, togglePin);
   showMarks(plan);
-  const faults = FILE_BUTTONS.map((button) => missing(plan, button.dataset.file));
+  const faults = FILE_BUTTONS.map(({ dataset: { file } }) => (file === "svg" ? "" : fileOf(plan, file)[1]));
   FILE_BUTTONS.forEach((button, i) => enable(button, faults[i] === ""));
   byId("no-files").textContent = [...new Set(faults)].join(" ").trim();
 }
