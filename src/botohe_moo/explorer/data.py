@@ -231,7 +231,7 @@ def _marks(front: Solution, choices: Iterable[Choice]) -> Iterator[tuple[Any, ..
 
 def site_data(mission: Mission) -> dict[str, Any]:
     """Return nodes, their places on the map, and arcs."""
-    site = maps.site_of(mission)
+    site = maps.Site(mission)
     return {
         "names": texts.shown_names(mission.nodes),
         "base": site.base,

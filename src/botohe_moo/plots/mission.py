@@ -26,7 +26,6 @@ from botohe_moo.plots.site import (
     place_name,
     read_background,
     robot_names,
-    site_of,
 )
 from botohe_moo.plots.texts import objectives_text, title_above
 from botohe_moo.trails import TrailPlan
@@ -99,7 +98,7 @@ def plot_mission(
     if kind is not None:
         check_choice("kind", kind, [one.name for one in mission.kinds])
     behind = read_background(background, mission)
-    notes, site = layout_notes(mission), site_of(mission, kind)
+    notes, site = layout_notes(mission), Site(mission, kind)
     if plan is not None:
         notes.insert(0, objectives_text(*mission.evaluate([plan])[0]))
     if kind is not None:
@@ -253,7 +252,7 @@ def plot_pheromone(
     check_choice("kind", kind, get_args(PheromoneKind))
     check_mission(mission)
     robots = _kind_in(mission, pheromone)
-    site = site_of(mission, robots)
+    site = Site(mission, robots)
     values = _arc_values(mission, site, pheromone, kind)
     most = values.max(initial=0.0)
     of = "" if robots is None else f" of {robots}"

@@ -24,7 +24,7 @@ from botohe_moo.plots import canvas as maps
 from botohe_moo.plots import style as look
 from botohe_moo.plots.canvas import Canvas, RobotStyle, open_axes, robot_styles
 from botohe_moo.plots.front import front_summary, plot_front
-from botohe_moo.plots.site import layout_notes, node_positions, place_name, read_background, site_of
+from botohe_moo.plots.site import Site, layout_notes, node_positions, place_name, read_background
 from botohe_moo.plots.texts import Space, objectives_text, text_size, title_above
 from botohe_moo.trails import Plans, TrailPlan
 
@@ -282,7 +282,7 @@ class DrawnPlan:
 
     def __init__(self, mission: Mission, plan: TrailPlan) -> None:
         check_mission(mission)
-        self.mission, self.site = mission, site_of(mission)
+        self.mission, self.site = mission, Site(mission)
         self.objectives = objectives_text(*mission.evaluate([plan])[0])
         self.survival = mission.robot_survival([plan])[0]  # (n_robots,)
         self.reach = reach_probabilities(mission, plan)  # (n_robots, n_nodes)

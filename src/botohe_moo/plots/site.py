@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
-from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT
+from botohe_moo._base.types import BoolArray, FloatArray
+from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL
 from botohe_moo.mission.formats.maps import MODES, read_raster
 from botohe_moo.mission.hazards import places_of
 from botohe_moo.mission.model import Mission
@@ -79,25 +78,56 @@ def read_background(
     return Background(shares, (left, left + width, top - height, top))
 
 
-@dataclass(frozen=True)
 class Site:
-    """Arcs and nodes of a mission, in its own indices, for all its kinds of robots or for one."""
+    """Arcs and nodes of a mission, in its own indices, for all its kinds of robots or for one.
 
-    kinds: tuple[int, ...]  # indices of the mission's kinds
-    ends: tuple[tuple[int, int], ...]  # the nodes where each kind starts and ends
-    has_ends: bool  # whether to mark them: there are several kinds, or they differ from the base
-    base: int
-    # Of each arc (n_arcs), in ascending order of tails, then heads; ``reverse`` is the arc from its
-    # head to its tail, −1 where there is none.
-    tail: OffsetArray
-    head: OffsetArray
-    reverse: OffsetArray
-    length: FloatArray
-    survival: FloatArray  # of each kind and arc (n_kinds, n_arcs), 0 where it cannot take the arc
-    reward: FloatArray  # of each node (n_nodes); what a robot expects, if one kind is shown
-    collects: BoolArray  # which kinds can collect the reward of which nodes (n_kinds, n_nodes)
-    returning: OffsetArray  # the nodes that pay on return
-    depots: OffsetArray  # but the base, if some nodes pay on return
+    Attributes
+    ----------
+    kinds, ends
+        Indices of the mission's kinds, and the nodes where each of them starts and ends.
+    has_ends
+        Whether to mark them: there are several kinds, or they differ from the base.
+    tail, head, reverse, length, survival
+        Of each arc (n_arcs), in ascending order of tails, then heads. ``reverse`` is the arc from
+        its head to its tail, −1 where there is none. ``survival`` is that of each kind (n_kinds,
+        n_arcs), 0 where it cannot take the arc.
+    reward, collects
+        Of each node (n_nodes): what a robot expects, if one kind is shown; and which kinds can
+        collect it (n_kinds, n_nodes).
+    returning, depots
+        The nodes that pay on return, and, if there are such nodes, the depots but the base.
+    """
+
+    def __init__(self, mission: Mission, kind: str | None = None) -> None:
+        graph, n = mission.world.graph, len(mission.nodes)
+        self.base = base = mission.index(mission.base)
+        self.kinds = [k for k, one in enumerate(mission.kinds) if kind in (None, one.name)]
+        ends = [one.ends(mission.base) for one in mission.kinds]
+        ends = [(mission.index(start), mission.index(end)) for start, end in ends]
+        self.ends, self.has_ends = [ends[k] for k in self.kinds], ends != [(base, base)]
+        # For kernels each kind has nodes of its own.
+        layer, tail = np.divmod(graph.tail, n)
+        arcs, place = np.unique(tail * n + graph.head % n, return_inverse=True)
+        survival, length = np.zeros((len(ends), len(arcs))), np.zeros(len(arcs))
+        survival[layer, place], length[place] = graph.survival, graph.length
+        taken = (survival[self.kinds] > 0).any(axis=0)
+        arcs, self.length, self.survival = (
+            arcs[taken],
+            length[taken],
+            survival[self.kinds][:, taken],
+        )
+        self.tail, self.head = np.divmod(arcs, n)
+        back = self.head * n + self.tail
+        found = np.minimum(np.searchsorted(arcs, back), max(0, len(arcs) - 1))
+        self.reverse = np.where(arcs[found] == back, found, -1)
+        expected = graph.reward.reshape(-1, n)[self.kinds]
+        self.collects = expected > 0
+        self.reward = mission.rewards if kind is None else expected[0]
+        credit = np.full(n, ON_ARRIVAL)
+        if (returns := mission.world.returns) is not None:
+            credit = returns.credit[:n]
+        self.returning = np.flatnonzero((credit == AT_NEXT_DEPOT) & self.collects.any(axis=0))
+        self.depots = np.setdiff1d(np.flatnonzero(credit == AT_THIS_DEPOT), [base])
 
     @property
     def safest(self) -> FloatArray:
@@ -123,44 +153,6 @@ class Site:
         paid = np.flatnonzero(self.collects.any(axis=0))
         rest = np.setdiff1d(paid, [*self.returning, *self.depots, self.base])
         return len(self.returning) > 0 and not len(rest)
-
-
-def site_of(mission: Mission, kind: str | None = None) -> Site:
-    """Return a mission's site for all its kinds, or for the one of a name."""
-    graph, n, base = mission.world.graph, len(mission.nodes), mission.index(mission.base)
-    kinds = [k for k, one in enumerate(mission.kinds) if kind in (None, one.name)]
-    ends = [tuple(map(mission.index, one.ends(mission.base))) for one in mission.kinds]
-    # For kernels each kind has nodes of its own.
-    layer, tail = np.divmod(graph.tail, n)
-    arcs, place = np.unique(tail * n + graph.head % n, return_inverse=True)
-    survival, length = np.zeros((len(mission.kinds), len(arcs))), np.zeros(len(arcs))
-    survival[layer, place], length[place] = graph.survival, graph.length
-    taken = (survival[kinds] > 0).any(axis=0)
-    arcs = arcs[taken]
-    tail, head = np.divmod(arcs, n)
-    back = head * n + tail
-    found = np.minimum(np.searchsorted(arcs, back), max(0, len(arcs) - 1))
-    expected = graph.reward.reshape(-1, n)[kinds]
-    returning = depots = np.empty(0, np.int64)
-    if (returns := mission.world.returns) is not None:
-        credit = returns.credit[:n]
-        returning = np.flatnonzero((credit == AT_NEXT_DEPOT) & (expected > 0).any(axis=0))
-        depots = np.setdiff1d(np.flatnonzero(credit == AT_THIS_DEPOT), [base])
-    return Site(
-        kinds=tuple(kinds),
-        ends=tuple((ends[k][0], ends[k][1]) for k in kinds),
-        has_ends=ends != [(base, base)],
-        base=base,
-        tail=tail,
-        head=head,
-        reverse=np.where(arcs[found] == back, found, -1),
-        length=length[taken],
-        survival=survival[kinds][:, taken],
-        reward=mission.rewards if kind is None else expected[0],
-        collects=expected > 0,
-        returning=returning,
-        depots=depots,
-    )
 
 
 def only_some(can: BoolArray) -> dict[tuple[int, ...], BoolArray]:
