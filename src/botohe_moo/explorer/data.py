@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted, quoted
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.decide import (
     Choice,
     compare,

@@ -17,8 +17,8 @@ from matplotlib.path import Path
 from matplotlib.transforms import Affine2D, IdentityTransform
 from scipy.spatial import KDTree
 
-from botohe_moo._base.types import BoolArray, FloatArray, IntArray
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted
+from botohe_moo.base.types import BoolArray, FloatArray, IntArray
 from botohe_moo.mission.model import Mission
 from botohe_moo.plots import style as look
 from botohe_moo.plots.site import Background, Site, node_positions, only_some, robot_names

@@ -8,8 +8,8 @@ import pandas as pd
 import seaborn as sns
 from matplotlib.axes import Axes
 
-from botohe_moo._base.checks import check_choice
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.messages import check_choice
+from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import INDICATORS, TIE, further_indicators
 from botohe_moo.plots import panels as shared
 from botohe_moo.plots.panels import check_bound, check_table, chosen_algorithms, log_axis

@@ -13,7 +13,7 @@ from matplotlib.cbook import STEP_LOOKUP_MAP
 from matplotlib.collections import LineCollection
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from botohe_moo._base.checks import check_choice, check_frame, check_number
+from botohe_moo.base.messages import check_choice, check_frame, check_number
 from botohe_moo.plots.style import MARKERS, MUTED, Palette, new_axes, palette_of
 
 if TYPE_CHECKING:

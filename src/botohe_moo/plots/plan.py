@@ -15,8 +15,8 @@ from matplotlib.colors import Normalize, to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox
 
-from botohe_moo._base.types import FloatArray
-from botohe_moo._base.words import probability_text
+from botohe_moo.base.numbers import probability_text
+from botohe_moo.base.types import FloatArray
 from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach

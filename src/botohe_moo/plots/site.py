@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.types import BoolArray, FloatArray
+from botohe_moo.base.types import BoolArray, FloatArray
 from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, ON_ARRIVAL
 from botohe_moo.mission.formats.maps import MODES, read_raster
 from botohe_moo.mission.hazards import places_of
@@ -102,8 +102,8 @@ class Site:
         graph, n = mission.world.graph, len(mission.nodes)
         self.base = base = mission.index(mission.base)
         self.kinds = [k for k, one in enumerate(mission.kinds) if kind in (None, one.name)]
-        ends = [one.ends(mission.base) for one in mission.kinds]
-        ends = [(mission.index(start), mission.index(end)) for start, end in ends]
+        places = [one.ends(mission.base) for one in mission.kinds]
+        ends = [(mission.index(start), mission.index(end)) for start, end in places]
         self.ends, self.has_ends = [ends[k] for k in self.kinds], ends != [(base, base)]
         # For kernels each kind has nodes of its own.
         layer, tail = np.divmod(graph.tail, n)
