@@ -52,6 +52,7 @@ MANY = 40  # nodes; the names of more stand in them or close to them
 ALL_RETURN = "all rewards count on return"
 
 Trails = Sequence[Sequence[int]]  # of node indices of a mission
+Span = tuple[float, float]
 
 
 def frame_of(xy: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -93,13 +94,7 @@ def add_colour_bar(ax: Axes, colours: ScalarMappable, label: str, slot: int | No
 
 
 def colour_by_value(
-    ax: Axes,
-    values: FloatArray,
-    palette: Colormap,
-    label: str,
-    *,
-    slot: int,
-    span: tuple[float, float],
+    ax: Axes, values: FloatArray, palette: Colormap, label: str, span: Span, slot: int
 ) -> FloatArray:
     """Add a colour bar for values from ``span[0]`` to ``span[1]``; return colours of ``values``.
 
@@ -107,7 +102,7 @@ def colour_by_value(
     """
     if not len(values):
         return np.empty((0, 4))
-    colours = ScalarMappable(Normalize(float(span[0]), float(span[1])), palette)
+    colours = ScalarMappable(Normalize(*span), palette)
     add_colour_bar(ax, colours, label, slot)  # which widens the range of equal values
     return np.asarray(colours.to_rgba(values))
 
@@ -204,44 +199,26 @@ class Canvas:
         self.ax.add_collection(lines, autolim=False)
 
     def draw_arrows(
-        self,
-        tail: IntArray,
-        head: IntArray,
-        *,
-        colours: FloatArray,
-        widths: FloatArray,
-        **style: Any,
+        self, tail: IntArray, head: IntArray, colours: FloatArray, widths: FloatArray, **style: Any
     ) -> None:
         """Draw one arrow per arc, bowed to its right so that both directions are seen."""
         points = self.curves(tail, head, bowed=True)
         self.draw_lines(points, colors=colours, linewidths=widths, label="_arrows", **style)
         sizes = np.minimum(2.4 + 2.4 * widths, 1.1 * self.radius + widths)
-        along = self.xy[head] - self.xy[tail]
+        at, along = points[:, _STEPS.size // 2], self.xy[head] - self.xy[tail]
         # The quadratic curve runs parallel to its chord half-way.
-        self.draw_heads(points[:, _STEPS.size // 2], along, colours=colours, sizes=sizes, **style)
+        self.draw_heads(at, along, sizes, facecolors=colours, label="_heads", **style)
 
     def draw_heads(
-        self,
-        at: FloatArray,
-        towards: FloatArray,
-        *,
-        colours: Sequence[Any] | FloatArray,
-        sizes: FloatArray,
-        **style: Any,
+        self, at: FloatArray, towards: FloatArray, sizes: FloatArray, **style: Any
     ) -> None:
         """Draw arrowheads of ``sizes`` points, centred ``at`` data points."""
         angles = np.arctan2(towards[:, 1], towards[:, 0])
-        heads = PathCollection(
-            [_HEAD.transformed(Affine2D().rotate(angle)) for angle in angles],
-            sizes=sizes**2,
-            offsets=at,
-            offset_transform=self.ax.transData,
-            facecolors=colours,
-            linewidths=0,
-            **{"label": "_heads", **style},
-        )
-        heads.set_transform(IdentityTransform())
-        self.ax.add_collection(heads, autolim=False)
+        heads = [_HEAD.transformed(Affine2D().rotate(angle)) for angle in angles]
+        style |= {"offsets": at, "offset_transform": self.ax.transData, "linewidths": 0}
+        drawn = PathCollection(heads, sizes=sizes**2, **style)
+        drawn.set_transform(IdentityTransform())
+        self.ax.add_collection(drawn, autolim=False)
 
     def mark(self, nodes: IntArray | list[int], radii: FloatArray | float, **style: Any) -> None:
         """Draw a mark of ``radii`` points at each of the nodes, circles without rims by default."""
@@ -272,10 +249,9 @@ class Canvas:
     def _mark_places(self, radii: FloatArray) -> None:
         site = self.site
         if len(site.returning) and not site.all_return:
-            rim = {"facecolor": "white", "edgecolor": look.INK, "linewidths": 0.6}
-            self.mark(
-                site.returning, _RING * radii[site.returning], zorder=3.9, label="_rings", **rim
-            )
+            ring = {"facecolor": "white", "edgecolor": look.INK, "linewidths": 0.6}
+            wide = _RING * radii[site.returning]
+            self.mark(site.returning, wide, zorder=3.9, label="_rings", **ring)
         if not site.has_ends:
             return
         inks, half = kind_inks(self.mission), max(_TRIANGLE * self.radius, 6.5)
@@ -345,12 +321,7 @@ class Canvas:
         Arcs are straight lines, but those in ``bowed``, pairs of node indices, bow to their right.
         Returns the points of each passage (n_passages, n_points, 2), in the order of the trails.
         """
-        taken: Counter[tuple[int, int]] = Counter()
-        passages = []  # robot, tail, head, and lane: how many robots have taken the arc before
-        for i, way in enumerate(trails):
-            for arc in pairwise(way):
-                passages.append((i, *arc, taken[arc]))
-                taken[arc] += 1
+        passages = _passages(trails)
         if not passages:
             return np.empty((0, 0, 2))
         robot, tail, head, lane = np.array(passages, dtype=np.int32).T
@@ -368,39 +339,36 @@ class Canvas:
         walked = np.cumsum(length) - length
         walked -= walked[np.searchsorted(robot, robot)]
         # Dashes go on where the robot's last passage ended.
-        dashes = [styles[i].dash for i in robot]
-        lines = [
-            (way / width % sum(dash), dash) if dash else (0.0, None)
-            for way, dash in zip(walked.tolist(), dashes, strict=True)
-        ]
+        dashes = zip(walked.tolist(), (styles[i].dash for i in robot), strict=True)
+        lines = [(way / width % sum(on), on) if on else (0.0, None) for way, on in dashes]
         self.draw_lines(points, colors="white", linewidths=width + 1.2, zorder=2, label="_casing")
         style: look.Style = {"colors": ink, "linewidths": width, "linestyles": lines}
         self.draw_lines(points, **style, zorder=3, label="_trails")
-        self._draw_directions(points, length, walked, lane, ink)
-        return points
-
-    def _draw_directions(
-        self,
-        points: FloatArray,
-        length: FloatArray,
-        walked: FloatArray,
-        lane: IntArray,
-        ink: FloatArray,
-    ) -> None:
-        free = length - 2 * self.radius
         # Arrowheads of opposite and neighbouring lanes must not lie side by side.
+        free = length - 2 * self.radius
         sizes = np.minimum(np.clip(1.3 * self.radius, 5.5, 8.0), free / 2.2)
         ahead = 0.6 * sizes + np.where(free > 5 * sizes, 1.1 * sizes * (lane % 2), 0.0)
-        shown = sizes > 3.0
-        some = ~shown & ((walked + length) // _APART > walked // _APART)
+        some = (sizes <= 3.0) & ((walked + length) // _APART > walked // _APART)
         sizes[some], ahead[some] = 6.0, 0.0
-        shown |= some
+        shown = np.flatnonzero(sizes > 3.0)
         step = (0.5 + ahead[shown] / length[shown]) * (points.shape[1] - 1)
-        row, before = np.arange(len(step)), step.astype(int)
-        start, end = points[shown][row, before], points[shown][row, before + 1]
-        at, towards = start + (end - start) * (step - before)[:, None], end - start
-        heads: look.Style = {"colours": ink[shown], "sizes": sizes[shown]}
-        self.draw_heads(at, towards, **heads, zorder=3, label="_trail heads")
+        before = step.astype(int)
+        start, end = points[shown, before], points[shown, before + 1]
+        at = start + (end - start) * (step - before)[:, None]
+        heads: look.Style = {"facecolors": ink[shown], "zorder": 3, "label": "_trail heads"}
+        self.draw_heads(at, end - start, sizes[shown], **heads)
+        return points
+
+
+def _passages(trails: Trails) -> list[tuple[int, int, int, int]]:
+    """Return robot, tail, head and lane: how many robots have taken the arc before."""
+    taken: Counter[tuple[int, int]] = Counter()
+    passages = []
+    for robot, trail in enumerate(trails):
+        for arc in pairwise(trail):
+            passages.append((robot, *arc, taken[arc]))
+            taken[arc] += 1
+    return passages
 
 
 def place_notes(site: Site) -> list[str]:
@@ -446,11 +414,10 @@ def place_handles(mission: Mission, site: Site) -> list[Artist]:
 
 
 def _team_text(mission: Mission, kind: int, start: int, end: int) -> str:
-    of_kind = mission.kinds[kind]
+    of_kind, first, last = mission.kinds[kind], mission.nodes[start], mission.nodes[end]
     who = f"{of_kind.robots} {of_kind.name}"
     if len(mission.kinds) == 1:
         who = counted(of_kind.robots, "robot")
-    first, last = mission.nodes[start], mission.nodes[end]
     return f"{who} at {first}" if start == end else f"{who} from {first} to {last}"
 
 

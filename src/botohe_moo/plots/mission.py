@@ -134,15 +134,15 @@ def _colour_site(
 ) -> tuple[FloatArray, FloatArray]:
     """Add both colour bars, and return the colours of nodes and of arcs (n, 4)."""
     # The same scales on the maps of all kinds.
-    most, survival = mission.rewards.max(), mission.world.graph.survival
-    span = survival.min(initial=1.0), survival.max(initial=0.0)
+    most, survival = float(mission.rewards.max()), mission.world.graph.survival
+    span = float(survival.min(initial=1.0)), float(survival.max(initial=0.0))
     paid, fills = site.reward > 0, np.ones((len(site.reward), 4))
     rewards, palette = site.reward[paid], look.REWARD
-    fills[paid] = colour_by_value(ax, rewards, palette, "reward", slot=0, span=(0.0, most))
+    fills[paid] = colour_by_value(ax, rewards, palette, "reward", (0.0, most), 0)
     label = "survival"
     if len(mission.kinds) > 1:
         label += " (safest kind)" if kind is None else f" of {kind}"
-    return fills, colour_by_value(ax, site.safest, look.SURVIVAL, label, slot=1, span=span)
+    return fills, colour_by_value(ax, site.safest, look.SURVIVAL, label, span, 1)
 
 
 def _draw_arcs(canvas: Canvas, arc_colours: FloatArray, *, faint: bool) -> FloatArray:
@@ -156,7 +156,7 @@ def _draw_arcs(canvas: Canvas, arc_colours: FloatArray, *, faint: bool) -> Float
     lines, arrows = arc_colours[once], arc_colours[bowed]
     canvas.draw_lines(points[once], colors=lines, linewidths=width, label="_lines", **style)
     widths = np.full(len(arrows), width)
-    canvas.draw_arrows(tail[bowed], head[bowed], colours=arrows, widths=widths, **style)
+    canvas.draw_arrows(tail[bowed], head[bowed], arrows, widths, **style)
     return points
 
 
@@ -254,19 +254,19 @@ def plot_pheromone(
     robots = _kind_in(mission, pheromone)
     site = Site(mission, robots)
     values = _arc_values(mission, site, pheromone, kind)
-    most = values.max(initial=0.0)
+    most = float(values.max(initial=0.0))
     of = "" if robots is None else f" of {robots}"
     notes = [f"pheromone{of} for {kind}", *layout_notes(mission)]
     with look.theme():
         ax = open_axes(mission, ax)
         label = rf"pheromone $\tau_{kind[0].upper()}$"
-        colours = colour_by_value(ax, values, look.PHEROMONE, label, slot=0, span=(0.0, most))
+        colours = colour_by_value(ax, values, look.PHEROMONE, label, (0.0, most), 0)
         canvas = Canvas(ax, mission, site)
         # What is darkest is drawn last, on top.
         order = np.argsort(values, kind="stable")
         widths = 0.3 + values[order] / (most or 1.0) * min(_WIDEST, 0.5 * canvas.radius)
         tail, head = site.tail[order], site.head[order]
-        canvas.draw_arrows(tail, head, colours=colours[order], widths=widths, zorder=1)
+        canvas.draw_arrows(tail, head, colours[order], widths, zorder=1)
         arcs = canvas.curves(site.tail, site.head, bowed=True)
         notes += canvas.draw_named_nodes(np.ones((len(canvas.xy), 4)), arcs)
         title_above(ax, mission.title if title is None else title, "; ".join(notes))

@@ -420,8 +420,8 @@ def _draw_ground(canvas: Canvas) -> bool:
     if len(once):
         # Before the middle, where the arrowheads of trails are.
         at, towards = once[:, once.shape[1] // 3], once[:, -1] - once[:, 0]
-        heads: look.Style = {"colours": [look.MUTED], "sizes": np.full(len(once), 6.0)}
-        canvas.draw_heads(at, towards, **heads, zorder=1, label="_ways")
+        heads: look.Style = {"facecolors": [look.MUTED], "zorder": 1, "label": "_ways"}
+        canvas.draw_heads(at, towards, np.full(len(once), 6.0), **heads)
     return len(once) > 0
 
 
