@@ -70,37 +70,29 @@ def plot_areas(
     spread = rows.groupby("algorithm").cumcount() * _GOLDEN % 1 - 0.5
     rows = rows.assign(row=row + 0.1 + 0.4 * spread, is_done=rows["status"] == "done")
     median, low, high = summary.set_index("algorithm").loc[labels, interval].to_numpy(float).T
-    points: dict[str, Any] = {"style": "is_done", "markers": {True: "o", False: "X"}, "alpha": 0.6}
+    points = _in_colours(labels, palette) | {"style": "is_done", "alpha": 0.6}
+    points["markers"] = {True: "o", False: "X"}
     diamonds: dict[str, Any] = {"fmt": "d", "color": INK, "markersize": 6, "elinewidth": 1.5}
     with theme():
         ax = ax or new_axes(7.5, 0.9 + 0.4 * max(len(labels), 2))
-        _draw_points(ax, rows, "area", "row", labels, palette, legend=False, **points)
+        sns.scatterplot(rows, x="area", y="row", ax=ax, legend=False, **points)
         above = np.arange(len(labels)) - 0.32
         ax.errorbar(median, above, xerr=[median - low, high - median], zorder=3, **diamonds)
         ax.set_ylim(len(labels) - 0.5, -0.7)
+        ax.tick_params(axis="y", length=0)
         ax.set_yticks(range(len(labels)), shared.wrapped(labels))
         ax.locator_params(axis="x", nbins=7)  # areas that differ little have long numbers
-        ax.set(xlabel="area of the final front (normalised hypervolume)", title=title or "")
+        ax.set(xlabel="area of the final front (normalised hypervolume)", ylabel="")
+        ax.set_title(title or "")
         if bound is not None:
             shared.draw_bound([ax], bound, "x")
             shared.add_legend_beside(ax)
     return ax
 
 
-def _draw_points(
-    ax: Axes,
-    rows: pd.DataFrame,
-    x: str,
-    y: str,
-    labels: Sequence[str],
-    palette: Palette | None,
-    **style: Any,
-) -> None:
-    """Draw a point for each row, in the colour of its algorithm; the rows of the axes are names."""
-    colours = palette_of(labels, palette)
-    sns.scatterplot(rows, x=x, y=y, hue="algorithm", palette=colours, clip_on=False, ax=ax, **style)
-    ax.tick_params(axis="y", length=0)
-    ax.set_ylabel("")
+def _in_colours(labels: Sequence[str], palette: Palette | None) -> dict[str, Any]:
+    """Return how points are drawn in the colours of their algorithms."""
+    return {"hue": "algorithm", "palette": palette_of(labels, palette), "clip_on": False}
 
 
 def plot_ranks(
@@ -288,14 +280,15 @@ def plot_shortfalls(
     with theme():
         ax = ax or new_axes(7.5, 1.2 + 0.26 * max(len(names), 4))
         ax.barh(names, gaps, 0.7, color="0.88", zorder=0, label="certified gap")
-        points: dict[str, Any] = {"style": "algorithm", "alpha": 0.85, "zorder": 3}
-        _draw_points(ax, rows, "shortfall", "mission", labels, palette, **points)
+        points = {**_in_colours(labels, palette), "style": "algorithm", "alpha": 0.85, "zorder": 3}
+        sns.scatterplot(rows, x="shortfall", y="mission", ax=ax, **points)
         ax.set_xscale("symlog", linthresh=_LINEAR)
         ax.set_xlim(left=0.0)
         ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         ax.set_ylim(len(names) - 0.5, -0.5)
+        ax.tick_params(axis="y", length=0)
         meaning = "per cent below the reference front (points), or above it at most (bars)"
-        ax.set(xlabel=meaning, title=title or "")
+        ax.set(xlabel=meaning, ylabel="", title=title or "")
         shared.add_legend_beside(ax)
     return ax
 

@@ -114,7 +114,7 @@ def plot_mission(
         handles += [Patch(color=colour, label=zone) for zone, colour in zones.items()]
         if plan is not None:
             handles += _trail_handles(mission, plan, robots)
-        _add_legend(ax, handles, has_dashes=len(mission.kinds) > 1)
+        _add_legend(ax, handles, dash=2.4 if len(mission.kinds) > 1 else 1.5)
         canvas = Canvas(ax, mission, site)
         _shade_zones(canvas, zones)
         canvas.shade_kinds()
@@ -187,26 +187,29 @@ def _shade_zones(canvas: Canvas, zones: dict[str, look.Colour]) -> None:
         canvas.mark(np.flatnonzero(inside), wide / 2, color=colour, zorder=0, label="_in zone")
 
 
-def _add_legend(ax: Axes, handles: list[Artist], *, has_dashes: bool) -> None:
+def _add_legend(ax: Axes, handles: list[Artist], *, dash: float) -> None:
+    """Add a legend below, of as many columns as fit; ``dash`` is the length of its lines."""
     place: look.Style = {"loc": "upper center", "bbox_to_anchor": (0.55, -0.01)}
-    place |= {"columnspacing": 1.5, "handlelength": 2.4 if has_dashes else 1.5}
+    place |= {"columnspacing": 1.5, "handlelength": dash}
     for columns in (4, 3, 2, 1):
-        legend = ax.legend(handles=handles, ncols=columns, **place)
+        legend = ax.legend(
+            handles=handles, ncols=columns, handlelength=dash, columnspacing=1.5, **place
+        )
         # Colour bars stand beside the axes, and the legend may reach below them.
         if legend.get_window_extent().width <= 1.25 * ax.get_window_extent().width:
             break
 
 
 def _trail_handles(mission: Mission, plan: TrailPlan, robots: list[int]) -> list[Artist]:
-    handles: list[Artist] = []
     survival, trails = mission.robot_survival([plan])[0].tolist(), mission.trails(plan)
+    says = [
+        f"survives with {probability_text(chance, 2)}"
+        if len(trail) > 1
+        else f"stays at {place_name(mission, trail[0])}"
+        for chance, trail in zip(survival, trails, strict=True)
+    ]
     names, styles = robot_names(mission), robot_styles(mission)
-    for i in robots:
-        says = f"survives with {probability_text(survival[i], 2)}"
-        if len(trails[i]) == 1:
-            says = f"stays at {place_name(mission, trails[i][0])}"
-        handles.append(styles[i].key(f"{names[i]}: {says}"))
-    return handles
+    return [styles[i].key(f"{names[i]}: {says[i]}") for i in robots]
 
 
 def plot_pheromone(

@@ -223,10 +223,10 @@ def plot_choices(
 def _draw_mark(ax: Axes, mark: Mark) -> None:
     """Draw the sign of a mark at its plan, and explain it in the legend."""
     marker = _SIGNS[mark.name][0]
-    is_diamond = marker == "D"  # the white star can be seen on it, too
-    style: look.Style = {"markeredgecolor": look.INK, "markeredgewidth": 0.8}
-    style |= {"marker": marker, "markersize": 7.0 if is_diamond else 7.5, "linestyle": "none"}
-    style["markerfacecolor"] = look.INK if is_diamond else "white"
+    # The white star can be seen on the diamond, too.
+    size, fill = (7.0, look.INK) if marker == "D" else (7.5, "white")
+    style: look.Style = {"marker": marker, "markersize": size, "markerfacecolor": fill}
+    style |= {"linestyle": "none", "markeredgecolor": look.INK, "markeredgewidth": 0.8}
     label = f"{mark.name}: plan {mark.index}"
     ax.plot([mark.reward], [mark.survivors], **style, clip_on=False, zorder=5, label=label)
 
@@ -297,12 +297,13 @@ class DrawnPlan:
         for style, trail in zip(self.styles, self.trails, strict=True):
             if len(trail) == 1:
                 home.setdefault(place_name(self.mission, trail[0]), []).append(style.name)
-        return [
-            f"all {len(names)} robots stay at {place}"
-            if len(names) == self.mission.robots > 1
-            else f"{', '.join(names)} stay{'s' if len(names) == 1 else ''} at {place}"
-            for place, names in home.items()
-        ]
+        notes = []
+        for place, names in home.items():
+            who = f"{', '.join(names)} stay{'s' if len(names) == 1 else ''}"
+            if len(names) == self.mission.robots > 1:
+                who = f"all {len(names)} robots stay"
+            notes.append(f"{who} at {place}")
+        return notes
 
     def draw_team(self, ax: Axes) -> list[str]:
         """Draw all trails, and return notes on the map."""
@@ -441,26 +442,17 @@ def _open_sheet(
     wide, high = inner + _GAP, inner * half[1] / half[0] + _NAME
     cells = n_small + span**2
 
-    def cost(shape: tuple[int, int]) -> float:
-        n_columns, n_rows = shape
-        distance = abs(np.log(wide * n_columns / (high * n_rows) / _SHAPE))
-        return float(distance + _EMPTY * n_columns * n_rows)
-
-    shapes = [(n, max(span, -(-cells // n))) for n in range(span, cells + 1)]
-    n_columns, n_rows = min(shapes, key=cost)
+    columns = np.arange(span, cells + 1)
+    rows = np.maximum(span, -(-cells // columns))
+    cost = abs(np.log(wide * columns / (high * rows) / _SHAPE)) + _EMPTY * columns * rows
+    n_columns, n_rows = int(columns[cost.argmin()]), int(rows[cost.argmin()])
     width, height = n_columns * wide + _RIGHT, _ABOVE + n_rows * high
-    # Every cell has a name above it, so the highest ones begin below that.
     fig = plt.figure(figsize=(width, height))
-    grid = fig.add_gridspec(
-        n_rows,
-        n_columns,
-        left=0.1 / width,
-        right=1 - (_RIGHT + _GAP - 0.1) / width,
-        bottom=0.1 / height,
-        top=1 - (_ABOVE + _NAME - 0.1) / height,
-        wspace=_GAP / inner,
-        hspace=_NAME / (high - _NAME),
-    )
+    # Every cell has a name above it, so the highest ones begin below that.
+    space = {"left": 0.1 / width, "right": 1 - (_RIGHT + _GAP - 0.1) / width}
+    space |= {"bottom": 0.1 / height, "top": 1 - (_ABOVE + _NAME - 0.1) / height}
+    space |= {"wspace": _GAP / inner, "hspace": _NAME / (high - _NAME)}
+    grid = fig.add_gridspec(n_rows, n_columns, **space)
     places = [(i, j) for i, j in np.ndindex(n_rows, n_columns) if max(i, j) >= span][:n_small]
     cells_of_maps = [grid[:span, :span], *(grid[place] for place in places)]
     return [fig.add_subplot(cell) for cell in cells_of_maps]
