@@ -37,7 +37,7 @@ class TestData:
     def test_kinds_starts_and_what_only_some_can_do(self):
         data = self.DATA
         assert (data["kinds"], data["kind_of"]) == (["drone", "rover"], [0, 0, 1])
-        assert data["ends"] == ((4, 0), (0, 0))
+        assert data["ends"] == [(4, 0), (0, 0)]
         assert (data["depots"], data["rings"]) == ([3], [2])
         (drone, ways, spots), (rover, no_ways, hall) = data["only"]
         assert (drone, len(ways), spots) == ((0,), 7, [2])

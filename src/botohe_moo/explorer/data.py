@@ -12,17 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
+from botohe_moo import decide
 from botohe_moo.base.messages import counted, quoted
 from botohe_moo.base.types import FloatArray, OffsetArray
-from botohe_moo.decide import (
-    Choice,
-    compare,
-    knees,
-    plan_csv,
-    plan_geojson,
-    plan_json,
-    representatives,
-)
+from botohe_moo.decide import Choice
 from botohe_moo.decide.choosing import best
 from botohe_moo.decide.judging import N_SAMPLES, Candidates
 from botohe_moo.decide.wishes import Wish
@@ -39,7 +32,7 @@ if TYPE_CHECKING:
 
 MAX_PLANS = 500
 _N_REPRESENTATIVES = 5
-_WRITERS = {"json": plan_json, "csv": plan_csv, "geojson": plan_geojson}
+_WRITERS = {"json": decide.plan_json, "csv": decide.plan_csv, "geojson": decide.plan_geojson}
 _MOST_STOPS = 25_000  # of all plans; of more, CSV and GeoJSON would take longer than all else
 
 
@@ -71,7 +64,7 @@ def page_data(
     plans = [front.plans[row] for row in rows]
     # Differences in words between neighbours and between marked plans: all pairs are too many.
     pairs = sorted({*pairwise(range(len(plans))), *combinations(marked, 2)})
-    words = {(i, j): compare(mission, plans[i], plans[j]).sentences for i, j in pairs}
+    words = {(i, j): decide.compare(mission, plans[i], plans[j]).sentences for i, j in pairs}
     spent = f"seed {front.seed}, {counted(front.evaluations, 'evaluation')}"
     note = (
         f"The page shows {len(rows):,} of the {n_plans:,} plans: those that dominate the most area "
@@ -220,9 +213,9 @@ def _marks(front: Solution, choices: Iterable[Choice]) -> Iterator[tuple[Any, ..
         kind, said = ("choice", "meets") if found.met else ("miss", "comes nearest to")
         name = f"{said} {' and '.join(map(str, found.wishes))}" if found.wishes else "chosen"
         yield kind, found.index, name, found.why, str(found.cost), str(found.rate)
-    for knee in knees(mission, objectives):
+    for knee in decide.knees(mission, objectives):
         yield "knee", knee.index, f"knee: {knee.name}", f"Knee: {knee.definition}."
-    for row in representatives(mission, front.plans, _N_REPRESENTATIVES):
+    for row in decide.representatives(mission, front.plans, _N_REPRESENTATIVES):
         yield "representative", row, "representative"
     yield "end", int(np.lexsort(objectives.T[::-1])[-1]), "most reward"
     yield "end", int(np.lexsort(objectives.T)[-1]), "most survivors"
@@ -269,6 +262,9 @@ def _kinds(mission: Mission, site: Site) -> dict[str, Any]:
     names = [kind.name for kind in mission.kinds]
     several = len(names) > 1
     arcs, nodes = only_some(site.survival > 0), only_some(site.collects)
+    notes = maps.place_notes(site)
+    if arcs or nodes:
+        notes.append("what not all kinds can take or collect has the colours of those that can")
     return {
         "kinds": names if several else [],
         "kind_of": [names.index(kind.name) for kind in mission.kind_of] if several else [],
@@ -282,7 +278,7 @@ def _kinds(mission: Mission, site: Site) -> dict[str, Any]:
         ],
         "arc_codes": [*map(probability_codes, site.survival)] if several else [],
         "node_notes": _node_notes(mission, site),
-        "key": " ".join(_key(site)),
+        "key": "".join(f"{note[0].upper()}{note[1:]}. " for note in notes).strip(),
     }
 
 
@@ -301,19 +297,3 @@ def _node_notes(mission: Mission, site: Site) -> list[str]:
             chance = f"collects it with {share[node]:g}" if share[node] > 0 else "cannot collect it"
             notes[node].append(f"{name} {chance}")
     return [", ".join(of_node) for of_node in notes]
-
-
-def _key(site: Site) -> list[str]:
-    """Write how to read the marks of kinds and of places."""
-    said = []
-    if site.has_ends:
-        hollow = ", a hollow one where it ends" if any(a != b for a, b in site.ends) else ""
-        said.append(f"A triangle is where a kind of robots starts{hollow}.")
-    if len(only_some(site.survival > 0)) + len(only_some(site.collects)):
-        said.append("What not all kinds can take or collect has the colours of those that can.")
-    if len(site.depots):
-        said.append("Thin squares are depots.")
-    if len(site.returning):
-        all_return = "All rewards count on return."
-        said.append(all_return if site.all_return else "Nodes with a ring pay on return.")
-    return said

@@ -49,8 +49,6 @@ NAMES = 8.0  # points: height of names beside nodes
 FAR = 30.0  # points: how far a text may be from its node
 MANY = 40  # nodes; the names of more stand in them or close to them
 
-ALL_RETURN = "all rewards count on return"
-
 Trails = Sequence[Sequence[int]]  # of node indices of a mission
 Span = tuple[float, float]
 
@@ -369,18 +367,6 @@ def _passages(trails: Trails) -> list[tuple[int, int, int, int]]:
             passages.append((robot, *arc, taken[arc]))
             taken[arc] += 1
     return passages
-
-
-def place_notes(site: Site) -> list[str]:
-    """Write what the marks of places mean, for maps without a legend of them."""
-    hollow = ", hollow ones: ends" if any(start != end for start, end in site.ends) else ""
-    returning = ALL_RETURN if site.all_return else "rings: pay on return"
-    notes = {
-        f"triangles: starts{hollow}": site.has_ends,
-        "thin squares: depots": len(site.depots),
-        returning: len(site.returning),
-    }
-    return [note for note, is_there in notes.items() if is_there]
 
 
 def place_handles(mission: Mission, site: Site) -> list[Artist]:

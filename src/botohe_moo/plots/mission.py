@@ -21,6 +21,7 @@ from botohe_moo.plots import style as look
 from botohe_moo.plots.canvas import Canvas, colour_by_value, open_axes, robot_styles
 from botohe_moo.plots.panels import check_table
 from botohe_moo.plots.site import (
+    ALL_RETURN,
     Site,
     layout_notes,
     place_name,
@@ -104,7 +105,7 @@ def plot_mission(
     if kind is not None:
         notes.append(f"arcs and rewards of {kind}")
     if site.all_return:
-        notes.append(maps.ALL_RETURN)
+        notes.append(ALL_RETURN)
     with look.theme():
         ax = open_axes(mission, ax, behind)
         fills, arc_colours = _colour_site(ax, mission, site, kind)
@@ -192,9 +193,7 @@ def _add_legend(ax: Axes, handles: list[Artist], *, dash: float) -> None:
     place: look.Style = {"loc": "upper center", "bbox_to_anchor": (0.55, -0.01)}
     place |= {"columnspacing": 1.5, "handlelength": dash}
     for columns in (4, 3, 2, 1):
-        legend = ax.legend(
-            handles=handles, ncols=columns, handlelength=dash, columnspacing=1.5, **place
-        )
+        legend = ax.legend(handles=handles, ncols=columns, **place)
         # Colour bars stand beside the axes, and the legend may reach below them.
         if legend.get_window_extent().width <= 1.25 * ax.get_window_extent().width:
             break

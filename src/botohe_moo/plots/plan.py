@@ -21,10 +21,10 @@ from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots import canvas as maps
+from botohe_moo.plots import site as where
 from botohe_moo.plots import style as look
 from botohe_moo.plots.canvas import Canvas, RobotStyle, open_axes, robot_styles
 from botohe_moo.plots.front import front_summary, plot_front
-from botohe_moo.plots.site import Site, layout_notes, node_positions, place_name, read_background
 from botohe_moo.plots.texts import Space, objectives_text, text_size, title_above
 from botohe_moo.trails import Plans, TrailPlan
 
@@ -115,7 +115,7 @@ def plot_plan(
     >>> save_plot(plot_plan(toy, toy.plan([[1, 2, 4, 2, 1], [1, 2, 1]])), "plan.png")
     """
     shown = DrawnPlan(mission, plan)
-    behind = read_background(background, mission)
+    behind = where.read_background(background, mission)
     if title is None:
         title = f"{mission.title}\n{shown.objectives}"
     with look.theme():
@@ -282,12 +282,12 @@ class DrawnPlan:
 
     def __init__(self, mission: Mission, plan: TrailPlan) -> None:
         check_mission(mission)
-        self.mission, self.site = mission, Site(mission)
+        self.mission, self.site = mission, where.Site(mission)
         self.objectives = objectives_text(*mission.evaluate([plan])[0])
         self.survival = mission.robot_survival([plan])[0]  # (n_robots,)
         self.reach = reach_probabilities(mission, plan)  # (n_robots, n_nodes)
         self.trails, self.styles = mission.trails(plan), robot_styles(mission)
-        self.marks = maps.place_notes(self.site)  # what the marks of places mean
+        self.marks = where.place_notes(self.site)  # what the marks of places mean
         self.leaving = [robot for robot, trail in enumerate(self.trails) if len(trail) > 1]
 
     @property
@@ -296,7 +296,7 @@ class DrawnPlan:
         home: dict[str, list[str]] = {}
         for style, trail in zip(self.styles, self.trails, strict=True):
             if len(trail) == 1:
-                home.setdefault(place_name(self.mission, trail[0]), []).append(style.name)
+                home.setdefault(where.place_name(self.mission, trail[0]), []).append(style.name)
         notes = []
         for place, names in home.items():
             who = f"{', '.join(names)} stay{'s' if len(names) == 1 else ''}"
@@ -344,7 +344,7 @@ class _PlanMap:
         self.mission, self.trails = plan.mission, [plan.trails[robot] for robot in robots]
         self.styles = [plan.styles[robot] for robot in robots]
         self.canvas = canvas = Canvas(ax, self.mission, plan.site, smallest=_SMALLEST)
-        self.fills, self.notes = np.asarray(look.REACH(reach)), layout_notes(self.mission)
+        self.fills, self.notes = np.asarray(look.REACH(reach)), where.layout_notes(self.mission)
         self.is_legible = canvas.radius >= _LEGIBLE
         if self.is_legible:
             away, edge = 0.8 * canvas.radius, look.MUTED
@@ -434,7 +434,7 @@ def _open_sheet(
     On the small maps most nodes are ``room`` points apart, or as far as numbers need, unless a map
     would be wider than ``widest`` inches.
     """
-    xy = node_positions(mission)
+    xy = where.node_positions(mission)
     _, half = maps.frame_of(xy)
     # In points, on a map an inch wide; nodes may lie on each other.
     spacing = max(72 * maps.crowding(xy) / (2 * half[0]), 1e-9)

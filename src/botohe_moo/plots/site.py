@@ -14,6 +14,8 @@ from botohe_moo.mission.formats.maps import MODES, read_raster
 from botohe_moo.mission.hazards import places_of
 from botohe_moo.mission.model import Mission
 
+ALL_RETURN = "all rewards count on return"
+
 _MAX_KAMADA_KAWAI = 60  # its cost grows with the square of the nodes
 _MOST_CELLS = 1000  # along each side of a map; of larger maps several cells become one
 
@@ -162,6 +164,18 @@ def only_some(can: BoolArray) -> dict[tuple[int, ...], BoolArray]:
         tuple(np.flatnonzero(column).tolist()): (can == column[:, None]).all(axis=0)
         for column in np.unique(some, axis=1).T
     }
+
+
+def place_notes(site: Site) -> list[str]:
+    """Write what the marks of places mean, for maps without a legend of them."""
+    hollow = ", hollow ones: ends" if any(start != end for start, end in site.ends) else ""
+    returning = ALL_RETURN if site.all_return else "rings: pay on return"
+    notes = {
+        f"triangles: starts{hollow}": site.has_ends,
+        "thin squares: depots": len(site.depots),
+        returning: len(site.returning),
+    }
+    return [note for note, is_there in notes.items() if is_there]
 
 
 def robot_names(mission: Mission) -> list[str]:
