@@ -11,8 +11,8 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
 from botohe_moo.plots import save_plot
-from botohe_moo.plots.draw.algorithms import log_axis
-from botohe_moo.plots.draw.style import colours, new_axes, theme
+from botohe_moo.plots.panels import log_axis
+from botohe_moo.plots.style import colours, new_axes, theme
 
 SEEDS = (1, 2, 3, 4)
 MARKS = (1, 10, 100, 1_000, 10_000)

@@ -18,7 +18,7 @@ from botohe_moo import Solution, load_mission, solve
 from botohe_moo.explorer.data import page_data
 from botohe_moo.explorer.page import render
 from botohe_moo.outcomes import reach_probabilities
-from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.site import node_positions
 
 MAX_BYTES = 1_500_000
 CHROMIUM = "/usr/bin/chromium"

@@ -3,14 +3,11 @@
 import tempfile
 from pathlib import Path
 
-from pymoo.optimize import minimize
-
 from benchmarks.explorer import photograph
-from botohe_moo import BOACO, BOTOHE, load_mission, solve
+from botohe_moo import load_mission, solve
 from botohe_moo.decide import knees
 from botohe_moo.explorer import explore
 from botohe_moo.plots import (
-    plot_case_study,
     plot_choices,
     plot_front,
     plot_mission,
@@ -19,21 +16,9 @@ from botohe_moo.plots import (
     save_figure,
     save_plot,
 )
-from botohe_moo.study import run_study
 
 MUSEUM = Path(__file__).parents[1] / "results" / "art_museum"
 DPI = 100  # enough for a page, and small files
-STUDY = {
-    "name": "museum",
-    "missions": ["art_museum"],
-    "algorithms": {
-        "BO-ACO": "bo-aco",
-        "without heuristic": {"algorithm": "bo-aco", "parameters": {"heuristic": False}},
-        "without pheromone": {"algorithm": "bo-aco", "parameters": {"pheromone": False}},
-    },
-    "budget": {"evaluations": 100_000},
-    "seeds": 4,
-}
 
 
 def run(out: Path) -> bool:
@@ -54,11 +39,6 @@ def run(out: Path) -> bool:
         )[0],
         "choices": plot_choices(mission, plans),
     }
-    colony = minimize(BOTOHE(mission), BOACO(), ("n_eval", 100_000), seed=1).algorithm
-    with tempfile.TemporaryDirectory() as folder:
-        trace = run_study(STUDY, folder, workers=1).trace
-    maps = colony.pheromone_maps
-    drawn["case-study"] = plot_case_study(mission, plans, trace=trace, pheromone=maps)
     for name, ax in drawn.items():
         save_figure(ax.figure.figure, out / f"{name}.png", dpi=DPI)
         print(out / f"{name}.png")

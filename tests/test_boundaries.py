@@ -39,7 +39,6 @@ TAKE_A_MISSION = {
     "survivor_price": lambda m: d.survivor_price(m, POINTS, 0),
     "simulate_policy": lambda m: u.simulate_policy(m, PLAN),
     "toward": lambda m: d.toward(m, [PLAN], reward=1, survivors=1),
-    "plot_case_study": lambda m: p.plot_case_study(m, [PLAN]),
     "plot_choices": lambda m: p.plot_choices(m, [PLAN]),
     "plot_front": lambda m: plot_front(POINTS, m),
     "plot_mission": lambda m: p.plot_mission(m),

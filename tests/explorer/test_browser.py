@@ -108,24 +108,9 @@ class TestMuseum:
         plan = museum.plans[30]
         with opened(museum_page, "#plan=30") as page:
             text = {kind: downloaded(page, kind) for kind in ("json", "csv", "geojson", "svg")}
-        assert text["csv"].endswith("\r\n")
-        assert json.loads(text["json"]) == json.loads(plan_json(museum.mission, plan))
-        rows, expected = (
-            [
-                [float(part) if part.replace(".", "").isdigit() else part for part in row]
-                for row in csv.reader(io.StringIO(written))
-            ]
-            for written in (text["csv"], plan_csv(museum.mission, plan))
-        )
-        assert rows == expected
-        found, expected = (
-            json.loads(text["geojson"]),
-            json.loads(plan_geojson(museum.mission, plan)),
-        )
-        for feature in expected["features"]:
-            if "reached" in feature["properties"]:
-                feature["properties"]["reached"] = round(feature["properties"]["reached"], 6)
-        assert found == expected
+        writers = {"json": plan_json, "csv": plan_csv, "geojson": plan_geojson}
+        for kind, write in writers.items():
+            assert text[kind] == write(museum.mission, plan)
         drawing = ET.fromstring(text["svg"])
         assert not re.search(r"var\(|color\(|class=\"point\" style", text["svg"])
         circles = drawing.findall(".//{http://www.w3.org/2000/svg}circle")
@@ -494,12 +479,11 @@ class TestSmallFronts:
             nodes = page.locator("#map .nodes").locator("circle, rect")
             assert nodes.count() == len(mission.nodes)
             assert page.is_disabled('[data-file="geojson"]')
-            said = "GeoJSON needs positions: node 1 has none."
-            assert page.locator("#no-files").inner_text() == said
+            said = "Node 1: expected pos [x, y] for GeoJSON, found none"
+            assert page.locator("#no-files").inner_text().startswith(said)
             said = "The places of the nodes on this map are made up: the mission has no positions."
             assert page.locator("#placing").inner_text() == said
-            rows = list(csv.reader(io.StringIO(downloaded(page, "csv"))))
-        assert rows == list(csv.reader(io.StringIO(plan_csv(mission, plan))))
+            assert downloaded(page, "csv") == plan_csv(mission, plan)
 
 
 class TestBrowsers:

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, read_solution
+from botohe_moo.decide import plan_csv, plan_geojson, plan_json
 from botohe_moo.decide.choosing import taken
 from botohe_moo.explorer import explore, explorer_page
 from botohe_moo.explorer.data import page_data, thinned
@@ -121,10 +122,10 @@ class TestData:
         assert len(self.DATA["trails"]) == 4  # to a, b, c, and none
         plan = [self.DATA["trails"][trail] for trail in self.DATA["plans"][3]]
         assert plan == [(0, 1, 0), (0, 2, 0)]
-        survival = dict(zip(self.DATA["trails"], self.DATA["trail_survival"], strict=True))
-        assert survival == {(0, 1, 0): 0.5, (0, 2, 0): 0.9, (0, 3, 0): 1.0, (0,): 1.0}
-        lengths = dict(zip(self.DATA["trails"], self.DATA["trail_lengths"], strict=True))
-        assert lengths == {(0, 1, 0): 2, (0, 2, 0): 2, (0, 3, 0): 2, (0,): 0}
+        survival = dict(zip(self.DATA["trails"], self.DATA["trail_codes"], strict=True))
+        assert survival == {(0, 1, 0): 500, (0, 2, 0): 900, (0, 3, 0): 1000, (0,): 1000}
+        lengths = dict(zip(self.DATA["trails"], self.DATA["trail_length_texts"], strict=True))
+        assert lengths == {(0, 1, 0): "2", (0, 2, 0): "2", (0, 3, 0): "2", (0,): "0"}
 
     def test_distributions(self):
         assert self.DATA["survivors"][3] == [50, 500, 450]
@@ -139,6 +140,25 @@ class TestData:
         }
         assert not any(self.DATA["simulated"])
         assert self.DATA["facts"]["Median reward"] == ["1.0", "3.0", "1.0", "2.0"]
+
+    def test_files_are_those_of_the_library(self):
+        for kind, write in (("json", plan_json), ("csv", plan_csv), ("geojson", plan_geojson)):
+            plans = [FRONT[row] for row in self.DATA["ids"]]
+            files = self.DATA["files"][kind]
+            if kind == "geojson":  # the star has no positions
+                assert all(not text and "expected pos" in fault for text, fault in files)
+            else:
+                assert files == [(write(MISSION, plan), "") for plan in plans]
+
+    def test_large_pages_have_all_files_of_marked_plans_only(self, museum, monkeypatch):
+        monkeypatch.setattr("botohe_moo.explorer.data._MOST_STOPS", 100)
+        data = page_data(museum)
+        marked = {mark["plan"] for mark in data["marks"]}
+        assert all(text for text, _ in data["files"]["json"])
+        for place, (text, fault) in enumerate(data["files"]["geojson"]):
+            assert bool(text) == (place in marked)
+            row = data["ids"][place]
+            assert (f"botohe choose DIR --plan {row} --out plan.geojson" in fault) != bool(text)
 
     def test_nodes_reached(self):
         assert self.DATA["reached"] == [
@@ -228,27 +248,27 @@ class TestSites:
     def test_names_differ(self):
         data = self.data(self.graph())
         assert data["names"] == ["x", "y", "1", '"1"']
-        assert data["labels"] == ["x", "y", 1, "1"]
 
     def test_positions_that_are_all_the_same_are_no_map(self):
         graph = self.graph(x=(3, 3), y=(3, 3))
         nx.set_node_attributes(graph, {1: (3, 3), "1": (3, 3)}, "pos")
         data = self.data(graph)
-        assert data["pos"] == [[3, 3]] * 4
         assert data["placing"].endswith("are made up: all nodes have the same position.")
         assert len({tuple(place) for place in data["places"]}) == 4
 
     def test_without_positions_there_is_a_layout(self):
         data = self.data(self.graph(x=(1, 2)))
         assert data["placing"].endswith("are made up: 3 of 4 nodes have no position.")
-        assert data["pos"] == [[1, 2], None, None, None]
         assert np.isfinite(data["places"]).all()
 
     def test_labels_that_json_cannot_hold(self):
         graph = nx.relabel_nodes(self.graph(), {"y": frozenset("q")})
         mission = Mission(graph)
         data = page_data(solution_of(mission, [mission.plan([["x", frozenset("q"), "x"]])]))
-        assert data["labels"] is None
+        for kind, named in (("json", "frozenset"), ("csv", "frozenset"), ("geojson", "pos")):
+            [(text, fault)] = data["files"][kind]
+            assert text == ""
+            assert named in fault
         json.dumps(data)
 
 

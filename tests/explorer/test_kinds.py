@@ -1,9 +1,5 @@
 """The page of a mission with kinds of robots."""
 
-import csv
-import io
-import json
-
 import pytest
 
 from botohe_moo import load_mission
@@ -41,7 +37,7 @@ class TestData:
     def test_kinds_starts_and_what_only_some_can_do(self):
         data = self.DATA
         assert (data["kinds"], data["kind_of"]) == (["drone", "rover"], [0, 0, 1])
-        assert data["ends"] == ((4, 0), (0, 0))
+        assert data["ends"] == [(4, 0), (0, 0)]
         assert (data["depots"], data["rings"]) == ([3], [2])
         (drone, ways, spots), (rover, no_ways, hall) = data["only"]
         assert (drone, len(ways), spots) == ((0,), 7, [2])
@@ -59,7 +55,7 @@ class TestData:
         (plan,) = [one for one in data["plans"] if len({*one}) == 3]
         assert [data["trails"][i] for i in plan] == [(4, 2, 1, 0), (4, 1, 0), (0,)]
         # The pond's 5 are paid at the dock: 0.5 · 0.5 · 0.9; drones get nothing in the hall.
-        assert [data["trail_rewards"][i] for i in plan] == pytest.approx([1.125, 0, 0])
+        assert [data["trail_reward_texts"][i] for i in plan] == ["1.12", "0.00", "0.00"]
         both = dict(zip([0, 1, 2, 4], data["collected"][data["plans"].index(plan)], strict=True))
         assert both[2] == 225
 
@@ -126,16 +122,5 @@ class TestPage:
                 with page.expect_download() as found:
                     page.click(f'[data-file="{kind}"]')
                 text[kind] = found.value.path().read_bytes().decode()
-        assert json.loads(text["json"]) == json.loads(plan_json(mission, plan))
-        rows, expected = (
-            list(csv.DictReader(io.StringIO(one))) for one in (text["csv"], plan_csv(mission, plan))
-        )
-        assert [row["kind"] for row in rows] == [row["kind"] for row in expected]
-        assert [row["node"] for row in rows] == [row["node"] for row in expected]
-        features, expected = (
-            json.loads(one)["features"] for one in (text["geojson"], plan_geojson(mission, plan))
-        )
-        for feature in expected:
-            for name in {"reached", "collected"} & {*feature["properties"]}:
-                feature["properties"][name] = round(feature["properties"][name], 6)
-        assert features == expected
+        writers = {"json": plan_json, "csv": plan_csv, "geojson": plan_geojson}
+        assert text == {kind: write(mission, plan) for kind, write in writers.items()}

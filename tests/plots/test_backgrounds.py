@@ -9,7 +9,7 @@ from PIL import Image
 from botohe_moo import Mission, load_mission
 from botohe_moo.mission.rules import MissionError
 from botohe_moo.plots import plot_mission, plot_plan
-from botohe_moo.plots.draw.background import read_background
+from botohe_moo.plots.site import read_background
 
 TOY = load_mission("toy")
 

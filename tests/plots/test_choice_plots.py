@@ -1,9 +1,8 @@
-"""What the pictures show that plans are compared and chosen by, and those of case studies."""
+"""What the pictures show that plans are compared and chosen by."""
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given
 
@@ -11,12 +10,10 @@ from botohe_moo import Event, replan, simulate_policy
 from botohe_moo.decide import knees, representatives, wishes
 from botohe_moo.outcomes import reward_distribution, survivors_distribution
 from botohe_moo.plots import (
-    plot_case_study,
     plot_choices,
     plot_outcomes,
     plot_policies,
     plot_replan,
-    save_plot,
 )
 from tests.examples import examples
 from tests.plots.test_plan_plots import arcs_drawn, arcs_of, map_name, maps_of
@@ -24,7 +21,6 @@ from tests.plots.test_plots import (
     MUSEUM_TRAILS,
     legend_texts,
     load,
-    pheromone_of,
     plan_names,
     title,
     words,
@@ -144,68 +140,6 @@ class TestChoices:
         ):
             assert sign.get_xydata().tolist() == [[mark.reward, mark.survivors]]
         assert words(ax).endswith("numbered: the knee, and 2 representatives")
-
-
-def trace():
-    rows = [("A", 1, n, area) for n, area in ((10, 0.2), (100, 0.4))]
-    return pd.DataFrame(rows, columns=["algorithm", "seed", "evaluations", "area"])
-
-
-def names_of(ax):
-    return [" ".join(title(own).split()) for own in maps_of(ax) if title(own)]
-
-
-class TestCaseStudy:
-    def test_it_shows_all_that_is_given(self, tmp_path):
-        mission, plans = toy_plans()
-        rows = [3, 2]
-        ax = plot_case_study(
-            mission, plans, chosen=rows, trace=trace(), pheromone=pheromone_of(mission)
-        )
-        assert names_of(ax) == [
-            "(a) the mission",
-            "(b) progress",
-            "(c) the front",
-            "(d) plan 3",
-            "(e) plan 2",
-            "(f) pheromone",
-            "(g) pheromone",
-        ]
-        setup, progress, front, *maps, reward, survival = maps_of(ax)
-        assert setup is ax
-        assert progress.lines[0].get_xydata()[-1].tolist() == [100, 0.4]
-        assert plan_names(front) == ["plan 3", "plan 2"]
-        for row, own in zip(rows, maps, strict=True):
-            assert arcs_drawn(mission, own) == arcs_of(*plans[row].trails)
-        assert words(reward) == "pheromone for reward"
-        assert words(survival) == "pheromone for survival"
-        (head,) = ax.figure.texts
-        assert head.get_text() == mission.title
-        save_plot(ax, tmp_path / "study.png")
-        assert (tmp_path / "study.png").stat().st_size > 5_000
-
-    def test_three_plans_are_drawn_and_nothing_that_is_not_given(self):
-        mission, plans = toy_plans()
-        ax = plot_case_study(mission, plans, title="$x$ <b>")
-        chosen = representatives(mission, plans, 3)
-        assert names_of(ax) == [
-            "(a) the mission",
-            "(b) the front",
-            *[f"({letter}) plan {row}" for letter, row in zip("cde", chosen, strict=True)],
-        ]
-        assert ax.figure.texts[0].get_text() == "$x$ <b>"
-        places = [own.get_position() for own in maps_of(ax)]
-        assert not any(a.overlaps(b) for i, a in enumerate(places) for b in places[:i])
-
-    def test_wrong_arguments_are_named(self):
-        mission, plans = toy_plans()
-        with pytest.raises(ValueError, match="Expected chosen to name at least one plan"):
-            plot_case_study(mission, plans, chosen=[])
-        with pytest.raises(ValueError, match="Expected chosen among the 4 plans from 0, got 4"):
-            plot_case_study(mission, plans, chosen=[4])
-        for name in ("trace", "pheromone"):
-            with pytest.raises(TypeError, match=rf"Expected {name} to be a pandas\.DataFrame"):
-                plot_case_study(mission, plans, **{name: 5})
 
 
 class TestUnderWay:

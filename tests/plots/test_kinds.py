@@ -9,9 +9,9 @@ import pytest
 from matplotlib.patches import Patch
 
 from botohe_moo import Kind, Mission
-from botohe_moo.plots import plot_case_study, plot_mission, plot_pheromone, plot_plan
-from botohe_moo.plots.draw.style import SURVIVAL
-from botohe_moo.plots.draw.trails import robot_styles
+from botohe_moo.plots import plot_mission, plot_pheromone, plot_plan
+from botohe_moo.plots.canvas import robot_styles
+from botohe_moo.plots.style import SURVIVAL
 from tests.plots.test_plan_plots import arcs_drawn, arcs_of, map_name, maps_of, visits_drawn
 from tests.plots.test_plots import bar_labels, drawn, legend_texts, n_segments, only, words
 
@@ -188,15 +188,3 @@ def test_pheromone_is_drawn_of_one_kind():
     assert words(ax) == "pheromone of rover for reward"
     with pytest.raises(ValueError, match=r"one kind of robots, got kinds \['drone', 'rover'\]"):
         plot_pheromone(mission, table)
-
-
-def test_a_case_study_has_the_pheromone_of_each_kind():
-    mission = site()
-    plans = [mission.plan(TRAILS), mission.stay_home()]
-    ax = plot_case_study(mission, plans, chosen=[0], pheromone=pheromone(mission))
-    said = [words(one) for one in ax.figure.axes if drawn(one, "words")]
-    assert [text for text in said if text.startswith("pheromone")] == [
-        f"pheromone of {kind} for {of}"
-        for kind in ("drone", "rover")
-        for of in ("reward", "survival")
-    ]

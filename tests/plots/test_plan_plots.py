@@ -21,9 +21,9 @@ from botohe_moo.plots import (
     plot_plan,
     save_plot,
 )
-from botohe_moo.plots.draw.places import node_positions
-from botohe_moo.plots.draw.style import REACH
-from botohe_moo.plots.draw.trails import robot_styles
+from botohe_moo.plots.canvas import robot_styles
+from botohe_moo.plots.site import node_positions
+from botohe_moo.plots.style import REACH
 from tests.examples import examples
 from tests.plots.test_plots import (
     MUSEUM_TRAILS,

@@ -33,8 +33,8 @@ from botohe_moo.plots import (
     save_figure,
     save_plot,
 )
-from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.front import staircase
+from botohe_moo.plots.site import node_positions
 from tests.examples import examples
 from tests.strategies import missions_with_plans
 

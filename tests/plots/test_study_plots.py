@@ -27,10 +27,10 @@ from botohe_moo.plots import (
     plot_reached,
     plot_shortfalls,
 )
-from botohe_moo.plots.draw.algorithms import log_axis, tick_text
-from botohe_moo.plots.study.attainment import attainment_difference, attainment_surface
-from botohe_moo.plots.study.comparisons import overruled
-from botohe_moo.plots.study.curves import first_reached, progress
+from botohe_moo.plots.comparisons import overruled
+from botohe_moo.plots.curves import first_reached, progress
+from botohe_moo.plots.front import attainment_difference, attainment_surface
+from botohe_moo.plots.panels import log_axis, tick_text
 from tests.examples import examples
 
 

@@ -49,7 +49,7 @@ def simulate_missions(
         from botohe_moo.base.files import check_file, check_suffix
         from botohe_moo.cli.progress import showing
         from botohe_moo.plots import plot_policies, save_plot
-        from botohe_moo.plots.draw.style import FORMATS
+        from botohe_moo.plots.style import FORMATS
         from botohe_moo.underway import simulate_policy
 
         if out is not None:

@@ -1,36 +1,29 @@
-"""The data of the page: everything that it shows, computed and rounded."""
+"""The data of the pages: everything that they show, computed and rounded."""
 
 from __future__ import annotations
 
+import base64
+import io
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from PIL import Image
 
+from botohe_moo import decide
 from botohe_moo.base.messages import counted, quoted
 from botohe_moo.base.types import FloatArray, OffsetArray
-from botohe_moo.decide import Choice, compare, knees, representatives
+from botohe_moo.decide import Choice
 from botohe_moo.decide.choosing import best
 from botohe_moo.decide.wishes import N_SAMPLES, Candidates, Wish
-from botohe_moo.explorer.site import picture_data, site_data
-from botohe_moo.explorer.texts import (
-    bin_codes,
-    bin_edges,
-    number_texts,
-    objective_texts,
-    probability_codes,
-    sentence_writer,
-)
+from botohe_moo.explorer import texts
+from botohe_moo.explorer.texts import number_texts, probability_codes, sentence_writer
 from botohe_moo.mission.model import Mission
-from botohe_moo.outcomes import (
-    Distribution,
-    collect_probabilities,
-    reach_probabilities,
-    team_reach,
-)
-from botohe_moo.plots.draw.background import read_background
+from botohe_moo.outcomes import Distribution, collect_probabilities, reach_probabilities, team_reach
+from botohe_moo.plots import site as maps
+from botohe_moo.plots.site import Background, Site, only_some
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:
@@ -38,6 +31,8 @@ if TYPE_CHECKING:
 
 MAX_PLANS = 500
 _N_REPRESENTATIVES = 5
+_WRITERS = {"json": decide.plan_json, "csv": decide.plan_csv, "geojson": decide.plan_geojson}
+_MOST_STOPS = 25_000  # of all plans; of more, CSV and GeoJSON would take longer than all else
 
 
 def page_data(
@@ -68,7 +63,7 @@ def page_data(
     plans = [front.plans[row] for row in rows]
     # Differences in words between neighbours and between marked plans: all pairs are too many.
     pairs = sorted({*pairwise(range(len(plans))), *combinations(marked, 2)})
-    words = {(i, j): compare(mission, plans[i], plans[j]).sentences for i, j in pairs}
+    words = {(i, j): decide.compare(mission, plans[i], plans[j]).sentences for i, j in pairs}
     spent = f"seed {front.seed}, {counted(front.evaluations, 'evaluation')}"
     note = (
         f"The page shows {len(rows):,} of the {n_plans:,} plans: those that dominate the most area "
@@ -82,15 +77,16 @@ def page_data(
         "robots": mission.robots,
         "total": mission.total_reward,
         **site_data(mission),
-        "background": picture_data(read_background(background, mission)),
+        "background": picture_data(maps.read_background(background, mission)),
         **_trails(mission, plans),
         **_plans(candidates, rows),
+        "files": _files(mission, dict(zip(rows, plans, strict=True)), set(marked)),
         "ids": rows,
         "marks": [
             {"kind": kind, "plan": place[row], "name": write(name), "text": [*map(write, text)]}
             for kind, row, name, *text in marks
         ],
-        "words": {f"{i}-{j}": tuple(map(write, texts)) for (i, j), texts in words.items()},
+        "words": {f"{i}-{j}": tuple(map(write, said)) for (i, j), said in words.items()},
     }
 
 
@@ -111,23 +107,41 @@ def thinned(objectives: FloatArray, kept: Collection[int], n_plans: int) -> Offs
     return rows
 
 
+def _files(
+    mission: Mission, plans: dict[int, TrailPlan], marked: Collection[int]
+) -> dict[str, list[tuple[str, str]]]:
+    """Write each plan as the files of its formats: the text, or why there is none.
+
+    ``plans`` are known by their rows, ``marked`` by their places among them.
+    """
+    is_small = sum(len(plan.nodes) for plan in plans.values()) <= _MOST_STOPS
+
+    def file_of(kind: str, place: int, row: int) -> tuple[str, str]:
+        if not (is_small or kind == "json" or place in marked):
+            call = f"botohe choose DIR --plan {row} --out plan.{kind}"
+            return "", f"Only marked plans have a {kind} file on a page of this size; see {call}."
+        try:
+            return _WRITERS[kind](mission, plans[row]), ""
+        except ValueError as fault:
+            return "", str(fault)
+
+    return {kind: [file_of(kind, i, row) for i, row in enumerate(plans)] for kind in _WRITERS}
+
+
 def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
     """Return each trail once, with what is known of it, and which ones each plan has."""
     trails = [trail for plan in plans for trail in plan.trails]
     survival = dict(zip(trails, mission.robot_survival(plans).ravel().tolist(), strict=True))
     length = dict(zip(trails, mission.trail_lengths(plans).ravel().tolist(), strict=True))
     number, n = {trail: i for i, trail in enumerate(survival)}, len(mission.nodes)
-    rewards: list[float] = []  # of each robot alone, where a plan's files have it
+    rewards: dict[tuple[int, ...], float] = {}  # of each robot alone, where a plan's files have it
     if not mission.is_plain:
         alone = [collect_probabilities(mission, plan) @ mission.rewards for plan in plans]
-        rewards = [*dict(zip(trails, np.concatenate(alone).tolist(), strict=True)).values()]
+        rewards = dict(zip(trails, np.concatenate(alone).tolist(), strict=True))
     return {
         "trails": [tuple(node % n for node in trail) for trail in survival],
-        "trail_survival": list(survival.values()),
-        "trail_lengths": list(length.values()),
         "trail_length_texts": number_texts(length.values()),
-        "trail_rewards": rewards,
-        "trail_reward_texts": number_texts(rewards),
+        "trail_reward_texts": number_texts(rewards.values()),
         "trail_codes": probability_codes(list(survival.values())),
         "plans": [[number[trail] for trail in plan.trails] for plan in plans],
     }
@@ -138,7 +152,7 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
     mission, objectives = candidates.mission, candidates.objectives[rows]
     rewards = [candidates.distribution("reward", row) for row in rows]
     survivors = [candidates.distribution("survivors", row) for row in rows]
-    edges = bin_edges(max(float(found.values[-1]) for found in rewards))
+    edges = texts.bin_edges(max(float(found.values[-1]) for found in rewards))
     team = np.arange(mission.robots + 1.0)
     plans = [candidates.plans[row] for row in rows]
     # Of nodes on trails, in the order of their indices.
@@ -149,8 +163,8 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
     )
     if mission.is_plain:  # it is what is reached
         collected = []
-    texts = objective_texts(objectives)
-    decimals = len(texts[0][0].partition(".")[2])
+    written = texts.objective_texts(objectives)
+    decimals = len(written[0][0].partition(".")[2])
     facts: dict[str, Callable[[Distribution], float]] = {
         # Not 0.1 itself: the largest reward that is reached so often.
         "Reward reached in 9 of 10 missions": lambda reward: reward.quantile(0.1 + 1e-9),
@@ -159,15 +173,14 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
     }
     return {
         "objectives": objectives.tolist(),
-        "objective_texts": texts,
+        "objective_texts": written,
         "reached": [probability_codes(values) for values in reach],
         "reached_values": [np.round(values, 6).tolist() for values in reach],
         "collected": [probability_codes(values) for values in collected],
-        "collected_values": [np.round(values, 6).tolist() for values in collected],
         "survivors": [
             probability_codes(-np.diff(found.at_least(team), append=0)) for found in survivors
         ],
-        "rewards_in": [bin_codes(found, edges) for found in rewards],
+        "rewards_in": [texts.bin_codes(found, edges) for found in rewards],
         "bins": [f"{low:g} to {high:g}" for low, high in pairwise(edges.tolist())],
         "facts": {
             name: [f"{fact(found):.{decimals}f}" for found in rewards]
@@ -198,9 +211,87 @@ def _marks(front: Solution, choices: Iterable[Choice]) -> Iterator[tuple[Any, ..
         kind, said = ("choice", "meets") if found.met else ("miss", "comes nearest to")
         name = f"{said} {' and '.join(map(str, found.wishes))}" if found.wishes else "chosen"
         yield kind, found.index, name, found.why, *found.costs
-    for knee in knees(mission, objectives):
+    for knee in decide.knees(mission, objectives):
         yield "knee", knee.index, f"knee: {knee.name}", f"Knee: {knee.definition}."
-    for row in representatives(mission, front.plans, _N_REPRESENTATIVES):
+    for row in decide.representatives(mission, front.plans, _N_REPRESENTATIVES):
         yield "representative", row, "representative"
     yield "end", int(np.lexsort(objectives.T[::-1])[-1]), "most reward"
     yield "end", int(np.lexsort(objectives.T)[-1]), "most survivors"
+
+
+def site_data(mission: Mission) -> dict[str, Any]:
+    """Return nodes, their places on the map, and arcs."""
+    site = maps.Site(mission)
+    return {
+        "names": texts.shown_names(mission.nodes),
+        "base": site.base,
+        "rewards": mission.rewards.tolist(),
+        "reward_texts": number_texts(mission.rewards.tolist()),
+        "places": maps.node_positions(mission).tolist(),
+        "placing": "".join(f"{note[0].upper()}{note[1:]}." for note in maps.layout_notes(mission)),
+        "arcs": [site.tail.tolist(), site.head.tolist(), probability_codes(site.safest)],
+        # For what is drawn along trails; each is exact to what a picture can show.
+        "arc_lengths": _seven_digits(site.length),
+        "arc_survival": [*map(_seven_digits, site.survival)],
+        **_kinds(mission, site),
+    }
+
+
+def _seven_digits(values: FloatArray) -> list[float]:
+    return [float(f"{value:.7g}") for value in values]
+
+
+def picture_data(background: Background | None) -> dict[str, Any] | None:
+    """Return a map behind the graph as a picture, and where it lies: left, right, bottom, top.
+
+    It is grey, and the more transparent the lighter the map, so that it suits dark pages too.
+    """
+    if background is None:
+        return None
+    shade = np.round(127 * background.shares).astype(np.uint8)  # half of black: it is to be faint
+    pixels, file = np.stack([np.full_like(shade, 128), shade], axis=2), io.BytesIO()
+    Image.fromarray(pixels, "LA").save(file, "PNG", optimize=True)
+    picture = base64.b64encode(file.getvalue()).decode()
+    return {"href": f"data:image/png;base64,{picture}", "extent": background.extent}
+
+
+def _kinds(mission: Mission, site: Site) -> dict[str, Any]:
+    """Return what the page shows of kinds and of rewards on return; empty for a plain mission."""
+    names = [kind.name for kind in mission.kinds]
+    several = len(names) > 1
+    arcs, nodes = only_some(site.survival > 0), only_some(site.collects)
+    notes = maps.place_notes(site)
+    if arcs or nodes:
+        notes.append("what not all kinds can take or collect has the colours of those that can")
+    return {
+        "kinds": names if several else [],
+        "kind_of": [names.index(kind.name) for kind in mission.kind_of] if several else [],
+        "ends": site.ends if site.has_ends else [],
+        "depots": site.depots.tolist(),
+        "rings": [] if site.all_return else site.returning.tolist(),
+        # Sets of kinds, and the arcs and nodes that only they can take and collect.
+        "only": [
+            [kinds, *(np.flatnonzero(of.get(kinds, [])).tolist() for of in (arcs, nodes))]
+            for kinds in {**arcs, **nodes}
+        ],
+        "arc_codes": [*map(probability_codes, site.survival)] if several else [],
+        "node_notes": _node_notes(mission, site),
+        "key": "".join(f"{note[0].upper()}{note[1:]}. " for note in notes).strip(),
+    }
+
+
+def _node_notes(mission: Mission, site: Site) -> list[str]:
+    """Write when each node pays, and for whom not always; nothing for a plain mission."""
+    if mission.is_plain:
+        return []
+    notes: list[list[str]] = [[] for _ in mission.nodes]
+    for node in site.depots:
+        notes[node].append("depot")
+    for node in site.returning:
+        notes[node].append("pays on return")
+    names = [kind.name if len(mission.kinds) > 1 else "a robot" for kind in mission.kinds]
+    for name, share in zip(names, mission.world.team.share.reshape(len(names), -1), strict=True):
+        for node in np.flatnonzero((share < 1) & site.collects.any(axis=0)):
+            chance = f"collects it with {share[node]:g}" if share[node] > 0 else "cannot collect it"
+            notes[node].append(f"{name} {chance}")
+    return [", ".join(of_node) for of_node in notes]

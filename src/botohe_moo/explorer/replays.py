@@ -8,8 +8,8 @@ from typing import Any
 
 from botohe_moo.base.files import replace_file
 from botohe_moo.base.numbers import price_text
+from botohe_moo.explorer.data import site_data
 from botohe_moo.explorer.page import check_page_file, render
-from botohe_moo.explorer.site import site_data
 from botohe_moo.explorer.texts import LITTLE, number_texts, probability_codes, sentence_writer
 from botohe_moo.mission.model import Mission
 from botohe_moo.underway import POLICIES, PlayedMission, PlayedStep

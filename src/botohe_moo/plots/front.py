@@ -1,14 +1,16 @@
-"""The picture of a front: what plans are expected to bring, and the area they dominate."""
+"""Pictures of fronts: what plans are expected to bring, the area they dominate, and how often."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import matplotlib.pyplot as plt
 import moocore
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
@@ -17,16 +19,22 @@ from botohe_moo.base.types import FloatArray
 from botohe_moo.decide.fronts import check_objectives, check_row, front_rows
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, check_mission, numbers_digest
-from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, colours, new_axes, theme, tint
-from botohe_moo.plots.draw.texts import Space, title_above
+from botohe_moo.plots import panels as shared
+from botohe_moo.plots import style as look
+from botohe_moo.plots.texts import Space, title_above
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from botohe_moo.bounds import FrontBound
 
 OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
 _STAIRS = "_stairs"  # label by which the fronts on axes are counted
 _CROWD = 150  # points; the rims of more would cover other points
 _RING = 5.5  # points: radius of the rings around highlighted plans
+_SHADES = 5  # of differences; more are hard to distinguish
+_MANY = 1_500  # rectangles; more are drawn as an image in vector files, too
+_MAX_STEPS = 120  # of differences; more would take half a minute
 
 
 def plot_front(
@@ -87,18 +95,22 @@ def plot_front(
     if bound is not None:
         mission = _mission_of(bound, mission)
         bound.check("objectives", points)
-    corners = staircase(points)
-    summary = front_summary(points, mission)
-    with theme():
-        if ax is None:
-            ax = new_axes(7.2, 5.2)
+    corners, summary = staircase(points), front_summary(points, mission)
+    with look.theme():
+        ax = ax or look.new_axes(7.2, 5.2)
         drawn = sum(line.get_label() == _STAIRS for line in ax.lines)
         _draw_front(ax, points, corners, drawn, f"{label}: {summary}" if label else None)
         if bound is not None:
             _shade_gap(ax, corners, bound, bound.gap(points), label)
         if label or bound is not None:
             ax.legend(loc="upper right", framealpha=0.9)
-        _set_axes(ax, mission)
+        # There may be several fronts, which must all stay in view.
+        reach = 1.05 * np.clip([ax.dataLim.x1, ax.dataLim.y1], 0.0, None)
+        if mission is not None:
+            reach = np.array([mission.total_reward, mission.robots])
+            ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
+        ax.set(xlim=(0, reach[0] or 1.0), ylim=(0, reach[1] or 1.0))
+        ax.set(xlabel=OBJECTIVES[0], ylabel=OBJECTIVES[1])
         if title is None:
             title = ax.get_title(loc="left") if mission is None else mission.title
         title_above(ax, title, "" if label else summary)
@@ -163,23 +175,17 @@ def front_summary(points: FloatArray, mission: Mission | None) -> str:
 def _draw_front(
     ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: str | None
 ) -> None:
-    colour, marker = colours(drawn + 1)[-1], MARKERS[drawn % len(MARKERS)]
+    colour, marker = look.colours(drawn + 1)[-1], look.MARKERS[drawn % len(look.MARKERS)]
     ax.fill(*corners.T, facecolor=colour, alpha=0.16, linewidth=0, zorder=1, label="_area")
     ax.plot(*corners[:-1].T, color=colour, linewidth=1.0, zorder=2, label=_STAIRS)
-    dominated = ~np.asarray(moocore.is_nondominated(points, maximise=True, keep_weakly=True))
-    crowded = len(points) > _CROWD
-    style: dict[str, Any] = {
-        "marker": marker,
-        "linestyle": "none",
-        "markersize": 3.5 if crowded else 5.0,
-        "markeredgecolor": "white",
-        "markeredgewidth": 0.0 if crowded else 0.5,
-        "clip_on": False,
-    }
-    if dominated.any():
-        pale = tint(colour, 0.55)
-        ax.plot(*points[dominated].T, **style, color=pale, zorder=2.5, label="_dominated")
-    ax.plot(*points[~dominated].T, **style, color=colour, zorder=3, label=label or "_front")
+    best = np.asarray(moocore.is_nondominated(points, maximise=True, keep_weakly=True))
+    size, rim = (3.5, 0.0) if len(points) > _CROWD else (5.0, 0.5)
+    style: look.Style = {"marker": marker, "linestyle": "none", "markersize": size}
+    style |= {"markeredgecolor": "white", "markeredgewidth": rim, "clip_on": False}
+    if not best.all():
+        pale = look.tint(colour, 0.55)
+        ax.plot(*points[~best].T, **style, color=pale, zorder=2.5, label="_dominated")
+    ax.plot(*points[best].T, **style, color=colour, zorder=3, label=label or "_front")
 
 
 def _shade_gap(
@@ -193,8 +199,8 @@ def _shade_gap(
     # Back along the front, so that what it dominates is left out.
     between = np.concatenate([highest, corners[::-1]])
     name = f"{label}, open: {more}" if label else f"open: {more}"
-    ax.fill(*between.T, facecolor=MUTED, alpha=0.25, linewidth=0, zorder=1, label=name)
-    ax.plot(*highest[:-1].T, color=MUTED, linewidth=1.0, zorder=1.5, label="_bound")
+    ax.fill(*between.T, facecolor=look.MUTED, alpha=0.25, linewidth=0, zorder=1, label=name)
+    ax.plot(*highest[:-1].T, color=look.MUTED, linewidth=1.0, zorder=1.5, label="_bound")
 
 
 def _ring_plans(ax: Axes, points: FloatArray, chosen: Mapping[int, str]) -> None:
@@ -204,27 +210,303 @@ def _ring_plans(ax: Axes, points: FloatArray, chosen: Mapping[int, str]) -> None
         engine.execute(figure)
     drawn = [np.asarray(line.get_xydata(), dtype=float) for line in ax.lines]
     space = Space(ax, points[list(chosen)], _RING, np.concatenate(drawn))
+    ring: look.Style = {"marker": "o", "markersize": 2 * _RING, "markerfacecolor": "none"}
+    ring |= {"markeredgecolor": look.INK, "markeredgewidth": 1.6, "label": "_highlight"}
     for row, text in chosen.items():
-        ax.plot(
-            *points[[row]].T,
-            marker="o",
-            markersize=2 * _RING,
-            markerfacecolor="none",
-            markeredgecolor=INK,
-            markeredgewidth=1.6,
-            clip_on=False,
-            zorder=4,
-            label="_highlight",
-        )
+        ax.plot(*points[[row]].T, **ring, clip_on=False, zorder=4)
         space.write_beside(points[row], text, 9.5, reach=60.0, bold=True)
 
 
-def _set_axes(ax: Axes, mission: Mission | None) -> None:
-    ax.set(xlabel=OBJECTIVES[0], ylabel=OBJECTIVES[1])
-    if mission is not None:
-        ax.set(xlim=(0, mission.total_reward or 1.0), ylim=(0, mission.robots))
-        ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
-        return
-    # There may be several fronts, which must all stay in view.
-    reach = 1.05 * np.clip([ax.dataLim.x1, ax.dataLim.y1], 0.0, None)
-    ax.set(xlim=(0, reach[0] or 1.0), ylim=(0, reach[1] or 1.0))
+def plot_fronts(
+    plans: pd.DataFrame,
+    runs: pd.DataFrame,
+    *,
+    reference: pd.DataFrame | None = None,
+    bound: pd.DataFrame | None = None,
+    algorithms: Sequence[str] | None = None,
+    palette: look.Palette | None = None,
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the final front of each algorithm's median run over each other.
+
+    The median run is the one with the median area, of the middle two the lower.
+
+    Parameters
+    ----------
+    plans
+        Rows of one mission in a study's plans: columns ``algorithm``, ``seed``, ``reward`` and
+        ``survivors``.
+    runs
+        Rows of the same mission in its runs: columns ``algorithm``, ``seed`` and ``area``.
+    reference
+        Points of the reference front, columns ``reward`` and ``survivors``; a thin line.
+    bound
+        Points that plans do not exceed, as in a study's bounds, in the same columns; a dashed line.
+    algorithms, palette, title, ax
+        As in :func:`plot_curves`, with panels from twelve algorithms on.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, there are rows of several missions, or an algorithm is not known.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_fronts, save_plot
+    >>> runs = pd.DataFrame(
+    ...     [("ants", 1, "done", 0.5), ("ants", 2, "done", 0.4), ("greedy", 1, "done", 0.3)],
+    ...     columns=["algorithm", "seed", "status", "area"],
+    ... )  # of a study: tables.runs.query("mission == 'museum'")
+    >>> plans = pd.DataFrame(
+    ...     [("ants", 1, 5, 1), ("ants", 2, 4, 1), ("greedy", 1, 3, 1)],
+    ...     columns=["algorithm", "seed", "reward", "survivors"],
+    ... )
+    >>> save_plot(plot_fronts(plans, runs), "fronts.png")
+    """
+    fronts = final_fronts(plans, runs, algorithms)
+    seeds = {label: median_run(runs[runs["algorithm"] == label]) for label in fronts}
+    thin, dashed = {"color": look.INK, "linewidth": 0.6}, {"color": look.MUTED, "linestyle": "--"}
+    further: list[tuple[pd.DataFrame | None, dict[str, Any]]] = [
+        (reference, {"label": "reference front", **thin}),
+        (bound, {"label": "no plan lies beyond", "linewidth": 1.0, **dashed}),
+    ]
+    # The corners that are plans are every second one, from the upper end of the front.
+    looks: look.Style = {"markevery": (1, 2), "markersize": 4, "linewidth": 1.2}
+    looks |= {"markeredgecolor": "white", "markeredgewidth": 0.3}
+    with look.theme():
+        axes = shared.axes_of(list(fronts), ax)
+        for label, style in shared.line_styles(fronts, palette).items():
+            front = fronts[label][seeds[label]]
+            style["label"] += f" (seed {seeds[label]})" + ("" if len(front) else ": no plans")
+            axes[label].plot(*staircase(front)[:-1].T, **style, **looks)
+        for panel in dict.fromkeys(axes.values()):
+            for points, style in further:
+                if points is not None:
+                    corners = staircase(points[["reward", "survivors"]].to_numpy(float))[:-1]
+                    panel.plot(*corners.T, **style)
+        return shared.finish(axes, title, *OBJECTIVES, xlim=(0, None), ylim=(0, None))
+
+
+def plot_attainment(
+    plans: pd.DataFrame,
+    runs: pd.DataFrame,
+    *,
+    algorithms: Sequence[str] | None = None,
+    palette: look.Palette | None = None,
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw each algorithm's median attainment surface, between those of a quarter of its runs.
+
+    Below and left of the line lies what at least half of the runs reach; the band lies between
+    what a quarter and what three quarters of them reach. A run without a front reaches nothing.
+
+    Parameters
+    ----------
+    plans, runs
+        As in :func:`plot_fronts`.
+    algorithms, palette, title, ax
+        As in :func:`plot_curves`, with panels from twelve algorithms on.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, there are rows of several missions, or an algorithm is not known.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_attainment, save_plot
+    >>> runs = pd.DataFrame(
+    ...     [("ants", 1, "done", 0.5), ("ants", 2, "done", 0.4), ("greedy", 1, "done", 0.3)],
+    ...     columns=["algorithm", "seed", "status", "area"],
+    ... )  # of a study: tables.runs.query("mission == 'museum'")
+    >>> plans = pd.DataFrame(
+    ...     [("ants", 1, 5, 1), ("ants", 2, 4, 1), ("greedy", 1, 3, 1)],
+    ...     columns=["algorithm", "seed", "reward", "survivors"],
+    ... )
+    >>> save_plot(plot_attainment(plans, runs), "attainment.png")
+    """
+    fronts = final_fronts(plans, runs, algorithms)
+    with look.theme():
+        axes = shared.axes_of(list(fronts), ax)
+        for label, style in shared.line_styles(fronts, palette).items():
+            runs_of = list(fronts[label].values())
+            few, half, most = (staircase(attainment_surface(runs_of, p))[:-1] for p in (25, 50, 75))
+            # Markers are not plans: a few are enough to tell the lines apart.
+            axes[label].plot(*half.T, markevery=max(1, len(half) // 8), markersize=5, **style)
+            if len(runs_of) > 1:
+                band = np.concatenate([few, most[::-1]])
+                axes[label].fill(*band.T, color=style["color"], alpha=0.2, linewidth=0)
+        return shared.finish(axes, title, *OBJECTIVES, xlim=(0, None), ylim=(0, None))
+
+
+def plot_attainment_difference(
+    plans: pd.DataFrame,
+    runs: pd.DataFrame,
+    algorithm: str,
+    other: str,
+    *,
+    palette: look.Palette | None = None,
+    title: str | None = None,
+    axes: Sequence[Axes] | None = None,
+) -> tuple[Axes, Axes]:
+    """Draw where more runs of one algorithm than of another reach, and where fewer do.
+
+    On the left what ``algorithm`` reaches more often, on the right what ``other`` does, the darker
+    the larger the difference between the shares of their runs. The solid line bounds what any run
+    of both reaches, the dashed one what half of the panel's algorithm's runs reach. A run without a
+    front reaches nothing.
+
+    Parameters
+    ----------
+    plans, runs
+        As in :func:`plot_fronts`.
+    algorithm, other
+        Labels of the algorithms on the left and on the right.
+    palette, title
+        As in :func:`plot_curves`.
+    axes
+        The two axes to draw on. A figure with two will be created if not given.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, there are rows of several missions, or an algorithm is not known.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_attainment_difference, save_plot
+    >>> runs = pd.DataFrame(
+    ...     [("ants", 1, "done", 0.5), ("ants", 2, "done", 0.4), ("greedy", 1, "done", 0.3)],
+    ...     columns=["algorithm", "seed", "status", "area"],
+    ... )  # of a study: tables.runs.query("mission == 'museum'")
+    >>> plans = pd.DataFrame(
+    ...     [("ants", 1, 5, 1), ("ants", 2, 4, 1), ("greedy", 1, 3, 1)],
+    ...     columns=["algorithm", "seed", "reward", "survivors"],
+    ... )
+    >>> left, right = plot_attainment_difference(plans, runs, "ants", "greedy")
+    >>> save_plot(left, "difference.png")
+    """
+    import seaborn as sns  # late, for the pictures of a solution's front
+
+    fronts = final_fronts(plans, runs, [algorithm, other])
+    colours = look.palette_of(fronts, palette)
+    mine, theirs = (list(fronts[label].values()) for label in (algorithm, other))
+    rectangles, difference = attainment_difference(mine, theirs)
+    reach = staircase(attainment_surface([*mine, *theirs], 0))[:-1]
+    legend: look.Style = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}
+    legend |= {"columnspacing": 1.2, "fontsize": "small", "title": "share of its runs, ahead by"}
+    with look.theme():
+        if axes is None:
+            shape: look.Style = {"figsize": (9.7, 5.0), "layout": "constrained"}
+            axes = plt.subplots(1, 2, sharex=True, sharey=True, **shape)[1].tolist()
+        left, right = axes
+        sides = ((left, algorithm, mine, difference), (right, other, theirs, -difference))
+        for ax, label, found, ahead in sides:
+            shades = sns.light_palette(colours[label], _SHADES + 1)[1:]
+            for level, shade in enumerate(shades, start=1):
+                # Each step includes its upper end: a difference of 1/5 is in the first.
+                shown = np.ceil(ahead * _SHADES - 1e-9) == level
+                step = f"{100 * (level - 1) // _SHADES}–{100 * level // _SHADES} %"
+                _shade(ax, rectangles[shown], shade, step)
+            half = staircase(attainment_surface(found, 50))[:-1]
+            line: look.Style = {"color": look.INK, "linewidth": 1.0}
+            ax.plot(*reach.T, **line, label="any run of both")
+            ax.plot(*half.T, **line, linestyle="--", label="half of its runs")
+            ax.set(xlim=(0, None), ylim=(0, None), xlabel=OBJECTIVES[0])
+            name = shared.wrapped([label])[0]
+            ax.set_title(f"{name} reaches more often", fontweight="normal")
+            ax.legend(**legend)
+        left.set_ylabel(OBJECTIVES[1])
+        if title:
+            left.figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+    return left, right
+
+
+def final_fronts(
+    plans: pd.DataFrame, runs: pd.DataFrame, algorithms: Sequence[str] | None
+) -> dict[str, dict[int, FloatArray]]:
+    """Return the final front (n_plans, 2) of every run, perhaps empty, by label and seed."""
+    labels = shared.chosen_algorithms("runs", runs, ("algorithm", "seed", "area"), algorithms)
+    point = ["reward", "survivors"]
+    shared.check_table("plans", plans, ("algorithm", "seed", *point))
+    points = plans[point].to_numpy(float)
+    of_runs = plans.groupby(["algorithm", "seed"], observed=True).indices
+    found = {key: points[rows] for key, rows in of_runs.items()}
+    return {
+        label: {
+            seed: found.get((label, seed), np.empty((0, 2)))
+            for seed in sorted(runs.loc[runs["algorithm"] == label, "seed"].tolist())
+        }
+        for label in labels
+    }
+
+
+def median_run(runs: pd.DataFrame) -> int:
+    """Return the seed of the run with the median area, of the middle two the lower."""
+    ranked = runs.sort_values(["area", "seed"], kind="stable")["seed"].tolist()
+    return int(ranked[(len(ranked) - 1) // 2])
+
+
+def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArray:
+    """Return the non-dominated corners (n, 2) of what at least ``percent`` of the runs reach.
+
+    Fronts are points (n_plans, 2), to be maximised; an empty one reaches the origin only. A
+    ``percent`` of 0 means one run.
+
+    Fonseca, Guerreiro, López-Ibáñez and Paquete, "On the computation of the empirical attainment
+    function", EMO 2011.
+    """
+    sets = _sets(fronts)
+    surface = moocore.eaf(-sets[:, :2], sets[:, 2], percentiles=[percent])
+    return np.asarray(-surface[:, :2] + 0.0)  # no negative zeros
+
+
+def attainment_difference(
+    fronts: Iterable[FloatArray], others: Iterable[FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Return rectangles (n, 4) that runs reach unequally often, and the differences (n,).
+
+    Rectangles are left, bottom, right and top, and do not overlap. A difference, in [-1, 1], is the
+    share of the first runs that reach the inside, less that of the others. If the numbers of runs
+    have no common multiple up to 120, it is off by up to one run's share.
+    """
+    fronts, others = list(fronts), list(others)
+    pooled = [*fronts, *others]
+    if np.array_equal(attainment_surface(pooled, 0), attainment_surface(pooled, 100)):
+        return np.empty((0, 4)), np.empty(0)  # all runs reach the same, which moocore cannot say
+    # Moocore gives whole steps, at most half as many as there are runs: with equally many runs
+    # of both, all differences are whole.
+    steps = math.lcm(len(fronts), len(others))
+    if 0 < steps <= _MAX_STEPS:
+        fronts, others = fronts * (steps // len(fronts)), others * (steps // len(others))
+    else:
+        steps = len(pooled) // 2
+    found = moocore.eafdiff(
+        _sets(fronts), _sets(others), intervals=steps, maximise=True, rectangles=True
+    )
+    corners = np.maximum(found[:, :4], 0.0)  # unbounded ones reach to the axes
+    low = np.minimum(corners[:, :2], corners[:, 2:])
+    high = np.maximum(corners[:, :2], corners[:, 2:])
+    real = (low < high).all(axis=1) & (found[:, 4] != 0)
+    return np.hstack([low, high])[real], found[real, 4] / steps
+
+
+def _sets(fronts: Iterable[FloatArray]) -> FloatArray:
+    """Return points of all runs with the number of their run; moocore does not take empty sets."""
+    points = [front if len(front) else np.zeros((1, 2)) for front in fronts]
+    numbers = np.repeat(np.arange(len(points), dtype=float), list(map(len, points)))
+    return np.column_stack([np.concatenate(points), numbers])
+
+
+def _shade(ax: Axes, rectangles: FloatArray, shade: look.Colour, name: str) -> None:
+    """Fill rectangles (n, 4): left, bottom, right and top; name them in the legend."""
+    left, low, right, top = rectangles.T
+    corners = np.stack([left, low, right, low, right, top, left, top], axis=1).reshape(-1, 4, 2)
+    # Edges of the same colour hide the seams between neighbours.
+    style: look.Style = {"color": [shade], "linewidths": 0.3, "zorder": 1, "label": name}
+    ax.add_collection(PolyCollection(list(corners), rasterized=len(corners) > _MANY, **style))

@@ -1,23 +1,36 @@
-"""The picture of what may happen to plans: distributions of reward and survivors."""
+"""Pictures of what may happen: distributions of a plan's outcomes, and missions as played."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from string import ascii_uppercase
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 import seaborn as sns
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike
 
+from botohe_moo.base.numbers import price_text
+from botohe_moo.decide.fronts import check_objectives
 from botohe_moo.decide.wishes import Candidates
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.plots.draw.algorithms import DASHES
-from botohe_moo.plots.draw.style import Palette, palette_of, theme
-from botohe_moo.plots.draw.texts import objectives_text
+from botohe_moo.plots import style as look
+from botohe_moo.plots.front import staircase
+from botohe_moo.plots.panels import DASHES
+from botohe_moo.plots.style import Palette
+from botohe_moo.plots.texts import objectives_text, title_above
 from botohe_moo.trails import TrailPlan
 
+if TYPE_CHECKING:
+    from botohe_moo.underway import PolicyOutcomes
+
 _FEW = 12  # most bars whose heights are written above them
+_SPREAD = 0.7  # of the distance between two numbers of survivors, for the clouds of all policies
 
 
 def plot_outcomes(
@@ -87,51 +100,31 @@ def plot_outcomes(
     elif isinstance(names, str) or len({*names}) != len(plans):
         raise ValueError(f"Expected {len(plans)} different names, one a plan, got {names!r}.")
     judged = Candidates(mission, plans)
-    colours = palette_of(map(str, names), palette)
+    colours = look.palette_of(map(str, names), palette)
     bars: list[dict[str, Any]] = []
-    with theme():
+    with look.theme():
         if axes is None:
             _, axes = plt.subplots(1, 2, figsize=(10.0, 4.6), layout="constrained")
         left, right = axes
         for i, (name, colour) in enumerate(colours.items()):
             reward, alive = (judged.distribution(what, i) for what in ("reward", "survivors"))
-            expected = objectives_text(reward.mean, alive.mean)
-            n_samples = reward.n_samples
-            source = f"; R from {n_samples:,} simulated missions" if n_samples else ""
-            sns.ecdfplot(
-                x=reward.values,
-                weights=reward.probabilities,
-                complementary=True,
-                color=colour,
-                linestyle=DASHES[i % len(DASHES)],
-                linewidth=2,
-                label=f"{name}: {expected}{source}",
-                ax=left,
-            )
-            dot: dict[str, Any] = {"color": colour, "markeredgecolor": "white"}
+            source = f"; R from {reward.n_samples:,} simulated missions" if reward.n_samples else ""
+            line: look.Style = {"color": colour, "linestyle": DASHES[i % len(DASHES)]}
+            line["label"] = f"{name}: {objectives_text(reward.mean, alive.mean)}{source}"
+            beyond = {"x": reward.values, "weights": reward.probabilities, "complementary": True}
+            sns.ecdfplot(**beyond, **line, linewidth=2, ax=left)
+            dot: look.Style = {"color": colour, "markeredgecolor": "white"}
             left.plot(reward.mean, reward.at_least(reward.mean), "o", markersize=8, **dot)
             right.plot(alive.mean, 0, "^", markersize=10, zorder=5, clip_on=False, **dot)
             numbers = zip(alive.values, alive.probabilities, strict=True)
             bars += [{"plan": name, "number": int(s), "probability": p} for s, p in numbers]
-        sns.barplot(
-            pd.DataFrame(bars),
-            x="number",
-            y="probability",
-            hue="plan",
-            native_scale=True,
-            palette=colours,
-            saturation=1.0,
-            legend=False,
-            ax=right,
-        )
+        columns: look.Style = {"hue": "plan", "palette": colours, "saturation": 1.0}
+        columns |= {"native_scale": True, "legend": False}
+        sns.barplot(pd.DataFrame(bars), x="number", y="probability", **columns, ax=right)
         if len(bars) <= _FEW:
+            texts: Any = {"fmt": lambda p: f"{p:.2f}" if p >= 0.005 else "", "fontsize": "small"}
             for drawn in right.containers:
-                right.bar_label(
-                    drawn,  # type: ignore[arg-type]
-                    fmt=lambda p: f"{p:.2f}" if p >= 0.005 else "",
-                    padding=2,
-                    fontsize="small",
-                )
+                right.bar_label(drawn, padding=2, **texts)  # type: ignore[arg-type]
         left.set(xlim=(0.0, mission.total_reward or 1.0), ylim=(0.0, 1.02))
         left.set(xlabel="team reward R", ylabel="probability of at least R")
         right.set(xlabel="number of survivors S", ylabel="probability of exactly S")
@@ -143,3 +136,64 @@ def plot_outcomes(
         left.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16))
         left.set_title(mission.title if title is None else title)
     return left, right
+
+
+def plot_policies(
+    outcomes: PolicyOutcomes,
+    objectives: ArrayLike | None = None,
+    *,
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw what came of each mission under each policy, their means, and the front beside them.
+
+    A small point is a mission; the points of a policy lie in a band of their own at each number of
+    survivors. A large mark is the mean of a policy, with two standard errors.
+
+    Parameters
+    ----------
+    outcomes
+        What :func:`botohe_moo.simulate_policy` returns.
+    objectives
+        Shape (n_plans, 2): E[R] and E[S] of the front's plans. Default: no front.
+    title
+        Name of the picture. Default: the mission's title, and what one more survivor costs.
+    ax
+        Axes to draw on. One will be created if not given.
+
+    Examples
+    --------
+    >>> from botohe_moo import simulate_policy, solve
+    >>> from botohe_moo.plots import plot_policies, save_plot
+    >>> solution = solve("toy", evaluations=100)
+    >>> outcomes = simulate_policy(solution.mission, solution.plans[1], missions=50)
+    >>> save_plot(plot_policies(outcomes, solution.objectives), "policies.png")
+    """
+    mission, table = outcomes.mission, outcomes.table.set_index("policy")
+    with look.theme():
+        ax = ax or look.new_axes(7.2, 5.2)
+        if objectives is not None:
+            corners = staircase(check_objectives(np.asarray(objectives, dtype=float)))
+            ax.plot(*corners[1:-2].T, color=look.MUTED, linewidth=1.4, zorder=2, label="front")
+        width = _SPREAD / len(table)
+        jitter = np.random.default_rng(0).uniform(-0.4, 0.4, outcomes.played["mission"].nunique())
+        cloud: look.Style = {"s": 5, "alpha": 0.25, "linewidths": 0, "zorder": 1}
+        mean: look.Style = {"markersize": 9, "markeredgecolor": look.INK, "ecolor": look.INK}
+        inks, markers = look.colours(len(table)), cycle(look.MARKERS)
+        for i, (policy, ink, marker) in enumerate(zip(table.index, inks, markers, strict=False)):
+            row, played = table.loc[policy], outcomes.played[outcomes.played["policy"] == policy]
+            band = (i - (len(table) - 1) / 2 + jitter) * width
+            ax.scatter(played["reward"], played["survivors"] + band, color=ink, **cloud)
+            gained = f": {row['gain']:+.2f} ± {row['gain_se']:.2f}" if policy != "static" else ""
+            reward, survivors = played["reward"].sem(), played["survivors"].sem()
+            errors: look.Style = {"xerr": 2 * reward, "yerr": 2 * survivors, "color": ink}
+            errors |= {"marker": marker, "zorder": 3, "label": f"{policy}{gained}"}
+            ax.errorbar(row["reward"], row["survivors"], **errors, **mean)
+        ax.set(xlabel="team reward R", ylabel="number of survivors S, a band for each policy")
+        ax.set_xlim(-0.02 * mission.total_reward, 1.02 * mission.total_reward or 1.0)
+        ax.set(ylim=(-0.5, mission.robots + 0.5), yticks=range(mission.robots + 1))
+        ax.legend(loc="upper left", bbox_to_anchor=(0, -0.12), ncols=2, title="gain a mission")
+        price = price_text(outcomes.price)
+        missions = f"{len(jitter):,} missions"
+        title_above(ax, mission.title if title is None else title, f"{price}; {missions}")
+    return ax

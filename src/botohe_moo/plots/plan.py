@@ -1,38 +1,60 @@
-"""Pictures of plans: the trails of one on maps, and a front with maps of some of its plans."""
+"""Pictures of plans: the trails of one on maps, a front with maps of some plans, and a new plan."""
+
+from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from textwrap import fill
+from typing import TYPE_CHECKING
 
+import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_rgba
+from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox
 
 from botohe_moo.base.numbers import probability_text
+from botohe_moo.base.types import FloatArray
 from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
-from botohe_moo.plots.draw.background import read_background
-from botohe_moo.plots.draw.canvas import open_axes
-from botohe_moo.plots.draw.kinds import place_notes
-from botohe_moo.plots.draw.maps import (
-    PlanMap,
-    add_reach_bar,
-    key_of,
-    name_map,
-    name_room,
-    open_sheet,
-    title_sheet,
-)
-from botohe_moo.plots.draw.places import node_positions
-from botohe_moo.plots.draw.site import place_name, site_of
-from botohe_moo.plots.draw.style import INK, theme
-from botohe_moo.plots.draw.texts import objectives_text, title_above
-from botohe_moo.plots.draw.trails import robot_styles
+from botohe_moo.plots import canvas as maps
+from botohe_moo.plots import site as where
+from botohe_moo.plots import style as look
+from botohe_moo.plots.canvas import Canvas, RobotStyle, open_axes, robot_styles
 from botohe_moo.plots.front import front_summary, plot_front
+from botohe_moo.plots.texts import Space, objectives_text, text_size, title_above
 from botohe_moo.trails import Plans, TrailPlan
+
+if TYPE_CHECKING:
+    from botohe_moo.underway import Replan
 
 _MAX_MAPS = 24
 # The marker of each mark, and a letter that looks like it.
 _SIGNS = {"farthest from the chord": ("D", "◆"), "largest product": ("*", "☆")}
+_GROUND = "#c9c9c9"
+
+# In points:
+_SMALLEST = 1.6  # least radius of a node on a trail
+_LEGIBLE = 2.2  # least radius of a node for arcs off the trails to be drawn
+_DOTS = 1.5  # least distance between nodes for those off the trails to be drawn
+_NUMBERS = 6.5  # height of numbers beside nodes
+_ROBOTS = 7.0  # height of names of robots
+_NEAR = 1.5  # how far the names of many nodes may be from them
+_ROOM = 20.0  # distance between most nodes at which numbers have room
+
+# In inches:
+_NAME = 0.34  # height of the name over each map
+_ABOVE = 0.8  # height of the title over all maps
+_RIGHT = 0.95  # width of the key right of all maps
+_GAP = 0.15  # between maps
+
+_SPOTS = 60  # most places that are tried for a robot's name on a part of its trail
+_LINE = 14  # most letters in a line of numbers beside a node
+_SHAPE = 1.4  # the preferred width of a figure, divided by its height
+_EMPTY = 0.25  # what a place costs when the shape is chosen, so that few stay empty
 
 
 def plot_plan(
@@ -93,32 +115,33 @@ def plot_plan(
     >>> save_plot(plot_plan(toy, toy.plan([[1, 2, 4, 2, 1], [1, 2, 1]])), "plan.png")
     """
     shown = DrawnPlan(mission, plan)
-    behind = read_background(background, mission)
+    behind = where.read_background(background, mission)
     if title is None:
         title = f"{mission.title}\n{shown.objectives}"
-    with theme():
+    with look.theme():
         if ax is not None:
-            open_axes(node_positions(mission), ax, behind)
-            add_reach_bar(ax)
+            open_axes(mission, ax, behind)
+            _add_reach_bar(ax)
             shown.add_legend(ax)
             title_above(ax, title, "; ".join([*shown.staying, *shown.draw_team(ax), *shown.marks]))
             return ax
         robots = shown.leaving[:_MAX_MAPS]
         # Between more than three, the map of all robots is larger: trails share its arcs.
         span = 2 if len(robots) == 2 or len(robots) > 3 else 1
-        widest, room = 6.4 if len(robots) < 4 else 5.2, name_room(mission) / span
-        first, *others = open_sheet(mission, len(robots), span, behind, widest=widest, room=room)
-        open_axes(node_positions(mission), first, behind)
-        add_reach_bar(first, *others)
+        widest, room = 6.4 if len(robots) < 4 else 5.2, _name_room(mission) / span
+        first, *others = _open_sheet(mission, len(robots), span, widest=widest, room=room)
+        for one in (first, *others):
+            open_axes(mission, one, behind)
+        _add_reach_bar(first, *others)
         notes = [*shown.staying, *shown.draw_team(first), *shown.marks]
-        name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
+        _name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
         for small, robot in zip(others, robots, strict=True):
             shown.draw_robot(small, robot)
         if robots:
             notes.insert(0, "numbers: order of visit")
         if len(robots) < len(shown.leaving):
             notes.append(f"maps of {len(robots)} of the {len(shown.leaving)} robots that leave")
-        title_sheet(first, title, "; ".join(notes))
+        _title_sheet(first, title, notes)
     return first
 
 
@@ -173,11 +196,11 @@ def plot_choices(
     notes = [front_summary(objectives, mission)]
     if len(batch) > 1:
         notes.append(f"numbered: the knee, and {len(chosen)} representatives")
-    with theme():
+    with look.theme():
         others: list[Axes] = []
         if ax is None:
-            ax, *others = open_sheet(mission, len(rows), 2)
-            add_reach_bar(*others)
+            ax, *others = _open_sheet(mission, len(rows), 2)
+            _add_reach_bar(*others)
             # Inches for the names and numbers of its axes.
             inner = np.array([0.75, 0.6]) * ax.figure.figure.dpi / ax.figure.bbox.size
             place = ax.get_position()
@@ -188,10 +211,11 @@ def plot_choices(
         ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
         for row, small in zip(rows, others, strict=False):  # no maps beside given axes
             shown = DrawnPlan(mission, batch[row])
+            open_axes(mission, small)
             notes += [*shown.draw_team(small), *shown.marks]
             signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
             parts = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.staying]
-            name_map(small, "; ".join(parts))
+            _name_map(small, "; ".join(parts))
         title_above(ax, mission.title if title is None else title, "; ".join(dict.fromkeys(notes)))
     return ax
 
@@ -199,20 +223,58 @@ def plot_choices(
 def _draw_mark(ax: Axes, mark: Mark) -> None:
     """Draw the sign of a mark at its plan, and explain it in the legend."""
     marker = _SIGNS[mark.name][0]
-    is_diamond = marker == "D"  # the white star can be seen on it, too
-    ax.plot(
-        [mark.reward],
-        [mark.survivors],
-        linestyle="none",
-        marker=marker,
-        markersize=7.0 if is_diamond else 7.5,
-        markerfacecolor=INK if is_diamond else "white",
-        markeredgecolor=INK,
-        markeredgewidth=0.8,
-        clip_on=False,
-        zorder=5,
-        label=f"{mark.name}: plan {mark.index}",
-    )
+    # The white star can be seen on the diamond, too.
+    size, fill = (7.0, look.INK) if marker == "D" else (7.5, "white")
+    style: look.Style = {"marker": marker, "markersize": size, "markerfacecolor": fill}
+    style |= {"linestyle": "none", "markeredgecolor": look.INK, "markeredgewidth": 0.8}
+    label = f"{mark.name}: plan {mark.index}"
+    ax.plot([mark.reward], [mark.survivors], **style, clip_on=False, zorder=5, label=label)
+
+
+def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
+    """Draw what is left of a plan, and beside it the plan that was made anew.
+
+    Robots that are under way have a triangle where they are, and are called by their rows in the
+    plan that was made before: R0, R1, ...
+
+    Parameters
+    ----------
+    found
+        What :func:`botohe_moo.replan` returns.
+    title
+        Name of the picture; default: the mission's title, and what changes.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes of the map of the old plan.
+
+    Examples
+    --------
+    >>> from botohe_moo import Event, load_mission, replan
+    >>> from botohe_moo.plots import plot_replan, save_plot
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> found = replan(toy, plan, [Event("lost", 0, 4)], price=1)
+    >>> save_plot(plot_replan(found), "replan.png")
+    """
+    mission, notes = found.left.mission, []
+    with look.theme():
+        old, new = _open_sheet(mission, 1, 1, widest=6.4, room=_name_room(mission))
+        _add_reach_bar(old, new)
+        sides = {
+            "what is left of the plan": (old, found.left.plan),
+            "the new plan": (new, found.plan),
+        }
+        for words, (ax, plan) in sides.items():
+            shown = DrawnPlan(mission, plan)
+            named = zip(shown.styles, found.left.robots, strict=True)
+            shown.styles = [style._replace(name=f"R{robot}") for style, robot in named]
+            open_axes(mission, ax)
+            notes += [*shown.draw_team(ax), *shown.marks]
+            _name_map(ax, "; ".join([f"{words}: {shown.objectives}", *shown.staying]))
+        _title_sheet(old, f"{mission.title}\n{found}" if title is None else title, notes)
+    return old
 
 
 class DrawnPlan:
@@ -220,16 +282,13 @@ class DrawnPlan:
 
     def __init__(self, mission: Mission, plan: TrailPlan) -> None:
         check_mission(mission)
-        self.mission = mission
+        self.mission, self.site = mission, where.Site(mission)
         self.objectives = objectives_text(*mission.evaluate([plan])[0])
         self.survival = mission.robot_survival([plan])[0]  # (n_robots,)
         self.reach = reach_probabilities(mission, plan)  # (n_robots, n_nodes)
         self.trails, self.styles = mission.trails(plan), robot_styles(mission)
-
-    @property
-    def leaving(self) -> list[int]:
-        """Return the robots that leave where they start."""
-        return [robot for robot, trail in enumerate(self.trails) if len(trail) > 1]
+        self.marks = where.place_notes(self.site)  # what the marks of places mean
+        self.leaving = [robot for robot, trail in enumerate(self.trails) if len(trail) > 1]
 
     @property
     def staying(self) -> list[str]:
@@ -237,22 +296,18 @@ class DrawnPlan:
         home: dict[str, list[str]] = {}
         for style, trail in zip(self.styles, self.trails, strict=True):
             if len(trail) == 1:
-                home.setdefault(place_name(self.mission, trail[0]), []).append(style.name)
-        return [
-            f"all {len(names)} robots stay at {place}"
-            if len(names) == self.mission.robots > 1
-            else f"{', '.join(names)} stay{'s' if len(names) == 1 else ''} at {place}"
-            for place, names in home.items()
-        ]
-
-    @property
-    def marks(self) -> list[str]:
-        """Write what the marks of places on the maps mean."""
-        return place_notes(site_of(self.mission))
+                home.setdefault(where.place_name(self.mission, trail[0]), []).append(style.name)
+        notes = []
+        for place, names in home.items():
+            who = f"{', '.join(names)} stay{'s' if len(names) == 1 else ''}"
+            if len(names) == self.mission.robots > 1:
+                who = f"all {len(names)} robots stay"
+            notes.append(f"{who} at {place}")
+        return notes
 
     def draw_team(self, ax: Axes) -> list[str]:
         """Draw all trails, and return notes on the map."""
-        drawn = PlanMap(ax, self.mission, self.trails, self.styles, team_reach(self.reach))
+        drawn = _PlanMap(ax, self, list(range(self.mission.robots)), team_reach(self.reach))
         # Robots first: a trail without a name is worse than a node without one.
         drawn.name_robots()
         drawn.name_nodes()
@@ -260,25 +315,172 @@ class DrawnPlan:
 
     def draw_robot(self, ax: Axes, robot: int) -> None:
         """Draw the trail of one robot, with the numbers of its visits, and name the map."""
-        alone, style = [self.trails[robot]], self.styles[robot]
-        drawn = PlanMap(ax, self.mission, alone, [style], self.reach[robot])
-        name_map(ax, "; ".join([self._survives(robot), *drawn.number_visits()]), style)
+        drawn = _PlanMap(ax, self, [robot], self.reach[robot])
+        text = "; ".join([self._survives(robot), *drawn.number_visits()])
+        _name_map(ax, text, self.styles[robot])
 
     def add_legend(self, ax: Axes) -> None:
         """Add a legend of the robots' lines below a map."""
-        handles = [key_of(self._survives(robot), self.styles[robot]) for robot in self.leaving]
+        handles = [self.styles[robot].key(self._survives(robot)) for robot in self.leaving]
+        place: look.Style = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.01)}
+        place |= {"borderaxespad": 0.0, "columnspacing": 1.2, "fontsize": 9.0}
+        if len(self.mission.kinds) > 1:  # for dashes
+            place["handlelength"] = 2.4
         if handles:
-            ax.legend(
-                handles=handles,
-                ncols=min(3, len(handles)),
-                loc="upper left",
-                bbox_to_anchor=(0.0, -0.01),
-                borderaxespad=0.0,
-                columnspacing=1.2,
-                handlelength=2.4 if len(self.mission.kinds) > 1 else None,  # for dashes
-                fontsize=9.0,
-            )
+            ax.legend(handles=handles, ncols=min(3, len(handles)), **place)
 
     def _survives(self, robot: int) -> str:
         chance = probability_text(self.survival[robot], 2)
         return f"{self.styles[robot].name} survives with {chance}"
+
+
+class _PlanMap:
+    """A map of the trails of some robots, and of nodes shaded by ``reach`` (n_nodes).
+
+    ``notes`` are what has to be said about the map.
+    """
+
+    def __init__(self, ax: Axes, plan: DrawnPlan, robots: list[int], reach: FloatArray) -> None:
+        self.mission, self.trails = plan.mission, [plan.trails[robot] for robot in robots]
+        self.styles = [plan.styles[robot] for robot in robots]
+        self.canvas = canvas = Canvas(ax, self.mission, plan.site, smallest=_SMALLEST)
+        self.fills, self.notes = np.asarray(look.REACH(reach)), where.layout_notes(self.mission)
+        self.is_legible = canvas.radius >= _LEGIBLE
+        if self.is_legible:
+            away, edge = 0.8 * canvas.radius, look.MUTED
+            if _draw_ground(canvas):
+                self.notes.append("grey arrows: one way only")
+        else:
+            away, edge = 0.25 * canvas.spacing if canvas.spacing >= _DOTS else 0.0, _GROUND
+            self.fills[reach == 0] = to_rgba(edge)
+            missing = "arcs" if away else "nodes and arcs"
+            self.notes.append(f"{missing} off the trails are too small to draw")
+        self.points = canvas.draw_trails(self.trails, self.styles)  # (n_passages, n_points, 2)
+        edges = [look.INK if there else edge for there in reach > 0]
+        canvas.draw_nodes(self.fills, np.where(reach > 0, canvas.radius, away), edges)
+        shown = canvas.xy[(reach > 0) | self.is_legible]
+        self.space = Space(ax, shown, canvas.radius, self.points[:, ::2])
+
+    def name_nodes(self) -> None:
+        """Write the names of nodes into or beside them, first of those visited.
+
+        Names of many nodes stand close to them, so that it is clear which node each belongs to.
+        """
+        visited = sorted({node for trail in self.trails for node in trail})
+        order = list(dict.fromkeys([*visited, *range(len(self.fills))]))
+        reach = maps.FAR if len(order) <= maps.MANY else _NEAR if self.is_legible else 0.0
+        names = {node: str(self.mission.nodes[node]) for node in order}
+        self.notes += self.canvas.label_nodes(self.space, names, self.fills, reach=reach)
+
+    def number_visits(self) -> list[str]:
+        """Write the numbers of the only robot's visits, from 1 after the base; return notes."""
+        if not self.is_legible:
+            return ["too small to number"]
+        visits: dict[int, list[str]] = {}
+        for i, node in enumerate(self.trails[0][1:], start=1):
+            visits.setdefault(node, []).append(str(i))
+        texts = {node: fill(", ".join(numbers), _LINE) for node, numbers in visits.items()}
+        longest_first = dict(sorted(texts.items(), key=lambda item: -len(item[1])))
+        options: look.Style = {"size": _NUMBERS, "what": "numbers"}
+        return self.canvas.label_nodes(self.space, longest_first, self.fills, **options)
+
+    def name_robots(self) -> None:
+        """Write the names of robots on their trails, up to three times on long ones."""
+        stops = np.cumsum([len(trail) - 1 for trail in self.trails])
+        parts = np.split(self.points, stops[:-1])
+        for style, passages in zip(self.styles, parts, strict=True):
+            for part in np.array_split(passages, min(3, -(-len(passages) // 8)) or 1):
+                if len(part):
+                    self._name_robot(style, part)
+
+    def _name_robot(self, style: RobotStyle, passages: FloatArray) -> None:
+        """Write a robot's name on one of these passages, or else right beside one."""
+        width, height = text_size(style.name, _ROBOTS)
+        on = passages[:, 4:13:2].reshape(-1, 2)
+        on = on[:: -(-len(on) // _SPOTS)]
+        aside = (width / 2 + 5) / self.canvas.scale * np.array([(0, 0), (1, 0), (-1, 0), (0, 1)])
+        at = (on + aside[:, None]).reshape(-1, 2)
+        costs = np.where(np.arange(len(at)) < len(on), 0.0, 1e6)
+        best = self.space.place(self.space.in_points(at), width + 4, height + 2, costs)
+        if best is not None:
+            box = {"boxstyle": "round,pad=0.18", "fc": "white", "ec": style.colour}
+            text: look.Style = {"fontsize": _ROBOTS, "fontweight": "bold", "label": "_robot"}
+            text |= {"ha": "center", "va": "center_baseline", "bbox": box, "zorder": 7}
+            x, y = at[best]
+            self.canvas.ax.text(x, y, style.name, **text)
+
+
+def _draw_ground(canvas: Canvas) -> bool:
+    """Draw arcs in grey: lines that can be walked both ways, and arrows, if any, for one way."""
+    site = canvas.site
+    points = canvas.curves(site.tail, site.head, bowed=False)
+    both = points[(site.reverse >= 0) & (site.tail < site.head)]
+    once = points[site.reverse < 0]
+    for lines, name in ((both, "both ways"), (once, "one way")):
+        canvas.draw_lines(lines, colors=_GROUND, linewidths=0.9, zorder=1, label=f"_{name}")
+    if len(once):
+        # Before the middle, where the arrowheads of trails are.
+        at, towards = once[:, once.shape[1] // 3], once[:, -1] - once[:, 0]
+        heads: look.Style = {"facecolors": [look.MUTED], "zorder": 1, "label": "_ways"}
+        canvas.draw_heads(at, towards, np.full(len(once), 6.0), **heads)
+    return len(once) > 0
+
+
+def _open_sheet(
+    mission: Mission, n_small: int, span: int, *, widest: float = 5.2, room: float = 0.0
+) -> list[Axes]:
+    """Open a figure with large axes, ``span`` times as wide and high as the maps beside them.
+
+    On the small maps most nodes are ``room`` points apart, or as far as numbers need, unless a map
+    would be wider than ``widest`` inches.
+    """
+    xy = where.node_positions(mission)
+    _, half = maps.frame_of(xy)
+    # In points, on a map an inch wide; nodes may lie on each other.
+    spacing = max(72 * maps.crowding(xy) / (2 * half[0]), 1e-9)
+    inner = float(np.clip(max(room, _ROOM) / spacing, 4.2, widest))
+    wide, high = inner + _GAP, inner * half[1] / half[0] + _NAME
+    cells = n_small + span**2
+
+    columns = np.arange(span, cells + 1)
+    rows = np.maximum(span, -(-cells // columns))
+    cost = abs(np.log(wide * columns / (high * rows) / _SHAPE)) + _EMPTY * columns * rows
+    n_columns, n_rows = int(columns[cost.argmin()]), int(rows[cost.argmin()])
+    width, height = n_columns * wide + _RIGHT, _ABOVE + n_rows * high
+    fig = plt.figure(figsize=(width, height))
+    # Every cell has a name above it, so the highest ones begin below that.
+    space = {"left": 0.1 / width, "right": 1 - (_RIGHT + _GAP - 0.1) / width}
+    space |= {"bottom": 0.1 / height, "top": 1 - (_ABOVE + _NAME - 0.1) / height}
+    space |= {"wspace": _GAP / inner, "hspace": _NAME / (high - _NAME)}
+    grid = fig.add_gridspec(n_rows, n_columns, **space)
+    places = [(i, j) for i, j in np.ndindex(n_rows, n_columns) if max(i, j) >= span][:n_small]
+    cells_of_maps = [grid[:span, :span], *(grid[place] for place in places)]
+    return [fig.add_subplot(cell) for cell in cells_of_maps]
+
+
+def _title_sheet(first: Axes, title: str, notes: Sequence[str]) -> None:
+    """Write title and notes, each once, above all maps."""
+    width = first.figure.figure.get_figwidth() - _RIGHT
+    title_above(first, title, "; ".join(dict.fromkeys(notes)), width=width, lift=72 * _NAME)
+
+
+def _add_reach_bar(*axes: Axes) -> None:
+    """Put the key of the nodes' shades right of the highest of the rightmost maps."""
+    ax = max(axes, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1))
+    shades = ScalarMappable(Normalize(0, 1), look.REACH)
+    maps.add_colour_bar(ax, shades, "probability of being reached")
+
+
+def _name_map(ax: Axes, text: str, style: RobotStyle | None = None) -> None:
+    """Name a map above its upper left corner, with the line of its robot."""
+    key = Line2D([], [], linestyle="none", label=text) if style is None else style.key(text)
+    place: look.Style = {"borderaxespad": 0.1, "borderpad": 0.2, "fontsize": 9.5}
+    place |= {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False}
+    line, gap = (0.0, 0.0) if style is None else (2.4, 0.8)
+    ax.legend(handles=[key], handlelength=line, handletextpad=gap, **place)
+
+
+def _name_room(mission: Mission) -> float:
+    """Return the points between nodes at which most of their names have room."""
+    widths = [text_size(str(node), maps.NAMES)[0] for node in mission.nodes]
+    return float(np.percentile(widths, 80)) + 4.0

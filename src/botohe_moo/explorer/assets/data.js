@@ -84,6 +84,17 @@ function make(tag, attributes = {}, ...children) {
 const rowHead = (content) => make("th", { scope: "row" }, content);
 const columnHead = (content, number = true) => make("th", { scope: "col", class: number ? "number" : null }, content);
 
+/**
+ * Fill a table from its columns: the name, whether it holds numbers, and what makes the cell of a row.
+ * The first column heads the rows; columns that are false are left out.
+ */
+function fillTable(id, columns, rows, attributes = () => ({})) {
+  const shown = columns.filter(Boolean);
+  const head = make("tr", {}, ...shown.map(([name, number]) => columnHead(name, number)));
+  const body = rows.map((row, i) => make("tr", attributes(row), ...shown.map(([, , cellOf]) => cellOf(row, i))));
+  byId(id).replaceChildren(make("thead", {}, head), make("tbody", {}, ...body));
+}
+
 /** A text of at most so many letters; a longer one ends in an ellipsis. */
 function shortened(text, most) {
   const letters = [...text];

@@ -1,62 +1,11 @@
-// A plan and the view as files, as botohe_moo.decide writes them.
+// Files of a plan, as Python has written them into the page, and the view as a picture.
 
-const WRITERS = { json: planJson, csv: planCsv, geojson: planGeojson, svg: viewSvg };
 const INLINED = ["fill", "fill-opacity", "stroke", "stroke-width", "stroke-opacity", "stroke-dasharray",
   "stroke-linejoin", "opacity", "font-size", "font-family", "font-weight", "text-anchor", "paint-order",
   "vector-effect"];
 
-const labelsOf = (trail) => trail.map((node) => data.labels[node]);
-const positionOf = (node) => (data.pos ?? data.places)[node];
-
-/** Why the plan cannot be written in a format; empty if it can. */
-function missing(plan, kind) {
-  if (data.labels === null && kind !== "svg") return "The labels of this mission's nodes cannot be written to files.";
-  const bare = kind === "geojson" ? trailsOf(plan).flat().find((node) => positionOf(node) === null) : undefined;
-  return bare === undefined ? "" : `GeoJSON needs positions: node ${isolated(data.names[bare])} has none.`;
-}
-
-function planJson(plan) {
-  const [reward, survivors] = data.objectives[plan];
-  const content = {
-    mission: data.name, robots: data.robots, reward, survivors,
-    robot_survival: data.plans[plan].map((trail) => data.trail_survival[trail]),
-    trail_lengths: data.plans[plan].map((trail) => data.trail_lengths[trail]),
-    ...(data.kinds.length ? { robot_kinds: data.kind_of.map((kind) => data.kinds[kind]) } : {}),
-    ...(data.collected.length ? { robot_rewards: data.plans[plan].map((trail) => data.trail_rewards[trail]) } : {}),
-    trails: trailsOf(plan).map(labelsOf),
-  };
-  return `${JSON.stringify(content, null, 1)}\n`;
-}
-
-function planCsv(plan) {
-  const quoted = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-  const name = (label) => (typeof label === "string" ? label : JSON.stringify(label));
-  const kind = (robot) => (data.kinds.length ? [quoted(kindOf(robot))] : []);
-  const rows = trailsOf(plan).flatMap((trail, robot) =>
-    trail.map((node, step) =>
-      [robot, step, quoted(name(data.labels[node])), ...(positionOf(node) ?? ["", ""]),
-        ...kind(robot)].join(",")));
-  return [`robot,step,node,x,y${data.kinds.length ? ",kind" : ""}`, ...rows, ""].join("\r\n");
-}
-
-/** As from Python, but probabilities to be reached have six decimals. */
-function planGeojson(plan) {
-  const feature = (type, coordinates, properties) =>
-    ({ type: "Feature", geometry: { type, coordinates }, properties });
-  const lines = trailsOf(plan).map((trail, robot) => {
-    const way = trail.map(positionOf);
-    const number = data.plans[plan][robot];
-    const properties = { robot, survival: data.trail_survival[number], nodes: labelsOf(trail),
-      ...(data.kinds.length ? { kind: kindOf(robot) } : {}),
-      ...(data.collected.length
-        ? { length: data.trail_lengths[number], reward: data.trail_rewards[number] } : {}) };
-    return way.length > 1 ? feature("LineString", way, properties) : feature("Point", way[0], properties);
-  });
-  const points = [...reachOf(plan, "reached_values")].map(([node, reached]) => feature("Point", positionOf(node),
-    { node: data.labels[node], reward: data.rewards[node], reached,
-      ...(data.collected.length ? { collected: reachOf(plan, "collected_values").get(node) } : {}) }));
-  return `${JSON.stringify({ type: "FeatureCollection", features: [...lines, ...points] }, null, 1)}\n`;
-}
+/** The file of a plan in a format, or why there is none. */
+const fileOf = (plan, kind) => (kind === "svg" ? [viewSvg(), ""] : data.files[kind][plan]);
 
 /** Front and map side by side, in the colours of the screen. */
 function viewSvg() {
@@ -109,7 +58,7 @@ function plain(value) {
 
 function download(plan, kind) {
   const link = make("a", {
-    href: URL.createObjectURL(new Blob([WRITERS[kind](plan)])),
+    href: URL.createObjectURL(new Blob([fileOf(plan, kind)[0]])),
     download: `${data.name.replace(/[^\p{L}\p{N}._-]+/gu, "_")}-plan-${data.ids[plan]}.${kind}`,
   });
   link.click();

@@ -30,7 +30,7 @@ function renderTables() {
   showNodes(plan);
   showPinned(go, togglePin);
   showMarks(plan);
-  const faults = FILE_BUTTONS.map((button) => missing(plan, button.dataset.file));
+  const faults = FILE_BUTTONS.map(({ dataset: { file } }) => (file === "svg" ? "" : fileOf(plan, file)[1]));
   FILE_BUTTONS.forEach((button, i) => enable(button, faults[i] === ""));
   byId("no-files").textContent = [...new Set(faults)].join(" ").trim();
 }
@@ -43,13 +43,9 @@ function endPreview() {
 }
 
 function showWalk(said) {
-  const walk = byId("walk");
-  walk.max = Math.max(matching.length - 1, 0);
-  walk.value = d3.bisectLeft(matching, state.plan);
-  enable(walk, matching.length > 0);
-  walk.setAttribute("aria-valuetext", said);
-  enable(byId("less"), beside(-1) !== undefined);
-  enable(byId("more"), beside(1) !== undefined);
+  const ways = [-1, 1].map((by) => beside(by) !== undefined);
+  showSlider(d3.bisectLeft(matching, state.plan), Math.max(matching.length - 1, 0), said, ways);
+  enable(byId("walk"), matching.length > 0);
 }
 
 function showAnimate(plan) {
@@ -150,12 +146,12 @@ function toggleAnimation() {
 
 function onKey(event) {
   const { target, key } = event;
-  if (event.altKey || event.ctrlKey || event.metaKey || event.defaultPrevented) return;
+  if (isCommand(event)) return;
   if (key === "Escape") stopAnimation?.();
   if (target.id !== "walk" && target.closest("input, select, textarea")) return;
-  const by = { ArrowLeft: -1, ArrowRight: 1 }[key];
+  const by = stepOf(event);
   if (key === "Enter" && !target.closest("button, a, summary")) togglePin(state.plan);
-  else if (by && !target.closest(".scroll, .frame")) step(by);
+  else if (by) step(by);
   else return;
   event.preventDefault();
 }
@@ -165,9 +161,7 @@ function listen() {
   document.addEventListener("keydown", onKey);
   window.addEventListener("popstate", restore);
   byId("walk").addEventListener("input", (event) => act({ plan: matching[event.target.value] }, true));
-  const clicks = { less: () => step(-1), more: () => step(1), pin: () => togglePin(state.plan),
-    animate: toggleAnimation };
-  for (const [id, answer] of Object.entries(clicks)) byId(id).addEventListener("click", answer);
+  onClicks({ less: () => step(-1), more: () => step(1), pin: () => togglePin(state.plan), animate: toggleAnimation });
   byId("filters").addEventListener("input", filter);
   byId("filters").addEventListener("reset", () => setTimeout(filter));
   byId("filters").addEventListener("submit", (event) => event.preventDefault());

@@ -60,16 +60,14 @@ function whereText(robot) {
 }
 
 function showRobots() {
-  const several = data.kinds.length > 0;
-  const head = ["robot", ...(several ? ["kind"] : []), "is", "is to go to"].map((name) => columnHead(name, false));
-  const rows = trailsOf(step).map((trail, robot) => {
-    const ahead = isLost(robot) ? [] : trail.slice(data.at[step][robot] + 1);
-    const way = ahead.map((node) => isolated(data.names[node])).join(" → ");
-    return make("tr", {}, rowHead(make("span", { class: "robot" }, sampleOf(styles[robot], ANY), robot)),
-      ...(several ? [make("td", {}, kindOf(robot))] : []), make("td", { class: "where" }, whereText(robot)),
-      make("td", { class: "way" }, way));
-  });
-  byId("robots").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
+  const ahead = (trail, robot) => (isLost(robot) ? [] : trail.slice(data.at[step][robot] + 1));
+  const way = (nodes) => nodes.map((node) => isolated(data.names[node])).join(" → ");
+  fillTable("robots", [
+    ["robot", false, (_, robot) => rowHead(make("span", { class: "robot" }, sampleOf(styles[robot], ANY), robot))],
+    data.kinds.length && ["kind", false, (_, robot) => make("td", {}, kindOf(robot))],
+    ["is", false, (_, robot) => make("td", { class: "where" }, whereText(robot))],
+    ["is to go to", false, (trail, robot) => make("td", { class: "way" }, way(ahead(trail, robot)))],
+  ], trailsOf(step));
 }
 
 /** Buttons that lead to the losses. */
@@ -95,12 +93,7 @@ function render() {
   showRobots();
   tellNode(tellNode.node ?? null);
   tellUnnamed();
-  const walk = byId("walk");
-  walk.max = last();
-  walk.value = step;
-  walk.setAttribute("aria-valuetext", data.said[step]);
-  enable(byId("less"), step > 0);
-  enable(byId("more"), step < last());
+  showSlider(step, last(), data.said[step], [step > 0, step < last()]);
   enable(byId("play"), last() > 0);
   byId("play").textContent = playing ? "Stop" : "Play";
 }
@@ -157,9 +150,9 @@ function togglePlay() {
 
 function onKey(event) {
   const { target, key } = event;
-  if (event.altKey || event.ctrlKey || event.metaKey) return;
-  const by = { ArrowLeft: -1, ArrowRight: 1 }[key];
-  if (by && !target.closest(".scroll, .frame")) go(step + by);
+  if (isCommand(event)) return;
+  const by = stepOf(event);
+  if (by) go(step + by);
   else if (key === " " && !target.closest("button, summary")) togglePlay();
   else if (key === "Escape" && playing) togglePlay();
   else return;
@@ -178,6 +171,5 @@ openPage(() => {
   document.addEventListener("keydown", onKey);
   window.addEventListener("hashchange", restore);
   byId("walk").addEventListener("input", (event) => go(event.target.value));
-  const clicks = { less: () => go(step - 1), more: () => go(step + 1), play: togglePlay };
-  for (const [id, answer] of Object.entries(clicks)) byId(id).addEventListener("click", answer);
+  onClicks({ less: () => go(step - 1), more: () => go(step + 1), play: togglePlay });
 }).catch((error) => complain(error.message));

@@ -54,6 +54,23 @@ function zoom(factor) {
   render();
 }
 
+/** Show where the slider is, and whether there is something on each of its sides. */
+function showSlider(at, most, said, [less, more]) {
+  Object.assign(byId("walk"), { max: most, value: at });
+  byId("walk").setAttribute("aria-valuetext", said);
+  enable(byId("less"), less);
+  enable(byId("more"), more);
+}
+
+const isCommand = (event) => event.altKey || event.ctrlKey || event.metaKey || event.defaultPrevented;
+
+/** The step that an arrow key asks for, unless it scrolls. */
+const stepOf = ({ target, key }) => (target.closest(".scroll, .frame") ? 0 : { ArrowLeft: -1, ArrowRight: 1 }[key]);
+
+function onClicks(answers) {
+  for (const [id, answer] of Object.entries(answers)) byId(id).addEventListener("click", answer);
+}
+
 /** Tell how many names are not on the map. */
 function tellUnnamed() {
   const [all, unnamed] = [data.names.length, data.names.length - map.named.length];

@@ -34,14 +34,13 @@ function symbol(kind) {
 /** The marked plans, each once, from the most survivors to the most reward; rows lead to them. */
 function listMarks(go) {
   const plans = d3.sort(d3.group(data.marks, (mark) => mark.plan), ([plan]) => plan);
-  const head = [columnHead("plan", false), columnHead("reward"), columnHead("survivors"), columnHead("marked as", false)];
-  const rows = plans.map(([plan, marks]) => {
-    const kind = (marks.find((mark) => SYMBOLS[mark.kind]) ?? marks[0]).kind;
-    const button = make("button", { type: "button" }, symbol(kind), title(plan));
-    return make("tr", { "data-plan": plan, onclick: () => go(plan) }, rowHead(button), cell(rewardOf(plan)),
-      cell(survivorsOf(plan)), make("td", {}, marks.map((mark) => mark.name).join("; ")));
-  });
-  byId("marks").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
+  const kindOfMark = (marks) => (marks.find((mark) => SYMBOLS[mark.kind]) ?? marks[0]).kind;
+  fillTable("marks", [
+    ["plan", false, ([plan, marks]) => rowHead(make("button", { type: "button" }, symbol(kindOfMark(marks)), title(plan)))],
+    ["reward", true, ([plan]) => cell(rewardOf(plan))],
+    ["survivors", true, ([plan]) => cell(survivorsOf(plan))],
+    ["marked as", false, ([, marks]) => make("td", {}, marks.map((mark) => mark.name).join("; "))],
+  ], plans, ([plan]) => ({ "data-plan": plan, onclick: () => go(plan) }));
 }
 
 function showMarks(plan) {
@@ -55,20 +54,18 @@ function showRobots(plan, alone) {
   const trails = trailsOf(plan);
   const styles = stylesOf(trails);
   const sample = (robot) => sampleOf(styles[robot], trails[robot]);
-  const [several, rewards] = [data.kinds.length > 0, data.trail_reward_texts];
-  const head = [columnHead("robot", false), ...(several ? [columnHead("kind", false)] : []), columnHead("survives"),
-    ...(rewards.length ? [columnHead("brings alone")] : []), columnHead("length"), columnHead("nodes"),
-    columnHead("trail", false)];
-  const rows = trails.map((trail, robot) => {
-    const names = trail.map((node) => isolated(data.names[node]));
-    const way = make("td", { class: "way" }, trail.length > 1 ? names.join(" → ") : `stays at ${whereStays(trail)}`);
-    const number = data.plans[plan][robot];
-    return make("tr", {}, rowHead(make("span", { class: "robot" }, sample(robot), robot)),
-      ...(several ? [make("td", {}, kindOf(robot))] : []), barCell(data.trail_codes[number]),
-      ...(rewards.length ? [cell(rewards[number])] : []), cell(data.trail_length_texts[number]),
-      cell(new Set(trail).size - 1), way);
-  });
-  byId("robots").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
+  const rewards = data.trail_reward_texts;
+  const way = (trail) => (trail.length > 1 ? trail.map((node) => isolated(data.names[node])).join(" → ")
+    : `stays at ${whereStays(trail)}`);
+  fillTable("robots", [
+    ["robot", false, (_, robot) => rowHead(make("span", { class: "robot" }, sample(robot), robot))],
+    data.kinds.length && ["kind", false, (_, robot) => make("td", {}, kindOf(robot))],
+    ["survives", true, (number) => barCell(data.trail_codes[number])],
+    rewards.length && ["brings alone", true, (number) => cell(rewards[number])],
+    ["length", true, (number) => cell(data.trail_length_texts[number])],
+    ["nodes", true, (number) => cell(new Set(data.trails[number]).size - 1)],
+    ["trail", false, (number) => make("td", { class: "way" }, way(data.trails[number]))],
+  ], data.plans[plan]);
   const team = byId("team"); // its buttons stay, since one may have the focus
   if (!team.children.length) team.append(...trails.map((_, robot) => make("button", { type: "button", class: "robot",
     "data-robot": robot, "aria-label": `${robotText(robot)} alone`, onclick: () => alone(robot) })));
@@ -163,13 +160,14 @@ function showNodes(plan) {
   const byNode = d3.group(visits, (visit) => visit.node);
   const firstAt = (node) => d3.min(byNode.get(node), (visit) => visit.length);
   const collected = data.collected.length ? reachOf(plan, "collected") : null;
-  const head = [columnHead("node", false), columnHead("visited after"), columnHead("reward"), columnHead("reached"),
-    ...(collected ? [columnHead("collected")] : []), columnHead("by robots", false)];
-  const rows = d3.sort(reach, ([node]) => firstAt(node)).map(([node, code]) =>
-    make("tr", {}, rowHead(nodeName(node)), cell(lengthOf(firstAt(node))), cell(data.reward_texts[node]), barCell(code),
-      ...(collected ? [data.rewards[node] > 0 ? barCell(collected.get(node)) : cell("")] : []),
-      make("td", {}, byNode.get(node).map((visit) => robotName(visit.robot)).join(", "))));
-  byId("nodes").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
+  fillTable("nodes", [
+    ["node", false, ([node]) => rowHead(nodeName(node))],
+    ["visited after", true, ([node]) => cell(lengthOf(firstAt(node)))],
+    ["reward", true, ([node]) => cell(data.reward_texts[node])],
+    ["reached", true, ([, code]) => barCell(code)],
+    collected && ["collected", true, ([node]) => (data.rewards[node] > 0 ? barCell(collected.get(node)) : cell(""))],
+    ["by robots", false, ([node]) => make("td", {}, byNode.get(node).map((visit) => robotName(visit.robot)).join(", "))],
+  ], d3.sort(reach, ([node]) => firstAt(node)));
 }
 
 /** A card with a small map for each pinned plan; made anew only when pins change. */

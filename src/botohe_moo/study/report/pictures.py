@@ -11,18 +11,17 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from botohe_moo.indicators import INDICATORS, further_indicators
-from botohe_moo.plots.draw.style import palette_of, save_plot
-from botohe_moo.plots.study.attainment import plot_attainment, plot_attainment_difference
-from botohe_moo.plots.study.comparisons import (
+from botohe_moo.plots.comparisons import (
     overruled,
     plot_areas,
     plot_heat,
     plot_ranks,
+    plot_shortfalls,
     two_parameter_grids,
 )
-from botohe_moo.plots.study.curves import NAMES, Spent, plot_curves, plot_reached
-from botohe_moo.plots.study.fronts import plot_fronts
-from botohe_moo.plots.study.shortfalls import plot_shortfalls
+from botohe_moo.plots.curves import NAMES, Spent, plot_curves, plot_reached
+from botohe_moo.plots.front import plot_attainment, plot_attainment_difference, plot_fronts
+from botohe_moo.plots.style import palette_of, save_plot
 from botohe_moo.study.report.words import level, main_indicator, reference_words, slug
 from botohe_moo.study.store.tables import StudyTables
 

@@ -1,4 +1,4 @@
-"""Pictures that compare algorithms at the end of their runs: areas, ranks, and grids of medians."""
+"""Pictures that compare algorithms at the end of their runs: areas, ranks, medians, shortfalls."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -8,17 +8,12 @@ import pandas as pd
 import seaborn as sns
 from matplotlib.axes import Axes
 
-from botohe_moo.base.messages import check_number
-from botohe_moo.plots.draw.algorithms import (
-    add_legend_beside,
-    check_table,
-    chosen_algorithms,
-    draw_bound,
-    wrapped,
-)
-from botohe_moo.plots.draw.style import INK, Palette, new_axes, palette_of, theme
+from botohe_moo.plots import panels as shared
+from botohe_moo.plots.panels import check_table, chosen_algorithms
+from botohe_moo.plots.style import INK, Palette, new_axes, palette_of, theme
 
 _GOLDEN = (5**0.5 - 1) / 2  # its multiples spread evenly, whatever their number
+_LINEAR = 0.01  # per cent, below which shortfalls are drawn to a linear scale, down to 0
 _NO_PARAMETERS = {"algorithm", "name", "family", "package", "version"}
 
 
@@ -65,8 +60,7 @@ def plot_areas(
     ... )
     >>> save_plot(plot_areas(runs, summary), "areas.png")
     """
-    if bound is not None:
-        check_number("bound", bound, at_least=0, at_most=1)
+    shared.check_bound(bound)
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "status", "area"), algorithms)
     interval = ["area_median", "area_low", "area_high"]
     chosen_algorithms("summary", summary, ("algorithm", *interval), labels)
@@ -76,41 +70,29 @@ def plot_areas(
     spread = rows.groupby("algorithm").cumcount() * _GOLDEN % 1 - 0.5
     rows = rows.assign(row=row + 0.1 + 0.4 * spread, is_done=rows["status"] == "done")
     median, low, high = summary.set_index("algorithm").loc[labels, interval].to_numpy(float).T
+    points = _in_colours(labels, palette) | {"style": "is_done", "alpha": 0.6}
+    points["markers"] = {True: "o", False: "X"}
+    diamonds: dict[str, Any] = {"fmt": "d", "color": INK, "markersize": 6, "elinewidth": 1.5}
     with theme():
         ax = ax or new_axes(7.5, 0.9 + 0.4 * max(len(labels), 2))
-        sns.scatterplot(
-            rows,
-            x="area",
-            y="row",
-            hue="algorithm",
-            palette=palette_of(labels, palette),
-            style="is_done",
-            markers={True: "o", False: "X"},
-            alpha=0.6,
-            legend=False,
-            clip_on=False,
-            ax=ax,
-        )
-        ax.errorbar(
-            median,
-            np.arange(len(labels)) - 0.32,  # above the runs
-            xerr=[median - low, high - median],
-            fmt="d",
-            color=INK,
-            markersize=6,
-            elinewidth=1.5,
-            zorder=3,
-        )
+        sns.scatterplot(rows, x="area", y="row", ax=ax, legend=False, **points)
+        above = np.arange(len(labels)) - 0.32
+        ax.errorbar(median, above, xerr=[median - low, high - median], zorder=3, **diamonds)
         ax.set_ylim(len(labels) - 0.5, -0.7)
         ax.tick_params(axis="y", length=0)
-        ax.set_yticks(range(len(labels)), wrapped(labels))
+        ax.set_yticks(range(len(labels)), shared.wrapped(labels))
         ax.locator_params(axis="x", nbins=7)  # areas that differ little have long numbers
         ax.set(xlabel="area of the final front (normalised hypervolume)", ylabel="")
         ax.set_title(title or "")
         if bound is not None:
-            draw_bound([ax], bound, "x")
-            add_legend_beside(ax)
+            shared.draw_bound([ax], bound, "x")
+            shared.add_legend_beside(ax)
     return ax
+
+
+def _in_colours(labels: Sequence[str], palette: Palette | None) -> dict[str, Any]:
+    """Return how points are drawn in the colours of their algorithms."""
+    return {"hue": "algorithm", "palette": palette_of(labels, palette), "clip_on": False}
 
 
 def plot_ranks(
@@ -242,6 +224,72 @@ def plot_heat(
         for text in ax.texts:
             if text.get_text() == f"{np.nanmax(values):.4f}":
                 text.set_fontweight("bold")
+    return ax
+
+
+def plot_shortfalls(
+    summary: pd.DataFrame,
+    missions: pd.DataFrame,
+    *,
+    algorithms: Sequence[str] | None = None,
+    palette: Palette | None = None,
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw how far each algorithm's mean area is from the reference front's, on each mission.
+
+    Bars reach to what is certified: from the reference front up to the bound, where there is one.
+
+    Parameters
+    ----------
+    summary
+        A study's summary: columns ``mission``, ``algorithm``, ``area_mean`` and ``area_share``.
+    missions
+        Its missions: columns ``mission`` and ``bound_area``; from top to bottom.
+    algorithms, palette, title, ax
+        As in :func:`plot_curves`.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, or an algorithm is not known.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_shortfalls, save_plot
+    >>> summary = pd.DataFrame(
+    ...     [("toy", "ants", 0.4, 0.8), ("toy", "greedy", 0.45, 0.9)],
+    ...     columns=["mission", "algorithm", "area_mean", "area_share"],
+    ... )
+    >>> missions = pd.DataFrame({"mission": ["toy"], "bound_area": [0.51]})
+    >>> save_plot(plot_shortfalls(summary, missions), "shortfalls.png")
+    """
+    # Without rows, since tables have to be of one mission otherwise.
+    check_table("missions", missions[:0], ("mission", "bound_area"))
+    check_table("summary", summary[:0], ("mission", "area_mean", "area_share"))
+    labels = chosen_algorithms(
+        "summary", summary.drop(columns="mission"), ("algorithm",), algorithms
+    )
+    names = [name for name in missions["mission"] if name in set(summary["mission"])]
+    rows = summary[summary["algorithm"].isin(labels)]
+    rows = rows.assign(shortfall=(100 * (1 - rows["area_share"])).clip(lower=0.0))
+    whole = (summary["area_mean"] / summary["area_share"]).groupby(summary["mission"]).first()
+    bounds = missions.set_index("mission")["bound_area"].reindex(names)
+    gaps = 100 * (bounds.to_numpy(float) / whole.reindex(names).to_numpy(float) - 1)
+    with theme():
+        ax = ax or new_axes(7.5, 1.2 + 0.26 * max(len(names), 4))
+        ax.barh(names, gaps, 0.7, color="0.88", zorder=0, label="certified gap")
+        points = {**_in_colours(labels, palette), "style": "algorithm", "alpha": 0.85, "zorder": 3}
+        sns.scatterplot(rows, x="shortfall", y="mission", ax=ax, **points)
+        ax.set_xscale("symlog", linthresh=_LINEAR)
+        ax.set_xlim(left=0.0)
+        ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        ax.set_ylim(len(names) - 0.5, -0.5)
+        ax.tick_params(axis="y", length=0)
+        meaning = "per cent below the reference front (points), or above it at most (bars)"
+        ax.set(xlabel=meaning, ylabel="", title=title or "")
+        shared.add_legend_beside(ax)
     return ax
 
 

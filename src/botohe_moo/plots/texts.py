@@ -11,7 +11,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.textpath import text_to_path
 
 from botohe_moo.base.types import FloatArray
-from botohe_moo.plots.draw.style import INK, MUTED, readable_on
+from botohe_moo.plots.style import INK, MUTED, Style, readable_on
 
 _WORDS, _SUBTITLE = "_words", "_subtitle"
 _SIDES = np.array([(1, 0), (1, 1), (1, -1), (0, 1), (0, -1), (-1, 1), (-1, -1), (-1, 0)])
@@ -40,25 +40,18 @@ def title_above(
     at = 7.0 + lift
     for pale, size, name in ((words, 9.5, _WORDS), (rest, 10.0, _SUBTITLE)):
         if pale:
-            lines = textwrap.wrap(pale, _fitting(width, size))
-            ax.annotate(
-                "\n".join(lines),
-                (0, 1),
-                (0, at),
-                xycoords="axes fraction",
-                textcoords="offset points",
-                fontsize=size,
-                color="0.4",
-                label=name,
-            )
+            lines = _broken(pale, width, size)
+            look: Style = {"fontsize": size, "color": "0.4", "label": name}
+            look |= {"xycoords": "axes fraction", "textcoords": "offset points"}
+            ax.annotate("\n".join(lines), (0, 1), (0, at), **look)
             at += 1.25 * size * len(lines) + 1.5
-    head = textwrap.fill(head, _fitting(width, 12.0))
+    head = "\n".join(_broken(head, width, 12.0))
     ax.set_title(head, loc="left", fontsize=12, fontweight="bold", pad=at + 1.5)
 
 
-def _fitting(width: float, size: float) -> int:
-    """Return how many letters of ``size`` points fit on ``width`` inches."""
-    return max(8, int(width * 72 / (0.56 * size)))
+def _broken(text: str, width: float, size: float) -> list[str]:
+    """Break a text in letters of ``size`` points into lines of ``width`` inches."""
+    return textwrap.wrap(text, max(8, int(width * 72 / (0.56 * size))))
 
 
 def objectives_text(reward: float, survivors: float) -> str:
@@ -70,10 +63,8 @@ def objectives_text(reward: float, survivors: float) -> str:
 def text_size(text: str, size: float, *, bold: bool = False) -> tuple[float, float]:
     """Return width and height of a text in letters of ``size`` points, with some air around it."""
     font = FontProperties(size=size, weight="bold" if bold else "normal")
-    lines = text.split("\n")
-    widths = [
-        text_to_path.get_text_width_height_descent(line, font, ismath=False)[0] for line in lines
-    ]
+    measure, lines = text_to_path.get_text_width_height_descent, text.split("\n")
+    widths = [measure(line, font, ismath=False)[0] for line in lines]
     return max(widths) + 0.2 * size, 1.15 * size * len(lines)
 
 
@@ -124,7 +115,7 @@ class Space:
         size = min(9.0, 0.6 * room, room / max(text_size(text, 1.0)[0], 1e-9))
         if size < _LEAST:
             return False
-        look: dict[str, Any] = {"fontsize": size, "color": readable_on(fill), "zorder": 6}
+        look: Style = {"fontsize": size, "color": readable_on(fill), "zorder": 6}
         self.ax.annotate(text, tuple(at), ha="center", va="center_baseline", **look)
         return True
 
@@ -148,26 +139,19 @@ class Space:
         best = self.place(mark + offsets, width, height, np.where(clear, 0.0, 1e6))
         if best is None:
             return False
-        look: dict[str, Any] = {"fontsize": size, "fontweight": "bold" if bold else "normal"}
+        look: Style = {
+            "fontweight": "bold" if bold else "normal",
+            "va": "center" if "\n" in text else "center_baseline",
+            "path_effects": [withStroke(linewidth=1.8, foreground="white")],
+        }
         if tied[best]:
             # From the text's edge that faces the mark.
             edge = tuple(0.5 - np.clip(offsets[best] / half, -1, 1).round() / 2)
             look["arrowprops"] = {"arrowstyle": "-", "color": MUTED, "lw": 0.6, "relpos": edge}
             look["arrowprops"] |= {"shrinkA": 1.0, "shrinkB": self.radius}
-        self.ax.annotate(
-            text,
-            tuple(at),
-            tuple(offsets[best]),
-            textcoords="offset points",
-            ha="center",
-            va="center" if "\n" in text else "center_baseline",
-            linespacing=1.0,
-            color=INK,
-            path_effects=[withStroke(linewidth=1.8, foreground="white")],
-            zorder=6,
-            annotation_clip=False,
-            **look,
-        )
+        look |= {"fontsize": size, "color": INK, "ha": "center", "linespacing": 1.0, "zorder": 6}
+        look |= {"textcoords": "offset points", "annotation_clip": False}
+        self.ax.annotate(text, tuple(at), tuple(offsets[best]), **look)
         return True
 
 

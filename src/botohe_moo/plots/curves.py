@@ -8,19 +8,12 @@ import pandas as pd
 import seaborn as sns
 from matplotlib.axes import Axes
 
-from botohe_moo.base.messages import check_choice, check_number
+from botohe_moo.base.messages import check_choice
 from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import INDICATORS, TIE, further_indicators
-from botohe_moo.plots.draw.algorithms import (
-    axes_of,
-    check_table,
-    chosen_algorithms,
-    draw_bound,
-    finish,
-    line_styles,
-    log_axis,
-)
-from botohe_moo.plots.draw.style import Palette, theme
+from botohe_moo.plots import panels as shared
+from botohe_moo.plots.panels import check_bound, check_table, chosen_algorithms, log_axis
+from botohe_moo.plots.style import Palette, theme
 
 Spent = Literal["evaluations", "seconds"]
 Band = Literal["quartiles", "sd", "range"]
@@ -100,20 +93,21 @@ def plot_curves(
     ... )  # of a study: tables.trace.query("mission == 'museum'")
     >>> save_plot(plot_curves(trace, title="The museum"), "curves.png")
     """
-    if bound is not None:
-        check_number("bound", bound, at_least=0, at_most=1)
-        if value != "area":
-            raise ValueError(f"Expected no bound, which is of areas, with {value}, got {bound}.")
+    if bound is not None and value != "area":
+        raise ValueError(f"Expected no bound, which is of areas, with {value}, got {bound}.")
+    check_bound(bound)
     check_choice("band", band, _BANDS)
     steps = progress(trace, x=x, value=value, algorithms=algorithms)
     steps[value] = steps[value].where(steps[value].abs() > TIE, 0.0)
     estimator, errorbar = _BANDS[band]
     middle = steps.pivot_table(values=value, index=x, columns="algorithm", aggfunc=estimator)
     chosen = [a for a in chosen_algorithms("trace", trace, (), algorithms) if a in middle]
-    styles = line_styles(chosen, palette)
+    styles = shared.line_styles(chosen, palette)
     labels = sorted(chosen, key=lambda label: -middle[label].iloc[-1])
+    drawn: dict[str, Any] = {"x": x, "y": value, "estimator": estimator, "errorbar": errorbar}
+    drawn |= {"drawstyle": "steps-post", "legend": False}
     with theme():
-        axes = axes_of(labels, ax)
+        axes = shared.axes_of(labels, ax)
         marked = len(set(axes.values())) == 1 and len(labels) > _COLOURS_ALONE
         for label in labels:
             rows, style = steps[steps["algorithm"] == label], styles[label]
@@ -123,33 +117,17 @@ def plot_curves(
                 style["markevery"] = (5 * chosen.index(label) % min(40, n_points), 40)
             else:
                 style["marker"] = None
-            sns.lineplot(
-                rows,
-                x=x,
-                y=value,
-                estimator=estimator,
-                errorbar=errorbar,
-                drawstyle="steps-post",
-                ax=axes[label],
-                **style,
-            )
+            sns.lineplot(rows, **drawn, **style, ax=axes[label])
         first = axes[labels[0]]
         log_axis(first)
         if value == "area":
-            _begin_at_upper_half(first, middle)
-            if bound is not None:
-                draw_bound(dict.fromkeys(axes.values()), bound, "y")
+            # Where curves end has to be seen, and at least the upper half of the way there.
+            ends, (low, high) = middle.iloc[-1], first.get_ylim()
+            first.set_ylim(max(low, min(2 * ends.min() - ends.max(), 0.5 * ends.max())), high)
+            shared.draw_bound(dict.fromkeys(axes.values()), bound, "y")
         elif (steps[value] > 0).any():
             log_axis(first, "y")
-        finish(axes, title, NAMES[x], INDICATORS[value].in_words)
-    return first
-
-
-def _begin_at_upper_half(ax: Axes, middle: pd.DataFrame) -> None:
-    """Show where curves end, and at least the upper half of the way there."""
-    ends = middle.iloc[-1]
-    low, high = ax.get_ylim()
-    ax.set_ylim(max(low, min(2 * ends.min() - ends.max(), 0.5 * ends.max())), high)
+        return shared.finish(axes, title, NAMES[x], INDICATORS[value].in_words)
 
 
 def progress(
@@ -179,8 +157,8 @@ def progress(
     starts = starts.groupby("algorithm", observed=True).max()
     low, high = records[x].iloc[[0, -1]]
     grid = np.clip(np.geomspace(low, high, _N_POINTS), low, high)  # rounding may exceed the ends
-    points = np.unique(np.concatenate([grid, starts]))
-    every = records[run].drop_duplicates().merge(pd.DataFrame({x: points}), how="cross")
+    points = pd.DataFrame({x: np.unique(np.concatenate([grid, starts]))})
+    every = records[run].drop_duplicates().merge(points, how="cross")
     steps = pd.merge_asof(every.sort_values(x, kind="stable"), records, on=x, by=run)
     return steps[steps[x] >= steps["algorithm"].map(starts)]
 
@@ -244,18 +222,17 @@ def plot_reached(
     if shown.empty:
         raise ValueError("Expected at least one row of trace, got none.")
     low, high = float(shown.min()), float(shown.max())
-    styles = line_styles(spent, palette)
+    styles = shared.line_styles(spent, palette)
     labels = sorted(spent, key=lambda label: -np.isfinite(spent[label]).mean())
     with theme():
-        axes = axes_of(labels, ax)
+        axes = shared.axes_of(labels, ax)
         for label in labels:
             # What is never reached lies beyond the edge, since seaborn leaves out the infinite.
             within = np.clip(spent[label], low, 2 * high)
             sns.ecdfplot(x=within, ax=axes[label], **{**styles[label], "marker": None})
-        first = axes[labels[0]]
-        first.set(xlim=(low, high * 1.01), ylim=(-0.02, 1.02))
-        log_axis(first)
-        return finish(axes, title, NAMES[x], "share of runs × targets reached")
+        axes[labels[0]].set(xlim=(low, high * 1.01), ylim=(-0.02, 1.02))
+        log_axis(axes[labels[0]])
+        return shared.finish(axes, title, NAMES[x], "share of runs × targets reached")
 
 
 def first_reached(

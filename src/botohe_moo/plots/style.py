@@ -9,7 +9,6 @@ from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
-from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
@@ -18,6 +17,7 @@ from botohe_moo.base.files import check_suffix, replace_file
 
 Colour = tuple[float, float, float]
 Palette = str | Sequence[Any] | Mapping[str, Any]
+Style = dict[str, Any]  # keyword arguments of what matplotlib draws
 
 DPI = 160
 FORMATS = (".png", ".pdf", ".svg")
@@ -26,14 +26,10 @@ INK = "#262626"
 MUTED = "#8c8c8c"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print, too
 
-# Seaborn's palettes "colorblind", "crest" and "flare" and its style "ticks" are written out:
-# importing seaborn, which loads pandas and scipy.stats, takes longer than drawing a mission and its
-# front. Only pictures of studies and outcomes import it.
+# Seaborn's palettes "crest" and "flare" are written out, and its "colorblind" and "ticks" are in
+# own.mplstyle: importing seaborn, which loads pandas and scipy.stats, takes longer than drawing a
+# mission and its front. Only pictures of studies and outcomes import it.
 # fmt: off
-_COLOURBLIND = [
-    "#0173b2", "#de8f05", "#029e73", "#d55e00", "#cc78bc",
-    "#ca9161", "#fbafe4", "#949494", "#ece133", "#56b4e9",
-]
 # In sequential palettes the darker colour is more reward, danger or pheromone, or the node that is
 # reached with the greater probability.
 REWARD = LinearSegmentedColormap.from_list("crest", [
@@ -48,29 +44,9 @@ PHEROMONE = LinearSegmentedColormap.from_list("flare", [
 SURVIVAL = PHEROMONE.reversed()
 REACH = LinearSegmentedColormap.from_list("slate", ["#ffffff", "#c3ccd8", "#7f90a8", "#26364e"])
 
-_THEME: dict[Any, Any] = {
-    "axes.axisbelow": True,
-    "axes.edgecolor": INK,
-    "axes.facecolor": "white",
-    "axes.grid": True,
-    "axes.labelcolor": INK,
-    "axes.prop_cycle": cycler(color=_COLOURBLIND),
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlelocation": "left",
-    "axes.titleweight": "bold",
-    "figure.facecolor": "white",
-    "grid.color": "0.92",  # seaborn's is too dark behind many lines
-    "legend.frameon": False,
-    "lines.solid_capstyle": "round",
-    "patch.edgecolor": "white",
-    "patch.force_edgecolor": True,
-    "text.color": INK,
-    "xtick.color": INK,
-    "xtick.direction": "out",
-    "ytick.color": INK,
-    "ytick.direction": "out",
-}
+_THEME = mpl.rc_params_from_file(
+    Path(__file__).with_name("own.mplstyle"), use_default_template=False
+)
 
 
 def colours(n: int) -> list[Colour]:
@@ -96,8 +72,7 @@ def palette_of(labels: Iterable[str], palette: Palette | None = None) -> dict[st
         return dict(zip(labels, colours(len(labels)), strict=True))
     import seaborn as sns
 
-    found = sns.color_palette(palette, len(labels))
-    return dict(zip(labels, found, strict=False))
+    return dict(zip(labels, sns.color_palette(palette, len(labels)), strict=False))
 
 
 def tint(colour: Any, strength: float) -> Colour:

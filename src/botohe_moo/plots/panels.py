@@ -7,17 +7,14 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cbook import STEP_LOOKUP_MAP
 from matplotlib.collections import LineCollection
-from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from botohe_moo.base.messages import check_choice, check_frame
-from botohe_moo.base.types import FloatArray
-from botohe_moo.plots.draw.style import MARKERS, MUTED, Palette, new_axes, palette_of
+from botohe_moo.base.messages import check_choice, check_frame, check_number
+from botohe_moo.plots.style import MARKERS, MUTED, Palette, new_axes, palette_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,23 +72,16 @@ def axes_of(labels: Sequence[str], ax: Axes | None) -> dict[str, Axes]:
     """Return the axes of each algorithm: the same for all, or a panel each if there are many."""
     if ax is not None or len(labels) < _MANY:
         return dict.fromkeys(labels, ax or new_axes(7.5, 4.0))
-    n_rows = -(-len(labels) // _COLUMNS)
-    _, grid = plt.subplots(
-        n_rows,
-        _COLUMNS,
-        sharex=True,
-        sharey=True,
-        figsize=(11.0, 0.6 + 1.9 * n_rows),
-        layout="constrained",
-    )
-    panels = dict(zip(labels, grid.flat, strict=False))
+    import pandas as pd
+    import seaborn as sns
+
+    frame, shape = pd.DataFrame({"algorithm": labels}), {"height": 2.05, "aspect": 1.35}
+    grid = sns.FacetGrid(frame, col="algorithm", col_wrap=_COLUMNS, despine=False, **shape)
+    grid.figure.set_layout_engine("constrained")
+    panels = dict(zip(labels, grid.axes.flat, strict=True))
     for panel, name in zip(panels.values(), wrapped(labels), strict=True):
         panel.set_title(name, fontsize="small", fontweight="normal")
         panel.tick_params(labelsize="x-small")
-    for empty in grid.flat[len(labels) :]:
-        empty.set_visible(False)
-    for above_empty in grid[-2, len(labels) % _COLUMNS or _COLUMNS :]:
-        above_empty.xaxis.set_tick_params(labelbottom=True)
     return panels
 
 
@@ -107,13 +97,14 @@ def finish(axes: Mapping[str, Axes], title: str | None, x: str, y: str, **limits
         first.set(xlabel=x, ylabel=y, title=title or "")
         add_legend_beside(first)
         return first
-    lines = {label: _corners(panel.lines[0]) for label, panel in axes.items() if panel.lines}
-    handles = first.get_legend_handles_labels()[0]
-    further = [handle for handle in handles if handle is not first.lines[0]]
+    # The points (n, 2) of each line as it is drawn, in steps or not.
+    lines = {
+        label: np.transpose(STEP_LOOKUP_MAP[line.get_drawstyle()](*line.get_data()))
+        for label, line in ((label, panel.lines[0]) for label, panel in axes.items())
+    }
+    further = [line for line in first.get_legend_handles_labels()[0] if line is not first.lines[0]]
     for label, panel in axes.items():
         panel.set(xlabel="", ylabel="")
-        if legend := panel.get_legend():
-            legend.remove()
         others = [line for other, line in lines.items() if other != label]
         grey = LineCollection(others, colors="0.85", linewidths=0.7, zorder=0.5)
         panel.add_collection(grey, autolim=False)
@@ -133,16 +124,11 @@ def add_legend_beside(ax: Axes) -> None:
         ax.legend(handles, wrapped(names), loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
-def _corners(line: Line2D) -> FloatArray:
-    """Return the points (n, 2) of a line as it is drawn, in steps or not."""
-    return np.transpose(STEP_LOOKUP_MAP[line.get_drawstyle()](*line.get_data()))
-
-
 def log_axis(ax: Axes, which: Literal["x", "y"] = "x") -> None:
     """Make an axis logarithmic, with numbers that people read: 0.01, 200, 10,000, 2M."""
     ax.set(**{f"{which}scale": "log"})
     axis = ax.xaxis if which == "x" else ax.yaxis
-    low, high = ax.get_xlim() if which == "x" else ax.get_ylim()
+    low, high = axis.get_view_interval()
     if high < 5 * low:
         axis.set_major_locator(MaxNLocator(4))
     elif high < 50 * low:
@@ -157,14 +143,20 @@ def tick_text(value: float) -> str:
     return f"{value / 1e6:,.10g}M" if value >= 1e6 else f"{value:,.10f}".rstrip("0").rstrip(".")
 
 
-def draw_bound(axes: Iterable[Axes], bound: float, which: Literal["x", "y"]) -> None:
+def check_bound(bound: float | None) -> None:
+    """Refuse what is no area."""
+    if bound is not None:
+        check_number("bound", bound, at_least=0, at_most=1)
+
+
+def draw_bound(axes: Iterable[Axes], bound: float | None, which: Literal["x", "y"]) -> None:
     """Draw a dashed line at the area ``bound`` on axes with the same limits, which then reach it.
 
     A line that would more than double the areas that are shown is left out.
     """
     for ax in axes:
-        low, high = ax.get_xlim() if which == "x" else ax.get_ylim()
-        if bound <= high + max(high - low, _LEAST_ROOM):
+        low, high = (ax.xaxis if which == "x" else ax.yaxis).get_view_interval()
+        if bound is not None and bound <= high + max(high - low, _LEAST_ROOM):
             draw = ax.axhline if which == "y" else ax.axvline
             label = f"no front exceeds {bound:.4f}"
             draw(bound, color=MUTED, ls="--", lw=1.0, zorder=1, label=label)

@@ -1,1 +1,0 @@
-"""What pictures share: canvas, fonts, labels, palettes."""
