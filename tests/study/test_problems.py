@@ -1,6 +1,5 @@
 """Studies of objectives of your own: ``problem: module:Class``."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,11 +11,10 @@ from botohe_moo import area_indicator, load_mission, make_algorithm
 from botohe_moo.indicators import igd_plus_indicator
 from botohe_moo.study import StudyError, load_study, make_tables, merge_studies, read_study
 from botohe_moo.study import run_study as run
-from botohe_moo.study.file.code import code_mismatch
-from botohe_moo.study.report.page import write_report
-from botohe_moo.study.run.perform import perform, verify
-from botohe_moo.study.run.pool import checked_outcome
-from botohe_moo.study.run.task import Outcome
+from botohe_moo.study.perform import perform, verify
+from botohe_moo.study.pool import checked_outcome
+from botohe_moo.study.report import write_report
+from botohe_moo.study.task import Outcome, code_mismatch
 from tests.study import problems_made
 from tests.study.problems_made import Weakest
 
@@ -177,14 +175,6 @@ class TestRefused:
             assert fault(of_problem(name)).startswith(f"problem: '{MADE}:{name}': {said}")
         assert "cannot be imported" in fault({**STUDY, "problem": "no_such_module:X"})
         assert "Expected problem to be a text" in fault({**STUDY, "problem": 3})
-
-    def test_its_package_is_named_where_it_is_missing(self, studied, tmp_path):
-        path = tmp_path / "study.json"
-        manifest = json.loads((studied[0] / "study.json").read_text())
-        manifest["problem"] = {"problem": "gone:X", "package": "gone", "version": "1.0"}
-        path.write_text(json.dumps(manifest))
-        with pytest.raises(StudyError, match=r"package gone 1.0, which is not installed"):
-            load_study({**STUDY, "problem": "gone:X"}, out=tmp_path)
 
     def test_bounds_and_best_known_fronts_are_of_other_objectives(self):
         for key, value in (("bounds", {"seconds": 1}), ("reference", "best-known")):

@@ -18,9 +18,10 @@ from botohe_moo._base.checks import most_alike
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.bounds import FrontBound
 from botohe_moo.mission.loading import read_mission, save_mission
-from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, StudyMission, digest_of
-from botohe_moo.study.file.values import canonical
-from botohe_moo.study.run.task import Outcome, Record
+from botohe_moo.study.content import canonical
+from botohe_moo.study.identity import digest_of
+from botohe_moo.study.model import MANIFEST, Run, Study, StudyError, StudyMission
+from botohe_moo.study.task import Outcome, Record
 from botohe_moo.trails import PlanBatch
 
 # The folders in a study's; its tables are made from the files in the first three.
@@ -124,12 +125,10 @@ class StudyFolder:
         damaged = []
         for run in runs:
             try:
-                outcome = self.load(run)
+                if (outcome := self.load(run)) is not None:
+                    yield run, outcome
             except StudyError as error:
                 damaged.append(str(error))
-            else:
-                if outcome is not None:
-                    yield run, outcome
         if damaged:
             raise StudyError("\n".join(damaged))
 
@@ -161,13 +160,22 @@ class StudyFolder:
         """List the files that a study's tables are made from, with sizes and times of change."""
         digests = {run.digest for run in study.runs()}
         digests |= {mission.bound_digest for mission in study.missions}
-        files = []
-        for part in (RUNS, FAILURES, BOUNDS):
-            for path in (self.path / part).glob("[!.]*"):
-                if path.stem.partition("-")[0] in digests:
-                    state = path.stat()
-                    files.append((f"{part}/{path.name}", state.st_size, state.st_mtime_ns))
+        files = [
+            (f"{part}/{path.name}", path.stat().st_size, path.stat().st_mtime_ns)
+            for part in (RUNS, FAILURES, BOUNDS)
+            for path in (self.path / part).glob("[!.]*")
+            if path.stem.partition("-")[0] in digests
+        ]
         return sorted(files)
+
+    def take_from(self, other: Path) -> None:
+        """Copy the files of runs, failures, missions and bounds that are not there yet."""
+        with writing(self.path):
+            for part in PARTS:
+                for path in sorted((other / part).glob("[!.]*")):
+                    copy = self.path / part / path.name
+                    if not copy.exists():
+                        replace_file(copy, read_bytes(path))
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The identity of an algorithm, on which its results depend: name, parameters and code."""
+"""What results depend on: digests, versions, and the identity and code of an algorithm."""
 
 import functools
 import hashlib
@@ -14,11 +14,29 @@ from botohe_moo._plugins.checks import call_factory
 from botohe_moo._plugins.entry_points import is_path, package_of
 from botohe_moo._plugins.types import changes_nothing, plain_value
 from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm
+from botohe_moo.study.content import canonical
 
+PACKAGES = {"version": "botohe-moo", "pymoo": "pymoo"}  # algorithms derive from pymoo's
 # Parameters that name operators.
 OPERATORS = ("sampling", "crossover", "mutation", "repair")
 # Their versions identify them; all other modules are identified by their file.
 _VERSIONED = frozenset({"botohe_moo", "pymoo"})
+
+
+def digest_of(identity: Any) -> str:
+    """Return the digest of all that a run's or a bound's result depends on."""
+    return text_digest(canonical(identity))
+
+
+def text_digest(text: str) -> str:
+    """Return the first 16 hexadecimal digits of a text's SHA-256."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@functools.cache  # versions are read from files
+def installed_versions() -> Mapping[str, str]:
+    """Return the versions of the packages that every result depends on."""
+    return {name: metadata.version(package) for name, package in PACKAGES.items()}
 
 
 @dataclass(frozen=True)
@@ -43,8 +61,7 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
     factory = find_algorithm(name)
     accepted = accepted_by(factory)
     # A method that takes any keywords may give its class other defaults, which are not stated.
-    stated = [p for p in accepted if p.own and not p.required]
-    defaults = {p.name: plain_value(p.default) for p in stated}
+    defaults = {p.name: plain_value(p.default) for p in accepted if p.own and not p.required}
     made = call_factory(PLUGINS.source(name), factory, accepted, parameters)
     given = {key: plain_value(value) for key, value in parameters.items()}
     effective = {**_attributes(made), **defaults, **_plain(getattr(made, "settings", {})), **given}
@@ -120,10 +137,10 @@ def algorithm_origin(
         entry = PLUGINS.entry(path)
         owner = entry.dist
         parts = [(entry.value, factory)]
-    if any(isinstance((parameters or {}).get(kind), str | Mapping) for kind in OPERATORS):
+    if parameters and any(kind in parameters for kind in OPERATORS):
         from botohe_moo.operators.registry import named_operators  # loads all operators
 
-        parts += named_operators(parameters or {})
+        parts += named_operators(parameters)
     origin = package_of(owner)
     if problem is not None:
         parts.append((problem, resolve_name(problem)))

@@ -1,30 +1,81 @@
 """The tables of a study: their columns, how they are written, and how they are read again."""
 
+import csv
+import gzip
+import hashlib
 import io
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.mission.loading import read_mission
 from botohe_moo.mission.model import Mission
-from botohe_moo.study.file.model import StudyError
-from botohe_moo.study.store.folder import read_manifest
-from botohe_moo.study.store.schemas import SCHEMAS
+from botohe_moo.study.folder import read_manifest
+from botohe_moo.study.model import StudyError
 from botohe_moo.trails import TrailPlan
 
-_LARGE = ("trace", "fronts", "plans", "references", "bounds")  # all others are CSV files, too
+INDEX = "tables.json"  # the schema of each table, and the study that they were made of
+_FORMAT = 2  # of these files; 1 were Parquet files without an index
+_LARGE = ("trace", "fronts", "plans", "references", "bounds")  # these are compressed
 _LONGEST_REASON = 200  # characters
-# Keys of the metadata of Parquet files: a digest of what the tables were made from, the same in all
-# that were made together, and in the table runs the manifest of the study.
-_MADE_FROM, _MANIFEST = b"made_from", b"study"
+_TEXT = pd.Series(["text"]).dtype  # pandas 3 has a type of its own for texts
+_DTYPES = {"text": _TEXT, "integer": "Int64", "number": "float64", "flag": "boolean"}
+_COMPLETE = {"text": _TEXT, "integer": "int64", "number": "float64", "flag": "bool"}
+
+
+class Column(NamedTuple):
+    """A column of a table."""
+
+    type: str  # text, integer, number or flag
+    description: str = ""
+    nullable: bool = True
+
+    @property
+    def dtype(self) -> Any:
+        """Its type in pandas."""
+        return (_DTYPES if self.nullable else _COMPLETE)[self.type]
+
+
+class _Schemas(Mapping[str, dict[str, Column]]):
+    """The columns of each table, by their names, as ``columns.csv`` lists them.
+
+    Some tables have a column for each further indicator that is registered.
+    """
+
+    def __init__(self) -> None:
+        file = resources.files("botohe_moo.study").joinpath("columns.csv")
+        self._rows: dict[str, list[dict[str, str]]] = {}
+        for row in csv.DictReader(file.read_text("utf-8").splitlines()):
+            self._rows.setdefault(row["table"], []).append(row)
+
+    def __getitem__(self, table: str) -> dict[str, Column]:
+        columns = {}
+        for row in self._rows[table]:
+            about = "; missing ".join(filter(None, [row["description"], row["missing"]]))
+            names = [""] if "{indicator}" not in row["column"] else further_indicators()
+            for name in names:
+                words = INDICATORS[name].in_words if name else ""
+                said = about.format(words=words, indicators=", ".join(INDICATORS))
+                column = row["column"].format(indicator=name)
+                columns[column] = Column(row["type"], said, bool(row["missing"]))
+        return columns
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+
+SCHEMAS = _Schemas()
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,45 +239,51 @@ class StudyTables:
         return self.mission(row["mission"]).plan(json.loads(row["trails"]))
 
 
-def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
-    """Convert a table; raise an error if a column is missing or not of its schema's type."""
-    schema = SCHEMAS[name]
-    if schema.metadata:  # the table may have further columns
-        further = frame.drop(columns=schema.names)
-        schema = pa.schema([*schema, *pa.Schema.from_pandas(further, preserve_index=False)])
-    return pa.Table.from_pandas(frame, schema, preserve_index=False)
+def as_table(name: str, rows: "Sequence[Mapping[Any, Any]] | pd.DataFrame") -> pd.DataFrame:
+    """Return rows as the table of a schema; a ValueError names a column that does not fit."""
+    columns = SCHEMAS[name]
+    table = pd.DataFrame(rows, columns=[*columns])
+    for column, of in columns.items():
+        if not of.nullable and table[column].isna().any():
+            raise ValueError(f"Table {name}: the column {column} has missing values.")
+        try:
+            dtype: Any = _DTYPES[of.type]
+            table[column] = table[column].astype(dtype).astype(of.dtype)
+        except (TypeError, ValueError) as error:
+            raise ValueError(
+                f"Table {name}, column {column}: expected {of.type}s ({error})."
+            ) from None
+    return table
 
 
-def from_arrow(table: pa.Table, **options: Any) -> pd.DataFrame:
-    """Convert a table back, without Arrow's threads.
-
-    They may still hold Python's data when Python ends, and then abort it (apache/arrow issues
-    34314 and 50482).
-    """
-    frame: pd.DataFrame = table.to_pandas(use_threads=False, **options)
-    return frame
+def _column_of(values: "pd.Series[Any]") -> Column:
+    """Return the type of a column that depends on the study."""
+    kinds = {str(dtype): kind for kind, dtype in _DTYPES.items()}
+    return Column(kinds.get(str(values.dtype), "text"))
 
 
 def write_tables(
     folder: Path, tables: Mapping[str, pd.DataFrame], manifest: Mapping[str, Any]
 ) -> None:
-    """Write tables as Parquet, and the small ones as CSV, too.
+    """Write tables as CSV, the large ones compressed, and an index with their schemas.
 
-    All are made before the first one replaces an earlier one. A process that is killed meanwhile
-    leaves some new tables beside old ones; a reader notices by ``made_from`` in their metadata.
+    All are made before the first one replaces an earlier one, and the index is written last. It
+    has the digest of each file: so a reader notices if a process was killed in the middle.
     """
-    files = {}
+    files, index = {}, {}
     for name, frame in tables.items():
-        table = to_arrow(name, frame)
-        metadata = {**table.schema.metadata, _MADE_FROM: manifest["made_from"]}
-        if name == "runs":
-            metadata[_MANIFEST] = json.dumps(manifest)
-        table = table.replace_schema_metadata(metadata)
-        buffer = io.BytesIO()
-        pq.write_table(table, buffer, compression="zstd")
-        files[f"{name}.parquet"] = buffer.getvalue()
-        if name not in _LARGE:
-            files[f"{name}.csv"] = frame.to_csv(index=False, lineterminator="\n").encode()
+        known = SCHEMAS[name]
+        columns = {c: known.get(str(c)) or _column_of(frame[c]) for c in frame}
+        data = frame.to_csv(index=False, lineterminator="\n").encode()
+        file = f"{name}.csv"
+        if name in _LARGE:
+            file, data = f"{file}.gz", gzip.compress(data, mtime=0)
+        files[file] = data
+        described = {column: of._asdict() for column, of in columns.items()}
+        digest = hashlib.sha256(data).hexdigest()
+        index[name] = {"file": file, "sha256": digest, "columns": described}
+    content = {"format": _FORMAT, "study": dict(manifest), "tables": index}
+    files[INDEX] = f"{json.dumps(content, indent=1)}\n".encode()
     for file, data in files.items():
         replace_file(folder / file, data)
 
@@ -242,7 +299,8 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
     Raises
     ------
     StudyError
-        If the folder holds no study or no tables yet, or if one is missing or damaged.
+        If the folder holds no study or no tables yet, or those of another version, or if a file
+        is missing, damaged or changed.
 
     Examples
     --------
@@ -260,23 +318,45 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
     """
     folder = Path(folder)
     remedy = f"`botohe study tables {folder}` makes the tables of the runs that are there."
-    tables, made_from, manifest = {}, set(), b""
-    for name in SCHEMAS:
-        path = folder / f"{name}.parquet"
-        try:
-            data = pa.BufferReader(read_bytes(path))
-            # Not ``read_table``: it starts threads whatever it is told.
-            table = pq.ParquetFile(data, pre_buffer=False).read(use_threads=False)
-            metadata = table.schema.metadata
-            made_from.add(metadata[_MADE_FROM])
-            manifest = metadata.get(_MANIFEST, manifest)
-            tables[name] = from_arrow(table)
-        except FileNotFoundError:
-            read_manifest(folder)  # raises if there is no study at all
-            raise StudyError(f"{path}: there is no such table yet. {remedy}") from None
-        except (OSError, ValueError, LookupError, pa.ArrowException) as error:
-            reason = f"{error}".partition("\n")[0][:_LONGEST_REASON]
-            raise StudyError(f"{path}: cannot be read ({reason}). {remedy}") from error
-    if len(made_from) > 1:
-        raise StudyError(f"{folder}: its tables are of several moments. {remedy}")
-    return StudyTables(folder, json.loads(manifest), **tables)
+    path = folder / INDEX
+    if not path.exists():
+        read_manifest(folder)  # raises if there is no study at all
+        if (folder / "runs.parquet").exists():
+            raise StudyError(f"{folder}: its tables are of an older version. {remedy}")
+        raise StudyError(f"{path}: there is no such file yet. {remedy}")
+    try:
+        index = json.loads(read_bytes(path))
+        described = {
+            name: {column: Column(**of) for column, of in table["columns"].items()}
+            for name, table in index["tables"].items()
+        }
+        is_ours = index["format"] == _FORMAT and all(
+            SCHEMAS[name].keys() <= described.get(name, {}).keys() for name in SCHEMAS
+        )
+        if not is_ours:
+            raise StudyError(f"{folder}: its tables are of another version. {remedy}")
+        tables = {}
+        for name in SCHEMAS:
+            path = folder / index["tables"][name]["file"]
+            data = read_bytes(path)
+            if hashlib.sha256(data).hexdigest() != index["tables"][name]["sha256"]:
+                raise ValueError("it was changed, or a process was killed that made tables")
+            tables[name] = _parsed(data, described[name])
+    except StudyError:
+        raise
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+        reason = f"{error}".partition("\n")[0][:_LONGEST_REASON]
+        raise StudyError(f"{path}: cannot be read ({reason}). {remedy}") from error
+    return StudyTables(folder, index["study"], **tables)
+
+
+def _parsed(data: bytes, columns: Mapping[str, Column]) -> pd.DataFrame:
+    """Return the table in a file; numbers are exactly those that were written."""
+    if data[:2] == b"\x1f\x8b":
+        data = gzip.decompress(data)
+    # Numbers are read as texts: not all versions of pandas read each of them exactly.
+    numbers = [column for column, of in columns.items() if of.type == "number"]
+    dtypes = {column: of.dtype for column, of in columns.items()} | dict.fromkeys(numbers, "str")
+    missing = {column: [""] for column, of in columns.items() if of.nullable}
+    frame = pd.read_csv(io.BytesIO(data), dtype=dtypes, keep_default_na=False, na_values=missing)
+    return frame.astype(dict.fromkeys(numbers, "float64"))

@@ -23,8 +23,8 @@ from botohe_moo.plots.study.comparisons import (
 from botohe_moo.plots.study.curves import NAMES, Spent, plot_curves, plot_reached
 from botohe_moo.plots.study.fronts import plot_fronts
 from botohe_moo.plots.study.shortfalls import plot_shortfalls
-from botohe_moo.study.report.words import level, main_indicator, reference_words, slug
-from botohe_moo.study.store.tables import StudyTables
+from botohe_moo.study.tables import StudyTables
+from botohe_moo.study.words import level, main_indicator, reference_words, slug
 
 FORMATS = ("png", "pdf", "svg")
 _SHARES = np.arange(50, 100) / 100  # of the reference front's area, as targets
