@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from botohe_moo import Kind, Mission, load_mission, save_mission
-from botohe_moo._base.document import Document
+from botohe_moo.base.documents import Document
 from botohe_moo.algorithms import algorithm_names
 from botohe_moo.study.content import StudyFile
 from botohe_moo.study.folder import StudyFolder, read_manifest

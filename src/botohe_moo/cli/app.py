@@ -188,8 +188,8 @@ def solve_mission(
         own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard}
         source = mission_source(mission, mission_parameter, **own)
         parameters = read_parameters(parameter)
-        from botohe_moo._base.checks import check_integer, check_number
         from botohe_moo.algorithms.registry import algorithm_parameters
+        from botohe_moo.base.messages import check_integer, check_number
         from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
         from botohe_moo.problem import BOTOHE
@@ -244,7 +244,7 @@ def solve_mission(
 def _search_and_write(
     problem: BOTOHE, algorithm: Algorithm, out: Path | None, *, show_all: bool, **how: Any
 ) -> tuple[Solution, Path]:
-    from botohe_moo._base.files import check_folder, new_folder
+    from botohe_moo.base.files import check_folder, new_folder
     from botohe_moo.cli.progress import showing_search
     from botohe_moo.mission.formats.reading import stem_of
     from botohe_moo.solution import PictureError

@@ -82,8 +82,8 @@ def bound_mission(
     with failing():
         own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard}
         source = mission_source(mission, mission_parameter, **own)
-        from botohe_moo._base.checks import check_integer, check_number
-        from botohe_moo._base.files import check_file
+        from botohe_moo.base.files import check_file
+        from botohe_moo.base.messages import check_integer, check_number
         from botohe_moo.bounds.plain import check_boundable
         from botohe_moo.mission import load_mission
 
@@ -143,7 +143,7 @@ def _prove(
     **how: Any,
 ) -> FrontBound:
     """Bound the front of a mission until the time is over or the event is set."""
-    from botohe_moo._base.cpus import n_cpus
+    from botohe_moo.base.runtime import n_cpus
     from botohe_moo.bounds import bound_front
     from botohe_moo.cli.progress import showing
 

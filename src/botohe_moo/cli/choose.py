@@ -187,7 +187,7 @@ def tell_choice(mission: Mission, choice: Choice, folder: Path) -> None:
 
 def trails_text(mission: Mission, plan: TrailPlan) -> str:
     """Write the trails of a plan, a line for each robot."""
-    from botohe_moo._base.words import probability_text
+    from botohe_moo.base.numbers import probability_text
     from botohe_moo.decide.wishes import label_text
 
     lines = []

@@ -76,7 +76,7 @@ def mission_from_map(
     Nodes are where ways meet or end, and their numbers are in the picture. All have reward 1, but
     the base 0. Needs pip install "botohe-moo[maps]".
     """
-    from botohe_moo._base.files import check_file, check_suffix
+    from botohe_moo.base.files import check_file, check_suffix
     from botohe_moo.mission import Mission, roadmap_from_map, save_mission
     from botohe_moo.plots import plot_mission, save_plot
 

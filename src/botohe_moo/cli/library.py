@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted
 from botohe_moo.cli.options import path_option
 from botohe_moo.cli.shell import FAILED, failing, say, tell
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted
 from botohe_moo.cli.from_map import mission_from_map
 from botohe_moo.cli.options import (
     BaseOption,
@@ -49,7 +49,7 @@ def missions(context: typer.Context) -> None:
 @missions_app.command("list")
 def list_missions() -> None:
     """List the named missions and the generators."""
-    from botohe_moo._plugins.stated import summary_of
+    from botohe_moo.base.parameters import summary_of
     from botohe_moo.mission import mission_names
     from botohe_moo.mission.loading import PLUGINS
 
@@ -251,8 +251,8 @@ def import_mission(
     Labels are texts. Names of columns may be in upper or lower case; further columns become
     attributes. What is wrong is named by file and row.
     """
-    from botohe_moo._base.checks import ParameterError, unknown_parameter
-    from botohe_moo._base.spreadsheets import read_table
+    from botohe_moo.base.files import read_table
+    from botohe_moo.base.messages import ParameterError, unknown_parameter
     from botohe_moo.mission import mission_from_tables, save_mission
     from botohe_moo.mission.formats.reading import stem_of
     from botohe_moo.mission.loading import OF_FILES

@@ -143,7 +143,7 @@ def _value(name: str, text: str) -> Any:
     for number in (int, float):
         with suppress(ValueError):
             return number(text)
-    from botohe_moo._base.document import Document, DocumentError
+    from botohe_moo.base.documents import Document, DocumentError
 
     try:
         return Document(text).content

@@ -90,7 +90,7 @@ def replan_mission(
     The exit status is 2 for bad input, and if files cannot be written.
     """
     with failing():
-        from botohe_moo._base.files import check_folder
+        from botohe_moo.base.files import check_folder
         from botohe_moo.cli.progress import showing
         from botohe_moo.underway import read_events, replan
 

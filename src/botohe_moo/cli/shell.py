@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, NoReturn, TextIO
 
 import typer
 
-from botohe_moo._base.signals import hold_signals
+from botohe_moo.base.runtime import hold_signals
 
 if TYPE_CHECKING:
-    from botohe_moo._plugins.stated import Parameter
+    from botohe_moo.base.parameters import Parameter
     from botohe_moo.mission.model import Mission
 
 FAILED = 1

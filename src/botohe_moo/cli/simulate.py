@@ -46,7 +46,7 @@ def simulate_missions(
     The exit status is 2 for bad input, and if the picture cannot be written.
     """
     with failing():
-        from botohe_moo._base.files import check_parent, check_suffix
+        from botohe_moo.base.files import check_parent, check_suffix
         from botohe_moo.cli.progress import showing
         from botohe_moo.plots import plot_policies, save_plot
         from botohe_moo.plots.draw.style import FORMATS

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted
 from botohe_moo.cli.options import out_option
 from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
 
@@ -54,8 +54,8 @@ PatienceOption = Annotated[
 
 
 def _workers(given: int | None) -> int:
-    from botohe_moo._base.checks import check_integer
-    from botohe_moo._base.cpus import n_cpus
+    from botohe_moo.base.messages import check_integer
+    from botohe_moo.base.runtime import n_cpus
 
     return n_cpus() if given is None else check_integer("--workers", given, at_least=1)
 
@@ -76,7 +76,7 @@ def run(
     Ctrl-C, SIGTERM and SIGHUP stop; what is done stays done, and the same command goes on from
     there.
     """
-    from botohe_moo._base.checks import check_integer
+    from botohe_moo.base.messages import check_integer
     from botohe_moo.cli.progress import StudyWatcher, showing
     from botohe_moo.study.loading import load_study
     from botohe_moo.study.model import study_folder

@@ -12,9 +12,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, InstanceOf
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.types import FloatArray
-from botohe_moo._plugins.entry_points import imported
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.types import FloatArray
+from botohe_moo.base.registry import imported
 from botohe_moo.indicators import Scale, largest_objectives
 from botohe_moo.mission.loading import library_name_of
 from botohe_moo.mission.model import Mission, numbers_digest

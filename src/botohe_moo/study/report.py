@@ -11,8 +11,8 @@ import jinja2
 import pandas as pd
 from scipy import stats
 
-from botohe_moo._base.files import replace_file
-from botohe_moo._base.words import counted
+from botohe_moo.base.files import replace_file
+from botohe_moo.base.messages import counted
 from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.study import words
 from botohe_moo.study.pictures import ReportFigure, draw_figures

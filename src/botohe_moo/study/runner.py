@@ -16,8 +16,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from botohe_moo._base.checks import check_integer, check_number
-from botohe_moo._base.signals import hold_signals
+from botohe_moo.base.messages import check_integer, check_number
+from botohe_moo.base.runtime import hold_signals
 from botohe_moo.library.files import library_digest
 from botohe_moo.study.cluster import check_address, dask_outcomes
 from botohe_moo.study.content import Seeds

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.bounds import FrontBound
 from botohe_moo.indicators import INDICATORS, TIE, Scale, area_indicator, further_indicators
 from botohe_moo.library import best_known, certified_bound

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo.base.files import read_bytes, replace_file
 from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.mission.loading import read_mission
 from botohe_moo.mission.model import Mission

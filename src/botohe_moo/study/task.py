@@ -14,8 +14,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._base.cpus import n_cpus
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.runtime import n_cpus
+from botohe_moo.base.types import FloatArray
 from botohe_moo.study.identity import PACKAGES, algorithm_origin, installed_versions
 from botohe_moo.study.model import Run, StudyAlgorithm, StudyMission
 from botohe_moo.trails import PlanBatch
