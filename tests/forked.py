@@ -112,7 +112,8 @@ def start_server():
             "OMP_NUM_THREADS": "1",
             "OPENBLAS_NUM_THREADS": "1",
             "NUMBA_NUM_THREADS": "1",
-            "JE_ARROW_MALLOC_CONF": "background_thread:false",  # pyarrow
+            # pandas loads pyarrow where it is installed.
+            "JE_ARROW_MALLOC_CONF": "background_thread:false",
         }
         server = subprocess.Popen(
             # -P: its own folder must not stand in for other modules.
@@ -132,11 +133,11 @@ def start_server():
 
 _LIBRARIES = (
     "alive_progress", "matplotlib.backends.backend_agg", "pandas", "psutil",
-    "pyarrow.csv", "pyarrow.parquet", "rich.progress", "scipy.stats", "typer", "yaml",
+    "rich.progress", "scipy.stats", "typer", "yaml",
 )  # fmt: skip
 _OURS = (
-    "plots.front", "plots.mission", "solving", "study.file.loading", "study.file.schema",
-    "study.merge", "study.report.page", "study.runner",
+    "plots.front", "plots.mission", "solving", "study.loading", "study.loading",
+    "study.runner", "study.report", "study.runner",
 )  # fmt: skip
 
 
@@ -254,7 +255,7 @@ def run(request, usual_path, usual_environment):
 
 def fork_its_runs():
     """Let the processes of runs be forked, too."""
-    from botohe_moo.study.run import pool
+    from botohe_moo.study import pool
 
     pool.subprocess = ForkedSubprocess
 

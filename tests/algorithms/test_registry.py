@@ -16,7 +16,7 @@ from botohe_moo.algorithms.registry import (
     algorithm_parameters,
     describe_algorithm,
 )
-from botohe_moo.study.file.origin import algorithm_identity, algorithm_origin
+from botohe_moo.study.identity import algorithm_identity, algorithm_origin
 from tests.base.packages import entries, write_package
 
 # Parameters of BO-ACO and their defaults.

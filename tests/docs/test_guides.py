@@ -13,7 +13,7 @@ from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES
 from botohe_moo.cli.app import app
 from botohe_moo.library import library_table
 from botohe_moo.mission.loading import ENTRIES
-from botohe_moo.study.report import pictures
+from botohe_moo.study import pictures
 from botohe_moo.testing import algorithms, missions
 from botohe_moo.testing.rules import rules_of, said_by
 from tests.docs.guides import DOCS, GUIDES, NOTEBOOKS, ROOT, blocks, links, printed_by, words

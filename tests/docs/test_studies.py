@@ -15,12 +15,8 @@ def columns():
     lines = []
     for name, schema in SCHEMAS.items():
         lines += [f"\n**{name}**\n", "| column | type | |", "|---|---|---|"]
-        for field in schema:
-            kind = {"string": "text", "int64": "integer", "double": "number", "bool": "flag"}
-            about = field.metadata[b"description"].decode()
-            lines.append(f"| `{field.name}` | {kind[str(field.type)]} | {about} |")
-        for about in (schema.metadata or {}).values():
-            lines.append(f"| *further columns* | | {about.decode()} |")
+        for column, of in schema.items():
+            lines.append(f"| `{column}` | {of.type} | {of.description} |")
     return "\n".join(lines).strip() + "\n"
 
 

@@ -3,15 +3,14 @@
 import json
 import shutil
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
 from botohe_moo import solve
 from botohe_moo.cli import app
 from botohe_moo.library import Finder, best_known
-from botohe_moo.study import run_study
+from botohe_moo.study import SCHEMAS, read_study, run_study
+from botohe_moo.study.tables import write_tables
 
 SMALL = "town-16"
 
@@ -100,11 +99,10 @@ def studied(tmp_path_factory):
 )
 def test_a_damaged_plan_of_a_study_is_named(botohe, library, tmp_path, studied, trails, fault):
     shutil.copytree(studied, tmp_path / "trial")
-    path = tmp_path / "trial" / "plans.parquet"
-    table = pq.read_table(path)
-    column = table.column_names.index("trails")
-    changed = [trails, *table["trails"].to_pylist()[1:]]
-    pq.write_table(table.set_column(column, "trails", pa.array(changed, pa.string())), path)
+    read = read_study(tmp_path / "trial")
+    tables = {name: getattr(read, name) for name in SCHEMAS}
+    tables["plans"].loc[0, "trails"] = trails
+    write_tables(read.folder, tables, read.manifest)
     said = botohe("add", tmp_path / "trial", "--by", "Ada", *library, status=2)
     assert fault in " ".join(said.split())
     assert list(library[1].iterdir()) == []

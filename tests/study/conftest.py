@@ -9,13 +9,11 @@ from unittest import mock
 
 import pytest
 
-from botohe_moo.study import runner
-from botohe_moo.study.run import pool
-from botohe_moo.study.run.child import perform_bound
-from botohe_moo.study.run.environment import THREAD_SETTINGS, environment
-from botohe_moo.study.run.perform import perform
-from botohe_moo.study.run.pool import add_record, checked_outcome
-from botohe_moo.study.run.task import BoundTask
+from botohe_moo.study import pool, runner
+from botohe_moo.study.perform import perform
+from botohe_moo.study.pool import add_record, checked_outcome
+from botohe_moo.study.task import THREAD_SETTINGS, BoundTask, environment
+from botohe_moo.study.worker import perform_bound
 from tests.forked import ForkedSubprocess
 
 

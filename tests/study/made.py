@@ -7,21 +7,21 @@ from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
-import pandas as pd
 
 from botohe_moo.indicators import INDICATORS, area_indicator
 from botohe_moo.mission.loading import save_mission
 from botohe_moo.mission.model import mission_digest
-from botohe_moo.study.judge.comparisons import compare_ranks, rank_algorithms
-from botohe_moo.study.judge.scores import reference_fronts, score_runs
-from botohe_moo.study.judge.summary import (
+from botohe_moo.study.scores import (
     algorithm_table,
     bound_table,
     mission_table,
     reach_targets,
+    reference_fronts,
+    score_runs,
     summarise,
 )
-from botohe_moo.study.store.tables import SCHEMAS, read_study, write_tables
+from botohe_moo.study.statistics import compare_ranks, rank_algorithms
+from botohe_moo.study.tables import as_table, read_study, write_tables
 
 ENVIRONMENT = {
     "environment": "e1",
@@ -91,7 +91,7 @@ def random_record(
 def study_tables(missions, algorithms, records, *, control=None, bounds=()):
     """The tables of a study; comparisons are placeholders with plausible numbers."""
     labels, fronts = list(algorithms), [record.front for record in records]
-    runs = _typed(
+    runs = as_table(
         "runs", [_run_row(r, area_indicator(r.front, missions[r.mission])) for r in records]
     )
     references = reference_fronts(runs, fronts)
@@ -132,15 +132,15 @@ def study_tables(missions, algorithms, records, *, control=None, bounds=()):
         for label in missions
         for row in _comparisons(label, runs[runs["mission"] == label], labels, control)
     ]
-    trace = _typed("trace", trace)
+    trace = as_table("trace", trace)
     return {
         "runs": runs,
         "trace": trace,
-        "fronts": _typed("fronts", points),
-        "plans": _typed("plans", plans),
+        "fronts": as_table("fronts", points),
+        "plans": as_table("plans", plans),
         "indicators": scores,
         "references": references,
-        "comparisons": _typed("comparisons", comparisons),
+        "comparisons": as_table("comparisons", comparisons),
         "ranks": ranks,
         "posthoc": compare_ranks(ranks, significance=0.05),
         "summary": summarise(
@@ -154,7 +154,7 @@ def study_tables(missions, algorithms, records, *, control=None, bounds=()):
         ),
         "bounds": bound_table(dict(bounds)),
         "targets": reach_targets(runs, trace, references, missions=missions, algorithms=labels),
-        "environments": _typed("environments", [ENVIRONMENT]),
+        "environments": as_table("environments", [ENVIRONMENT]),
     }
 
 
@@ -205,12 +205,6 @@ def make_study(folder, missions, algorithms, records, *, control=None, bounds=()
     tables["algorithms"] = algorithm_table(content)
     write_tables(folder, tables, content)
     return read_study(folder)
-
-
-def _typed(name, rows):
-    frame = pd.DataFrame(rows, columns=SCHEMAS[name].names)
-    kinds = {"string": "object", "int64": "Int64", "double": "float64", "bool": "bool"}
-    return frame.astype({f.name: kinds[str(f.type)] for f in SCHEMAS[name]})
 
 
 def _run_row(record, area):

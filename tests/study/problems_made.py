@@ -1,16 +1,20 @@
 """Problems of your own for studies: named as ``module:Class``."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from botohe_moo import BOTOHE
+from botohe_moo.objectives import Objectives
 
 
 class Weakest(BOTOHE):
     """E[R], and how probably the robot in the greatest danger survives."""
 
     @property
-    def objective_bounds(self):
-        return self.mission.total_reward, 1.0
+    def objectives(self):
+        names, columns = ("E[R]", "least survival"), ("reward", "least")
+        return Objectives(names, (self.mission.total_reward, 1.0), columns)
 
     def evaluate_batch(self, batch):
         F = super().evaluate_batch(batch)
@@ -32,16 +36,16 @@ class Misjudged(Weakest):
     """Says that its objectives are at most less than they are."""
 
     @property
-    def objective_bounds(self):
-        return 0.01, 0.5
+    def objectives(self):
+        return replace(super().objectives, bounds=(0.01, 0.5))
 
 
 class Endless(Weakest):
     """States a bound that is not finite."""
 
     @property
-    def objective_bounds(self):
-        return np.inf, 1.0
+    def objectives(self):
+        return replace(super().objectives, bounds=(np.inf, 1.0))
 
 
 class Three(Weakest):

@@ -18,16 +18,15 @@ from botohe_moo.study import (
     load_study,
     make_tables,
     merge_studies,
+    pictures,
     read_study,
     run_study,
 )
-from botohe_moo.study.planning import make_bound_task
-from botohe_moo.study.report import pictures
-from botohe_moo.study.report.latex import summary_latex
-from botohe_moo.study.report.page import render_page, write_report
-from botohe_moo.study.run.child import perform_bound
-from botohe_moo.study.run.pool import WorkerPool
-from botohe_moo.study.store.folder import StudyFolder
+from botohe_moo.study.folder import StudyFolder
+from botohe_moo.study.pool import WorkerPool
+from botohe_moo.study.report import render_page, tables_latex, write_report
+from botohe_moo.study.runner import _bound_task
+from botohe_moo.study.worker import perform_bound
 from tests.study.conftest import InProcess
 from tests.study.test_perform import marked_processes
 from tests.study.test_runner import Watcher
@@ -175,7 +174,7 @@ class TestAgain:
 class TestComputing:
     def test_what_runs_have_found_is_the_guide(self, made):
         folder, study = StudyFolder(made), load_study(both())
-        task = make_bound_task(study.missions[0], study.runs(), folder, 2)
+        task = _bound_task(study.missions[0], study.runs(), folder, 2)
         tables = read_study(made)
         plans = tables.plans[tables.plans["mission"] == "toy"]
         expected = np.unique(plans[["reward", "survivors"]].to_numpy(), axis=0)
@@ -196,7 +195,7 @@ class TestComputing:
         assert run_study(study_of(), tmp_path).missing_bounds == []
 
     def test_whatever_is_raised_is_a_line(self):
-        task = make_bound_task(load_study(study_of()).missions[0], (), StudyFolder("none"), -1.0)
+        task = _bound_task(load_study(study_of()).missions[0], (), StudyFolder("none"), -1.0)
         assert perform_bound(task).endswith("ParameterError: Expected time_limit > 0, got -1.0.")
 
     @pytest.mark.slow
@@ -212,7 +211,7 @@ class TestComputing:
                 process.kill()
             return False
 
-        task = make_bound_task(mission, (), StudyFolder(tmp_path), FOREVER)
+        task = _bound_task(mission, (), StudyFolder(tmp_path), FOREVER)
         [(_, said)] = WorkerPool().perform([task], stopped=stopped)
         assert said == "its process died (signal SIGKILL)"
 
@@ -284,6 +283,6 @@ class TestReport:
     def test_without_bounds_nothing_is_said_of_them(self, tmp_path):
         tables = run_study(study_of(None, seeds=1, algorithms=["greedy"]), tmp_path)
         page = render_page(tables, {}).lower()
-        assert "gap at most" not in page + summary_latex(tables)
+        assert "gap at most" not in page + tables_latex(tables)["summary.tex"]
         assert "no front" not in page
         assert "dashed line:" not in page

@@ -11,12 +11,11 @@ import pytest
 from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.mission import Mission
 from botohe_moo.study import read_study
-from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.judge.collect import collect_tables
-from botohe_moo.study.run.environment import environment
-from botohe_moo.study.run.perform import Recorder
-from botohe_moo.study.run.task import Outcome, Record
-from botohe_moo.study.store.folder import StudyFolder
+from botohe_moo.study.folder import StudyFolder
+from botohe_moo.study.loading import load_study
+from botohe_moo.study.perform import Recorder
+from botohe_moo.study.scores import collect_tables
+from botohe_moo.study.task import Outcome, Record, environment
 from botohe_moo.trails import PlanBatch
 
 STUDY = {

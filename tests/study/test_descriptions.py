@@ -1,8 +1,7 @@
 """Tables whose columns depend on the study: names, types, and what they may not hold."""
 
 from botohe_moo import load_mission
-from botohe_moo.study.judge.summary import algorithm_table, mission_table
-from botohe_moo.study.store.tables import to_arrow
+from botohe_moo.study.scores import algorithm_table, mission_table
 
 TOY = load_mission("toy")
 
@@ -34,8 +33,6 @@ def test_columns_have_the_type_of_their_values():
         assert str(table["x"].dtype) == dtype
         assert list(table["x"].dropna()) == kept
         assert table["x"].isna().sum() == 2
-        read = to_arrow("algorithms", table).to_pandas()
-        assert list(read["x"].dropna()) == kept
 
 
 def test_parameters_that_only_some_have_are_missing_for_the_others():

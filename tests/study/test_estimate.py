@@ -2,10 +2,9 @@
 
 import pytest
 
-from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.planning import Estimate, estimate_times, plan_study, time_left
-from botohe_moo.study.runner import run_study
-from botohe_moo.study.store.folder import StudyFolder
+from botohe_moo.study.folder import StudyFolder
+from botohe_moo.study.loading import load_study
+from botohe_moo.study.runner import Estimate, estimate_times, plan_study, run_study, time_left
 
 MADE = "tests.study.algorithms_made"
 STUDY = {

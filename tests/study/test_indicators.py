@@ -11,8 +11,8 @@ from botohe_moo import load_mission
 from botohe_moo.indicators import INDICATORS, Indicator
 from botohe_moo.plots import plot_curves
 from botohe_moo.study import SCHEMAS, StudyError, load_study, read_study, run_study
-from botohe_moo.study.file.schema import study_schema
-from botohe_moo.study.report.page import write_report
+from botohe_moo.study.loading import study_schema
+from botohe_moo.study.report import write_report
 from tests.base.packages import entries, write_package
 
 STUDY = {
@@ -40,7 +40,7 @@ def reward_missed(points, reference, mission):
 @pytest.fixture
 def columns(monkeypatch):
     """Register one that needs no reference, and one that does; gives the columns before that."""
-    columns = {name: schema.names for name, schema in SCHEMAS.items()}
+    columns = {name: [*schema] for name, schema in SCHEMAS.items()}
     gain = Indicator("gain %", most_reward, higher_is_better=True)
     missed = Indicator("missed", reward_missed, higher_is_better=False, needs_reference=True)
     monkeypatch.setitem(INDICATORS.own, "gain", gain)
@@ -71,7 +71,7 @@ def test_it_is_in_tables_reports_and_figures(columns, tmp_path):
     assert {"gain", "missed"} <= set(tables.comparisons["indicator"])
     assert {"gain", "missed"} <= set(tables.ranks["indicator"])
     for name, before in columns.items():
-        assert sorted(SCHEMAS[name].names) == sorted([*before, *NEW_COLUMNS.get(name, [])])
+        assert sorted(SCHEMAS[name]) == sorted([*before, *NEW_COLUMNS.get(name, [])])
     last = tables.trace.groupby("run").last()
     assert last["gain"].to_dict() == pytest.approx(found["gain"].to_dict())
     medians = found["gain"].groupby(tables.runs.set_index("run")["algorithm"]).median()

@@ -9,24 +9,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from botohe_moo.study.report.latex import (
-    comparisons_latex,
-    escape_latex,
-    outcome_latex,
-    ranks_latex,
-    summary_latex,
-)
-from botohe_moo.study.store.schemas import SCHEMAS
-from botohe_moo.study.store.tables import StudyTables
+from botohe_moo.study.report import escape_latex, outcome_latex, tables_latex
+from botohe_moo.study.tables import SCHEMAS, StudyTables
 from tests.study.test_report import lost, random_records, study
 
 RESULTS = Path(__file__).parents[2] / "results"
-WRITERS = {
-    "outcome": outcome_latex,
-    "summary": summary_latex,
-    "comparisons": comparisons_latex,
-    "ranks": ranks_latex,
-}
 ODD = "ε-MOEA {x}_1^2 #5 & 100 % ~ \\ [b] <c|d>"
 LABELS = ["BO-ACO, journal", "NSGA-II (repair=safest-path, pop_size=1000)", ODD]
 
@@ -38,7 +25,7 @@ def committed(name):
         name: pd.read_csv(path) if (path := folder / f"{name}.csv").exists() else pd.DataFrame()
         for name in SCHEMAS
     }
-    tables = {n: t.reindex(columns=[*SCHEMAS[n].names]) for n, t in tables.items()}
+    tables = {n: t.reindex(columns=[*SCHEMAS[n]]) for n, t in tables.items()}
     return StudyTables(folder, json.loads((folder / "study.json").read_text("utf-8")), **tables)
 
 
@@ -68,7 +55,7 @@ class TestTables:
     def test_rows_have_all_columns(self, odd):
         sizes = {"outcome": (4, 4), "summary": (9, 7), "comparisons": (6, 9), "ranks": (3, 4)}
         for name, (n_columns, n_rows) in sizes.items():
-            header, *rows = rows_of(WRITERS[name](odd))
+            header, *rows = rows_of(tables_latex(odd)[f"{name}.tex"])
             assert len(header) == n_columns
             assert [len(row) for row in rows if row != header] == [n_columns] * n_rows
 
@@ -78,11 +65,12 @@ class TestTables:
         assert latex.count(r"\textbf") == 3  # on both missions, and over them
 
     def test_significant_p_values_are_bold(self, odd):
-        bold = [row for row in rows_of(comparisons_latex(odd)) if row[-1].startswith(r"\textbf")]
+        rows = rows_of(tables_latex(odd)["comparisons.tex"])
+        bold = [row for row in rows if row[-1].startswith(r"\textbf")]
         assert len(bold) == odd.comparisons["significant"].sum() > 0
 
     def test_notes_stand_with_ranks(self, odd):
-        assert "are needed as blocks" in ranks_latex(odd)
+        assert "are needed as blocks" in tables_latex(odd)["ranks.tex"]
 
 
 PDFLATEX = shutil.which("pdflatex")
@@ -103,8 +91,8 @@ DOCUMENT = r"""\documentclass[conference]{IEEEtran}
 
 @pytest.mark.skipif(PDFLATEX is None, reason="pdflatex is not installed")
 def test_tables_are_no_wider_than_a_two_column_page(odd, tmp_path):
-    for name, write in WRITERS.items():
-        (tmp_path / f"{name}.tex").write_text(write(odd), "utf-8")
+    for name, text in tables_latex(odd).items():
+        (tmp_path / name).write_text(text, "utf-8")
     for name, known in (("small", "smoke"), ("baselines", "baselines")):
         (tmp_path / f"{name}.tex").write_text(outcome_latex(committed(known)), "utf-8")
     (tmp_path / "document.tex").write_text(DOCUMENT)

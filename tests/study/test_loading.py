@@ -16,15 +16,15 @@ from PIL import Image
 from botohe_moo import Kind, Mission, load_mission, save_mission
 from botohe_moo.algorithms import algorithm_names
 from botohe_moo.base.documents import Document
-from botohe_moo.study.file.config import StudyFile
-from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.file.model import StudyError
-from botohe_moo.study.file.schema import study_schema
-from botohe_moo.study.judge.summary import algorithm_table
-from botohe_moo.study.store.folder import StudyFolder, read_manifest
+from botohe_moo.study.content import StudyFile
+from botohe_moo.study.folder import StudyFolder, read_manifest
+from botohe_moo.study.loading import load_study, study_schema
+from botohe_moo.study.model import StudyError
+from botohe_moo.study.scores import algorithm_table
 
 EXPERIMENTS = sorted((Path(__file__).parents[2] / "experiments").glob("*.yaml"))
 
+NSGA2 = {"algorithm": "nsga2"}
 GOOD = {
     "name": "trial",
     "missions": {"toy": "toy"},
@@ -253,7 +253,7 @@ class TestIdentity:
     @pytest.mark.slow
     def test_it_is_the_same_in_another_process(self):
         code = (
-            "from botohe_moo.study.file.loading import load_study\n"
+            "from botohe_moo.study.loading import load_study\n"
             f"print(*(run.digest for run in load_study({GOOD!r}).runs()))"
         )
         said = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
@@ -368,21 +368,45 @@ class TestIdentity:
 
 
 class TestFaults:
-    def test_all_are_reported_at_once_with_lines(self, tmp_path):
-        path = written(
-            tmp_path,
-            """\
+    @pytest.mark.parametrize(
+        ("text", "expected"),
+        [
+            pytest.param(
+                """\
 name: my study
 titel: x
+missions:
+  d: {mission: toy, robots: 0}
+  e: toy
+algorithms:
+  W: {algorithm: bo-aco, parameter: {}}
+budget: {evaluations: 1e5, second: 3}
+seeds: [1, 1]
+comparison: {control: Q, significance: 2}
+indicators: [area, igd]
+""",
+                [
+                    (1, "name: expected letters, digits, dots, dashes and underscores"),
+                    (2, "titel: there is no key 'titel'; known are title,"),
+                    (4, "robots: Expected robots >= 1, got 0"),
+                    (7, "there is no key 'parameter'; known are parameters,"),
+                    (8, "Expected evaluations to be an integer, got 100000.0"),
+                    (8, "there is no key 'second'; known are seconds,"),
+                    (9, "expected each seed once; 1 is there 2 times"),
+                    (10, "Expected significance < 1"),
+                    (11, "indicators.1: Expected an indicator among"),
+                ],
+                id="keys",
+            ),
+            pytest.param(
+                """\
+name: study
 missions:
   a: art_museun
   b:
     mission: terrain
     parameters: {nodes: "50", sed: 3}
   c: {mission: missing.json}
-  d: {mission: toy, robots: 0}
-  e: toy
-  f: toy
 algorithms:
   X: bo-acco
   Y:
@@ -391,43 +415,74 @@ algorithms:
       pop_sise: 3
       pop_size: 1.5
   Z: {algorithm: bo-aco, grid: {n_ants: [10, 0]}, parameters: {evaporation: 2.0}}
-  W: {algorithm: bo-aco, parameter: {}}
   V: {algorithm: nsga2, parameters: {repair: best, sampling: [1]}}
-budget: {evaluations: 1e5, second: 3}
-seeds: [1, 1]
-comparison: {control: Q, significance: 2}
-indicators: [area, igd]
+budget: {evaluations: 100}
+seeds: 1
 """,
-        )
+                [
+                    (3, "'art_museun': there is no such mission; known are art_museum,"),
+                    (6, "nodes: Expected nodes to be an integer >= 2, got '50'"),
+                    (6, "sed: there is no parameter 'sed'; known are seed,"),
+                    (7, "missing.json': there is no such file"),
+                    (9, "'bo-acco': there is no such algorithm; known are bo-aco,"),
+                    (13, "there is no parameter 'pop_sise'; known are pop_size,"),
+                    (14, "Expected pop_size to be an integer in [2, 1000000], got 1.5"),
+                    (15, "Expected n_ants in [1, 1000000], got 0"),
+                    (15, "Expected evaporation in (0, 1), got 2.0"),
+                    (16, "repair"),
+                ],
+                id="names and parameters",
+            ),
+            pytest.param(
+                """\
+name: study
+missions: {e: toy, f: toy}
+algorithms: {X: bo-aco, Y: bo-aco}
+comparison: {control: Q}
+budget: {evaluations: 100}
+seeds: 1
+""",
+                [
+                    (2, "'f' is the same as 'e'"),
+                    (3, "'Y' is the same as 'X': defaults, spellings"),
+                    (4, "there is no algorithm 'Q'"),
+                ],
+                id="together",
+            ),
+        ],
+    )
+    def test_all_of_a_kind_are_reported_at_once_with_lines(self, tmp_path, text, expected):
+        path = written(tmp_path, text)
         found = lines(path)
-        expected = [
-            (1, "name: expected letters, digits, dots, dashes and underscores"),
-            (2, "titel: there is no key 'titel'; known are title,"),
-            (4, "'art_museun': there is no such mission; known are art_museum,"),
-            (7, "nodes: Expected nodes to be an integer >= 2, got '50'"),
-            (7, "sed: there is no parameter 'sed'; known are seed,"),
-            (8, "missing.json': there is no such file"),
-            (9, "robots: Expected robots >= 1, got 0"),
-            (11, "'f' is the same as 'e'"),
-            (13, "'bo-acco': there is no such algorithm; known are bo-aco,"),
-            (17, "there is no parameter 'pop_sise'; known are pop_size,"),
-            (18, "Expected pop_size to be an integer in [2, 1000000], got 1.5"),
-            (19, "Expected n_ants in [1, 1000000], got 0"),
-            (19, "Expected evaporation in (0, 1), got 2.0"),
-            (20, "there is no key 'parameter'; known are parameters,"),
-            (21, "repair"),
-            (22, "Expected evaluations to be an integer, got 100000.0"),
-            (22, "there is no key 'second'; known are seconds,"),
-            (23, "expected each seed once; 1 is there 2 times"),
-            (24, "Expected significance < 1"),
-            (25, "indicators.1: Expected an indicator among"),
-        ]
         for line, said in expected:
             assert any(entry.startswith(f"{path}:{line}: ") and said in entry for entry in found), (
                 line,
                 said,
                 found,
             )
+
+    @pytest.mark.parametrize(
+        ("changes", "place"),
+        [
+            ({"algorithms": {"a": "__main__:Mine"}}, "algorithms.a.algorithm: '__main__:Mine': "),
+            ({"missions": {"m": "__main__:Mine"}}, "missions.m.mission: '__main__:Mine': "),
+            ({"problem": "__main__:Mine"}, "problem: '__main__:Mine': "),
+            (
+                {
+                    "algorithms": {
+                        "a": {"algorithm": "nsga2", "grid": {"repair": ["__main__:Mine"]}}
+                    }
+                },
+                "algorithms.a.algorithm: 'nsga2': ",
+            ),
+        ],
+    )
+    def test_what_a_notebook_or_script_defines(self, changes, place):
+        """Processes of runs cannot import it: every run would fail."""
+        [line] = lines(changed(**changes))
+        assert line.startswith(place)
+        assert "cannot import what a notebook or script defines" in line
+        assert "save Mine in a file, such as mine.py, and write mine:Mine" in line
 
     def test_each_is_named(self):
         twice = {"grid": {"n_ants": [1]}, "parameters": {"n_ants": 2}}
@@ -488,6 +543,7 @@ indicators: [area, igd]
             missions: {site: {mission: site.json, min_survival: 0.99}}
             algorithms: [random]
             budget: {evaluations: 9}
+            seeds: 1
             """,
         )
         *_, line = lines(path)
@@ -506,6 +562,7 @@ indicators: [area, igd]
             algorithms: [random]
             budget: {evaluations: 9}
             bounds: {seconds: 5}
+            seeds: 1
             """,
         )
         *_, line = lines(path)
@@ -560,7 +617,7 @@ indicators: [area, igd]
         def broken(*_, **__):
             raise RuntimeError("no such place")
 
-        monkeypatch.setattr("botohe_moo.study.file.checking.load_mission", broken)
+        monkeypatch.setattr("botohe_moo.study.loading.load_mission", broken)
         [line] = lines(GOOD)
         assert "RuntimeError: no such place" in line
 
@@ -624,10 +681,6 @@ class TestSchema:
             {"missions": {"a": 3}},
             {"algorithms": {"a": {"algorithm": "x", "parameter": {}}}},
             {"indicators": ["igd"]},
-            {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporation": 1}}}},
-            {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporatio": 0.5}}}},
-            {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"n_ants": [10, 0]}}}},
-            {"missions": {"a": {"mission": "terrain", "grid": {"sed": [1]}}}},
         ):
             assert not SCHEMA.is_valid(changed(**changes)), changes
 

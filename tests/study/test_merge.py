@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from botohe_moo.cli.app import app
 from botohe_moo.study import StudyError, load_study, merge_studies, read_study, run_study
-from botohe_moo.study.store.folder import StudyFolder
+from botohe_moo.study.folder import StudyFolder
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
@@ -52,7 +52,7 @@ def test_two_parts_are_the_study_that_one_machine_did(parts, tmp_path):
         kept = [column for column in theirs.columns if column not in TIMES]
         pd.testing.assert_frame_equal(ours[kept], theirs[kept])
     assert merged.n_missing == 0
-    study = load_study(tmp_path / "all" / "study.yaml", out=tmp_path / "all")
+    study = load_study(tmp_path / "all" / "study.yaml")
     assert {run.digest for run in study.runs()} == set(whole.runs["run"])
 
 
@@ -103,7 +103,7 @@ def test_files_of_one_name_that_differ_are_refused(tmp_path, monkeypatch):
         site = f"n 3\nm 2\ntmax 10\n0 0 0\n1 0 {reward}\n0 1 5\n"
         (tmp_path / "site.txt").write_text(site)
         run_study(part([1], missions={"site": "site.txt"}), tmp_path / name)
-    with pytest.raises(StudyError, match="in the missions that it names, or in versions"):
+    with pytest.raises(StudyError, match="in missions or package versions"):
         merge_studies([tmp_path / "one", tmp_path / "two"], tmp_path / "all")
 
 

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.file.model import StudyError
+from botohe_moo.study.loading import load_study
+from botohe_moo.study.model import StudyError
 from tests.test_damaged_files import changed_bytes
 
 ROOT = Path(__file__).parents[2]

@@ -24,12 +24,20 @@ from pymoo.optimize import minimize
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
 from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.local_search.kernels import children, recreate, search
-from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.run import perform as performing
-from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
-from botohe_moo.study.run.perform import perform, record_counts, special_kernels, verify, warm_up
-from botohe_moo.study.run.pool import WorkerPool
-from botohe_moo.study.run.task import PATIENCE, Task
+from botohe_moo.study import perform as performing
+from botohe_moo.study.loading import load_study
+from botohe_moo.study.perform import (
+    BudgetSpentError,
+    Meter,
+    metered,
+    perform,
+    record_counts,
+    special_kernels,
+    verify,
+    warm_up,
+)
+from botohe_moo.study.pool import WorkerPool
+from botohe_moo.study.task import PATIENCE, Task
 from tests.algorithms.test_contract import DOTTED, ENDS_BY_ITSELF, NAMES
 from tests.study.problems_made import Weakest
 from tests.twins import plain_local_search
@@ -233,7 +241,7 @@ class TestMeter:
     def test_it_archives_what_the_budget_allows(self):
         mission = load_mission("toy")
         meter = Meter(25, PlanArchive(mission.robots))
-        problem = MeteredBOTOHE(BOTOHE(mission, min_survival=0.5), meter)
+        problem = metered(BOTOHE(mission, min_survival=0.5), meter)
         sampled = make_algorithm("random", n_ants=40)
         batch = mission.batch(
             minimize(BOTOHE(mission), sampled, ("n_gen", 1), seed=1).algorithm.archive.plans
@@ -250,9 +258,9 @@ class TestMeter:
 
     def test_it_is_the_problem_for_algorithms_and_can_be_stored(self):
         inner = Weakest(load_mission("toy"), min_survival=0.25)
-        problem = MeteredBOTOHE(inner, Meter(5))
+        problem = metered(inner, Meter(5))
         assert isinstance(problem, BOTOHE)
-        for name in ("n_obj", "n_ieq_constr", "min_survival", "objective_bounds", "max_length"):
+        for name in ("n_obj", "n_ieq_constr", "min_survival", "objectives", "max_length"):
             assert getattr(problem, name) == getattr(inner, name)
         assert problem.name() == inner.name()
         assert problem.advice() == inner.advice()
@@ -339,7 +347,7 @@ def marked_processes(folder):
     found = []
     for process in psutil.process_iter(["cmdline", "environ"]):
         marked = (process.info["environ"] or {}).get("BOTOHE_TEST_FOLDER") == str(folder)
-        if "botohe_moo.study.run.child" in (process.info["cmdline"] or []) and marked:
+        if "botohe_moo.study.worker" in (process.info["cmdline"] or []) and marked:
             found.append(process)
     return found
 

@@ -23,9 +23,8 @@ from rich.cells import cell_len
 from typer.testing import CliRunner
 
 from botohe_moo.cli.study import _plan_table, study_app
-from botohe_moo.study import StudyError, make_tables, read_study, run_study
-from botohe_moo.study.planning import Estimate
-from botohe_moo.study.run import cluster
+from botohe_moo.study import StudyError, cluster, make_tables, read_study, run_study
+from botohe_moo.study.runner import Estimate
 from tests.forked import Forked, run_forked
 from tests.study.test_perform import marked_processes
 from tests.study.test_runner import MADE, Watcher, assert_same

@@ -15,11 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
-from botohe_moo.study.report import pictures
-from botohe_moo.study.report.page import render_page, write_report
-from botohe_moo.study.report.pictures import rivals
-from botohe_moo.study.report.text_tables import mission_table
-from botohe_moo.study.report.words import (
+from botohe_moo.study import pictures
+from botohe_moo.study.pictures import rivals
+from botohe_moo.study.report import mission_table, render_page, write_report
+from botohe_moo.study.words import (
     budget_words,
     count,
     fixed,

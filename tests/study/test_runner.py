@@ -9,21 +9,20 @@ from unittest import mock
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 import pytest
 
 from botohe_moo import BOTOHE, area_indicator, load_mission
 from botohe_moo.mission.loading import save_mission
+from botohe_moo.study import folder as run_folder
 from botohe_moo.study import make_tables, read_study, run_study, runner
-from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.file.model import StudyError
-from botohe_moo.study.judge import collect
-from botohe_moo.study.run.perform import warm_up
-from botohe_moo.study.run.pool import WorkerPool
-from botohe_moo.study.store import folder as run_folder
-from botohe_moo.study.store import tables as table_files
-from botohe_moo.study.store.folder import StudyFolder, restore_study
-from botohe_moo.study.store.tables import SCHEMAS, to_arrow
+from botohe_moo.study import scores as collect
+from botohe_moo.study import tables as table_files
+from botohe_moo.study.folder import StudyFolder, restore_study
+from botohe_moo.study.loading import load_study
+from botohe_moo.study.model import StudyError
+from botohe_moo.study.perform import warm_up
+from botohe_moo.study.pool import WorkerPool
+from botohe_moo.study.tables import INDEX, SCHEMAS, as_table, write_tables
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
@@ -166,7 +165,7 @@ class TestWhatComesOfRuns:
 class TestTables:
     def test_they_are_of_their_schemas(self, done):
         for name in TABLES:
-            to_arrow(name, getattr(done, name))
+            as_table(name, getattr(done, name))
 
     def test_every_row_can_be_evaluated_again(self, done):
         for (label, run), rows in done.plans.groupby(["mission", "run"]):
@@ -221,38 +220,74 @@ class TestTables:
         assert longest["near"] == 4 < longest["far"]
         assert [mission.max_length for mission in restore_study(tmp_path).missions] == [4, None]
 
-    def test_csv_and_parquet_agree(self, done):
-        for name in ("runs", "summary", "comparisons", "indicators", "ranks", "environments"):
-            read = pd.read_csv(done.folder / f"{name}.csv")
-            frame = getattr(done, name)
-            assert len(read) == len(frame)
-            for column in frame.select_dtypes("number"):
-                assert np.allclose(
-                    read[column].astype(float),
-                    frame[column].astype(float),
-                    equal_nan=True,
-                    rtol=1e-15,
-                )
+    def test_types_and_numbers_come_back(self, tmp_path):
+        columns = {
+            "mission": ['a, "b"\nc', "ε", "NA"],
+            "indicator": ["x", "y", "z"],
+            "n": [1, 2**62, 0],
+            "p_value": [0.1 + 0.2, 5e-324, float("inf")],
+            "significant": [True, False, True],
+        }
+        odd = {"further flags": [True, None, False], "mine": [1, None, 2**53 + 1]}
+        types = {"further flags": "boolean", "mine": "Int64"}
+        whole = {name: as_table(name, []) for name in SCHEMAS}
+        fill_of = {"text": "t", "integer": 1, "number": 0.5, "flag": True}
+        fill = {name: fill_of[of.type] for name, of in SCHEMAS["comparisons"].items()}
+        rows = pd.DataFrame({**{k: [v] * 3 for k, v in fill.items()}, **columns})
+        whole["comparisons"] = as_table("comparisons", rows)
+        rest = {name: fill_of[of.type] for name, of in SCHEMAS["missions"].items()}
+        frame = as_table("missions", [rest] * 3)
+        whole["missions"] = frame.assign(**pd.DataFrame(odd).astype(types))
+        (tmp_path / "study.json").write_text("{}")
+        write_tables(tmp_path, whole, {})
+        read = read_study(tmp_path)
+        pd.testing.assert_frame_equal(read.comparisons, whole["comparisons"], check_exact=True)
+        assert read.missions[[*odd]].equals(whole["missions"][[*odd]])
+        assert dict(read.missions.dtypes.astype(str))["bound_area"] == "float64"
 
     def test_what_is_not_of_its_schema_is_not_written(self, done):
         for changed, said in (
             (done.runs.drop(columns="area"), "area"),
-            (done.runs.assign(area="high"), "high"),
-            (done.runs.assign(evaluations=0.5), "evaluations"),
+            (done.runs.assign(area="high"), "area: expected numbers"),
+            (done.runs.assign(evaluations=0.5), "evaluations: expected integers"),
             (done.runs.assign(mission=None), "mission"),
         ):
-            with pytest.raises((KeyError, pa.ArrowException, ValueError), match=said):
-                to_arrow("runs", changed)
+            with pytest.raises(ValueError, match=rf"Table runs.*column {said}"):
+                as_table("runs", changed)
 
     def test_plans_that_are_not_there(self, done):
         with pytest.raises(KeyError, match="found 0"):
             done.plan(done.runs["run"].iloc[0], 10**6)
 
     def test_damaged_tables_are_named(self, small):
-        path = small / "trace.parquet"
-        path.write_bytes(b"PAR1")
-        with pytest.raises(StudyError, match=r"trace\.parquet: cannot be read.*study tables"):
+        for name, damage in (
+            ("trace.csv.gz", b"\x1f\x8b"),
+            ("runs.csv", b"run,mission\n"),
+            (INDEX, b"{"),
+            (INDEX, b"[]"),
+            (INDEX, b'{"format": 2, "tables": {"runs": 7}}'),
+        ):
+            whole = (small / name).read_bytes()
+            (small / name).write_bytes(damage)
+            with pytest.raises(StudyError, match=rf"{name}: cannot be read.*study tables"):
+                read_study(small)
+            (small / name).write_bytes(whole)
+        (small / "plans.csv.gz").unlink()
+        with pytest.raises(StudyError, match=r"plans\.csv\.gz: cannot be read.*study tables"):
             read_study(small)
+
+    def test_tables_of_another_version_are_named(self, small):
+        index = json.loads((small / INDEX).read_bytes())
+        del index["tables"]["summary"]["columns"]["area_gap"]
+        (small / INDEX).write_text(json.dumps(index))
+        with pytest.raises(StudyError, match=r"tables are of another version.*study tables"):
+            read_study(small)
+        (small / INDEX).unlink()
+        (small / "runs.parquet").write_bytes(b"PAR1")
+        with pytest.raises(StudyError, match=r"tables are of an older version.*study tables"):
+            read_study(small)
+        assert len(make_tables(small).runs) == 4
+        assert len(read_study(small).runs) == 4
 
     def test_earlier_ones_stay_readable_while_a_changed_study_runs(self, small):
         before, seen = read_study(small), []
@@ -289,7 +324,7 @@ class TestTables:
         if n_written == 0:
             assert_same(read_study(small), before)
         else:
-            with pytest.raises(StudyError, match=r"tables are of several moments.*study tables"):
+            with pytest.raises(StudyError, match=r"cannot be read \(it was changed.*study tables"):
                 read_study(small)
         assert len(make_tables(small).runs) == len(read_study(small).runs) == 2
 
@@ -323,7 +358,7 @@ class TestTables:
         moved = (tmp_path / "out").rename(tmp_path / "moved")
         assert [run.digest for run in restore_study(moved).runs()] == digests
         for name in TABLES:
-            (moved / f"{name}.parquet").unlink()
+            [path.unlink() for path in moved.glob(f"{name}.csv*")]
         after = make_tables(moved)
         assert_same(after, before)
         assert {**after.manifest, "made_from": 0} == {**before.manifest, "made_from": 0}
@@ -351,7 +386,7 @@ class TestTables:
         study = load_study(study_of())
         with StudyFolder(tmp_path).locked(study):
             StudyFolder(tmp_path).write_study(study)
-        with pytest.raises(StudyError, match=r"there is no such table yet.*botohe study tables"):
+        with pytest.raises(StudyError, match=r"there is no such file yet.*botohe study tables"):
             read_study(tmp_path)
 
 
@@ -376,7 +411,7 @@ class TestAgain:
     def test_nothing_is_made_anew(self, small, tmp_path, monkeypatch):
         """No file of a run is read, no table is written, where only a comment has changed."""
         run_study(study_of(), small)
-        before = {path: path.stat().st_mtime_ns for path in small.glob("*.parquet")}
+        before = {path: path.stat().st_mtime_ns for path in small.glob("*.csv*")}
         path = tmp_path / "study.yaml"
         path.write_text(f"# A comment\n{json.dumps(study_of())}")
         monkeypatch.setattr(StudyFolder, "load", forbidden)
@@ -384,12 +419,12 @@ class TestAgain:
         tables, watcher = watched(path, small)
         assert watcher.performed == []
         assert len(tables.runs) == 4
-        assert before == {path: path.stat().st_mtime_ns for path in small.glob("*.parquet")}
+        assert before == {path: path.stat().st_mtime_ns for path in small.glob("*.csv*")}
         assert restore_study(small).text.startswith("# A comment")
 
     def test_what_has_changed_is_made_anew(self, small):
         before = run_study(study_of(), small)
-        for path in (a_run_of(small), small / "trace.parquet", small / "study.json"):
+        for path in (a_run_of(small), small / "trace.csv.gz", small / "study.json"):
             path.unlink()
             if path.suffix == ".npz":
                 assert make_tables(small).n_missing == read_study(small).n_missing == 1
@@ -428,9 +463,11 @@ class TestAgain:
             seeds=1,
         )
         folder = tmp_path / "study"
-        tables, watcher = watched(source, folder)
+        with pytest.warns(UserWarning, match=r"study: all 1 runs failed, the first with: Runtime"):
+            tables, watcher = watched(source, folder)
         assert set(tables.runs["status"]) == {"failed"}
-        _, watcher = watched(source, folder)
+        with pytest.warns(UserWarning, match="all 1 runs failed"):
+            _, watcher = watched(source, folder)
         assert [status for *_, status in watcher.performed] == ["failed"]
         assert len(watcher.plan.failed) == 1
         stone.unlink()

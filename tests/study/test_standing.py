@@ -1,19 +1,18 @@
 """The matrix that opens a report says what the comparisons say."""
 
 import re
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from botohe_moo.study import read_study
-from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.judge.collect import collect_tables
-from botohe_moo.study.report.latex import summary_latex
-from botohe_moo.study.report.page import render_page
-from botohe_moo.study.report.pictures import ReportFigure
-from botohe_moo.study.report.text_tables import matrix
-from botohe_moo.study.report.words import distinct, matrix_caption, significant
-from botohe_moo.study.store.folder import StudyFolder
+from botohe_moo.study.folder import StudyFolder
+from botohe_moo.study.loading import load_study
+from botohe_moo.study.pictures import ReportFigure
+from botohe_moo.study.report import matrix, matrix_caption, render_page, tables_latex
+from botohe_moo.study.scores import collect_tables
+from botohe_moo.study.words import distinct, significant
 from tests.study.test_collect import outcome_of
 from tests.study.test_report import checked
 
@@ -62,35 +61,60 @@ AREAS = {
 }
 
 
+@dataclass
+class Cell:
+    """A cell of the matrix, taken apart."""
+
+    text: str
+    mark: str
+    rank: str
+    best: bool
+
+
+def rows_of(tables):
+    """The rows of the matrix, by the text of their first cell."""
+    table = matrix(tables)
+    first, *columns = table.cells
+    rows = {}
+    for i, row in enumerate(table.cells.to_dict("records")):
+        rows[row[first]] = [
+            Cell(
+                *re.fullmatch(r"(\S+) ?([+=−]?) ?\(?([\d.]*)\)?", row[c]).groups(), table.bold[c][i]
+            )
+            for c in columns
+        ]
+    return rows
+
+
 class TestMatrix:
     def test_marks_are_against_the_control(self, tmp_path):
         tables = judged(tmp_path, AREAS, control="A")
-        found = matrix(tables)
-        assert found.header[:3] == ["algorithm", "m", "n"]
-        marks = {label: [cell.mark for cell in row[:2]] for label, row in found.rows}
+        found = rows_of(tables)
+        assert list(matrix(tables).cells)[:3] == ["algorithm", "m", "n"]
+        marks = {label: [cell.mark for cell in row[:2]] for label, row in found.items()}
         assert marks == {"A": ["", ""], "B": ["+", "="], "C": ["−", ""]}
-        texts = {label: [cell.text for cell in row] for label, row in found.rows}
+        texts = {label: [cell.text for cell in row] for label, row in found.items()}
         assert texts["B"] == ["0.4000", "0.3000", "1/1/0", "1.25"]
         assert texts["C"] == ["0.2000", "0.1000", "0/0/1", "3.00"]
-        assert [cell.rank for cell in dict(found.rows)["A"][:2]] == ["2", "1.5"]
-        assert [cell.best for cell in dict(found.rows)["B"][:2]] == [True, True]
+        assert [cell.rank for cell in found["A"][:2]] == ["2", "1.5"]
+        assert [cell.best for cell in found["B"][:2]] == [True, True]
         assert "+ is better than A, − worse" in matrix_caption(tables)
 
     def test_without_control_they_are_against_the_best(self, tmp_path):
-        found = matrix(judged(tmp_path, AREAS))
-        marks = {label: [cell.mark for cell in row[:2]] for label, row in found.rows}
+        found = rows_of(judged(tmp_path, AREAS))
+        marks = {label: [cell.mark for cell in row[:2]] for label, row in found.items()}
         assert marks == {"A": ["−", ""], "B": ["", "="], "C": ["−", ""]}
 
     def test_a_larger_median_can_lose(self, tmp_path):
         """Most of B's runs beat most of A's, but the middle of A's is a little higher."""
         areas = {"m": {"A": [0.1] * 7 + [0.502] * 8, "B": [0.5] * 8 + [0.6] * 7}}
-        [(_, [a]), (_, [b])] = matrix(judged(tmp_path, areas)).rows
+        [[a], [b]] = rows_of(judged(tmp_path, areas)).values()
         assert (a.best, b.best, b.mark) == (True, False, "+")
 
     def test_one_ulp_is_a_tie(self, tmp_path):
         ulps = [np.nextafter(0.5, 1)] * 8
         tables = judged(tmp_path, {"m": {"A": [0.5] * 8, "B": ulps, "C": [0.4] * 8}})
-        cells = {label: row[0] for label, row in matrix(tables).rows}
+        cells = {label: row[0] for label, row in rows_of(tables).items()}
         assert [cells[x].rank for x in "ABC"] == ["1.5", "1.5", "3"]
         assert [cells[x].mark for x in "ABC"] == ["", "=", "−"]
         assert cells["A"].best
@@ -100,27 +124,27 @@ class TestMatrix:
 
     def test_medians_look_different_where_they_are(self, tmp_path):
         tables = judged(tmp_path, {"m": {"A": 0.52201 + STEPS, "B": 0.52204 + STEPS}})
-        assert [row[0].text for _, row in matrix(tables).rows] == ["0.52201", "0.52204"]
-        assert r"\textbf{0.52204}" in summary_latex(tables)
+        assert [row[0].text for row in rows_of(tables).values()] == ["0.52201", "0.52204"]
+        assert r"\textbf{0.52204}" in tables_latex(tables)["summary.tex"]
 
     def test_without_areas_it_is_of_what_is_compared(self, tmp_path):
         areas = {"m": {"A": 0.4 + STEPS, "B": 0.5 + STEPS}}
         tables = judged(tmp_path, areas, indicators=["igd_plus"])
-        [(_, [a]), (_, [b])] = matrix(tables).rows
+        [[a], [b]] = rows_of(tables).values()
         assert (a.mark, b.best) == ("−", True)
         assert matrix_caption(tables).startswith("Median IGD+ over runs")
 
     def test_the_longer_list_goes_down_the_page(self, tmp_path):
         areas = {m: {"A": [0.3], "B": [0.4]} for m in "mno"}
         found = matrix(judged(tmp_path, areas))
-        assert found.header == ["mission", "A", "B"]
-        assert [label for label, _ in found.rows] == ["m", "n", "o", "average rank"]
+        assert list(found.cells) == ["mission", "A", "B"]
+        assert found.cells["mission"].tolist() == ["m", "n", "o", "average rank"]
 
     def test_marks_are_those_of_the_comparisons(self, tmp_path):
         rng = np.random.default_rng(3)
         areas = {m: {x: rng.random(8) / 2 for x in "ABCDE"} for m in "mn"}
         tables = judged(tmp_path, areas, control="A")
-        cells = dict(matrix(tables).rows)
+        cells = rows_of(tables)
         areas = tables.comparisons[tables.comparisons["indicator"] == "area"]
         for i, mission in enumerate("mn"):
             rows = areas[areas["mission"] == mission]

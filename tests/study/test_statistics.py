@@ -14,30 +14,27 @@ from scipy import stats
 
 from botohe_moo.bounds import FrontBound
 from botohe_moo.indicators import INDICATORS, TIE
-from botohe_moo.study.judge.comparisons import (
-    compare_algorithms,
-    compare_ranks,
-    effect_size,
-    nemenyi,
-    rank_algorithms,
-)
-from botohe_moo.study.judge.scores import (
-    as_table,
+from botohe_moo.study.scores import (
     merge_ties,
     reference_fronts,
     score_runs,
+    summarise,
 )
-from botohe_moo.study.judge.statistics import (
+from botohe_moo.study.statistics import (
     a12,
     a12_interval,
+    compare_algorithms,
+    compare_ranks,
+    effect_size,
     friedman,
     generator_for,
     mann_whitney,
     median_interval,
+    nemenyi,
+    rank_algorithms,
     smallest_p,
 )
-from botohe_moo.study.judge.summary import summarise
-from botohe_moo.study.store.tables import to_arrow
+from botohe_moo.study.tables import as_table
 from tests.examples import examples
 from tests.study.test_scores import quay, studies, tables
 
@@ -223,7 +220,7 @@ class TestNemenyi:
     def test_pairs_are_those_of_the_ranks(self):
         table = ranked(FIVE)
         found = compare_ranks(table, significance=0.05)
-        to_arrow("posthoc", found)
+        as_table("posthoc", found)
         assert found[["algorithm", "other"]].values.tolist() == [
             ["A", "B"],
             ["A", "C"],
@@ -285,7 +282,7 @@ def compared(values, *, indicator="area", algorithms=None, control=None, level=0
         control=control,
         significance=level,
     )
-    to_arrow("comparisons", table)
+    as_table("comparisons", table)
     return table
 
 
@@ -399,7 +396,7 @@ def ranked(values, *, indicator="area", algorithms=None, level=0.05):
     table = rank_algorithms(
         indicator_table(values, indicator), algorithms=algorithms, significance=level
     )
-    to_arrow("ranks", table)
+    as_table("ranks", table)
     return table
 
 
@@ -490,7 +487,7 @@ def pipeline(missions, algorithms, found, *, control=None, level=0.05, bounds=No
         "summary": summarise(runs, scores, references, missions=known, bounds=most, **options),
     }
     for name, table in made.items():
-        to_arrow(name, table)
+        as_table(name, table)
     return made
 
 
@@ -556,7 +553,7 @@ class TestSummary:
         scores = score_runs(runs, final, references, **options)
         options = {"algorithms": ["A", "B"], "significance": 0.05, "bounds": {}}
         table = summarise(runs, scores, references, missions={"m": quay()}, **options)
-        to_arrow("summary", table)
+        as_table("summary", table)
         assert table["igd_plus_median"].isna().all()
         assert table["epsilon_median"].notna().all()
         assert table["area_median"].tolist() == pytest.approx([0.175, 0.2])

@@ -7,9 +7,8 @@ import pandas as pd
 import pytest
 
 from botohe_moo.indicators import INDICATORS, area_indicator, epsilon_indicator, igd_plus_indicator
-from botohe_moo.study.judge.scores import as_table, score_records
-from botohe_moo.study.judge.summary import SHARES, reach_targets
-from botohe_moo.study.store.tables import to_arrow
+from botohe_moo.study.scores import SHARES, reach_targets, score_records
+from botohe_moo.study.tables import as_table
 from tests.study.test_scores import quay
 
 REFERENCE = as_table(
@@ -38,7 +37,7 @@ def targets(found, reference=REFERENCE, **options):
         algorithms=list(found),
         **options,
     )
-    to_arrow("targets", table)
+    as_table("targets", table)
     return table
 
 

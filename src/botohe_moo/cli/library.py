@@ -162,7 +162,7 @@ def _of_runs(tables: StudyTables, label: str, mission: Mission) -> Iterator[tupl
             plans = [[[index_of[node] for node in trail] for trail in plan] for plan in read]
         except (LookupError, TypeError, ValueError):
             raise ValueError(
-                f"{tables.folder / 'plans.parquet'}, run {run}: expected {mission.robots} trails "
+                f"{tables.folder / 'plans.csv.gz'}, run {run}: expected {mission.robots} trails "
                 f"of nodes of {label!r} in each plan."
             ) from None
         said = tables.manifest["algorithms"][algorithm]
@@ -171,7 +171,7 @@ def _of_runs(tables: StudyTables, label: str, mission: Mission) -> Iterator[tupl
 
 
 def _method(algorithm: str, parameters: Mapping[str, Any], evaluations: int, seed: int) -> str:
-    from botohe_moo.study.report.words import parameter_words
+    from botohe_moo.study.words import parameter_words
 
     given = f" ({parameter_words(parameters)})" if parameters else ""
     return f"{algorithm}{given}, {evaluations:,} evaluations, seed {seed}"

@@ -18,9 +18,9 @@ from botohe_moo.cli.shell import harmless, say
 
 if TYPE_CHECKING:
     from botohe_moo.solving import Progress
-    from botohe_moo.study.file.model import Run, StudyMission
-    from botohe_moo.study.planning import Plan
-    from botohe_moo.study.run.task import Outcome, Record
+    from botohe_moo.study.model import Run, StudyMission
+    from botohe_moo.study.runner import Plan
+    from botohe_moo.study.task import Outcome, Record
 
 _COMPILING = "compiling for this machine, once"
 _SECONDS_BETWEEN_LINES = 6.0

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-    from botohe_moo.study.planning import Estimate
-    from botohe_moo.study.store.tables import StudyTables
+    from botohe_moo.study.runner import Estimate
+    from botohe_moo.study.tables import StudyTables
 
 study_app = typer.Typer(
     no_args_is_help=True,
@@ -78,14 +78,14 @@ def run(
     """
     from botohe_moo.base.messages import check_integer
     from botohe_moo.cli.progress import StudyWatcher, showing
-    from botohe_moo.study.file.loading import load_study
-    from botohe_moo.study.file.model import study_folder
+    from botohe_moo.study.loading import load_study
+    from botohe_moo.study.model import study_folder
     from botohe_moo.study.runner import StudyInterrupted, run_study
 
     with failing():
         n_workers = _workers(workers)
         check_integer("--patience", patience, at_least=1)
-        study = load_study(file, out=out)
+        study = load_study(file)
     folder = study_folder(study.name, out)
     try:
         with failing(FAILED), showing("reading", every=_SECONDS_BETWEEN_LINES) as show:
@@ -134,14 +134,14 @@ def _outcome(tables: StudyTables) -> str:
 @study_app.command("plan")
 def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
     """List the runs, those that are there, and the time for the rest."""
-    from botohe_moo.study.file.loading import load_study
-    from botohe_moo.study.file.model import study_folder
-    from botohe_moo.study.planning import estimate_times, plan_study, time_left
-    from botohe_moo.study.store.folder import StudyFolder
+    from botohe_moo.study.folder import StudyFolder
+    from botohe_moo.study.loading import load_study
+    from botohe_moo.study.model import study_folder
+    from botohe_moo.study.runner import estimate_times, plan_study, time_left
 
     with failing():
         n_workers = _workers(workers)
-        study = load_study(file, out=out)
+        study = load_study(file)
         folder = StudyFolder(study_folder(study.name, out))
         folder.check(study)
         planned = plan_study(study, folder)
@@ -222,7 +222,7 @@ def merge(
 
     Their study files are the same but for the seeds, which add up.
     """
-    from botohe_moo.study.merge import merge_studies
+    from botohe_moo.study.runner import merge_studies
 
     with failing():
         merged = merge_studies(folders, out)
@@ -244,8 +244,8 @@ def _say_missing(tables: StudyTables) -> None:
 def report(folder: FolderArgument) -> None:
     """Make the report: a page, figures and LaTeX tables."""
     from botohe_moo.cli.progress import showing
-    from botohe_moo.study.report.page import write_report
-    from botohe_moo.study.store.tables import read_study
+    from botohe_moo.study.report import write_report
+    from botohe_moo.study.tables import read_study
 
     with failing():
         tables = read_study(folder)
@@ -259,6 +259,6 @@ def report(folder: FolderArgument) -> None:
 @study_app.command("schema")
 def schema() -> None:
     """Print the JSON Schema of study files, for editors."""
-    from botohe_moo.study.file.schema import study_schema
+    from botohe_moo.study.loading import study_schema
 
     tell(study_schema().rstrip())

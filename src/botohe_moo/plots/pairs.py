@@ -1,6 +1,6 @@
 """A front of any number of objectives, pair by pair."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import seaborn as sns
 
@@ -11,7 +11,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def plot_pairs(table: "pd.DataFrame", objectives: Objectives, *, hue: str | None = None) -> "Axes":
+def plot_pairs(
+    table: "pd.DataFrame",
+    objectives: Objectives,
+    *,
+    hue: str | None = None,
+    palette: Any = None,
+) -> "Axes":
     """Plot a front's objectives pair by pair, and how each of them is distributed.
 
     Parameters
@@ -22,6 +28,8 @@ def plot_pairs(table: "pd.DataFrame", objectives: Objectives, *, hue: str | None
         The objectives of the problem.
     hue
         Another column, whose values have a colour each, such as ``"algorithm"``.
+    palette
+        The colours, as seaborn takes them.
 
     Returns
     -------
@@ -38,9 +46,9 @@ def plot_pairs(table: "pd.DataFrame", objectives: Objectives, *, hue: str | None
     ('E[R]', 'least survival')
     """
     named = table.rename(columns=dict(zip(objectives.columns, objectives.names, strict=True)))
-    grid = sns.PairGrid(named, vars=[*objectives.names], hue=hue, corner=True)
+    grid = sns.PairGrid(named, vars=[*objectives.names], hue=hue, palette=palette, corner=True)
     grid.map_lower(sns.scatterplot, s=18, alpha=0.8)
-    grid.map_diag(sns.histplot)
+    grid.map_diag(sns.histplot, **({} if hue is None else {"element": "step"}))
     if hue is not None:
         grid.add_legend()
     ax: Axes = grid.axes[-1, 0]

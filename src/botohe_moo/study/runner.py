@@ -1,25 +1,155 @@
 """Running a study: its missing runs are performed, its missions bounded and its tables made."""
 
 import contextlib
+import dataclasses
+import hashlib
+import json
+import math
 import os
 import signal
-from collections.abc import Mapping
+import statistics
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+
 from botohe_moo.base.messages import check_integer, check_number
 from botohe_moo.base.runtime import hold_signals
-from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.file.model import Run, Study, StudyMission, study_folder
-from botohe_moo.study.planning import Plan, make_bound_task, plan_study, refresh_tables
-from botohe_moo.study.run.cluster import check_address, dask_outcomes
-from botohe_moo.study.run.pool import WorkerPool
-from botohe_moo.study.run.task import PATIENCE, Outcome, Record, Task
-from botohe_moo.study.store.folder import StudyFolder, restore_study
-from botohe_moo.study.store.tables import StudyTables
+from botohe_moo.library import library_digest
+from botohe_moo.study.cluster import check_address, dask_outcomes
+from botohe_moo.study.content import Seeds
+from botohe_moo.study.folder import FAILURES, StudyFolder, restore_study
+from botohe_moo.study.identity import installed_versions
+from botohe_moo.study.loading import load_study
+from botohe_moo.study.model import MANIFEST, Run, Study, StudyError, StudyMission, study_folder
+from botohe_moo.study.pool import WorkerPool
+from botohe_moo.study.tables import StudyTables, read_study
+from botohe_moo.study.task import PATIENCE, BoundTask, Outcome, Record, Task
 
 # Ctrl-C; what batch systems and ``docker stop`` send; what a terminal sends that is closed.
 _STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_MOST_TIMED = 9  # finished runs of an algorithm on a mission that are read for an estimate
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The runs of a study, which of them are finished, and which bounds are missing."""
+
+    runs: tuple[Run, ...]
+    finished: frozenset[str]  # digests of runs
+    failed: frozenset[str]  # digests of runs that failed the last time
+    unbounded: Mapping[str, StudyMission]  # by digests of the bounds that are to be computed
+
+    @property
+    def missing(self) -> tuple[Run, ...]:
+        """The runs that are to be performed."""
+        return tuple(run for run in self.runs if run.digest not in self.finished)
+
+
+def plan_study(study: Study, folder: StudyFolder) -> Plan:
+    """Find out which runs of a study are finished, and which bounds are there."""
+    runs = study.runs()
+    digests = {run.digest for run in runs}
+    finished = digests & folder.digests()
+    unbounded = {
+        mission.bound_digest: mission
+        for mission in study.bounded
+        if (bound := folder.bound(mission)) is None or bound[1] < study.bound_seconds
+    }
+    failed = digests & folder.digests(FAILURES) - finished
+    return Plan(runs, frozenset(finished), frozenset(failed), unbounded)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """How long the runs of one algorithm on one mission take."""
+
+    mission: str
+    algorithm: str
+    n_runs: int
+    n_finished: int
+    n_failed: int  # when they were performed last
+    seconds: float | None  # of one run; None if it is not known
+    at_most: bool  # whether these are the seconds of the budget, which a run need not use up
+
+    @property
+    def n_left(self) -> int:
+        """The number of runs that are missing."""
+        return self.n_runs - self.n_finished
+
+
+def estimate_times(plan: Plan, folder: StudyFolder) -> list[Estimate]:
+    """Estimate from finished runs how long those of each algorithm on each mission take.
+
+    Where none is finished, the estimate is the seconds of the budget, if it has any.
+    """
+    cells: dict[tuple[str, str], list[Run]] = {}
+    for run in plan.runs:
+        cells.setdefault((run.mission.label, run.algorithm.label), []).append(run)
+    estimates = []
+    for (mission, algorithm), runs in cells.items():
+        finished = [run for run in runs if run.digest in plan.finished]
+        outcomes = filter(None, map(folder.load, finished[:_MOST_TIMED]))
+        seconds = [outcome.seconds for outcome in outcomes]
+        estimates.append(
+            Estimate(
+                mission=mission,
+                algorithm=algorithm,
+                n_runs=len(runs),
+                n_finished=len(finished),
+                n_failed=sum(run.digest in plan.failed for run in runs),
+                seconds=statistics.median(seconds) if seconds else runs[0].mission.budget.seconds,
+                at_most=not seconds,
+            )
+        )
+    return estimates
+
+
+def time_left(
+    estimates: Iterable[Estimate], workers: int, *, n_bounds: int = 0, bound_seconds: float = 0.0
+) -> float:
+    """Return about how many seconds ``workers`` need for the missing runs of which it is known.
+
+    When these are done, each of ``n_bounds`` bounds takes at most ``bound_seconds``.
+    """
+    left = [(e.n_left, e.seconds) for e in estimates if e.n_left and e.seconds is not None]
+    shared = sum(n * seconds for n, seconds in left) / workers
+    longest = max((seconds for _, seconds in left), default=0.0)
+    return max(shared, longest) + math.ceil(n_bounds / workers) * bound_seconds
+
+
+def _bound_task(
+    mission: StudyMission, runs: Iterable[Run], folder: StudyFolder, seconds: float
+) -> BoundTask:
+    """Return the task to bound a mission, guided by the points that its runs have found."""
+    of_mission = [run for run in runs if run.mission.bound_digest == mission.bound_digest]
+    fronts = [np.empty((0, 2))]
+    for _, outcome in folder.outcomes(of_mission):
+        fronts += [record.objectives for record in outcome.records[-1:]]
+    return BoundTask(mission, np.unique(np.concatenate(fronts), axis=0), seconds)
+
+
+def _refresh_tables(study: Study, folder: StudyFolder, *, anew: bool = False) -> StudyTables:
+    """Make the tables of a study, unless those in its folder were made from the same files.
+
+    With ``anew`` they are made in any case.
+    """
+    parts = [study.manifest(), installed_versions(), folder.inputs(study)]
+    parts += [library_digest(name) for name in study.best_known.values()]
+    made_from = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+    if not anew:
+        with contextlib.suppress(StudyError):  # tables that are damaged or missing are made anew
+            tables = read_study(folder.path)
+            if tables.manifest["made_from"] == made_from:
+                return tables
+    # Imported late: scipy.stats takes half a second, which a study without new runs can save.
+    from botohe_moo.study.scores import collect_tables
+
+    collect_tables(study, folder, made_from)
+    return read_study(folder.path)
 
 
 class StudyInterrupted(KeyboardInterrupt):
@@ -115,6 +245,11 @@ def run_study(
     StudyInterrupted
         After Ctrl-C, SIGTERM or SIGHUP; what was finished until then is kept.
 
+    Warns
+    -----
+    UserWarning
+        If all runs failed.
+
     Examples
     --------
     >>> import tempfile
@@ -134,7 +269,7 @@ def run_study(
     patience = check_number("patience", patience, above=0)
     if dask is not None:
         check_address(dask)
-    study = source if isinstance(source, Study) else load_study(source, out=out)
+    study = source if isinstance(source, Study) else load_study(source)
     folder = StudyFolder(study_folder(study.name, out))
     watcher = watcher or _SilentWatcher()
     with folder.locked(study):
@@ -160,7 +295,7 @@ def run_study(
                     folder.save(task.run, outcome)
                     watcher.end(task.run, outcome)
             bound_tasks = (
-                make_bound_task(mission, plan.runs, folder, study.bound_seconds)
+                _bound_task(mission, plan.runs, folder, study.bound_seconds)
                 for mission in plan.unbounded.values()
             )
             bounds = pool.perform(bound_tasks, workers=workers, stopped=stop.is_set)
@@ -170,9 +305,15 @@ def run_study(
                     if error is None:
                         folder.save_bound(bound_task.mission, bound, bound_task.seconds)
                     watcher.end_bound(bound_task.mission, error)
-            tables = refresh_tables(study, folder)
+            tables = _refresh_tables(study, folder)
     if stop.is_set():
         raise StudyInterrupted(stop.signal)
+    if len(tables.runs) and (tables.runs["status"] == "failed").all():
+        first = tables.runs["error"].iloc[0]
+        warnings.warn(
+            f"{folder.path}: all {len(tables.runs)} runs failed, the first with: {first}",
+            stacklevel=2,
+        )
     return tables
 
 
@@ -207,4 +348,87 @@ def make_tables(folder: str | os.PathLike[str]) -> StudyTables:
     1
     """
     study = restore_study(Path(folder))
-    return refresh_tables(study, StudyFolder(folder), anew=True)
+    return _refresh_tables(study, StudyFolder(folder), anew=True)
+
+
+def merge_studies(
+    folders: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str] | None = None
+) -> StudyTables:
+    """Make one study from the results of it on several machines.
+
+    Their study files are the same but for the seeds, and the merged study has all of these. Where
+    several folders have the same run, ``out`` keeps its own, or else gets that of the first folder.
+
+    Parameters
+    ----------
+    folders
+        Folders of the study, at least two.
+    out
+        Folder to write to: a new or empty one, or one with this study, such as one of ``folders``.
+        Default: ``results/NAME``.
+
+    Raises
+    ------
+    StudyError
+        If a folder holds no study, or another one than the first folder does. Also if the file of a
+        run is damaged, or ``out`` cannot be used or written to.
+
+    Examples
+    --------
+    >>> from botohe_moo.study import merge_studies, run_study
+    >>> trial = {
+    ...     "name": "trial",
+    ...     "missions": ["toy"],
+    ...     "algorithms": ["greedy"],
+    ...     "budget": {"evaluations": 50},
+    ...     "seeds": [1],
+    ... }
+    >>> first = run_study(trial, "one")
+    >>> second = run_study({**trial, "seeds": [2]}, "two")
+    >>> merge_studies(["one", "two"], "both").runs["seed"].tolist()
+    [1, 2]
+    """
+    if len(folders) < 2:
+        raise StudyError(f"Expected at least two folders to merge, got {len(folders)}.")
+    paths = [Path(folder) for folder in folders]
+    first = restore_study(paths[0])
+    target = StudyFolder(study_folder(first.name, out))
+    if (target.path / MANIFEST).exists():
+        paths.append(target.path)
+    studies = {path: restore_study(path) for path in paths}
+    for path, study in studies.items():
+        if differing := _difference(first, study):
+            raise StudyError(
+                f"{path}: not the study in {paths[0]}; expected the same study but for its seeds, "
+                f"found differences in {differing}."
+            )
+    study = _with_seeds(first, {seed for study in studies.values() for seed in study.seeds})
+    with target.locked(study):
+        target.write_study(study)
+        for path in paths:
+            target.take_from(path)
+        return _refresh_tables(study, target)
+
+
+def _difference(one: Study, other: Study) -> str:
+    """Return in words where two studies differ besides their seeds; empty if nowhere."""
+    first, second = (study.file.model_dump(exclude={"seeds"}) for study in (one, other))
+    if keys := [key for key, value in first.items() if second[key] != value]:
+        return " and ".join(keys)
+    # Equal files may name different missions by the same name, or code of different versions.
+    if _digests_for_one_seed(one) != _digests_for_one_seed(other):
+        return "missions or package versions"
+    return ""
+
+
+def _digests_for_one_seed(study: Study) -> list[str]:
+    return [run.digest for run in dataclasses.replace(study, seeds=(0,)).runs()]
+
+
+def _with_seeds(study: Study, seeds: set[int]) -> Study:
+    """Return a study with other seeds, and with its file changed accordingly."""
+    values = sorted(seeds)
+    file = study.file.model_copy(update={"seeds": Seeds(values=values)})
+    # JSON is YAML, too, and never takes a text for a number.
+    text = json.dumps(file.model_dump(mode="json", exclude_defaults=True), indent=1)
+    return dataclasses.replace(study, file=file, text=f"{text}\n", seeds=tuple(values))

@@ -21,7 +21,7 @@ from botohe_moo import (
 from botohe_moo.algorithms.annealing.algorithm import SimulatedAnnealing
 from botohe_moo.algorithms.annealing.engine import Annealing
 from botohe_moo.algorithms.annealing.kernels import DETOUR, MOVES
-from botohe_moo.study.file.origin import algorithm_identity
+from botohe_moo.study.identity import algorithm_identity
 
 journal = SimulatedAnnealing.journal
 settings = pytest.mark.parametrize("made", [SimulatedAnnealing, journal], ids=["usual", "journal"])

@@ -10,8 +10,8 @@ from pymoo.optimize import minimize
 from botohe_moo import BOTOHE, load_mission, make_algorithm
 from botohe_moo.algorithms.registry import algorithm_faults
 from botohe_moo.study import read_study
-from botohe_moo.study.file.code import code_mismatch
-from botohe_moo.study.file.origin import algorithm_origin
+from botohe_moo.study.identity import algorithm_origin
+from botohe_moo.study.task import code_mismatch
 from tests.base.packages import entries, write_package
 from tests.base.test_installed import botohe
 

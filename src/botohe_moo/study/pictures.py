@@ -11,6 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from botohe_moo.indicators import INDICATORS, further_indicators
+from botohe_moo.objectives import Objectives
 from botohe_moo.plots.comparisons import (
     overruled,
     plot_areas,
@@ -20,10 +21,16 @@ from botohe_moo.plots.comparisons import (
     two_parameter_grids,
 )
 from botohe_moo.plots.curves import NAMES, Spent, plot_curves, plot_reached
-from botohe_moo.plots.front import plot_attainment, plot_attainment_difference, plot_fronts
+from botohe_moo.plots.front import (
+    median_run,
+    plot_attainment,
+    plot_attainment_difference,
+    plot_fronts,
+)
+from botohe_moo.plots.pairs import plot_pairs
 from botohe_moo.plots.style import palette_of, save_plot
-from botohe_moo.study.report.words import level, main_indicator, reference_words, slug
-from botohe_moo.study.store.tables import StudyTables
+from botohe_moo.study.tables import StudyTables
+from botohe_moo.study.words import level, main_indicator, reference_words, slug
 
 FORMATS = ("png", "pdf", "svg")
 _SHARES = np.arange(50, 100) / 100  # of the reference front's area, as targets
@@ -145,10 +152,9 @@ class MissionPictures:
                 yield from self._distances(trace)
             yield from self._areas()
             yield from self._grids()
-        # Axes of fronts are E[R] and E[S], which objectives of your own need not be.
-        own_bounds = self._tables.manifest["missions"][self._mission].get("objective_bounds")
-        if own_bounds is None and not self._rows(self._tables.plans).empty:
-            yield from self._fronts()
+        if not self._rows(self._tables.plans).empty:
+            objectives = self._tables.objectives(self._mission)
+            yield from self._fronts() if objectives.is_plain else self._pairs(objectives)
 
     def _without_front(self, table: pd.DataFrame) -> str:
         """Return how many runs of which algorithms have no row in a table; empty if none."""
@@ -222,6 +228,18 @@ class MissionPictures:
                     f"and {grid.columns.name} (columns). The largest is bold."
                 )
                 yield f"grid-{i}", plot_heat(values), caption
+
+    def _pairs(self, objectives: Objectives) -> Iterator[Picture]:
+        plans = self._rows(self._tables.plans)
+        groups: Any = self._runs[self._runs["run"].isin(plans["run"])].groupby("algorithm")
+        seeds = {label: median_run(runs) for label, runs in groups}
+        shown = plans[plans["seed"] == plans["algorithm"].map(seeds)]
+        caption = (
+            "For each algorithm the final front of the run with the median area, of the middle two "
+            "the one with less: its objectives pair by pair, and how each of them is distributed."
+        )
+        ax = plot_pairs(shown, objectives, hue="algorithm", palette=self._palette)
+        yield "fronts", ax, caption
 
     def _fronts(self) -> Iterator[Picture]:
         plans, reference = self._rows(self._tables.plans), self._rows(self._tables.references)

@@ -1,4 +1,16 @@
-"""Processes of this machine that perform runs: one that hangs or crashes loses no other run."""
+"""Processes of this machine that perform runs: one that hangs or crashes loses no other run.
+
+Each process is in one of these states. Messages of the process are pairs of a kind and a content::
+
+    started ──ready──> preparing ──begin──> running ──end──> started, with the next task
+                       (600 s)              (its seconds)
+                                            │    ^
+                                            └────┘ record
+
+The answer to ``ready`` is a task. A bound has no ``begin``. From every state a process goes to
+``dead``: it crashes, SIGALRM ends it when the time of its state is up, or the pool kills it. Its
+task then gets what was recorded and why it ended, and the next task gets another process.
+"""
 
 import contextlib
 import os
@@ -8,20 +20,21 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Generator, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import islice
 from multiprocessing.connection import Pipe, wait
 from typing import Any, TypeVar
 
-from botohe_moo.study.file.model import Run
-from botohe_moo.study.run.environment import THREAD_SETTINGS, environment
-from botohe_moo.study.run.perform import verify
-from botohe_moo.study.run.task import (
+from botohe_moo.study.model import Run
+from botohe_moo.study.perform import verify
+from botohe_moo.study.task import (
     MOST_SECONDS_TO_START,
+    THREAD_SETTINGS,
     BoundTask,
     Outcome,
     Record,
     Task,
+    environment,
     failure,
 )
 
@@ -66,7 +79,7 @@ class WorkerPool:
         note
             Called with each record of a run when it is made.
         """
-        waiting, busy = iter(tasks), dict[Any, tuple[Given, _Job]]()
+        waiting, busy = iter(tasks), dict[Any, tuple[Given, _Worker]]()
         try:
             while not stopped():
                 for task in islice(waiting, workers - len(busy)):
@@ -74,20 +87,21 @@ class WorkerPool:
                         worker = self._idle.pop()
                     except IndexError:  # there is none, or another thread has taken it
                         worker = _Worker()
-                    busy[worker.connection] = task, _Job(task, worker)
+                    worker.take(task)
+                    busy[worker.connection] = task, worker
                 if not busy:
                     return
                 wait(busy, _SECONDS_BETWEEN_LOOKS)
-                for connection, (task, job) in list(busy.items()):
-                    result = job.advance(note)
+                for connection, (task, worker) in list(busy.items()):
+                    result = worker.advance(note)
                     if result is not None:
                         del busy[connection]
-                        if not job.worker.closed:
-                            self._idle.append(job.worker)
+                        if not worker.closed:
+                            self._idle.append(worker)
                         yield task, result
         finally:
-            for _, job in busy.values():
-                job.worker.close()
+            for _, worker in busy.values():
+                worker.close()
 
     def close(self) -> None:
         """End the processes that wait for a task."""
@@ -96,7 +110,7 @@ class WorkerPool:
 
 
 class _Worker:
-    """A process, the connection to it, and the file of what it prints."""
+    """A process, the connection to it, its task, and what is known of that so far."""
 
     def __init__(self) -> None:
         self.connection, childs_end = Pipe()
@@ -107,7 +121,7 @@ class _Worker:
         with childs_end:
             self._process = subprocess.Popen(
                 # -P: a file of the current folder must not stand in for a standard module.
-                [sys.executable, "-P", "-m", "botohe_moo.study.run.child"],
+                [sys.executable, "-P", "-m", "botohe_moo.study.worker"],
                 stdin=childs_end.fileno(),
                 stdout=self._output,
                 stderr=self._output,
@@ -115,8 +129,49 @@ class _Worker:
                 start_new_session=True,  # Ctrl-C is for the runner alone
             )
 
-    def receive(self) -> tuple[str, Any] | None:
-        """Return the next message; None if there is none yet, ``("died", None)`` after the last."""
+    def take(self, task: Task | BoundTask) -> None:
+        """Keep a task until the process is ready for it."""
+        self._task = task
+        self._records: list[Record] = []
+        self._began: str | None = None
+        self._environment: dict[str, Any] | None = None
+
+    def advance(self, note: Callable[[Task, Record], None]) -> Any:
+        """Handle the next message, if there is one; return the task's result if it was the last."""
+        task = self._task
+        kind, content = self._receive()
+        if kind == "ready":
+            with contextlib.suppress(OSError):  # it has died, and the next message says so
+                self.connection.send(task)
+        elif kind == "begin":
+            self._began, self._environment = content
+        elif kind == "record" and isinstance(task, Task):
+            add_record(self._records, content)
+            note(task, content)
+        elif kind == "end":
+            if isinstance(task, BoundTask):
+                return content
+            if task.run.algorithm.origin["source"] is not None:
+                self.close()  # code of the user's own might leave something behind
+            return self._completed(task, content)
+        elif kind == "died":
+            status, output = self._last_words()
+            if isinstance(task, Task) and status == -signal.SIGALRM:
+                return self._completed(task, _killed(task, self._began, self._records))
+            by = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+            error = f"its process died ({by})"
+            if isinstance(task, BoundTask):
+                return error
+            last = self._records[-1] if self._records else None
+            return self._completed(task, failure(error, output, last))
+        return None
+
+    def _completed(self, task: Task, outcome: Outcome) -> Outcome:
+        checked = checked_outcome(task.run, outcome, self._records)
+        return replace(checked, environment=self._environment or environment(), began=self._began)
+
+    def _receive(self) -> tuple[str, Any]:
+        """Return the next message; ``("", None)`` if there is none yet, ``died`` after the last."""
         has_died = self._process.poll() is not None
         if has_died:
             self._kill()  # processes that it has started may hold the connection open
@@ -126,9 +181,9 @@ class _Worker:
                 return message
         except (EOFError, OSError):  # it may have died in the middle of a message
             has_died = True
-        return ("died", None) if has_died else None
+        return ("died" if has_died else "", None)
 
-    def last_words(self) -> tuple[int, str | None]:
+    def _last_words(self) -> tuple[int, str | None]:
         """Close; return how the process ended, as ``Popen`` does, and what it printed last."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_SECONDS_TO_DIE)
@@ -149,59 +204,6 @@ class _Worker:
     def _kill(self) -> None:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process.pid, signal.SIGKILL)
-
-
-@dataclass
-class _Job:
-    """A task that a worker performs, and what is known of it so far."""
-
-    task: Task | BoundTask
-    worker: _Worker
-    records: list[Record] = field(default_factory=list)
-    began: str | None = None
-    environment: dict[str, Any] = field(default_factory=environment)
-
-    def advance(self, note: Callable[[Task, Record], None]) -> Any:
-        """Handle the next message, if there is one; return the task's result if it was the last."""
-        message = self.worker.receive()
-        if message is None:
-            return None
-        (kind, content), task = message, self.task
-        if kind == "ready":
-            with contextlib.suppress(OSError):  # it has died, and the next message says so
-                self.worker.connection.send(task)
-        elif kind == "begin":
-            self.began, self.environment = content
-        elif kind == "record" and isinstance(task, Task):
-            add_record(self.records, content)
-            note(task, content)
-        elif kind == "end":
-            if isinstance(task, BoundTask):
-                return content
-            if task.run.algorithm.origin["source"] is not None:
-                self.worker.close()  # code of the user's own might leave something behind
-            return self._complete(content)
-        elif kind == "died":
-            status, output = self.worker.last_words()
-            if isinstance(task, Task) and status == -signal.SIGALRM:
-                return self._complete(_killed(task, self.began, self.records))
-            how = f"exit status {status}"
-            if status < 0:
-                how = f"signal {signal.Signals(-status).name}"
-            error = f"its process died ({how})"
-            if isinstance(task, BoundTask):
-                return error
-            last = self.records[-1] if self.records else None
-            return self._complete(failure(error, output, last))
-        return None
-
-    def _complete(self, outcome: Outcome) -> Outcome:
-        assert isinstance(self.task, Task)
-        return replace(
-            checked_outcome(self.task.run, outcome, self.records),
-            environment=self.environment,
-            began=self.began,
-        )
 
 
 def add_record(records: list[Record], record: Record) -> None:

@@ -1,13 +1,14 @@
 """Performing one run: from a run to records and an outcome."""
 
 import bisect
+import functools
 import math
 import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from pymoo.core.algorithm import Algorithm
@@ -22,11 +23,9 @@ from botohe_moo.core.ready import kernels
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
-from botohe_moo.study.file.code import check_objectives, problem_on
-from botohe_moo.study.file.config import Budget
-from botohe_moo.study.file.model import Run
-from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE
-from botohe_moo.study.run.task import Outcome, Record, failure
+from botohe_moo.study.content import Budget
+from botohe_moo.study.model import Run, check_objectives
+from botohe_moo.study.task import Outcome, Record, failure
 from botohe_moo.trails import PlanBatch
 
 # A run that only compiles kernels, and limits that do not limit its plans. Evaluations in kernels
@@ -35,6 +34,77 @@ _WARM_UP_EVALUATIONS = 250
 _WARM_UP_IN_KERNELS = 6_000
 _WARM_UP_SURVIVAL = 1e-9
 _WARM_UP_LENGTH = 1e9
+
+
+class BudgetSpentError(Exception):
+    """Ends a run in the middle of an evaluation, because its budget is spent."""
+
+
+@dataclass
+class Meter:
+    """The number of evaluations and their limit, which all copies of a metered problem share."""
+
+    allowed: int = sys.maxsize  # evaluations
+    archive: PlanArchive | None = None  # gets all feasible plans that are evaluated
+    progress: Callable[[], Any] | None = None  # called after evaluations
+    spent: int = 0  # evaluations
+
+
+class _Metered(BOTOHE if TYPE_CHECKING else object):  # type: ignore[misc]
+    """What counts the evaluations of a problem: the first base of its class.
+
+    pymoo checks ``("n_eval", N)`` between generations, so that a population of 70 spends 1 050 of
+    1 000 evaluations. Here the last generation is cut off at the budget.
+    """
+
+    meter: Meter
+
+    def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
+        """Compute the objectives of plans; raise a BudgetSpentError if not all are allowed."""
+        meter = self.meter
+        allowed = batch[: max(meter.allowed - meter.spent, 0)]
+        if len(allowed) == 0 < len(batch):
+            raise BudgetSpentError
+        meter.spent += len(allowed)
+        F: FloatArray = super().evaluate_batch(allowed)
+        if meter.progress is not None:
+            meter.progress()
+        if meter.archive is not None:
+            feasible, objectives = allowed, -self.checked("F", F, len(allowed))
+            if self.n_ieq_constr:
+                rows = np.flatnonzero((self.constrain_batch(allowed) <= 0).all(axis=1))
+                feasible, objectives = allowed.take(rows), objectives[rows]
+            if len(feasible):
+                meter.archive.insert(feasible, objectives)
+        if len(allowed) < len(batch):
+            raise BudgetSpentError
+        return F
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self  # pymoo copies the problem with the algorithm; both count together
+
+    def __reduce__(self) -> Any:
+        kind: Any = type(self).__mro__[2]
+        return _remade, (kind, vars(self))
+
+
+@functools.cache
+def _metered_class(kind: Any) -> Any:
+    return type(kind.__name__, (_Metered, kind), {"__module__": kind.__module__})
+
+
+def _remade(kind: Any, attributes: dict[str, Any]) -> BOTOHE:
+    problem: BOTOHE = object.__new__(_metered_class(kind))
+    problem.__dict__.update(attributes)
+    return problem
+
+
+def metered(problem: BOTOHE, meter: Meter) -> BOTOHE:
+    """Return the same problem, which counts what it evaluates, and evaluates no more than allowed.
+
+    It is of a class derived from the problem's, with the same name.
+    """
+    return _remade(type(problem), {**vars(problem), "meter": meter})
 
 
 def record_counts(
@@ -107,7 +177,7 @@ def perform(
     recorder = None
     try:
         algorithm = make_algorithm(run.algorithm.algorithm, **run.algorithm.parameters)
-        problem = problem_on(run.mission, run.problem)
+        problem = run.mission.problem(run.problem)
         recorder = Recorder(run, lambda: _archive(algorithm, problem, meter), send)
         termination = NoTermination() if allowed is None else ("n_eval", allowed)
         algorithm.setup(
@@ -136,7 +206,7 @@ def perform(
 def _metered(algorithm: Algorithm, problem: BOTOHE, meter: Meter, allowed: int | None) -> BOTOHE:
     """Return the problem, metered unless the algorithm is known to count its evaluations."""
     if not isinstance(algorithm, ArchiveAlgorithm | PopulationAlgorithm):
-        meter.archive = PlanArchive(problem.mission.robots)
+        meter.archive = PlanArchive(problem.mission.robots, n_objectives=problem.n_obj)
         meter.allowed = sys.maxsize if allowed is None else allowed
     # An algorithm that evaluates in a kernel refuses a problem that overrides the evaluation, as a
     # metered one does.
@@ -144,7 +214,7 @@ def _metered(algorithm: Algorithm, problem: BOTOHE, meter: Meter, allowed: int |
         type(problem) is BOTOHE and _is_ours(algorithm)
     ):
         return problem
-    return MeteredBOTOHE(problem, meter)
+    return metered(problem, meter)
 
 
 def _is_ours(algorithm: Algorithm) -> bool:
@@ -189,7 +259,7 @@ def verify(run: Run, plans: PlanBatch, claimed: FloatArray) -> None:
     """
     mission = run.mission.mission
     objectives = mission.evaluate(plans)  # raises if plans are not valid
-    problem = problem_on(run.mission, run.problem)
+    problem = run.mission.problem(run.problem)
     if run.problem:
         objectives = _own_objectives(problem, plans)
     wrong = np.flatnonzero(~np.isclose(objectives, claimed, rtol=1e-9, atol=1e-12).all(axis=1))
@@ -245,6 +315,5 @@ def special_kernels(run: Run) -> tuple[bool, bool, bool]:
     Each needs further kernels.
     """
     own = run.mission
-    most = math.inf if own.max_length is None else own.max_length
-    limits = own.mission.limits(own.min_survival, most)
+    limits = own.mission.limits(own.min_survival, own.longest)
     return own.mission.has_returns, limits.has_floors, limits.has_budgets

@@ -1,7 +1,7 @@
-"""The process of runs and of bounds: ``python -m botohe_moo.study.run.child``.
+"""The process of runs and of bounds: ``python -m botohe_moo.study.worker``.
 
-Its standard input is a connection to the process that has started it. Tasks come in. Messages go
-out: pairs of a kind (``ready``, ``begin``, ``record`` or ``end``) and a content.
+Its standard input is a connection to the process that has started it, which explains the messages:
+:mod:`botohe_moo.study.pool`.
 """
 
 import contextlib
@@ -19,10 +19,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo.study.file.code import code_mismatch
-from botohe_moo.study.run.environment import environment
-from botohe_moo.study.run.perform import perform, special_kernels, warm_up
-from botohe_moo.study.run.task import MOST_SECONDS_TO_START, BoundTask, Outcome, Task, failure
+from botohe_moo.study.perform import perform, special_kernels, warm_up
+from botohe_moo.study.task import (
+    MOST_SECONDS_TO_START,
+    BoundTask,
+    Outcome,
+    Task,
+    code_mismatch,
+    environment,
+    failure,
+)
 
 if TYPE_CHECKING:
     from botohe_moo.bounds import FrontBound
@@ -84,7 +90,7 @@ def perform_bound(task: BoundTask) -> "FrontBound | str":
             front=task.front,
             time_limit=task.seconds,
             min_survival=mission.min_survival,
-            max_length=math.inf if mission.max_length is None else mission.max_length,
+            max_length=mission.longest,
         )
     except Exception as error:
         return " ".join("".join(traceback.format_exception_only(error)).split())

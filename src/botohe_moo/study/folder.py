@@ -18,9 +18,10 @@ from botohe_moo.base.files import read_bytes, replace_file
 from botohe_moo.base.messages import most_alike
 from botohe_moo.bounds import FrontBound
 from botohe_moo.mission.loading import read_mission, save_mission
-from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, StudyMission, digest_of
-from botohe_moo.study.file.values import canonical
-from botohe_moo.study.run.task import Outcome, Record
+from botohe_moo.study.content import canonical
+from botohe_moo.study.identity import digest_of
+from botohe_moo.study.model import MANIFEST, Run, Study, StudyError, StudyMission
+from botohe_moo.study.task import Outcome, Record
 from botohe_moo.trails import PlanBatch
 
 # The folders in a study's; its tables are made from the files in the first three.
@@ -124,12 +125,10 @@ class StudyFolder:
         damaged = []
         for run in runs:
             try:
-                outcome = self.load(run)
+                if (outcome := self.load(run)) is not None:
+                    yield run, outcome
             except StudyError as error:
                 damaged.append(str(error))
-            else:
-                if outcome is not None:
-                    yield run, outcome
         if damaged:
             raise StudyError("\n".join(damaged))
 
@@ -161,13 +160,22 @@ class StudyFolder:
         """List the files that a study's tables are made from, with sizes and times of change."""
         digests = {run.digest for run in study.runs()}
         digests |= {mission.bound_digest for mission in study.missions}
-        files = []
-        for part in (RUNS, FAILURES, BOUNDS):
-            for path in (self.path / part).glob("[!.]*"):
-                if path.stem.partition("-")[0] in digests:
-                    state = path.stat()
-                    files.append((f"{part}/{path.name}", state.st_size, state.st_mtime_ns))
+        files = [
+            (f"{part}/{path.name}", path.stat().st_size, path.stat().st_mtime_ns)
+            for part in (RUNS, FAILURES, BOUNDS)
+            for path in (self.path / part).glob("[!.]*")
+            if path.stem.partition("-")[0] in digests
+        ]
         return sorted(files)
+
+    def take_from(self, other: Path) -> None:
+        """Copy the files of runs, failures, missions and bounds that are not there yet."""
+        with writing(self.path):
+            for part in PARTS:
+                for path in sorted((other / part).glob("[!.]*")):
+                    copy = self.path / part / path.name
+                    if not copy.exists():
+                        replace_file(copy, read_bytes(path))
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -208,7 +216,7 @@ def restore_study(folder: Path) -> Study:
 def _pack_run(run: Run, outcome: Outcome) -> bytes:
     """Return the content of a run's file: arrays as ``npz``, one of which has the rest as JSON."""
     records = outcome.records
-    plans, objectives = (records[-1].plans if records else None) or (None, np.empty((0, 2)))
+    plans, objectives = (records[-1].plans if records else None) or (None, np.empty((0, 0)))
     header = {"identity": run.identity, **{n: getattr(outcome, n) for n in OUTCOME_FIELDS}}
     buffer = io.BytesIO()
     np.savez_compressed(
@@ -218,7 +226,7 @@ def _pack_run(run: Run, outcome: Outcome) -> bytes:
         seconds=np.array([record.seconds for record in records], np.float64),
         ties=np.array([record.ties for record in records], np.int64),
         n_points=np.array([record.front_size for record in records], np.int64),
-        points=np.concatenate([np.empty((0, 2)), *(r.objectives for r in records)]),
+        points=np.concatenate([r.objectives for r in records] or [objectives]),
         plan_objectives=objectives,
         plan_nodes=np.empty(0, np.int32) if plans is None else plans.nodes,
         plan_offsets=np.zeros(1, np.int64) if plans is None else plans.offsets,

@@ -1,5 +1,10 @@
 """The content of a study file, as pydantic models."""
 
+import functools
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -8,6 +13,7 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    StringConstraints,
     ValidationInfo,
     field_validator,
     model_validator,
@@ -17,11 +23,62 @@ from botohe_moo.base.messages import check_choice, quoted
 from botohe_moo.base.registry import is_path
 from botohe_moo.indicators import INDICATORS
 from botohe_moo.mission.loading import ENTRIES, PREFIX, SELECTIONS, library_names
-from botohe_moo.study.file.values import Label, Name, Text, all_distinct, check_distinct
 
-MAX_EVALUATIONS = 10**12
-MAX_SEED = 2**32 - 1
-MAX_SEEDS = 100_000
+_MAX_EVALUATIONS = 10**12
+_MAX_SEEDS = 100_000
+_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
+
+
+def value_text(value: Any) -> str:
+    """Return a parameter's value as a study file has it: a text as it is, all others as JSON."""
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def canonical(value: Any) -> str:
+    """Return any value of a study file as a text; equal values give equal texts."""
+    return json.dumps(_whole_numbers(value), sort_keys=True, separators=(",", ":"))
+
+
+def _whole_numbers(value: Any) -> Any:
+    """Replace 1.0 by 1 and so on, which are the same numbers."""
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    if isinstance(value, dict):
+        return {key: _whole_numbers(item) for key, item in value.items()}
+    return [_whole_numbers(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def _check_line(value: str) -> str:
+    """Refuse a text that a line of a figure or table cannot show."""
+    if not value.isprintable() or value != value.strip():
+        expected = "one line of printable characters without spaces around it"
+        raise ValueError(f"expected {expected}, got {quoted(value)}")
+    return value
+
+
+def _matching(pattern: str, expected: str) -> AfterValidator:
+    """Refuse texts that do not match a regular expression; ``expected`` says the same in words."""
+
+    def check(value: str) -> str:
+        if not re.fullmatch(pattern, value):
+            raise ValueError(f"expected {expected}, got {quoted(value)}")
+        return value
+
+    return AfterValidator(check)
+
+
+def _check_distinct(what: str, values: Sequence[Any]) -> Sequence[Any]:
+    """Refuse values if two of them are equal, as 1 and 1.0 are."""
+    texts = [canonical(value) for value in values]
+    text, count = Counter(texts).most_common(1)[0] if texts else ("", 1)
+    if count > 1:
+        value = quoted(values[texts.index(text)])
+        raise ValueError(f"expected each {what} once; {value} is there {count} times")
+    return values
+
+
+def _all_distinct(what: str) -> AfterValidator:
+    return AfterValidator(functools.partial(_check_distinct, what))
 
 
 def _check_indicator(value: str) -> str:
@@ -36,38 +93,51 @@ def _registered_indicators() -> list[str]:
     return [name for name in INDICATORS if not is_path(name)]
 
 
-def labelled_missions(value: Any) -> Any:
+def _labelled(value: Any) -> Any:
+    """Return a list of names as a mapping with the names as labels; all else as it is."""
+    if isinstance(value, list) and all(isinstance(name, str) for name in value):
+        return {name: name for name in _check_distinct("name", value)}
+    return value
+
+
+def _labelled_missions(value: Any) -> Any:
     """Return a list of names as a mapping, and several missions of the library one by one.
 
     Those of a list have their own names as labels. Those of an entry with a label are labelled
     "LABEL (NAME)", as the members of a grid are.
     """
-    entries = labelled(value)
+    entries = _labelled(value)
     if not isinstance(entries, dict):
         return entries
-    expanded: list[tuple[Any, Any]] = []
-    for label, entry in entries.items():
-        name = entry.get("mission") if isinstance(entry, dict) else entry
-        selection = str(name).removeprefix(PREFIX)
-        if selection == name or selection not in (*SELECTIONS, *ENTRIES):
-            expanded.append((label, entry))
-            continue
-        for member in library_names(selection):
-            own = label if selection in ENTRIES else f"{label} ({member})"
-            mission = f"{PREFIX}{member}"
-            one = {**entry, "mission": mission} if isinstance(entry, dict) else mission
-            expanded.append((member if label == name else own, one))
-    check_distinct("mission", [label for label, _ in expanded])
+    expanded = [pair for label, entry in entries.items() for pair in _members_of(label, entry)]
+    _check_distinct("mission", [label for label, _ in expanded])
     return dict(expanded)
 
 
-def labelled(value: Any) -> Any:
-    """Return a list of names as a mapping of which they are the labels; all else as it is."""
-    if isinstance(value, list) and all(isinstance(name, str) for name in value):
-        return {name: name for name in check_distinct("name", value)}
-    return value
+def _members_of(label: str, entry: Any) -> Iterator[tuple[str, Any]]:
+    name = entry.get("mission") if isinstance(entry, dict) else entry
+    selection = str(name).removeprefix(PREFIX)
+    if selection == name or selection not in (*SELECTIONS, *ENTRIES):
+        yield label, entry
+        return
+    for member in library_names(selection):
+        own = label if selection in ENTRIES else f"{label} ({member})"
+        mission = f"{PREFIX}{member}"
+        one = {**entry, "mission": mission} if isinstance(entry, dict) else mission
+        yield (member if label == name else own), one
 
 
+Text = Annotated[str, StringConstraints(min_length=1, max_length=200), AfterValidator(_check_line)]
+# matplotlib leaves labels that begin with _ out of legends.
+Label = Annotated[Text, _matching("[^_].*", "a label that does not begin with _")]
+Name = Annotated[
+    str,
+    StringConstraints(max_length=100),
+    _matching(
+        _NAME, "letters, digits, dots, dashes and underscores, the first a letter or a digit"
+    ),
+    Field(json_schema_extra={"pattern": _NAME}),
+]
 IndicatorName = Annotated[
     str,
     AfterValidator(_check_indicator),
@@ -78,12 +148,12 @@ IndicatorName = Annotated[
     ),
 ]
 Names = Annotated[list[str], Field(min_length=1)]
-Count = Annotated[int, Field(ge=1, le=MAX_EVALUATIONS)]
+Count = Annotated[int, Field(ge=1, le=_MAX_EVALUATIONS)]
+Repetitions = Annotated[int, Field(ge=1, le=_MAX_SEEDS)]
 Seconds = Annotated[float, Field(gt=0, le=1e9)]
-Length = Annotated[float, Field(ge=0)]
-Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
-SeedList = Annotated[list[Seed], Field(min_length=1, max_length=MAX_SEEDS), all_distinct("seed")]
-Values = Annotated[list[Any], Field(min_length=1), all_distinct("value")]
+Seed = Annotated[int, Field(ge=0, le=2**32 - 1)]
+SeedList = Annotated[list[Seed], Field(min_length=1, max_length=_MAX_SEEDS), _all_distinct("seed")]
+Values = Annotated[list[Any], Field(min_length=1), _all_distinct("value")]
 
 
 class _Entry(BaseModel):
@@ -130,7 +200,26 @@ def _or_name(key: str, model: type[_Entry]) -> BeforeValidator:
     return BeforeValidator(from_name, json_schema_input_type=str | model)
 
 
-class MissionEntry(_Entry):
+class _Family(_Entry):
+    """An entry that stands for several: every combination of its grid is one."""
+
+    parameters: dict[str, Any] = {}
+    """Its parameters; `botohe algorithms NAME` and `botohe missions NAME` list them."""
+    grid: dict[str, Values] = {}
+    """Parameters with several values each; every combination is one."""
+
+    @property
+    def own_parameters(self) -> dict[str, Any]:
+        """Parameters that are keys of the entry."""
+        return {}
+
+    @model_validator(mode="after")
+    def _check_parameters(self) -> Self:
+        _check_distinct("parameter", [*self.own_parameters, *self.parameters, *self.grid])
+        return self
+
+
+class MissionEntry(_Family):
     """One mission, or several by a grid."""
 
     mission: Text
@@ -139,13 +228,9 @@ class MissionEntry(_Entry):
     """Team size; default: the mission's own."""
     lengths_from_pos: bool = False
     """Whether every arc is as long as its nodes are apart, by their pos."""
-    parameters: dict[str, Any] = {}
-    """Parameters of a named mission, such as a generator's nodes and seed."""
-    grid: dict[str, Values] = {}
-    """Parameters with several values each; every combination is a mission."""
     min_survival: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Survival floor: every robot has to survive with at least this probability."""
-    max_length: Length | Literal["unlimited"] | None = None
+    max_length: Annotated[float, Field(ge=0)] | Literal["unlimited"] | None = None
     """Travel budget: every robot's trail is at most this long, in the unit of the arcs' length;
     default: the mission's own, if it has one, which "unlimited" lifts."""
     budget: Budget | None = None
@@ -157,27 +242,12 @@ class MissionEntry(_Entry):
         given = {"robots": self.robots, "lengths_from_pos": self.lengths_from_pos}
         return {name: value for name, value in given.items() if value}
 
-    @model_validator(mode="after")
-    def _check_parameters(self) -> Self:
-        keys = ["name_or_path", *self.own_parameters]
-        check_distinct("parameter", [*keys, *self.parameters, *self.grid])
-        return self
 
-
-class AlgorithmEntry(_Entry):
+class AlgorithmEntry(_Family):
     """One algorithm with parameters, or several by a grid."""
 
     algorithm: Text
     """A registered algorithm's name, or module:Class."""
-    parameters: dict[str, Any] = {}
-    """Its parameters; `botohe algorithms NAME` lists them."""
-    grid: dict[str, Values] = {}
-    """Parameters with several values each; every combination is an algorithm."""
-
-    @model_validator(mode="after")
-    def _check_parameters(self) -> Self:
-        check_distinct("parameter", [*self.parameters, *self.grid])
-        return self
 
 
 MissionOrName = Annotated[MissionEntry, _or_name("mission", MissionEntry)]
@@ -187,7 +257,7 @@ AlgorithmOrName = Annotated[AlgorithmEntry, _or_name("algorithm", AlgorithmEntry
 class Seeds(_Entry):
     """The seeds of the repetitions: how many, or which."""
 
-    count: Annotated[int, Field(ge=1, le=MAX_SEEDS)] | None = None
+    count: Repetitions | None = None
     """How many repetitions."""
     seed: Seed | None = None
     """Seed of the study, from which and from its number each repetition's seed derives; without
@@ -251,14 +321,16 @@ class StudyFile(_Entry):
     missions: Annotated[
         dict[Label, MissionOrName],
         Field(min_length=1),
-        BeforeValidator(labelled_missions, json_schema_input_type=dict[str, MissionOrName] | Names),
+        BeforeValidator(
+            _labelled_missions, json_schema_input_type=dict[str, MissionOrName] | Names
+        ),
     ]
     """Missions under labels of your own; or a list of names and files, which are the labels.
     "library:small", "library:tunnel" and so on are several missions, with their own names."""
     algorithms: Annotated[
         dict[Label, AlgorithmOrName],
         Field(min_length=1),
-        BeforeValidator(labelled, json_schema_input_type=dict[str, AlgorithmOrName] | Names),
+        BeforeValidator(_labelled, json_schema_input_type=dict[str, AlgorithmOrName] | Names),
     ]
     """Algorithms under labels of your own; or a list of names, which are the labels."""
     problem: Text | None = None
@@ -266,10 +338,7 @@ class StudyFile(_Entry):
     budget: Annotated[Budget | None, Field(validate_default=True)] = None
     """What each run may spend; a mission may have its own."""
     seeds: Annotated[
-        Seeds,
-        BeforeValidator(
-            _seeds, json_schema_input_type=Seeds | Annotated[int, Field(ge=1)] | list[Seed]
-        ),
+        Seeds, BeforeValidator(_seeds, json_schema_input_type=Seeds | Repetitions | list[Seed])
     ]
     """A count, or a list of seeds."""
     recording: Recording = Recording()
@@ -277,7 +346,7 @@ class StudyFile(_Entry):
     indicators: Annotated[
         list[IndicatorName],
         Field(default_factory=_registered_indicators, min_length=1),
-        all_distinct("indicator"),
+        _all_distinct("indicator"),
     ]
     """What fronts are judged by."""
     reference: Literal["runs", "best-known"] = "runs"

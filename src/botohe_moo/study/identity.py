@@ -1,4 +1,4 @@
-"""The identity of an algorithm, on which its results depend: name, parameters and code."""
+"""What results depend on: digests, versions, and the identity and code of an algorithm."""
 
 import functools
 import hashlib
@@ -13,11 +13,30 @@ from typing import Any
 from botohe_moo.algorithms.registry import ALGORITHMS, accepted_by, find_algorithm
 from botohe_moo.base.parameters import call_factory, changes_nothing, plain_value
 from botohe_moo.base.registry import is_path, package_of
+from botohe_moo.problem import find_problem
+from botohe_moo.study.content import canonical
 
+PACKAGES = {"version": "botohe-moo", "pymoo": "pymoo"}  # algorithms derive from pymoo's
 # Parameters that name operators.
 OPERATORS = ("sampling", "crossover", "mutation", "repair")
 # Their versions identify them; all other modules are identified by their file.
 _VERSIONED = frozenset({"botohe_moo", "pymoo"})
+
+
+def digest_of(identity: Any) -> str:
+    """Return the digest of all that a run's or a bound's result depends on."""
+    return text_digest(canonical(identity))
+
+
+def text_digest(text: str) -> str:
+    """Return the first 16 hexadecimal digits of a text's SHA-256."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@functools.cache  # versions are read from files
+def installed_versions() -> Mapping[str, str]:
+    """Return the versions of the packages that every result depends on."""
+    return {name: metadata.version(package) for name, package in PACKAGES.items()}
 
 
 @dataclass(frozen=True)
@@ -119,14 +138,17 @@ def algorithm_origin(
         entry = ALGORITHMS.entry(path)
         owner = entry.dist
         parts = [(entry.value, factory)]
-    if any(isinstance((parameters or {}).get(kind), str | Mapping) for kind in OPERATORS):
+    if parameters and any(kind in parameters for kind in OPERATORS):
         from botohe_moo.operators.registry import named_operators  # loads all operators
 
-        parts += named_operators(parameters or {})
+        parts += named_operators(parameters)
     origin = package_of(owner)
     if problem is not None:
-        parts.append((problem, resolve_name(problem)))
-        owner = _distribution_of(problem.partition(":")[0])
+        kind = find_problem(problem)
+        parts.append((problem, kind))
+        owner = _distribution_of(
+            (problem if is_path(problem) else kind.__module__).partition(":")[0]
+        )
         origin["problem"] = problem
         origin |= {f"problem_{key}": value for key, value in package_of(owner).items()}
     return {**origin, "source": _source_digest(parts)}

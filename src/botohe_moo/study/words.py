@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from botohe_moo.indicators import INDICATORS
-from botohe_moo.study.file.values import value_text
-from botohe_moo.study.judge.scores import merge_ties
-from botohe_moo.study.store.tables import StudyTables
+from botohe_moo.study.content import value_text
+from botohe_moo.study.statistics import merge_ties
+from botohe_moo.study.tables import StudyTables
 
-MARKS = BETTER, EQUAL, WORSE = ("+", "=", "−")  # of a median beside another
 _DASH = "–"
 _LONGEST_SLUG = 60
 _MOST_DIGITS = 13  # values that are not ties differ in one of these
@@ -131,17 +129,3 @@ def main_indicator(comparisons: pd.DataFrame) -> str:
     """Return the indicator of the matrix and of ranks: the area, or the first one without it."""
     indicators = list(comparisons["indicator"].unique())
     return "area" if "area" in indicators or not indicators else str(indicators[0])
-
-
-def matrix_caption(tables: StudyTables) -> str:
-    """Return the caption of the matrix: what it shows, and how to read it."""
-    name = INDICATORS[main_indicator(tables.comparisons)].label
-    rival = tables.control or "the best on the mission"
-    n_lost = int((tables.runs["status"] != "done").sum())
-    lost = f" Of all runs {n_lost} are not done; without a front their area is 0." if n_lost else ""
-    return (
-        f"Median {name} over runs, the best on a mission bold, its rank there in brackets. "
-        f"{BETTER} is better than {rival}, {WORSE} worse, {EQUAL} not told apart from it "
-        f"(Mann-Whitney, Holm, {tables.significance:g}); without a mark it is not tested. "
-        f"Medians that look different are not ties.{lost}"
-    )

@@ -1,1 +1,0 @@
-"""What runs are worth: indicators and statistics."""

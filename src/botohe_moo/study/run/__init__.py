@@ -1,1 +1,0 @@
-"""One run, and the processes and clusters that perform runs."""

@@ -1,1 +1,0 @@
-"""A study's folder: its runs and its tables."""
