@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 from botohe_moo import Kind, Mission, load_mission, save_mission
-from botohe_moo.base.documents import Document
 from botohe_moo.algorithms import algorithm_names
+from botohe_moo.base.documents import Document
 from botohe_moo.study.content import StudyFile
 from botohe_moo.study.folder import StudyFolder, read_manifest
 from botohe_moo.study.loading import load_study, study_schema

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple, TypeAlias, get_args
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo.base.messages import most_alike, quoted
+from botohe_moo.algorithms.registry import algorithm_faults, make_algorithm
 from botohe_moo.base.documents import Document, DocumentError
 from botohe_moo.base.files import read_bytes
+from botohe_moo.base.messages import most_alike, quoted
 from botohe_moo.base.parameters import content_faults
-from botohe_moo.algorithms.registry import algorithm_faults, make_algorithm
 from botohe_moo.bounds.plain import check_boundable
 from botohe_moo.indicators import largest_objectives
 from botohe_moo.mission.formats.nodelink import mission_content

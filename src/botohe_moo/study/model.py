@@ -13,8 +13,8 @@ import numpy as np
 from pydantic import AfterValidator, InstanceOf
 
 from botohe_moo.base.messages import quoted
-from botohe_moo.base.types import FloatArray
 from botohe_moo.base.registry import imported
+from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import Scale, largest_objectives
 from botohe_moo.mission.loading import library_name_of
 from botohe_moo.mission.model import Mission, numbers_digest

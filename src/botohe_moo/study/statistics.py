@@ -11,8 +11,8 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from scipy import optimize, stats
 
-from botohe_moo.base.types import FloatArray
 from botohe_moo.base.messages import counted
+from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import INDICATORS, TIE
 from botohe_moo.study.tables import as_table
 

@@ -7,7 +7,7 @@ import io
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -194,6 +194,12 @@ class StudyTables:
         """Labels of missions without the bound that the study asks for."""
         missing = self.missions["bound_area"].isna() & (self.manifest.get("bounds") is not None)
         return self.missions.loc[missing, "mission"].tolist()
+
+    def of_mission(self, label: str) -> "StudyTables":
+        """Return the rows of one mission, of all tables that have missions."""
+        frames = {name: getattr(self, name) for name in SCHEMAS if "mission" in SCHEMAS[name]}
+        own = {name: frame[frame["mission"] == label] for name, frame in frames.items()}
+        return replace(self, **own)
 
     def mission(self, label: str) -> Mission:
         """Return a mission by its label.
