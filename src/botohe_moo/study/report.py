@@ -75,9 +75,9 @@ class ReportTable:
     page_only: Sequence[str] = ()  # columns that LaTeX leaves out
 
     def html(self) -> str:
-        """Return it as a table of a page; the class says how many columns hold words."""
+        """Return it as a table of a page."""
         styler = self._styler(escape_html, "<strong>{}</strong>").format_index(escape_html, axis=1)
-        text: str = styler.to_html(exclude_styles=True, table_attributes=f'class="t{self.texts}"')
+        text: str = styler.to_html(exclude_styles=True)
         return text
 
     def latex(self, between: str = "") -> str:

@@ -171,8 +171,8 @@ def plot_ranks(
         ax = ax or new_axes(8.5, 0.9 + 0.16 * len(labels))
         depth = _draw_bars(ax, sorted((group.min(), group.max()) for group in joined))
         half = (len(average) + 1) // 2
-        sides = [("right", average[:half], average.iloc[0] - 0.1)]
-        sides.append(("left", average[half:][::-1], average.iloc[-1] + 0.1))
+        sides = [("right", average[:half], average.iloc[0] - 0.01)]
+        sides.append(("left", average[half:][::-1], average.iloc[-1] + 0.01))
         for side, names, x in sides:
             for y, (label, rank) in enumerate(names.items(), start=depth + 1):
                 colour = colours[str(label)]
