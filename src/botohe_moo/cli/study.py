@@ -251,7 +251,7 @@ def report(folder: FolderArgument) -> None:
         tables = read_study(folder)
     _say_missing(tables)
     with failing(FAILED), showing("drawing figures"):
-        paths = write_report(tables)
+        paths = write_report(tables, workers=_workers(None))
     for path in paths:
         tell(f"wrote {path}")
 

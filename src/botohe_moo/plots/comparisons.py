@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import networkx as nx
 import numpy as np
 import pandas as pd
 import seaborn as sns
@@ -123,7 +124,7 @@ def plot_ranks(
     References
     ----------
     Demšar, "Statistical comparisons of classifiers over multiple data sets", Journal of Machine
-    Learning Research 7, 2006; drawn by ``scikit_posthocs.critical_difference_diagram``.
+    Learning Research 7, 2006.
 
     Examples
     --------
@@ -142,30 +143,44 @@ def plot_ranks(
     check_table("posthoc", posthoc, ("algorithm", "other", "significant"))
     if len(labels) < 2:
         raise ValueError(f"Expected ranks of at least two algorithms, got {len(labels)}.")
-    # Late, as it imports statsmodels, which no other picture needs.
-    from scikit_posthocs import critical_difference_diagram
-
-    average = ranks.set_index("algorithm")["average_rank"].astype(float)
-    p_values = pd.DataFrame(1.0, index=labels, columns=labels)
-    drawn = posthoc["algorithm"].isin(labels) & posthoc["other"].isin(labels)
-    apart = posthoc.loc[drawn & posthoc["significant"], ["algorithm", "other"]]
-    for one, other in apart.to_numpy():
-        p_values.loc[one, other] = p_values.loc[other, one] = 0.0
+    average = ranks.set_index("algorithm")["average_rank"].astype(float).sort_values()
+    apart = posthoc.loc[posthoc["significant"], ["algorithm", "other"]]
+    alike = nx.complete_graph(labels)
+    alike.remove_edges_from(map(tuple, apart.to_numpy()))
+    joined = [average[[*group]] for group in nx.find_cliques(alike) if len(group) > 1]
+    colours = palette_of(labels, palette)
     with theme():
         ax = ax or new_axes(8.5, 0.9 + 0.16 * len(labels))
-        critical_difference_diagram(
-            average,
-            p_values,
-            ax=ax,
-            label_fmt_left="{label}  ({rank:.2f})",
-            label_fmt_right="({rank:.2f})  {label}",
-            color_palette=palette_of(labels, palette),
-        )
+        depth = _draw_bars(ax, sorted((group.min(), group.max()) for group in joined))
+        half = (len(average) + 1) // 2
+        sides = [("right", average[:half], average.iloc[0] - 0.01)]
+        sides.append(("left", average[half:][::-1], average.iloc[-1] + 0.01))
+        for side, names, x in sides:
+            for y, (label, rank) in enumerate(names.items(), start=depth + 1):
+                colour = colours[str(label)]
+                said = f"{label}  ({rank:.2f})" if side == "right" else f"({rank:.2f})  {label}"
+                ax.plot([x, rank, rank], [-y, -y, 0], color=colour)
+                ax.scatter(rank, 0, color=colour, zorder=3)
+                ax.text(x, -y, said, color=colour, ha=side, va="center")
+        ax.yaxis.set_visible(False)
+        ax.spines[["left", "right", "bottom"]].set_visible(False)
+        ax.xaxis.set_ticks_position("top")
+        ax.spines["top"].set_position("zero")
         ax.grid(visible=False)
         ax.spines["top"].set_visible(True)
         ax.set_xlim(1, len(labels))
         ax.set_title(title or "", pad=24)
     return ax
+
+
+def _draw_bars(ax: Axes, spans: Iterable[tuple[float, float]]) -> int:
+    """Draw bars below each other, where they would overlap; return how many lines these are."""
+    lines: list[float] = []  # where the last bar of each line ends
+    for low, high in spans:
+        line = next((i for i, end in enumerate(lines) if end < low), len(lines))
+        lines[line : line + 1] = [high]
+        ax.plot([low, high], [-line - 1] * 2, color="k", linewidth=2, zorder=3)
+    return len(lines)
 
 
 def overruled(posthoc: pd.DataFrame) -> bool:

@@ -1,7 +1,10 @@
 """The pictures of a report, with their captions."""
 
 import base64
+import functools
+import multiprocessing
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -52,22 +55,33 @@ class ReportFigure:
         return base64.b64encode(self.paths[0].read_bytes()).decode()
 
 
-def draw_figures(tables: StudyTables, folder: Path) -> dict[str, list[ReportFigure]]:
+def draw_figures(
+    tables: StudyTables, folder: Path, *, workers: int = 1
+) -> dict[str, list[ReportFigure]]:
     """Draw and save all figures of a study; return them by mission.
 
-    Under ``""`` are those of the study as a whole; a mission without runs has none.
+    Under ``""`` are those of the study as a whole; a mission without runs has none. Each of
+    several workers is a process that draws the figures of one mission after the other.
     """
-    palette = palette_of(tables.algorithm_labels)
+    palette, labels = palette_of(tables.algorithm_labels), tables.mission_labels
     pictures = [*_shortfalls(tables, palette), *_ranks(tables, palette)]
     of_study = [_saved(folder, kind, ax, caption) for kind, ax, caption in pictures]
-    of_missions = {
-        label: [
-            _saved(folder, f"{kind}-{slug(label)}", ax, caption, f" On {label}.")
-            for kind, ax, caption in MissionPictures(tables, label, palette)
-        ]
-        for label in tables.mission_labels
-    }
-    return {"": of_study, **of_missions}
+    parts = [tables.of_mission(label) for label in labels]
+    draw = functools.partial(_draw_mission, folder, palette)
+    if min(workers, len(labels)) == 1:
+        return {"": of_study, **dict(zip(labels, map(draw, parts, labels), strict=True))}
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(workers, len(labels)), mp_context=context) as pool:
+        return {"": of_study, **dict(zip(labels, pool.map(draw, parts, labels), strict=True))}
+
+
+def _draw_mission(
+    folder: Path, palette: dict[str, Any], tables: StudyTables, label: str
+) -> list[ReportFigure]:
+    return [
+        _saved(folder, f"{kind}-{slug(label)}", ax, caption, f" On {label}.")
+        for kind, ax, caption in MissionPictures(tables, label, palette)
+    ]
 
 
 def _saved(folder: Path, name: str, ax: Axes, caption: str, where: str = "") -> ReportFigure:

@@ -75,9 +75,9 @@ class ReportTable:
     page_only: Sequence[str] = ()  # columns that LaTeX leaves out
 
     def html(self) -> str:
-        """Return it as a table of a page; the class says how many columns hold words."""
+        """Return it as a table of a page."""
         styler = self._styler(escape_html, "<strong>{}</strong>").format_index(escape_html, axis=1)
-        text: str = styler.to_html(exclude_styles=True, table_attributes=f'class="t{self.texts}"')
+        text: str = styler.to_html(exclude_styles=True)
         return text
 
     def latex(self, between: str = "") -> str:
@@ -405,15 +405,16 @@ def _below_each_other(titled: Iterable[tuple[str, ReportTable]]) -> str:
     return "\n".join([*text, ""])
 
 
-def write_report(tables: StudyTables) -> list[Path]:
+def write_report(tables: StudyTables, *, workers: int = 1) -> list[Path]:
     """Write the report into the folder ``report`` of a study's folder; return its files.
 
     They are ``report.html``, ``outcome.tex``, ``summary.tex``, ``comparisons.tex``, ``ranks.tex``,
-    and the figures in the folder ``figures``. Files of other names stay.
+    and the figures in the folder ``figures``, which ``workers`` processes draw. Files of other
+    names stay.
     """
     folder = tables.folder / "report"
     (folder / "figures").mkdir(parents=True, exist_ok=True)
-    figures_of = draw_figures(tables, folder / "figures")
+    figures_of = draw_figures(tables, folder / "figures", workers=workers)
     texts = {"report.html": render_page(tables, figures_of), **tables_latex(tables)}
     for name, text in texts.items():
         replace_file(folder / name, text.encode())

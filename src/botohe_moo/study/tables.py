@@ -7,7 +7,7 @@ import io
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -200,6 +200,12 @@ class StudyTables:
     def objectives(self, label: str) -> Objectives:
         """Return the objectives of a mission, or of the study's own problem on it."""
         return Objectives(**self.manifest["missions"][label]["objectives"])
+
+    def of_mission(self, label: str) -> "StudyTables":
+        """Return the rows of one mission, of all tables that have missions."""
+        frames = {name: getattr(self, name) for name in SCHEMAS if "mission" in SCHEMAS[name]}
+        own = {name: frame[frame["mission"] == label] for name, frame in frames.items()}
+        return replace(self, **own)
 
     def mission(self, label: str) -> Mission:
         """Return a mission by its label.
