@@ -30,8 +30,11 @@ def test_the_same():
     found = compare(MISSION, plan, TrailPlan(plan.trails[::-1]))
     assert str(found) == "The plans are the same."
     assert (found.reward, found.survivors) == (0, 0)
-    assert [(change.robot, change.other_robot) for change in found.robots] == [(0, 1), (1, 0)]
-    assert all(change.same for change in found.robots)
+    assert [(change.robot, change.other_robot) for change in found.table.itertuples()] == [
+        (0, 1),
+        (1, 0),
+    ]
+    assert all(change.same for change in found.table.itertuples())
 
 
 def test_equal_trails_are_matched_though_others_have_the_same_arcs():
@@ -49,7 +52,7 @@ def test_nodes_gained_and_lost():
         "Robot 1 (robot 0 in the second plan): survival 0.9 -> 1; also visits c; no longer visits "
         "b.",
     )
-    same, changed = found.robots
+    same, changed = found.table.itertuples()
     assert (same.robot, same.other_robot, same.same) == (0, 1, True)
     assert (changed.gained, changed.lost, changed.same) == (("c",), ("b",), False)
     assert (changed.survival, changed.other_survival) == (pytest.approx(0.9), 1)
@@ -122,8 +125,8 @@ def test_what_holds_for_all(front):
     assert (found.reward, found.survivors) == (other_r - r, other_s - s)
     assert (str(found) == "The plans are the same.") == (first == second)
     robots = range(mission.robots)
-    assert [change.robot for change in found.robots] == list(robots)
-    assert sorted(change.other_robot for change in found.robots) == list(robots)
+    assert [change.robot for change in found.table.itertuples()] == list(robots)
+    assert sorted(change.other_robot for change in found.table.itertuples()) == list(robots)
     trails = first.trails, second.trails
 
     def total(matching):
@@ -131,7 +134,7 @@ def test_what_holds_for_all(front):
             arcs_apart(trails[0][i], trails[1][j]) for i, j in zip(robots, matching, strict=1)
         )
 
-    matched = [change.other_robot for change in found.robots]
+    matched = [change.other_robot for change in found.table.itertuples()]
     assert total(matched) == pytest.approx(min(map(total, permutations(robots))))
     visited = [set().union(*map(set, plan)) for plan in trails]
     assert set(found.gained) == visited[1] - visited[0]  # the nodes' labels are their indices

@@ -146,7 +146,7 @@ def test_robots_are_compared_within_their_kind():
 def test_matched_robots_are_of_one_kind(drawn):
     mission, plan = drawn
     assert str(compare(mission, plan, plan)) == "The plans are the same."
-    for change in compare(mission, plan, mission.stay_home()).robots:
+    for change in compare(mission, plan, mission.stay_home()).table.itertuples():
         assert mission.kind_of[change.robot] == mission.kind_of[change.other_robot]
 
 

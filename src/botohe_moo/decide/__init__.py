@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from botohe_moo.decide.choosing import Miss as Miss
     from botohe_moo.decide.choosing import choose as choose
     from botohe_moo.decide.choosing import toward as toward
-    from botohe_moo.decide.comparing import Change as Change
     from botohe_moo.decide.comparing import Difference as Difference
     from botohe_moo.decide.comparing import compare as compare
     from botohe_moo.decide.fronts import Mark as Mark

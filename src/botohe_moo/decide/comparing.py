@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,42 +20,6 @@ if TYPE_CHECKING:
 _SHOWN = 8  # nodes in a sentence
 
 
-class Change(NamedTuple):
-    """The difference that a robot makes between two plans.
-
-    Attributes
-    ----------
-    robot, other_robot
-        The robot in the first plan, and the one that it is matched with in the second, from 0.
-    kind
-        The name of their kind.
-    survival, other_survival
-        Probabilities that they survive.
-    gained, lost
-        Nodes that only the second, or only the first of them visits.
-    same
-        Whether their trails are the same.
-
-    Examples
-    --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import Change, compare
-    >>> toy = load_mission("toy")
-    >>> found = compare(toy, toy.plan([[1, 2, 1], [1]]), toy.plan([[1, 2, 4, 2, 1], [1]]))
-    >>> found.robots[0].gained, found.robots[1].same
-    ((4,), True)
-    """
-
-    robot: int
-    other_robot: int
-    kind: str
-    survival: float
-    other_survival: float
-    gained: tuple[Hashable, ...]
-    lost: tuple[Hashable, ...]
-    same: bool
-
-
 @dataclass(frozen=True, eq=False)
 class Difference:
     """The difference of two plans; ``str`` describes it, a line for each robot that changes.
@@ -66,8 +30,12 @@ class Difference:
         How much more E[R] and E[S] the second plan has; below 0 if it has less.
     gained, lost
         Nodes that only the second, or only the first plan visits.
-    robots
-        The change of each robot, in the order of the first plan.
+    table
+        A row for each robot of the first plan: ``robot`` and ``other_robot``, the one that it is
+        matched with in the second, from 0; the name of their ``kind``; ``survival`` and
+        ``other_survival``, the probabilities that they survive; ``gained`` and ``lost``, the nodes
+        that only the second, or only the first of them visits; and ``same``, whether their trails
+        are the same.
 
     Examples
     --------
@@ -87,34 +55,27 @@ class Difference:
     survivors: float
     gained: tuple[Hashable, ...]
     lost: tuple[Hashable, ...]
-    robots: tuple[Change, ...]
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """A row for each robot of the first plan, with the fields of :class:`Change`."""
-        import pandas as pd
-
-        return pd.DataFrame(self.robots, columns=Change._fields)
+    table: pd.DataFrame
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """The lines of ``str``."""
-        if all(change.same for change in self.robots):
+        if self.table["same"].all():
             return ("The plans are the same.",)
         reward = difference_text(self.reward, "reward")
         survivors = difference_text(self.survivors, "survivors")
         lines = [f"The second plan has {reward} and {survivors}."]
-        kinds = {change.kind for change in self.robots}
-        for change in self.robots:
-            kind = f"{change.kind}, " if len(kinds) > 1 else ""
+        several = len(set(self.table["kind"])) > 1
+        changed: Iterable[Any] = self.table[~self.table["same"]].itertuples()
+        for change in changed:
+            kind = f"{change.kind}, " if several else ""
             before, after = _apart(change.survival, change.other_survival)
             parts = [f"survival {before} -> {after}" if before != after else f"survival {before}"]
             parts += [f"also visits {_named(change.gained)}"] if change.gained else []
             parts += [f"no longer visits {_named(change.lost)}"] if change.lost else []
             parts += [] if change.gained or change.lost else ["another trail to the same nodes"]
             then = f"robot {change.other_robot} in the second plan"
-            if not change.same:
-                lines.append(f"Robot {change.robot} ({kind}{then}): {'; '.join(parts)}.")
+            lines.append(f"Robot {change.robot} ({kind}{then}): {'; '.join(parts)}.")
         return tuple(lines)
 
     def __str__(self) -> str:
@@ -152,6 +113,8 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
     The second plan has 3.24 more reward and the same survivors.
     Robot 0 (robot 1 in the second plan): survival 0.6561; also visits 4.
     """
+    import pandas as pd
+
     batch = check_mission(mission).batch([first, second])
     reward, survivors = np.diff(mission.evaluate(batch), axis=0)[0].tolist()
     before, after = mission.robot_survival(batch).tolist()
@@ -160,22 +123,20 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
     def in_order(nodes: set[Hashable]) -> tuple[Hashable, ...]:
         return tuple(sorted(nodes, key=mission.index))
 
-    robots = [
-        Change(
-            robot=robot,
-            other_robot=other,
-            kind=mission.kind_of[robot].name,
-            survival=before[robot],
-            other_survival=after[other],
-            gained=in_order(others[other] - ours[robot]),
-            lost=in_order(ours[robot] - others[other]),
-            same=first.trails[robot] == second.trails[other],
-        )
-        for robot, other in enumerate(_matched(mission, first, second))
-    ]
+    matched = _matched(mission, first, second)
+    columns = {
+        "robot": range(mission.robots),
+        "other_robot": matched,
+        "kind": [kind.name for kind in mission.kind_of],
+        "survival": before,
+        "other_survival": [after[k] for k in matched],
+        "gained": [in_order(others[k] - own) for own, k in zip(ours, matched, strict=True)],
+        "lost": [in_order(own - others[k]) for own, k in zip(ours, matched, strict=True)],
+        "same": [first.trails[i] == second.trails[k] for i, k in enumerate(matched)],
+    }
     visited, other_visited = set().union(*ours), set().union(*others)
     gained, lost = in_order(other_visited - visited), in_order(visited - other_visited)
-    return Difference(reward, survivors, gained, lost, tuple(robots))
+    return Difference(reward, survivors, gained, lost, pd.DataFrame(columns))
 
 
 def _matched(mission: Mission, first: TrailPlan, second: TrailPlan) -> list[int]:

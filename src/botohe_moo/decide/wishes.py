@@ -62,13 +62,10 @@ _FORMS = {
     "reach": "reach {node} >= {at_least}",
 }
 _PROBABILITIES = ("chance", "every robot", "reach")  # whose level is one
-FORMS = (
-    "reward >= 5",
-    "P(reward >= 5) >= 0.8",
-    "CVaR(reward, 0.1) >= 2",
-    "worst case of 1 loss >= 5",
-    "every robot >= 0.5",
-    "reach NODE >= 0.9",
+_EXAMPLE = {"subject": "reward", "value": 5, "alpha": 0.1, "losses": "1 loss", "node": "NODE"}
+FORMS = tuple(
+    text.format(**_EXAMPLE, at_least=0.8 if form in _PROBABILITIES else 5)
+    for form, text in _FORMS.items()
 )
 
 
