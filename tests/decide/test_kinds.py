@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Kind, Mission, TrailPlan, read_solution, worst_case
-from botohe_moo.cli.choose import trails_text
+from botohe_moo.cli.plans import trails_text
 from botohe_moo.decide import (
     Chance,
     Expected,

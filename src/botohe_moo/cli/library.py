@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from botohe_moo._base.words import counted
-from botohe_moo.cli.options import path_option
-from botohe_moo.cli.shell import FAILED, failing, say, tell
+from botohe_moo.cli.common import FAILED, command, failing, frame_table, say, tell
 
 if TYPE_CHECKING:
     from botohe_moo.library.fronts import Finder
@@ -23,47 +22,37 @@ if TYPE_CHECKING:
 
 library_app = typer.Typer(no_args_is_help=True)
 
-SelectionArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="SELECTION",
-        parser=lambda text: text.removeprefix("library:"),
-        help="A mission's name, a family, or one of small, medium, large, all.",
-    ),
-]
-FolderOption = Annotated[
-    Path | None,
-    path_option(
-        "--library",
-        metavar="DIR",
-        help="Folder of the library; by default that of the package: in a clone, results/library.",
-    ),
-]
+_TABLE = {  # columns of `botohe library list`: title and format
+    **{name: (name, "") for name in ("mission", "family", "size")},
+    **{name: (name, "") for name in ("nodes", "arcs", "robots", "plans")},
+    "area": ("area", ".6f"),
+    "gap": ("gap", ".2%"),
+}
+
+Selection = Annotated[str, typer.Argument(parser=lambda text: text.removeprefix("library:"))]
 
 
 @library_app.callback()
 def library() -> None:
-    """Missions with best known fronts and certified bounds: list, check, improve them."""
+    """Missions with best known fronts and certified bounds: list, check and improve them."""
 
 
-@library_app.command("list")
-def list_library(selection: SelectionArgument = "all", library: FolderOption = None) -> None:
-    """List missions: nodes, arcs, robots, plans and area of the best known front, certified gap."""
+@command(library_app, "list")
+def list_library(selection: Selection = "all", *, library: Path | None = None) -> None:
+    """List missions: their size, the area of the best known front, and its certified gap."""
     with failing():
         from botohe_moo.library.files import FOLDER, library_table
 
-        table = library_table(selection, folder=library or FOLDER)
-    shown = table.drop(columns=["bound_area"])
-    formats: Any = {"area": "{:.6f}".format, "gap": lambda gap: f"{100 * gap:.2f} %"}
-    tell(shown.to_string(index=False, formatters=formats, na_rep="-"))
-    tell("\n`botohe solve library:NAME` searches, `botohe library add DIR` hands in what it found.")
+        listed = library_table(selection, folder=library or FOLDER)
+    tell(frame_table(listed, _TABLE, n_texts=3))
+    tell("\n`botohe solve library:NAME` searches. `botohe library add DIR` adds what it found.")
 
 
-@library_app.command("check")
-def check(selection: SelectionArgument = "all", library: FolderOption = None) -> None:
-    """Evaluate all plans of the best known fronts again, and compare with what is said of them.
+@command(library_app)
+def check(selection: Selection = "all", *, library: Path | None = None) -> None:
+    """Evaluate all plans of the best known fronts again, and compare with their files.
 
-    The exit status is 1 if something is wrong, 2 for bad input.
+    The exit status is 1 if something is wrong, and 2 for bad input.
     """
     with failing():
         from botohe_moo.library import check_library, library_names
@@ -78,33 +67,29 @@ def check(selection: SelectionArgument = "all", library: FolderOption = None) ->
     tell(f"\n{counted(len(names), 'mission')}: each plan was evaluated again, none is dominated")
 
 
-@library_app.command("add")
+@command(library_app)
 def add(
-    found: Annotated[
-        Path,
-        typer.Argument(
-            metavar="DIR",
-            exists=True,
-            file_okay=False,
-            help="Folder that `solve` or `study run` wrote, on missions of the library.",
-        ),
-    ],
-    by: Annotated[str, typer.Option("--by", metavar="NAME", help="Who found the plans.")],
-    on: Annotated[
-        str | None,
-        typer.Option("--on", metavar="DATE", help="When, as 2026-11-27; by default today."),
-    ] = None,
-    library: FolderOption = None,
+    found: Annotated[Path, typer.Argument(exists=True, file_okay=False)],
+    *,
+    by: str,
+    library: Path | None = None,
 ) -> None:
     """Merge the plans of a solution or a study into the best known fronts.
 
     Plans that are dominated leave. Additions in any order give the same files.
+
+    Parameters
+    ----------
+    found : DIR
+        Folder that `solve` or `study run` wrote, on missions of the library.
+    by : NAME
+        Who found the plans.
     """
     with failing():
         from botohe_moo.library.files import FOLDER, add_plans
 
-        date = dt.date.today().isoformat() if on is None else on
-        changed = add_plans(_found_in(found, by, date), folder=library or FOLDER)
+        plans = _found_in(found, by, dt.date.today().isoformat())
+        changed = add_plans(plans, folder=library or FOLDER)
     for name, (before, after, path) in changed.items():
         was, now = ({*map(tuple, front.objectives.tolist())} for front in (before, after))
         n_new = len(now - was)
@@ -121,23 +106,22 @@ def _found_in(folder: Path, by: str, on: str) -> Found:
     from botohe_moo.solution import read_solution
     from botohe_moo.study import read_study
 
-    found: Found = {}
+    read: list[tuple[Mission, Iterator[tuple[Plans, str]]]]
     if (folder / "plans.json").exists():
-        read = read_solution(folder)
-        missions = [read.mission]
-        if name := library_name_of(numbers_digest(read.mission)):
-            method = _method(read.algorithm, read.parameters, read.evaluations, read.seed)
-            found[name] = [(read.plans, Finder(on, by, method))]
+        solution = read_solution(folder)
+        how = solution.algorithm, solution.parameters, solution.evaluations, solution.seed
+        read = [(solution.mission, iter([(solution.plans, _method(*how))]))]
     else:
         tables = read_study(folder)
-        missions = [tables.mission(label) for label in tables.mission_labels]
-        for label, mission in zip(tables.mission_labels, missions, strict=True):
-            if name := library_name_of(numbers_digest(mission)):
-                lists = found.setdefault(name, [])
-                for plans, method in _of_runs(tables, label, mission):
-                    lists.append((plans, Finder(on, by, method)))
+        missions = {label: tables.mission(label) for label in tables.mission_labels}
+        read = [(of, _of_runs(tables, label, of)) for label, of in missions.items()]
+    found: Found = {}
+    for mission, lists in read:
+        if name := library_name_of(numbers_digest(mission)):
+            known = found.setdefault(name, [])
+            known += ((plans, Finder(on, by, method)) for plans, method in lists)
     if not found:
-        others = ", ".join(f"{mission.name!r} of {mission.team}" for mission in missions)
+        others = ", ".join(f"{mission.name!r} of {mission.team}" for mission, _ in read)
         raise ValueError(
             f"{folder}: expected plans of a mission of the library, found those of {others}: no "
             "mission of the library has the same nodes, arcs and team."

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from numba.core import event
 
 from botohe_moo._base.words import counted
-from botohe_moo.cli.shell import harmless, say
+from botohe_moo.cli.common import harmless, say
 
 if TYPE_CHECKING:
     from botohe_moo.solving import Progress
