@@ -20,8 +20,8 @@ from botohe_moo import (
     bound_front,
     load_mission,
 )
-from botohe_moo._base.cpus import n_cpus
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.runtime import n_cpus
+from botohe_moo.base.types import FloatArray
 from botohe_moo.plots import plot_front
 
 RESULTS = Path(__file__).parents[1] / "results"

@@ -25,7 +25,7 @@ from benchmarks.measure import in_process
 from benchmarks.memory import peak_resident
 from benchmarks.threads import search
 from botohe_moo import BOTOHE, Mission, area_indicator, load_mission, make_algorithm
-from botohe_moo._base.cpus import n_cpus
+from botohe_moo.base.runtime import n_cpus
 
 ISLANDS = (1, 2, 4, 8, 16)
 MARKS = (1_000, 3_000, 10_000, 30_000, 100_000, 125_000, 300_000, 1_000_000)

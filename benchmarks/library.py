@@ -10,7 +10,7 @@ import pandas as pd
 import seaborn as sns
 
 from botohe_moo import FrontBound, TrailPlan, bound_front, load_mission, solve
-from botohe_moo._base.cpus import n_cpus
+from botohe_moo.base.runtime import n_cpus
 from botohe_moo.library import Finder, best_known, check_library, library_names, library_table
 from botohe_moo.library.files import add_plans
 from botohe_moo.mission.loading import ENTRIES

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import pandas as pd
 import psutil
 
-from botohe_moo._base.cpus import n_cpus
+from botohe_moo.base.runtime import n_cpus
 
 HERE = Path(__file__).parents[1]
 COLD = (  # missions, evaluations and algorithms

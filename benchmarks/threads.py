@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
-from botohe_moo._base.cpus import n_cpus
+from botohe_moo.base.runtime import n_cpus
 
 THREADS = (1, 2, 4, 8, 16)
 REPEATS = 5

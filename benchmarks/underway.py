@@ -14,7 +14,7 @@ import pandas as pd
 
 from benchmarks.explorer import photograph
 from botohe_moo import Event, Mission, load_mission, replan, simulate_policy, solve, worst_case
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.explorer import replay
 from botohe_moo.plots import plot_policies, save_plot
 from botohe_moo.underway import play_mission, robot_price

@@ -19,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission, mission_from_tables, read_solution, solve
-from botohe_moo._base.spreadsheets import read_table
+from botohe_moo.base.files import read_table
 from botohe_moo.bounds import FrontBound, bound_front
 from botohe_moo.library import BestKnown, Finder
 from botohe_moo.mission import MissionError, read_mission, save_mission

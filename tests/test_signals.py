@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from botohe_moo._base.signals import hold_signals
+from botohe_moo.base.runtime import hold_signals
 
 
 def test_signals_are_held_once_and_those_that_are_ignored_stay_so():

@@ -36,8 +36,8 @@ from botohe_moo import (
     solve,
     solving,
 )
-from botohe_moo._base.signals import hold_signals
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES
+from botohe_moo.base.runtime import hold_signals
 from botohe_moo.solution import PictureError, Solution
 from botohe_moo.solving import RefusalError
 from tests.examples import examples

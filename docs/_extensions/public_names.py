@@ -15,8 +15,7 @@ from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.util.nodes import make_refnode
 
-from botohe_moo._plugins.stated import signature_parameters
-from botohe_moo._plugins.types import type_text
+from botohe_moo.base.parameters import signature_parameters, type_text
 from exported import documented_names
 
 _ARRAY = re.compile(r"ndarray\[tuple\[Any, \.\.\.\], dtype\[\w+(\[\w+\])?\]\]")

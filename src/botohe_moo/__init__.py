@@ -6,7 +6,7 @@ Names are imported when they are first used, so that ``import botohe_moo`` and t
 
 from typing import TYPE_CHECKING
 
-from botohe_moo._base.lazy import lazy_names
+from botohe_moo.base.runtime import lazy_names
 
 if TYPE_CHECKING:
     from botohe_moo.algorithms import BOACO as BOACO

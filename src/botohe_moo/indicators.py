@@ -8,8 +8,8 @@ import moocore
 import numpy as np
 from numpy.typing import ArrayLike
 
-from botohe_moo._base.checks import check_number, quoted
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.messages import check_number, quoted
+from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 
 __all__ = [

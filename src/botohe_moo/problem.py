@@ -11,10 +11,9 @@ from pymoo.core.problem import Problem
 from pymoo.util.display.column import Column
 from pymoo.util.display.output import Output
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.types import FloatArray, ObjectArray
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Probability, TravelBudget
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.parameters import Probability, TravelBudget, checked
+from botohe_moo.base.types import FloatArray, ObjectArray
 from botohe_moo.core.world import CHECKING
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, check_mission

@@ -12,12 +12,11 @@ import moocore
 import numpy as np
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._base.checks import check_integer
-from botohe_moo._base.cpus import n_cpus
-from botohe_moo._base.signals import hold_signals
-from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.base import MOST_THREADS
 from botohe_moo.algorithms.registry import algorithm_parameters, make_algorithm
+from botohe_moo.base.messages import check_integer
+from botohe_moo.base.runtime import hold_signals, n_cpus
+from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission

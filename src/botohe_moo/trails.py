@@ -7,8 +7,8 @@ from typing import Self, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from botohe_moo._base.checks import check_integer, quoted
-from botohe_moo._base.types import IntArray, ObjectArray, OffsetArray
+from botohe_moo.base.messages import check_integer, quoted
+from botohe_moo.base.types import IntArray, ObjectArray, OffsetArray
 
 __all__ = ["PlanBatch", "TrailPlan"]
 

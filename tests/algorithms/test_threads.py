@@ -7,10 +7,10 @@ from concurrent.futures import ProcessPoolExecutor
 import pytest
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm, solve
-from botohe_moo._base import cpus
 from botohe_moo.algorithms.bo_aco import colony
 from botohe_moo.algorithms.local_search import islands as islands
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
+from botohe_moo.base import runtime
 from botohe_moo.core import threads
 from botohe_moo.operators import repair
 from botohe_moo.study import run_study
@@ -129,16 +129,16 @@ class TestProcessors:
         ],
     )
     def test_those_of_the_affinity_within_the_quota(self, tmp_path, monkeypatch, files, expected):
-        monkeypatch.delattr(cpus.os, "process_cpu_count", raising=False)
-        monkeypatch.setattr(cpus.os, "sched_getaffinity", lambda _: set(range(6)), raising=False)
+        monkeypatch.delattr(runtime.os, "process_cpu_count", raising=False)
+        monkeypatch.setattr(runtime.os, "sched_getaffinity", lambda _: set(range(6)), raising=False)
         for name, text in files.items():
             path = tmp_path / name
             path.parent.mkdir(exist_ok=True)
             path.write_text(f"{text}\n")
-        assert cpus.n_cpus(tmp_path) == expected
+        assert runtime.n_cpus(tmp_path) == expected
 
     @pytest.mark.parametrize(("told", "expected"), [(5, 3), (2, 2), (None, 1)])
     def test_as_many_as_python_was_told(self, tmp_path, monkeypatch, told, expected):
-        monkeypatch.setattr(cpus.os, "process_cpu_count", lambda: told, raising=False)
+        monkeypatch.setattr(runtime.os, "process_cpu_count", lambda: told, raising=False)
         (tmp_path / "cpu.max").write_text("300000 100000\n")
-        assert cpus.n_cpus(tmp_path) == expected
+        assert runtime.n_cpus(tmp_path) == expected

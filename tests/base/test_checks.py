@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from botohe_moo._base.checks import (
+from botohe_moo.base.messages import (
     ParameterError,
     check_choice,
     check_integer,

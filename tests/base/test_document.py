@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo._base.document import Document, DocumentError
+from botohe_moo.base.documents import Document, DocumentError
 
 SCALARS = (
     st.none()

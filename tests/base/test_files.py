@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from botohe_moo._base.files import new_folder, replace_file
+from botohe_moo.base.files import new_folder, replace_file
 
 
 def contents(folder):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from botohe_moo._base.spreadsheets import read_table
+from botohe_moo.base.files import read_table
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])

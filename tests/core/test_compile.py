@@ -17,8 +17,8 @@ from numba import config
 from numba.core.cpu import CPUTargetOptions
 
 import botohe_moo
-from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.local_search.kernels import recreate
+from botohe_moo.base.types import FloatArray
 from botohe_moo.core import compile as decorators
 from botohe_moo.core import world
 from botohe_moo.core.compile import _PRIVATE, array_maker, helper, is_kept, kernel, shared
@@ -185,10 +185,20 @@ class TestMachineCodeOnDisk:
         [path] = (tmp_path / "__pycache__").glob(f"*.{kind}")
         whole = path.read_bytes()
         path.write_bytes(whole[: len(whole) // 2] if content == "cut off" else content)
-        assert loaded(1)(2) == 3
+        with pytest.warns(UserWarning, match=r"\.nbi: damaged; this kernel is compiled again"):
+            assert loaded(1)(2) == 3
         again = loaded(1)
         assert again(2) == 3
         assert sum(again.stats.cache_hits.values()) == 1
+
+    @pytest.mark.parametrize("content", [b"", b"no code"])
+    def test_where_the_index_is_damaged_nothing_is_kept(self, loaded, tmp_path, content):
+        assert loaded(1)(2) == 3
+        [path] = (tmp_path / "__pycache__").glob("*.nbi")
+        path.write_bytes(content)
+        with pytest.warns(UserWarning, match="damaged"):
+            assert not is_kept(loaded(1), (numba.int64,))
+        assert not is_kept(loaded(1), (numba.int64,))  # which has been said
 
     def test_where_it_is_still_being_written_it_is_not_there(self, loaded, tmp_path):
         assert loaded(1)(2) == 3

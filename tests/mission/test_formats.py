@@ -189,7 +189,7 @@ def test_another_writer_of_json_does_not_replace_the_built_in_one(tmp_path, monk
     toy, path = load_mission("toy"), tmp_path / "toy.json"
     entry = EntryPoint(name, f"{__name__}:OTHER", "botohe_moo.formats")
     known = (entry, *entry_points(group="botohe_moo.formats"))
-    monkeypatch.setattr("botohe_moo._plugins.entry_points._registered", lambda *_: known)
+    monkeypatch.setattr("botohe_moo.base.registry._registered", lambda *_: known)
     save_mission(toy, path)
     assert read_mission(path) == toy
     path.write_bytes(b"other")

@@ -10,7 +10,7 @@ from hypothesis import given
 from PIL import Image
 
 from botohe_moo import MissionError, load_mission, save_mission
-from botohe_moo._base.document import Document
+from botohe_moo.base.documents import Document
 from botohe_moo.mission import format_of
 from botohe_moo.mission.formats.rmf import BUILDING, NAVIGATION_GRAPH
 from tests.examples import examples

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 
 from botohe_moo import MissionError, mission_from_tables
-from botohe_moo._base.spreadsheets import read_table
+from botohe_moo.base.files import read_table
 from tests.strategies import missions
 
 NODES = {"label": ["dock", "reef", "cave"], "reward": [0, 5, 2.5], "x": [0, 1, 2], "y": [0, 1, 0]}

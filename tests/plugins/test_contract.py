@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from botohe_moo import load_mission, make_algorithm
-from botohe_moo._plugins.types import UNIONS, is_scalar
 from botohe_moo.algorithms.registry import algorithm_faults, algorithm_parameters
+from botohe_moo.base.parameters import UNIONS, is_scalar
 from botohe_moo.cli.app import app
 from botohe_moo.mission.loading import mission_faults, mission_parameters
 

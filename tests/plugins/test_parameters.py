@@ -13,14 +13,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, BeforeValidator, Field, field_validator, model_validator
 
-from botohe_moo._base.checks import ParameterError
-from botohe_moo._plugins.checks import call_factory, check_values, checked, raised_fault
-from botohe_moo._plugins.stated import Parameter, accepted_parameters, takes_any_name
-from botohe_moo._plugins.types import (
+from botohe_moo.base.messages import ParameterError
+from botohe_moo.base.parameters import (
+    Parameter,
     SameResult,
+    accepted_parameters,
+    call_factory,
     changes_nothing,
+    check_values,
+    checked,
     plain_value,
+    raised_fault,
     range_text,
+    takes_any_name,
     type_text,
 )
 

@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 from botohe_moo import Kind, Mission, load_mission, save_mission
-from botohe_moo._base.document import Document
 from botohe_moo.algorithms import algorithm_names
+from botohe_moo.base.documents import Document
 from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError

@@ -5,10 +5,9 @@ Names are imported when they are first used: each algorithm loads what it needs 
 
 from typing import TYPE_CHECKING
 
-from botohe_moo._base.lazy import lazy_names
+from botohe_moo.base.runtime import lazy_names
 
 if TYPE_CHECKING:
-    from botohe_moo._plugins.types import SameResult as SameResult
     from botohe_moo.algorithms.annealing.algorithm import SimulatedAnnealing as SimulatedAnnealing
     from botohe_moo.algorithms.base import ArchiveAlgorithm as ArchiveAlgorithm
     from botohe_moo.algorithms.bo_aco.algorithm import BOACO as BOACO
@@ -31,5 +30,6 @@ if TYPE_CHECKING:
     from botohe_moo.algorithms.local_search.algorithm import ParetoLocalSearch as ParetoLocalSearch
     from botohe_moo.algorithms.registry import algorithm_names as algorithm_names
     from botohe_moo.algorithms.registry import make_algorithm as make_algorithm
+    from botohe_moo.base.parameters import SameResult as SameResult
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

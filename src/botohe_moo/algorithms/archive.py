@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.core.archive import Archive, Batch, first_plans, insert, new_archive
 from botohe_moo.trails import PlanBatch
 

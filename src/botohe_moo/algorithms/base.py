@@ -17,11 +17,10 @@ from pymoo.core.termination import TerminateIfAll, Termination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
-from botohe_moo._plugins.checks import check_keywords, checked
-from botohe_moo._plugins.types import SameResult
 from botohe_moo.algorithms.individuals import PopulationArchive
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.parameters import SameResult, check_keywords, checked
+from botohe_moo.base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo.core.ready import begin_run, remaining
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE, FrontOutput, overrides

@@ -8,8 +8,8 @@ import numpy as np
 from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 
-from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.algorithms.archive import PlanArchive
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 

@@ -7,9 +7,16 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._plugins.checks import Fault, call_factory, factory_faults
-from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, is_path
-from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
+from botohe_moo.base.messages import PluginError
+from botohe_moo.base.parameters import (
+    Fault,
+    Parameter,
+    accepted_parameters,
+    call_factory,
+    factory_faults,
+    summary_of,
+)
+from botohe_moo.base.registry import PluginGroup, declared_factory, is_path
 from botohe_moo.mission.loading import load_mission
 
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")

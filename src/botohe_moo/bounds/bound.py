@@ -10,10 +10,9 @@ from typing import Annotated, Any
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import NotNegative, Positive, Probability, TravelBudget
 from botohe_moo.algorithms.exact.front import MemoryLimit
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.parameters import NotNegative, Positive, Probability, TravelBudget, checked
 from botohe_moo.bounds.clock import Clock
 from botohe_moo.bounds.front_bound import FrontBound
 from botohe_moo.bounds.kernels.trails import find_trails

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.files import replace_file
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.files import replace_file
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.types import FloatArray
 from botohe_moo.bounds.envelopes import lower_envelope
 from botohe_moo.bounds.plain import fewest_moving
 from botohe_moo.bounds.record import FORMAT, BoundRecord, Line, Step, read_record

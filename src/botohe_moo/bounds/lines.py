@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.bounds.envelopes import lower_envelope, stairs_of
 from botohe_moo.bounds.kernels.states import Worth
 from botohe_moo.bounds.kernels.trails import Stairs

@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.bounds.pool import Pool
 from botohe_moo.bounds.prices import SECONDS_A_GAIN, PricedTeam, Prices
 from botohe_moo.bounds.relaxation import Relaxation

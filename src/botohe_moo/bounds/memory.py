@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.kernels.states import NEVER, NONE, Memory, Net
 from botohe_moo.bounds.net import Piece, pieces_of
 from botohe_moo.core.paths import find_near

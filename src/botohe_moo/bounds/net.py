@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.bounds.kernels.states import ROUNDING, Net
 from botohe_moo.core.world import Graph, World, cheapest_ways, new_limits, new_world
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import networkx as nx
 
-from botohe_moo._base.checks import quoted
+from botohe_moo.base.messages import quoted
 from botohe_moo.core.world import Limits
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import ONLY_KIND, Kind, by_kind

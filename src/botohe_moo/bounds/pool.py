@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.kernels.states import ROUNDING, Net
 from botohe_moo.bounds.kernels.trails import follow_trails
 from botohe_moo.bounds.memory import RelaxedTrail

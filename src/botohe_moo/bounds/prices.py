@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.envelopes import convex_below
 from botohe_moo.bounds.kernels.states import Net
 

@@ -7,9 +7,9 @@ from typing import Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, FiniteFloat, PositiveInt, ValidationError
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.files import read_bytes
-from botohe_moo._plugins.types import NotNegative, Probability
+from botohe_moo.base.files import read_bytes
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.parameters import NotNegative, Probability
 from botohe_moo.mission.model import Mission, numbers_digest
 
 FORMAT: Literal["botohe-front-bound-1"] = "botohe-front-bound-1"

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.clock import Clock
 from botohe_moo.bounds.kernels.relaxed import follow, relax
 from botohe_moo.bounds.kernels.states import Net, States, Worth, find_states

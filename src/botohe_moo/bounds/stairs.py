@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.envelopes import add_stairs, add_two, least_total
 from botohe_moo.bounds.kernels.trails import Stairs
 from botohe_moo.bounds.lines import LEAST_MU, N_STEPS, Lines

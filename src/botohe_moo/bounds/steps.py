@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.algorithms.exact.teams import choose_teams, new_choices
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.envelopes import EDGE, add_stairs, falling, last_steps, least_total
 from botohe_moo.bounds.kernels.states import ROUNDING
 from botohe_moo.bounds.kernels.trails import Stairs, follow_trails

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.bounds.front_bound import FrontBound
 
 # As in ``proof``, these constants were chosen by experiment, and every bound is valid whatever they

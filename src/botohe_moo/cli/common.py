@@ -25,12 +25,12 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO, get_origin
 
 import typer
 
-from botohe_moo._base.signals import hold_signals
+from botohe_moo.base.runtime import hold_signals
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from botohe_moo._plugins.stated import Parameter
+    from botohe_moo.base.parameters import Parameter
     from botohe_moo.mission.model import Mission
 
 FAILED = 1
@@ -211,7 +211,7 @@ def _value(name: str, text: str) -> Any:
     for number in (int, float):
         with suppress(ValueError):
             return number(text)
-    from botohe_moo._base.document import Document, DocumentError
+    from botohe_moo.base.documents import Document, DocumentError
 
     try:
         return Document(text).content

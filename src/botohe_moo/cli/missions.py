@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted
 from botohe_moo.cli import common
 from botohe_moo.cli.common import brief, command, failing, paragraph, say, tell
 
@@ -30,7 +30,7 @@ def missions(context: typer.Context) -> None:
 @command(missions_app, "list")
 def list_missions() -> None:
     """List the named missions and the generators."""
-    from botohe_moo._plugins.stated import summary_of
+    from botohe_moo.base.parameters import summary_of
     from botohe_moo.mission import mission_names
     from botohe_moo.mission.loading import PLUGINS
 
@@ -180,8 +180,8 @@ def import_mission(
         Each row of arcs is an arc in both directions.
     """
     with failing():
-        from botohe_moo._base.checks import ParameterError, unknown_parameter
-        from botohe_moo._base.spreadsheets import read_table
+        from botohe_moo.base.files import read_table
+        from botohe_moo.base.messages import ParameterError, unknown_parameter
         from botohe_moo.mission import mission_from_tables, save_mission
         from botohe_moo.mission.formats.reading import stem_of
         from botohe_moo.mission.loading import OF_FILES
@@ -258,7 +258,7 @@ def from_map(
     base : NODE
         The base: a node's number, or a place X,Y whose nearest node it is.
     """
-    from botohe_moo._base.files import check_file, check_suffix
+    from botohe_moo.base.files import check_file, check_suffix
     from botohe_moo.mission import Mission, roadmap_from_map, save_mission
     from botohe_moo.plots import plot_mission, save_plot
 

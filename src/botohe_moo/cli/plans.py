@@ -133,7 +133,7 @@ def tell_choice(mission: Mission, choice: Choice, folder: Path) -> None:
 
 def trails_text(mission: Mission, plan: TrailPlan) -> str:
     """Write the trails of a plan, a line for each robot."""
-    from botohe_moo._base.words import probability_text
+    from botohe_moo.base.numbers import probability_text
     from botohe_moo.decide.wishes import label_text
 
     rows = []
@@ -227,7 +227,7 @@ def replan(
     """
     with failing():
         from botohe_moo import underway
-        from botohe_moo._base.files import check_folder
+        from botohe_moo.base.files import check_folder
         from botohe_moo.cli.progress import showing
 
         solution, chosen, how = _plan_under_way(folder, plan, price)
@@ -376,7 +376,7 @@ def simulate(
         Picture of all missions' outcomes and the front.
     """
     with failing():
-        from botohe_moo._base.files import check_parent, check_suffix
+        from botohe_moo.base.files import check_parent, check_suffix
         from botohe_moo.cli.progress import showing
         from botohe_moo.plots import plot_policies, save_plot
         from botohe_moo.underway import simulate_policy

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from numba.core import event
 
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted
 from botohe_moo.cli.common import harmless, say
 
 if TYPE_CHECKING:

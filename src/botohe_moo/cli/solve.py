@@ -69,7 +69,7 @@ def solve(
         and draws the bound in front.png.
     """
     with failing():
-        from botohe_moo._base.files import check_folder, new_folder
+        from botohe_moo.base.files import check_folder, new_folder
         from botohe_moo.bounds.plain import check_boundable
         from botohe_moo.cli.progress import showing_search
         from botohe_moo.decide import parse_wishes
@@ -168,7 +168,7 @@ def bound(
         JSON file for the bound.
     """
     with failing():
-        from botohe_moo._base.files import check_file
+        from botohe_moo.base.files import check_file
         from botohe_moo.bounds.plain import check_boundable
         from botohe_moo.mission import load_mission
 
@@ -225,7 +225,7 @@ def _prove(
     **how: Any,
 ) -> FrontBound:
     """Bound the front of a mission until the time is over or the event is set."""
-    from botohe_moo._base.cpus import n_cpus
+    from botohe_moo.base.runtime import n_cpus
     from botohe_moo.bounds import bound_front
     from botohe_moo.cli.progress import showing
 

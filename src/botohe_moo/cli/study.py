@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted
 from botohe_moo.cli import common
 from botohe_moo.cli.common import FAILED, Count, CountOrNone, command, fail, failing, say, tell
 
@@ -57,7 +57,7 @@ def run(
         For algorithms of other packages, if the budget has no seconds: a run fails when it
         evaluates nothing for so long.
     """
-    from botohe_moo._base.cpus import n_cpus
+    from botohe_moo.base.runtime import n_cpus
     from botohe_moo.cli.progress import StudyWatcher, showing
     from botohe_moo.study.file.loading import load_study
     from botohe_moo.study.file.model import study_folder
@@ -111,7 +111,7 @@ def _say_missing(tables: StudyTables) -> None:
 @command(study_app)
 def plan(file: Path, *, out: Path | None = None, workers: CountOrNone = None) -> None:
     """Count the finished and the missing runs, and estimate the time that is left."""
-    from botohe_moo._base.cpus import n_cpus
+    from botohe_moo.base.runtime import n_cpus
     from botohe_moo.study.file.loading import load_study
     from botohe_moo.study.file.model import study_folder
     from botohe_moo.study.planning import estimate_times, plan_study, time_left

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.core.compile import helper, inlined
 from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import hash_stretch

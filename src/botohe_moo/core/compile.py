@@ -13,6 +13,7 @@ import os
 import re
 import sys
 import time
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -79,8 +80,8 @@ class _KernelCache(FunctionCache):
         self._name_files()
         try:
             return super().load_overload(*described)
-        except Exception:  # whatever damaged files may cause: the kernel is compiled again
-            self.flush()
+        except Exception:  # whatever damaged files may cause
+            self._replace()
             return None
 
     def save_overload(self, *made: Any) -> None:
@@ -95,11 +96,19 @@ class _KernelCache(FunctionCache):
 
     def is_kept(self, signature: Any, codegen: Any) -> bool:
         """Return whether there is machine code of the present sources for a signature."""
-        with suppress(Exception):  # whatever damaged files may cause
-            self._name_files()
-            name = self._cache_file._load_index()[self._index_key(signature, codegen)]
-            return Path(self._cache_path, name).exists()  # it is written after the index
-        return False
+        self._name_files()
+        try:
+            name = self._cache_file._load_index().get(self._index_key(signature, codegen))
+        except Exception:  # whatever damaged files may cause
+            self._replace()
+            return False
+        return name is not None and Path(self._cache_path, name).exists()  # written after the index
+
+    def _replace(self) -> None:
+        """Empty the index, so that machine code is made and written again."""
+        path = Path(self._cache_path, self._cache_file._index_name)
+        warnings.warn(f"{path}: damaged; this kernel is compiled again.", stacklevel=2)
+        self.flush()
 
     def _stem(self) -> str:
         return f"{self._impl.filename_base}-{_digest(_sources(self._py_func.__module__))}"

@@ -4,7 +4,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
+from botohe_moo.base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.core.compile import array_maker, helper, inlined, shared
 from botohe_moo.core.ready import at_once
 from botohe_moo.core.trails import sort_trails

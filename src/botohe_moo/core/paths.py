@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.core.compile import helper, kernel, shared
 from botohe_moo.core.world import Graph, Shortest, World, keeps
 

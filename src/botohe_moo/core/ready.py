@@ -26,7 +26,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 import numba
 import numpy as np
 
-from botohe_moo._base.cpus import n_cpus
+from botohe_moo.base.runtime import n_cpus
 from botohe_moo.core.compile import can_keep, is_kept, kernel
 
 # Seconds that Python may take for one call, and for all calls of a run that are still to come:

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from botohe_moo._base.types import FloatArray, SeedArray
+from botohe_moo.base.types import FloatArray, SeedArray
 from botohe_moo.core.compile import helper, inlined
 
 Words = TypeVar("Words", np.uint64, SeedArray)

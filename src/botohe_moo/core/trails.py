@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from botohe_moo._base.types import OffsetArray
+from botohe_moo.base.types import OffsetArray
 from botohe_moo.core.compile import helper, inlined
 
 

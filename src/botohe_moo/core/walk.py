@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
+from botohe_moo.base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.core import world as worlds
 from botohe_moo.core.compile import array_maker, helper, inlined
 from botohe_moo.core.world import Graph, Returns, Team, World

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.core.compile import helper, inlined
 from botohe_moo.core.ready import expect_other_types
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from botohe_moo._base.checks import check_choice, check_number
+from botohe_moo.base.messages import check_choice, check_number
 from botohe_moo.decide.fronts import SLACK, check_row, scales, short_text
 from botohe_moo.decide.grammar import parse_wishes
 from botohe_moo.decide.judging import N_SAMPLES, Candidates, takes_reward_distribution

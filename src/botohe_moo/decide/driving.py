@@ -10,7 +10,7 @@ from itertools import accumulate, pairwise
 from operator import mul
 from typing import Any
 
-from botohe_moo._base.checks import check_choice, check_number, quoted
+from botohe_moo.base.messages import check_choice, check_number, quoted
 from botohe_moo.decide.robots import robot_rows
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.formats.routes import write_route_graph

@@ -11,7 +11,7 @@ from collections.abc import Callable, Hashable, Sequence
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._base.files import check_file, check_folder, check_suffix, replace_file
+from botohe_moo.base.files import check_file, check_folder, check_suffix, replace_file
 from botohe_moo.decide.driving import MULTICOPTER, altitude_of, json_text, nav2_files, qgc_plans
 from botohe_moo.decide.robots import robot_rows
 from botohe_moo.mission.formats.nodelink import plain_label

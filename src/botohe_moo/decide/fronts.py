@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from botohe_moo import indicators
-from botohe_moo._base.checks import check_integer, quoted
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.messages import check_integer, quoted
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, Plans
 

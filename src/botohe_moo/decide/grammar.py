@@ -6,7 +6,7 @@ from collections.abc import Hashable, Iterable, Iterator
 from contextlib import suppress
 from typing import Any
 
-from botohe_moo._base.checks import check_integer, most_alike, quoted
+from botohe_moo.base.messages import check_integer, most_alike, quoted
 from botohe_moo.decide.wishes import (
     Chance,
     EveryRobot,

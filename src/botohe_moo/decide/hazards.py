@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo._base.checks import check_integer, check_number, quoted
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.messages import check_integer, check_number, quoted
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.core import evaluate as kernels
 from botohe_moo.decide.judging import Candidates
 from botohe_moo.decide.losses import worst_losses

@@ -1,7 +1,6 @@
 """Plans to choose from, judged by wishes."""
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted, quoted
 from botohe_moo.decide.fronts import SLACK
 from botohe_moo.decide.losses import worst_losses
 from botohe_moo.decide.wishes import (

@@ -8,7 +8,7 @@ from math import comb
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, layer_of
 from botohe_moo.mission.model import Mission
 from botohe_moo.outcomes import collect_probabilities

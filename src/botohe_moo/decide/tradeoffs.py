@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from botohe_moo._base.checks import check_number
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.messages import check_number
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.decide.fronts import (
     SLACK,
     PlansOrObjectives,

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from botohe_moo._base.checks import (
+from botohe_moo.base.messages import (
     ParameterError,
     check_choice,
     check_integer,

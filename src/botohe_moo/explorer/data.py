@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted, quoted
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.decide import Choice, compare, knees, representatives
 from botohe_moo.decide.choosing import best
 from botohe_moo.decide.judging import N_SAMPLES, Candidates

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import jinja2
 
-from botohe_moo._base.files import check_parent, check_suffix, replace_file
+from botohe_moo.base.files import check_parent, check_suffix, replace_file
 from botohe_moo.decide import Choice
 from botohe_moo.decide.wishes import Wish
 from botohe_moo.explorer.data import page_data

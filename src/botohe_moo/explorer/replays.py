@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._base.files import replace_file
+from botohe_moo.base.files import replace_file
 from botohe_moo.decide.fronts import short_text
 from botohe_moo.explorer.page import check_page_file, render
 from botohe_moo.explorer.site import site_data

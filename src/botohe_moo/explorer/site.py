@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.explorer.texts import number_texts, probability_codes, shown_names
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.hazards import places_of

@@ -10,7 +10,7 @@ from unicodedata import bidirectional
 import numpy as np
 from numpy.typing import ArrayLike
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.decide.wishes import label_text
 from botohe_moo.outcomes import Distribution
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from filelock import FileLock
 
-from botohe_moo._base.files import replace_file
+from botohe_moo.base.files import replace_file
 from botohe_moo.bounds import FrontBound
 from botohe_moo.library.fronts import BestKnown, Finder, unpacked
 from botohe_moo.mission.loading import ENTRIES, PREFIX, library_names, load_mission

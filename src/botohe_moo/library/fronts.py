@@ -18,10 +18,10 @@ from unicodedata import category
 import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.source import Source
-from botohe_moo._base.types import FloatArray
-from botohe_moo._plugins.faults import json_record
+from botohe_moo.base.files import Source
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.parameters import json_record
+from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.problem import BOTOHE

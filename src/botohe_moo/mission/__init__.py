@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from botohe_moo._base.lazy import lazy_names
+from botohe_moo.base.runtime import lazy_names
 
 if TYPE_CHECKING:
     from botohe_moo.mission.formats.maps import roadmap_from_map as roadmap_from_map

@@ -17,11 +17,9 @@ import networkx as nx
 import numpy as np
 from pydantic import Field
 
-from botohe_moo._base.checks import ParameterError
-from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo._base.words import counted
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Count, Positive, Robots, Size
+from botohe_moo.base.messages import ParameterError, counted
+from botohe_moo.base.parameters import Count, Positive, Robots, Size, checked
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.mission.formats import benchmark
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import Kind

@@ -11,11 +11,10 @@ import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike
 
-from botohe_moo._base.checks import as_float, quoted
-from botohe_moo._base.numbers import plain_numbers, read_number
-from botohe_moo._base.types import FloatArray, IntArray
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import NotNegative, Positive
+from botohe_moo.base.messages import as_float, quoted
+from botohe_moo.base.numbers import plain_numbers, read_number
+from botohe_moo.base.parameters import NotNegative, Positive, checked
+from botohe_moo.base.types import FloatArray, IntArray
 from botohe_moo.mission.rules import MissionError
 
 _NEAR = 1e-9  # places that are nearer to each other are one; in cells, or in the unit of ``pos``

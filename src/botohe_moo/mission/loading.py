@@ -10,13 +10,26 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from botohe_moo._base import checks
-from botohe_moo._base.files import check_suffix, replace_file
-from botohe_moo._base.types import FilePath
-from botohe_moo._plugins import stated
-from botohe_moo._plugins.checks import Fault, call_factory, checked, factory_faults
-from botohe_moo._plugins.entry_points import PluginError, PluginGroup, declared_factory, package_of
-from botohe_moo._plugins.types import Robots
+from botohe_moo.base.files import FilePath, check_suffix, replace_file
+from botohe_moo.base.messages import (
+    FaultsError,
+    ParameterError,
+    PluginError,
+    check_choice,
+    quoted,
+    unknown_parameter,
+)
+from botohe_moo.base.parameters import (
+    Fault,
+    Parameter,
+    Robots,
+    accepted_parameters,
+    call_factory,
+    checked,
+    factory_faults,
+    signature_parameters,
+)
+from botohe_moo.base.registry import PluginGroup, declared_factory, package_of
 from botohe_moo.mission.formats import reading
 from botohe_moo.mission.formats.nodelink import mission_content, read_node_link
 from botohe_moo.mission.formats.tables import make_mission
@@ -70,7 +83,7 @@ def library_names(selection: str = "all") -> tuple[str, ...]:
     >>> library_names("tunnel")
     ('tunnel-20', 'tunnel-75', 'tunnel-1000')
     """
-    checks.check_choice("a mission of the library", selection, [*SELECTIONS, *ENTRIES])
+    check_choice("a mission of the library", selection, [*SELECTIONS, *ENTRIES])
     member_of = {name: ("all", name, one.family, one.size) for name, one in ENTRIES.items()}
     return tuple(name for name, selections in member_of.items() if selection in selections)
 
@@ -82,7 +95,7 @@ def library_name_of(digest: str) -> str | None:
 
 COMMON = ("robots", "lengths_from_pos")  # parameters that every mission takes
 # The options that files of all formats take.
-OF_FILES = {p.name: p for p in stated.signature_parameters(make_mission)}
+OF_FILES = {p.name: p for p in signature_parameters(make_mission)}
 PLUGINS = PluginGroup("botohe_moo.missions", "mission")
 
 
@@ -261,27 +274,27 @@ def read_mission(path: FilePath, /, **options: Any) -> Mission:
         known = reading.format_of(source)
         own = {name: options.pop(name) for name in _own_options(known) if name in options}
         if unknown := [name for name in options if name not in OF_FILES]:
-            fault = checks.unknown_parameter(unknown[0], file_parameters(known))
-            raise checks.ParameterError(f"Mission file {where}: {fault}", unknown[0])
+            fault = unknown_parameter(unknown[0], file_parameters(known))
+            raise ParameterError(f"Mission file {where}: {fault}", unknown[0])
         draft = known.read(source, **own)
         name = options.pop("name", None) or draft.graph.get("name") or reading.stem_of(path)
         mission = make_mission(draft, name=str(name), **options)
         mission_content(mission)  # what cannot be saved is refused at once, not after a search
-    except checks.ParameterError:
+    except ParameterError:
         raise
     except (ValueError, RecursionError) as error:
         raise reading.within(where, error) from None
     return mission
 
 
-def file_parameters(known: reading.Format) -> dict[str, stated.Parameter]:
+def file_parameters(known: reading.Format) -> dict[str, Parameter]:
     """Return the options that files of a format take, by name: those of all, and its own."""
     return OF_FILES | _own_options(known)
 
 
-def _own_options(known: reading.Format) -> dict[str, stated.Parameter]:
+def _own_options(known: reading.Format) -> dict[str, Parameter]:
     read = partial(known.read, None)  # whatever its first parameter is called
-    return {parameter.name: parameter for parameter in stated.signature_parameters(read)}
+    return {parameter.name: parameter for parameter in signature_parameters(read)}
 
 
 def save_mission(mission: Mission, path: FilePath) -> None:
@@ -347,10 +360,10 @@ def mission_faults(
     return factory_faults(source, accepted, make, given, plain=plain, also=COMMON)
 
 
-def mission_parameters(name_or_path: FilePath) -> tuple[stated.Parameter, ...]:
+def mission_parameters(name_or_path: FilePath) -> tuple[Parameter, ...]:
     """List the parameters of a named mission, or the options of files in a format."""
     if function := find_factory(name_or_path):
-        return stated.accepted_parameters(function)
+        return accepted_parameters(function)
     return tuple(file_parameters(reading.format_of(name_or_path)).values())
 
 
@@ -394,7 +407,7 @@ def find_factory(name: FilePath) -> Callable[..., Any] | None:
         return None
     if not isinstance(name, str):
         expected = "the name of a mission or a path (Mission(graph, base=...) takes graphs)"
-        raise ValueError(f"Expected {expected}, got {checks.quoted(name)}.")
+        raise ValueError(f"Expected {expected}, got {quoted(name)}.")
     if name.startswith(PREFIX):
         return partial(_of_library, name.removeprefix(PREFIX))
     is_known = name in PLUGINS.claims()
@@ -426,12 +439,12 @@ def _make(
     function: Callable[..., Any], name: str, robots: int | None, parameters: dict[str, Any]
 ) -> Mission:
     source, origin = PLUGINS.source(name), PLUGINS.origin(name)
-    accepted = stated.accepted_parameters(function)
+    accepted = accepted_parameters(function)
     if robots is not None and any(parameter.name == "robots" for parameter in accepted):
         parameters = {**parameters, "robots": robots}
     context: dict[str, Any] = {"wanted": Mission, "origin": origin, "also": COMMON}
     try:
         mission: Mission = call_factory(source, function, accepted, parameters, **context)
-    except (PluginError, checks.FaultsError) as error:
+    except (PluginError, FaultsError) as error:
         raise reading.within(source, error) from error
     return mission if robots in (None, mission.robots) else mission.with_robots(robots)

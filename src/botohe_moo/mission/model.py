@@ -15,9 +15,8 @@ from typing import Any, NoReturn, Self
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import check_integer, quoted
-from botohe_moo._base.types import FloatArray
-from botohe_moo._base.words import counted, listed
+from botohe_moo.base.messages import check_integer, counted, listed, quoted
+from botohe_moo.base.types import FloatArray
 from botohe_moo.core import evaluate as kernels
 from botohe_moo.core import world as worlds
 from botohe_moo.core.world import PLANNING, Limits, World

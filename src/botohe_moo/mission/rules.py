@@ -12,8 +12,7 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import FaultsError, as_float, most_alike, quoted
-from botohe_moo._base.words import listed
+from botohe_moo.base.messages import FaultsError, as_float, listed, most_alike, quoted
 
 ONLY_KIND = "robot"  # the name of the kind of a mission that lists none
 PAYS = ("arrival", "return")

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import networkx as nx
 
-from botohe_moo._base.checks import quoted
+from botohe_moo.base.messages import quoted
 from botohe_moo.core.world import CHECKING, Limits
 from botohe_moo.mission.rules import Kind, MissionError, PlanError, by_kind
 from botohe_moo.trails import TrailPlan

@@ -6,7 +6,7 @@ searches, are in :mod:`botohe_moo.algorithms`.
 
 from typing import TYPE_CHECKING
 
-from botohe_moo._base.lazy import lazy_names
+from botohe_moo.base.runtime import lazy_names
 
 if TYPE_CHECKING:
     from botohe_moo.operators.repair import PenaltyOnly as PenaltyOnly

@@ -11,9 +11,8 @@ from pymoo.core.mutation import Mutation
 from pymoo.core.repair import Repair
 from pymoo.core.sampling import Sampling
 
-from botohe_moo._base.checks import ParameterError, nearest_first, quoted
-from botohe_moo._plugins import entry_points
-from botohe_moo._plugins.entry_points import PluginError
+from botohe_moo.base import registry
+from botohe_moo.base.messages import ParameterError, PluginError, nearest_first, quoted
 
 Factory: TypeAlias = Callable[..., Any]
 
@@ -24,7 +23,7 @@ KINDS: Mapping[str, type] = {
     "mutation": Mutation,
     "repair": Repair,
 }
-_PLUGINS = entry_points.PluginGroup("botohe_moo.operators", "operator")
+_PLUGINS = registry.PluginGroup("botohe_moo.operators", "operator")
 
 
 def find_operator(kind: str, name: Any) -> Factory:
@@ -33,18 +32,18 @@ def find_operator(kind: str, name: Any) -> Factory:
     ``name`` is a registered one or ``module:Class``. A ParameterError says what keeps it from being
     used.
     """
-    if not isinstance(name, str) or not (entry_points.is_path(name) or name in _PLUGINS.claims()):
+    if not isinstance(name, str) or not (registry.is_path(name) or name in _PLUGINS.claims()):
         raise _unknown(kind, name)
     try:
-        if not entry_points.is_path(name):
+        if not registry.is_path(name):
             factory = _PLUGINS.load(name)
         elif name.partition(".")[0] == "pymoo":
             raise PluginError("pymoo's own operators do not work on trail plans")
         else:
-            factory = entry_points.declared_factory(name, _PLUGINS, KINDS[kind])
+            factory = registry.declared_factory(name, _PLUGINS, KINDS[kind])
     except PluginError as error:
         raise _fault(kind, name, str(error)) from error
-    if isinstance(factory, type) and not entry_points.says_it_makes(factory, KINDS[kind]):
+    if isinstance(factory, type) and not registry.says_it_makes(factory, KINDS[kind]):
         why = f", which is not derived from pymoo's {KINDS[kind].__name__}"
         raise _unknown(kind, name, why)
     return factory
@@ -68,7 +67,7 @@ def named_operators(parameters: Mapping[str, Any]) -> list[tuple[str, Factory]]:
         for name in names:
             with contextlib.suppress(ParameterError):
                 factory = find_operator(kind, name)
-                path = name if entry_points.is_path(name) else _PLUGINS.entry(name).value
+                path = name if registry.is_path(name) else _PLUGINS.entry(name).value
                 found.append((path, factory))
     return sorted(found, key=lambda pair: pair[0])
 
@@ -98,7 +97,7 @@ def _registered(kind: str) -> Iterator[str]:
     """List the names of registered operators that state that they are of a kind."""
     for name in _PLUGINS.claims():
         with contextlib.suppress(PluginError), warnings.catch_warnings(action="ignore"):
-            if entry_points.says_it_makes(_PLUGINS.load(name), KINDS[kind]):
+            if registry.says_it_makes(_PLUGINS.load(name), KINDS[kind]):
                 yield name
 
 

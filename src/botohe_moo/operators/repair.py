@@ -9,7 +9,7 @@ from pymoo.core.duplicate import DuplicateElimination
 from pymoo.core.population import Population
 from pymoo.core.repair import Repair
 
-from botohe_moo._base.types import ObjectArray, OffsetArray
+from botohe_moo.base.types import ObjectArray, OffsetArray
 from botohe_moo.core.threads import in_spans
 from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission

@@ -8,10 +8,9 @@ from pydantic import Field
 from pymoo.core.crossover import Crossover
 from pymoo.core.mutation import Mutation
 
-from botohe_moo._base.checks import ParameterError, check_number
-from botohe_moo._base.types import ObjectArray, OffsetArray, Rng
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Probability
+from botohe_moo.base.messages import ParameterError, check_number
+from botohe_moo.base.parameters import Probability, checked
+from botohe_moo.base.types import ObjectArray, OffsetArray, Rng
 from botohe_moo.core.rng import draw_state
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import PlanError

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo.base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, Returns, Team
 from botohe_moo.mission import Mission
 from botohe_moo.outcomes.distribution import ROUNDING

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from botohe_moo._base.checks import ParameterError, check_choice, check_integer, quoted
-from botohe_moo._base.types import FloatArray, OffsetArray, Rng
+from botohe_moo.base.messages import ParameterError, check_choice, check_integer, quoted
+from botohe_moo.base.types import FloatArray, OffsetArray, Rng
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes.distribution import Distribution
 from botohe_moo.outcomes.joining import (

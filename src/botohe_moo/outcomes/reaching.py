@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes.joining import Followed, follow
 from botohe_moo.trails import TrailPlan

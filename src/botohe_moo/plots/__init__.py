@@ -5,7 +5,7 @@ Names are imported when they are first used: pictures of studies need more than 
 
 from typing import TYPE_CHECKING
 
-from botohe_moo._base.lazy import lazy_names
+from botohe_moo.base.runtime import lazy_names
 
 if TYPE_CHECKING:
     from botohe_moo.plots.case_study import plot_case_study as plot_case_study

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.decide import representatives
 from botohe_moo.decide.fronts import check_row
 from botohe_moo.mission.model import Mission, check_mission

@@ -12,9 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.types import FloatArray
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted, quoted
+from botohe_moo.base.types import FloatArray
 from botohe_moo.decide.fronts import check_objectives, check_row, front_rows
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, check_mission, numbers_digest

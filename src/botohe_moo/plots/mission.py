@@ -13,9 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.patches import Patch
 
-from botohe_moo._base.checks import check_choice
-from botohe_moo._base.types import FloatArray
-from botohe_moo._base.words import probability_text
+from botohe_moo.base.messages import check_choice
+from botohe_moo.base.numbers import probability_text
+from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.background import read_background
 from botohe_moo.plots.draw.canvas import Canvas, colour_by_value, open_axes

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from matplotlib.axes import Axes
 
-from botohe_moo._base.checks import check_choice
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.messages import check_choice
+from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.algorithms import check_table
 from botohe_moo.plots.draw.canvas import Canvas, colour_by_value, open_axes

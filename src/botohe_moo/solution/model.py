@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo._base.files import replace_file
-from botohe_moo._base.types import FloatArray
-from botohe_moo._base.words import counted
+from botohe_moo.base.files import replace_file
+from botohe_moo.base.messages import counted
+from botohe_moo.base.types import FloatArray
 from botohe_moo.decide import choosing, fronts, hazards, tradeoffs
 from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
-from botohe_moo._base.source import Source
-from botohe_moo._plugins.faults import json_record
+from botohe_moo.base.files import Source
+from botohe_moo.base.parameters import json_record
 from botohe_moo.mission.loading import read_mission
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.solution.model import Solution, as_json

@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo.base.files import read_bytes, replace_file
 from botohe_moo.study.file.config import Seeds
 from botohe_moo.study.file.model import MANIFEST, Study, StudyError, study_folder
 from botohe_moo.study.planning import refresh_tables

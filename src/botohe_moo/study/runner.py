@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from botohe_moo._base.checks import check_integer, check_number
-from botohe_moo._base.signals import hold_signals
+from botohe_moo.base.messages import check_integer, check_number
+from botohe_moo.base.runtime import hold_signals
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import Run, Study, StudyMission, study_folder
 from botohe_moo.study.planning import Plan, make_bound_task, plan_study, refresh_tables

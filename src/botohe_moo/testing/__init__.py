@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from botohe_moo._base.lazy import lazy_names
+from botohe_moo.base.runtime import lazy_names
 
 if TYPE_CHECKING:
     from botohe_moo.testing.checking import check_algorithm as check_algorithm

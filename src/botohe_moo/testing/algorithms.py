@@ -6,8 +6,8 @@ import moocore
 import numpy as np
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.registry import accepted_by
+from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.testing.rules import Rules, Subject, expect

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from botohe_moo._base.checks import nearest_first, quoted
+from botohe_moo.base.messages import nearest_first, quoted
 from botohe_moo.testing.rules import (
     BrokenRuleError,
     CheckResult,
@@ -102,8 +102,8 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
     It is taken for an algorithm where it does not say, and where both have the name.
     """
     # Imported when they are needed, as below: pymoo takes long to load, and missions do without.
-    from botohe_moo._plugins.entry_points import is_path, says_it_makes
     from botohe_moo.algorithms.registry import PLUGINS
+    from botohe_moo.base.registry import is_path, says_it_makes
     from botohe_moo.mission.loading import mission_names
     from botohe_moo.mission.model import Mission
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from botohe_moo._plugins.stated import accepted_parameters, takes_any_name
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
+from botohe_moo.base.parameters import accepted_parameters, takes_any_name
 from botohe_moo.mission.loading import read_mission, save_mission
 from botohe_moo.mission.model import Mission, mission_digest
 from botohe_moo.testing.rules import Rules, Subject, expect

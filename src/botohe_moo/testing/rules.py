@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._plugins.stated import summary_of
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.parameters import summary_of
 
 _OURS = str(Path(__file__).parents[1]) + os.sep
 _LONGEST = 500  # characters of another package's message

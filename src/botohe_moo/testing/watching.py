@@ -10,7 +10,7 @@ import networkx as nx
 import numpy as np
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.generators import random
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import Kind

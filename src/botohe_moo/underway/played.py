@@ -7,7 +7,7 @@ from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted
 from botohe_moo.decide.fronts import short_text
 from botohe_moo.decide.wishes import label_text
 from botohe_moo.mission.model import Mission

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.checks import check_choice, check_integer
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.messages import check_choice, check_integer
+from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.rules import by_kind
 from botohe_moo.mission.underway import (

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from botohe_moo._base.checks import check_integer
+from botohe_moo.base.messages import check_integer
 from botohe_moo.decide.fronts import short_text
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import re
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.spreadsheets import FAULTS, filled_cells, read_table
+from botohe_moo.base.files import FAULTS, filled_cells, read_table
+from botohe_moo.base.messages import quoted
 from botohe_moo.decide.grammar import node_of
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.underway import Event, EventError

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from botohe_moo._base.checks import check_integer, check_number
-from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
+from botohe_moo.base.messages import check_integer, check_number
+from botohe_moo.base.types import FloatArray
 from botohe_moo.core.world import World
 from botohe_moo.decide.fronts import (
     PlansOrObjectives,

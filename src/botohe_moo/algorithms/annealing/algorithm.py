@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any, Self
 
-from botohe_moo._base.types import ObjectArray
 from botohe_moo.algorithms import base
 from botohe_moo.algorithms.annealing.engine import JOURNAL, Annealing, AnnealingSettings
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
+from botohe_moo.base.types import ObjectArray
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import TrailPlan
 

@@ -11,11 +11,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from botohe_moo._base.checks import check_weights
-from botohe_moo._base.types import FloatArray
-from botohe_moo._plugins.types import Count, Positive, Probability, Size
 from botohe_moo.algorithms.annealing import kernels
 from botohe_moo.algorithms.archive import PlanArchive
+from botohe_moo.base.messages import check_weights
+from botohe_moo.base.parameters import Count, Positive, Probability, Size
+from botohe_moo.base.types import FloatArray
 from botohe_moo.core.archive import Batch
 from botohe_moo.core.rng import seed_states
 from botohe_moo.core.world import World, find_arc

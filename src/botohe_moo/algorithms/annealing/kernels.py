@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo.base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.core.archive import Batch
 from botohe_moo.core.compile import helper, inlined, shared
 from botohe_moo.core.evaluate import Reached, begin_plan, combine, expected_reward, new_reached

@@ -5,7 +5,7 @@ Studies name the class by this package.
 
 from typing import TYPE_CHECKING
 
-from botohe_moo._base.lazy import lazy_names
+from botohe_moo.base.runtime import lazy_names
 
 if TYPE_CHECKING:
     from botohe_moo.algorithms.bo_aco.algorithm import BOACO as BOACO

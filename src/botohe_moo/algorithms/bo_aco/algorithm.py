@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 import numpy as np
 from pydantic import Field
 
-from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
-from botohe_moo._plugins.types import Count, NotNegative, Probability
 from botohe_moo.algorithms import base
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, Threads
 from botohe_moo.algorithms.bo_aco import colony
 from botohe_moo.algorithms.bo_aco.colony import Colony, ColonySettings
 from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
+from botohe_moo.base.parameters import Count, NotNegative, Probability
+from botohe_moo.base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan
 

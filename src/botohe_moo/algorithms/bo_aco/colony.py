@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo._plugins.types import Count, NotNegative, Positive
 from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.bo_aco import kernels
+from botohe_moo.base.parameters import Count, NotNegative, Positive
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.core.paths import new_paths
 from botohe_moo.core.rng import seed_states
 from botohe_moo.core.threads import in_spans

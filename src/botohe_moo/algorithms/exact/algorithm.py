@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from botohe_moo._base.types import ObjectArray
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Positive
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
 from botohe_moo.algorithms.exact.front import MEMORY_LIMIT, TIME_LIMIT, FrontSearch, MemoryLimit
+from botohe_moo.base.parameters import Positive, checked
+from botohe_moo.base.types import ObjectArray
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import TrailPlan

@@ -10,15 +10,13 @@ from typing import Annotated, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.types import FloatArray
-from botohe_moo._base.words import counted
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Positive, Probability, TravelBudget
 from botohe_moo.algorithms.exact import teams
 from botohe_moo.algorithms.exact.labels import n_bytes
 from botohe_moo.algorithms.exact.trails import TrailSearch, without_base_reward
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
+from botohe_moo.base.messages import counted, quoted
+from botohe_moo.base.parameters import Positive, Probability, TravelBudget, checked
+from botohe_moo.base.types import FloatArray
 from botohe_moo.core.evaluate import evaluate, new_values
 from botohe_moo.core.ordered import best_reward, grow_front, insert, new_front, read_front
 from botohe_moo.core.ready import kernels

@@ -39,7 +39,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArray
+from botohe_moo.base.types import FloatArray, OffsetArray, RecordArray, SeedArray
 from botohe_moo.core.compile import helper, inlined, kernel, shared
 from botohe_moo.core.paths import ANYWHERE, Paths, new_paths, search_paths
 from botohe_moo.core.rng import hash_keys

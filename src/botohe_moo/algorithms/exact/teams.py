@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
+from botohe_moo.base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.core.compile import helper, kernel, shared
 from botohe_moo.core.ordered import OrderedFront, best_reward, find_place, insert
 

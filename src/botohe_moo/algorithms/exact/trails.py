@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, Record
 from botohe_moo.algorithms.exact import labels
 from botohe_moo.algorithms.exact.labels import TrailTable
+from botohe_moo.base.types import FloatArray, Record
 from botohe_moo.core.world import World, read_only
 
 _ROWS = 1024  # that tables have room for at first

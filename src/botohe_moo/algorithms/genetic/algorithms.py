@@ -18,14 +18,13 @@ from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 from pymoo.decomposition.tchebicheff import Tchebicheff
 
-from botohe_moo._base.types import FloatArray
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Count, Probability
 from botohe_moo.algorithms.genetic.population import (
     PopulationAlgorithm,
     PopulationSize,
     even_weights,
 )
+from botohe_moo.base.parameters import Count, Probability, checked
+from botohe_moo.base.types import FloatArray
 from botohe_moo.problem import BOTOHE
 
 

@@ -17,15 +17,13 @@ from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
 
-from botohe_moo._base.checks import check_weights
-from botohe_moo._base.types import FloatArray, ObjectArray
-from botohe_moo._plugins.checks import check_keywords, checked
-from botohe_moo._plugins.stated import signature_parameters
-from botohe_moo._plugins.types import Probability
 from botohe_moo.algorithms import base
 from botohe_moo.algorithms.base import BudgetedAlgorithm, MaxTies, Threads
 from botohe_moo.algorithms.genetic import sampling as samplings
 from botohe_moo.algorithms.individuals import ManyObjectiveArchive, PopulationArchive
+from botohe_moo.base.messages import check_weights
+from botohe_moo.base.parameters import Probability, check_keywords, checked, signature_parameters
+from botohe_moo.base.types import FloatArray, ObjectArray
 from botohe_moo.operators.registry import KINDS, find_operator, make_operator
 from botohe_moo.operators.repair import PenaltyOnly, PlanDuplicates, PlanRepair
 from botohe_moo.operators.variation import MixedCrossover, MixedMutation, Mixture, TrailSplice

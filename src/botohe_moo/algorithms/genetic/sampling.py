@@ -5,10 +5,10 @@ from typing import Any
 
 from pymoo.core.sampling import Sampling
 
-from botohe_moo._base.checks import check_integer
-from botohe_moo._base.types import ObjectArray, Rng
 from botohe_moo.algorithms.bo_aco import colony
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
+from botohe_moo.base.messages import check_integer
+from botohe_moo.base.types import ObjectArray, Rng
 from botohe_moo.operators.repair import check_part
 from botohe_moo.operators.variation import Mixture
 from botohe_moo.problem import BOTOHE

@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from botohe_moo._base.types import ObjectArray
-from botohe_moo._plugins.checks import checked
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
 from botohe_moo.algorithms.greedy.planner import BEAM_WIDTH, BeamWidth, SequentialPlanner
+from botohe_moo.base.parameters import checked
+from botohe_moo.base.types import ObjectArray
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import TrailPlan
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArray
+from botohe_moo.base.types import FloatArray, OffsetArray, RecordArray, SeedArray
 from botohe_moo.core.compile import helper, inlined, shared
 from botohe_moo.core.paths import (
     Near,

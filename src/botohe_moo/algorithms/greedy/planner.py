@@ -11,11 +11,10 @@ from typing import Annotated, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from botohe_moo._base.checks import check_number
-from botohe_moo._base.types import FloatArray
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Probability, TravelBudget
 from botohe_moo.algorithms.greedy import kernels
+from botohe_moo.base.messages import check_number
+from botohe_moo.base.parameters import Probability, TravelBudget, checked
+from botohe_moo.base.types import FloatArray
 from botohe_moo.core.paths import new_near
 from botohe_moo.core.walk import new_visits, walk
 from botohe_moo.core.world import AT_NEXT_DEPOT, PLANNING, World, brought_home, find_arc

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from botohe_moo._base.checks import check_weights
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, RecordArray, SeedArray
-from botohe_moo._plugins.types import Probability
 from botohe_moo.algorithms.local_search.kernels import state
 from botohe_moo.algorithms.local_search.kernels.moves import MOVES
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
 from botohe_moo.algorithms.local_search.kernels.routes import FULL_UP_TO, Routes, find_routes
 from botohe_moo.algorithms.local_search.kernels.search import improve, trim
 from botohe_moo.algorithms.local_search.kernels.state import Given, Search, TrailStore
+from botohe_moo.base.messages import check_weights
+from botohe_moo.base.parameters import Probability
+from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, RecordArray, SeedArray
 from botohe_moo.core import ordered
 from botohe_moo.core.ready import prepare, settle
 from botohe_moo.core.rng import draw_state

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.kernels.states import Net, States, Worth
 from botohe_moo.core.compile import inlined, kernel
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.core.compile import inlined, kernel
 from botohe_moo.core.world import CHECKING, Graph, World
 

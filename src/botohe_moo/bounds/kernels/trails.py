@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
+from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.bounds.kernels.relaxed import chord
 from botohe_moo.bounds.kernels.states import ROUNDING, Net, States, Worth
 from botohe_moo.core.compile import inlined, kernel

@@ -17,12 +17,11 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, Field
 
-from botohe_moo._base.checks import ParameterError, quoted
-from botohe_moo._base.numbers import plain_numbers
-from botohe_moo._base.types import FilePath, FloatArray
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.faults import validated
-from botohe_moo._plugins.types import NotNegative, Positive, Probability
+from botohe_moo.base.files import FilePath
+from botohe_moo.base.messages import ParameterError, quoted
+from botohe_moo.base.numbers import plain_numbers
+from botohe_moo.base.parameters import NotNegative, Positive, Probability, checked, validated
+from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.formats.reading import Source, within
 from botohe_moo.mission.hazards import Raster, survived
 from botohe_moo.mission.rules import MissionError

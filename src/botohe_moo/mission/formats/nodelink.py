@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from pydantic import AliasChoices, BaseModel, Field
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._plugins.faults import validated
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.parameters import validated
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import ONLY_KIND, Kind, MissionError, read_label, whose

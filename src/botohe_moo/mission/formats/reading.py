@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from botohe_moo._base.files import suffix_fault
-from botohe_moo._base.source import Source as Source  # what readers are given
-from botohe_moo._base.types import FilePath
-from botohe_moo._plugins.entry_points import PluginGroup
+from botohe_moo.base.files import FilePath, suffix_fault
+from botohe_moo.base.files import Source as Source  # what readers are given
+from botohe_moo.base.registry import PluginGroup
 from botohe_moo.mission.hazards import Zone
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import MissionError

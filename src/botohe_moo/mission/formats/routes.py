@@ -7,8 +7,8 @@ from collections import Counter
 from itertools import count
 from typing import Any, TypeAlias
 
-from botohe_moo._base.checks import as_float, quoted
-from botohe_moo._plugins.checks import checked
+from botohe_moo.base.messages import as_float, quoted
+from botohe_moo.base.parameters import checked
 from botohe_moo.mission.formats.nodelink import as_json, mission_content
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.hazards import read_zone

@@ -12,13 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 
-from botohe_moo._base.checks import ParameterError, as_float, check_frame, quoted
-from botohe_moo._base.numbers import read_flag, read_number
-from botohe_moo._base.spreadsheets import FAULTS, FILE, filled_cells
-from botohe_moo._base.types import FilePath
-from botohe_moo._base.words import listed
-from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import NotNegative, Positive
+from botohe_moo.base.files import FAULTS, FILE, FilePath, filled_cells
+from botohe_moo.base.messages import ParameterError, as_float, check_frame, listed, quoted
+from botohe_moo.base.numbers import read_flag, read_number
+from botohe_moo.base.parameters import NotNegative, Positive, checked
 from botohe_moo.mission import hazards, rules
 from botohe_moo.mission.formats.reading import Draft, Row
 from botohe_moo.mission.hazards import Raster

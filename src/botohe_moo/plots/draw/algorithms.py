@@ -15,8 +15,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from botohe_moo._base.checks import check_choice, check_frame
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.messages import check_choice, check_frame
+from botohe_moo.base.types import FloatArray
 from botohe_moo.plots.draw.style import MARKERS, MUTED, Palette, new_axes, palette_of
 
 if TYPE_CHECKING:

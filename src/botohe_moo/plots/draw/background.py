@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.formats.maps import MODES, read_raster
 from botohe_moo.mission.model import Mission
 from botohe_moo.plots.draw.places import layout_notes

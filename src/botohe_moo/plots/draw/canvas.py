@@ -13,7 +13,7 @@ from matplotlib.path import Path
 from matplotlib.transforms import Affine2D, IdentityTransform
 from scipy.spatial import KDTree
 
-from botohe_moo._base.types import BoolArray, FloatArray, IntArray
+from botohe_moo.base.types import BoolArray, FloatArray, IntArray
 from botohe_moo.plots.draw.background import Background
 from botohe_moo.plots.draw.style import new_axes
 

@@ -8,8 +8,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.path import Path
 
-from botohe_moo._base.types import FloatArray, IntArray
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted
+from botohe_moo.base.types import FloatArray, IntArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import Canvas, shifted
 from botohe_moo.plots.draw.site import Site, only_some

@@ -11,7 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_rgba
 from matplotlib.lines import Line2D
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.background import Background
 from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, crowding, frame_of, open_axes

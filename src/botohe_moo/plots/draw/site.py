@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT
 from botohe_moo.mission import Mission
 

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
 
-from botohe_moo._base.files import check_suffix, replace_file
+from botohe_moo.base.files import check_suffix, replace_file
 
 Colour = tuple[float, float, float]
 Palette = str | Sequence[Any] | Mapping[str, Any]

@@ -10,7 +10,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import text_to_path
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.plots.draw.style import INK, MUTED, readable_on
 
 _WORDS, _SUBTITLE = "_words", "_subtitle"

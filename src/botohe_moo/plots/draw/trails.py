@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray
+from botohe_moo.base.types import FloatArray, IntArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import Canvas, shifted
 from botohe_moo.plots.draw.site import robot_names

@@ -12,7 +12,7 @@ import seaborn as sns
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.plots.draw.algorithms import axes_of, finish, line_styles, wrapped
 from botohe_moo.plots.draw.style import INK, Colour, Palette, palette_of, theme
 from botohe_moo.plots.front import OBJECTIVES, staircase

@@ -8,7 +8,7 @@ import pandas as pd
 import seaborn as sns
 from matplotlib.axes import Axes
 
-from botohe_moo._base.checks import check_number
+from botohe_moo.base.messages import check_number
 from botohe_moo.plots.draw.algorithms import (
     add_legend_beside,
     check_table,

@@ -8,8 +8,8 @@ import pandas as pd
 import seaborn as sns
 from matplotlib.axes import Axes
 
-from botohe_moo._base.checks import check_choice, check_number
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.messages import check_choice, check_number
+from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import INDICATORS, TIE, further_indicators
 from botohe_moo.plots.draw.algorithms import (
     axes_of,

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
-from botohe_moo._base.checks import most_alike, quoted
 from botohe_moo.algorithms.registry import algorithm_faults
+from botohe_moo.base.messages import most_alike, quoted
 from botohe_moo.bounds.plain import check_boundable
 from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.formats.reading import is_file_name

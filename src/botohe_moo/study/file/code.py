@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.types import FloatArray
-from botohe_moo._plugins.entry_points import imported
 from botohe_moo.algorithms.registry import make_algorithm
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.registry import imported
+from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import largest_objectives
 from botohe_moo.problem import BOTOHE
 from botohe_moo.study.file.model import PACKAGES, StudyAlgorithm, StudyMission, installed_versions

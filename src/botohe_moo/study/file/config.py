@@ -13,7 +13,7 @@ from pydantic import (
     model_validator,
 )
 
-from botohe_moo._base.checks import check_choice, quoted
+from botohe_moo.base.messages import check_choice, quoted
 from botohe_moo.indicators import INDICATORS
 from botohe_moo.mission.loading import ENTRIES, PREFIX, SELECTIONS, library_names
 from botohe_moo.study.file.values import Label, Name, Text, all_distinct, check_distinct

@@ -10,10 +10,10 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo._base.checks import most_alike, quoted
-from botohe_moo._base.document import Document, DocumentError
-from botohe_moo._base.files import read_bytes
-from botohe_moo._plugins.faults import content_faults
+from botohe_moo.base.documents import Document, DocumentError
+from botohe_moo.base.files import read_bytes
+from botohe_moo.base.messages import most_alike, quoted
+from botohe_moo.base.parameters import content_faults
 from botohe_moo.study.file.checking import CheckedContent, Fault, Place
 from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.model import MANIFEST, Study, StudyError, seeds_of, study_folder

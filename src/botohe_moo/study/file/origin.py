@@ -10,10 +10,9 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-from botohe_moo._plugins.checks import call_factory
-from botohe_moo._plugins.entry_points import is_path, package_of
-from botohe_moo._plugins.types import changes_nothing, plain_value
 from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm
+from botohe_moo.base.parameters import call_factory, changes_nothing, plain_value
+from botohe_moo.base.registry import is_path, package_of
 
 # Parameters that name operators.
 OPERATORS = ("sampling", "crossover", "mutation", "repair")

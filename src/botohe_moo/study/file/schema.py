@@ -7,9 +7,8 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from botohe_moo._plugins.stated import Parameter
-from botohe_moo._plugins.types import plain_value
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
+from botohe_moo.base.parameters import Parameter, plain_value
 from botohe_moo.mission.loading import COMMON, mission_names, mission_origin, mission_parameters
 from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.origin import algorithm_origin

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, StringConstraints
 
-from botohe_moo._base.checks import quoted
+from botohe_moo.base.messages import quoted
 
 _NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.bounds import FrontBound
 from botohe_moo.indicators import TIE
 from botohe_moo.library import best_known, certified_bound

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from botohe_moo._base.types import FloatArray
-from botohe_moo._base.words import counted
+from botohe_moo.base.messages import counted
+from botohe_moo.base.types import FloatArray
 from botohe_moo.study.judge.scores import as_table, best_first, merge_ties, samples_of, sign_of
 from botohe_moo.study.judge.statistics import (
     a12,

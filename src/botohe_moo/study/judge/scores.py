@@ -10,7 +10,7 @@ import pandas as pd
 import pyarrow as pa
 from numpy.typing import ArrayLike
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import INDICATORS, TIE, Scale, further_indicators
 from botohe_moo.study.store.schemas import SCHEMAS
 from botohe_moo.study.store.tables import from_arrow

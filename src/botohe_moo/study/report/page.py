@@ -6,8 +6,8 @@ from typing import Any
 
 import jinja2
 
-from botohe_moo._base.files import replace_file
-from botohe_moo._base.words import counted
+from botohe_moo.base.files import replace_file
+from botohe_moo.base.messages import counted
 from botohe_moo.indicators import INDICATORS
 from botohe_moo.study.report import latex, text_tables, words
 from botohe_moo.study.report.pictures import ReportFigure, draw_figures

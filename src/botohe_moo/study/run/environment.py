@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._base.cpus import n_cpus
+from botohe_moo.base.runtime import n_cpus
 
 # One thread each: thread pools of other libraries would take cores from other workers, and make
 # nothing faster here.

@@ -7,8 +7,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.archive import PlanArchive
+from botohe_moo.base.types import FloatArray
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch
 

@@ -13,11 +13,11 @@ import numpy as np
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.termination import NoTermination
 
-from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.genetic.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
+from botohe_moo.base.types import FloatArray
 from botohe_moo.core.ready import kernels
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission

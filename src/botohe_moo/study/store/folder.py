@@ -14,8 +14,8 @@ import filelock
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from botohe_moo._base.checks import most_alike
-from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo.base.files import read_bytes, replace_file
+from botohe_moo.base.messages import most_alike
 from botohe_moo.bounds import FrontBound
 from botohe_moo.mission.loading import read_mission, save_mission
 from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, StudyMission, digest_of

@@ -12,7 +12,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo.base.files import read_bytes, replace_file
 from botohe_moo.mission.loading import read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.model import StudyError

@@ -8,9 +8,9 @@ bounded before the suffix is walked.
 
 import numpy as np
 
-from botohe_moo._base.types import OffsetArray
 from botohe_moo.algorithms.local_search.kernels import state
 from botohe_moo.algorithms.local_search.kernels.state import Search, TrailStore, Workspace
+from botohe_moo.base.types import OffsetArray
 from botohe_moo.core import ordered
 from botohe_moo.core.compile import helper, inlined
 from botohe_moo.core.evaluate import begin_plan, combine, expected_reward

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.algorithms.local_search.kernels.routes import Routes
+from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.core.compile import helper
 from botohe_moo.core.evaluate import Reached, new_reached
 from botohe_moo.core.ordered import OrderedFront

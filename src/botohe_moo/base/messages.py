@@ -1,4 +1,4 @@
-"""Checks of parameters at the boundary, with one way to say what was expected."""
+"""Errors, and how messages name what was expected and what was found."""
 
 import math
 from collections.abc import Collection, Iterable, Mapping
@@ -46,6 +46,10 @@ class FaultsError(ValueError):
         if (n_more := len(self.faults) - _MOST_SHOWN) > 0:
             shown.append(f"and {n_more} more")
         return "\n  - ".join(shown)
+
+
+class PluginError(ValueError):
+    """A name is not registered, or cannot be used; says why."""
 
 
 def check_integer(name: str, value: Any, *, at_least: int, at_most: int | None = None) -> int:
@@ -156,3 +160,22 @@ def quoted(value: object) -> str:
     if len(value) <= _LONG:
         return repr(value)
     return f"{value[: _LONG - 20]!r}... ({len(value):,} characters)"
+
+
+def counted(number: int, thing: str) -> str:
+    """Write a number of things, with the plural in s.
+
+    >>> counted(1, "plan"), counted(1200, "plan")
+    ('1 plan', '1,200 plans')
+    """
+    return f"1 {thing}" if number == 1 else f"{number:,} {thing}s"
+
+
+def listed(names: Iterable[str], most: int = 5) -> str:
+    """Write names once each; of more than ``most``, the first ones and how many more there are.
+
+    >>> listed("abca"), listed("abcd", most=2)
+    ('a, b, c', 'a, b and 2 more')
+    """
+    once = list(dict.fromkeys(names))
+    return ", ".join(once[:most]) + (f" and {n:,} more" if (n := len(once) - most) > 0 else "")

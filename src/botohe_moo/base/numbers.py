@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo.base.types import FloatArray
 
 FLAGS = dict.fromkeys(("true", "yes", "1", "1.0"), True)
 FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
@@ -36,3 +36,18 @@ def plain_numbers(value: Any) -> FloatArray:
     except (TypeError, ValueError, OverflowError):
         return np.empty(0)
     return numbers if np.isfinite(numbers).all() else np.empty(0)
+
+
+def probability_text(probability: float, decimals: int) -> str:
+    """Write a probability; only 0 and 1 themselves are written as such.
+
+    >>> [probability_text(p, 2) for p in (0.25, 0.9996, 1e-9, 1)]
+    ['0.25', '>0.99', '<0.01', '1.00']
+    """
+    unit = 10.0**-decimals
+    text = f"{probability:.{decimals}f}"
+    if float(text) == 0 < probability:
+        return f"<{unit:.{decimals}f}"
+    if float(text) == 1 and probability < 1 - 1e-12:
+        return f">{1 - unit:.{decimals}f}"
+    return text

@@ -1,8 +1,4 @@
-"""What other packages bring: by the names that they register, or by ``module:name``.
-
-Nothing is imported before its use. What ``module:name`` leads to is called only if it states that
-it makes what is wanted.
-"""
+"""What packages register by name: found through entry points, imported when asked for."""
 
 import contextlib
 import functools
@@ -16,14 +12,10 @@ from importlib.metadata import Distribution, EntryPoint, entry_points
 from types import MethodType
 from typing import Annotated, Any, Self, get_args, get_origin
 
-from botohe_moo._base.checks import nearest_first
-from botohe_moo._plugins.types import UNIONS, resolved
+from botohe_moo.base.messages import PluginError, nearest_first
+from botohe_moo.base.parameters import UNIONS, resolved
 
 _OURS = "botohe-moo"
-
-
-class PluginError(ValueError):
-    """A name is not registered, or cannot be used; says why."""
 
 
 def package_of(owner: Distribution | None) -> dict[str, str | None]:

@@ -1,6 +1,5 @@
 """Array types that annotations across the package share."""
 
-import os
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,4 +14,3 @@ Record: TypeAlias = Any  # a numpy.record, whose fields are attributes
 RecordArray: TypeAlias = Any  # a numpy.recarray of these
 BoolArray: TypeAlias = NDArray[np.bool_]
 Rng: TypeAlias = np.random.Generator
-FilePath: TypeAlias = str | os.PathLike[str]

@@ -1,1 +1,0 @@
-"""What other packages bring, by name or by path, and the parameters that all factories declare."""
