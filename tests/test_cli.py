@@ -304,6 +304,18 @@ class TestSolve:
         assert names_in(tmp_path / "closed") == FILES
 
 
+FULL = "import os; os.dup2(os.open('/dev/full', os.O_WRONLY), 1)"
+
+
+@pytest.mark.parametrize(
+    "args", [["solve", "toy", "-n", 9, "-o", "out"], ["missions"], ["--help"], ["solve", "--help"]]
+)
+def test_output_that_cannot_be_written(botohe, tmp_path, args):
+    ended = botohe(*args, code=FULL)
+    assert ended == (1, "", "botohe: standard output: No space left on device\n")
+    assert names_in(tmp_path) == []
+
+
 UNREAD = """
     import os
     reader, writer = os.pipe()
@@ -531,6 +543,7 @@ class TestBadOptions:
             (["-p", "n_threads=1025"], ["Expected n_threads in [1, 1024], got 1025."]),
             (["-a", "greedy", "-p", "n_threads=2"], ["there is no parameter 'n_threads'"]),
             (["--certify", "0"], ["'--certify': Input should be greater than or equal to"]),
+            (["-p", "n_ants=1", "-p", "n_ants=2"], ["Expected 'n_ants' once, got it again"]),
             (["-p", "n_ants"], ["Expected a parameter as NAME=VALUE, got 'n_ants'."]),
             (["-p", "n_ants=[1"], ["a number, true, false or text for 'n_ants', got '[1'"]),
         ],
@@ -732,7 +745,7 @@ class TestChoose:
         trails = plans_in(folder)["plans"][plan_id]["trails"]
         for robot, trail in enumerate(trails):
             [line] = [line for line in lines if line.startswith(f"robot {robot} (survival ")]
-            assert line.split(": ")[1].removeprefix("stays at ") == " -> ".join(map(str, trail))
+            assert line.split(":  ")[1].removeprefix("stays at ") == " -> ".join(map(str, trail))
 
     def test_what_to_look_at(self, botohe, solved):
         _, folder = solved
@@ -854,7 +867,7 @@ class TestBound:
 
     def test_bad_options(self, refused):
         message = refused("bound", "toy", "--time-limit", "0")
-        assert "'--time-limit': Input should be greater than or equal to" in message
+        assert "'--time-limit' / '-t': Input should be greater than or equal to" in message
         message = refused("bound", "toy", "--threads", "0")
         assert "'--threads': Input should be greater than or equal to" in message
         message = refused("bound", "toy", "--out", ".")
@@ -1160,7 +1173,7 @@ class TestImport:
             ([], ["column 'share:drone': no such kind; the mission lists no kinds"]),
             (["--kind", "drone"], ["Expected a kind as NAME=ROBOTS or", "got 'drone'."]),
             (["--kind", "drone=1,stat=lab"], ["kinds[0]: there is no 'stat' of a kind"]),
-            (["--kind", "drone=1,robots=2"], ["Expected 'robots' of a kind once, got 'drone=1"]),
+            (["--kind", "drone=1,robots=2"], ["Expected 'robots' once, got it again: 'robots=2'."]),
             (
                 ["--kind", "drone=x,max_length=2,5", "--kind", "rover=1,end=la", "-m", "pays=home"],
                 [

@@ -12,9 +12,8 @@ from typer.testing import CliRunner
 
 from botohe_moo import solve
 from botohe_moo.cli import app
-from botohe_moo.cli import library as commands
 from botohe_moo.library import Finder, best_known
-from botohe_moo.study import run_study
+from botohe_moo.study import finds, run_study
 
 SMALL = "town-16"
 
@@ -52,7 +51,7 @@ def dated(monkeypatch):
 
     def dated(day):
         today = SimpleNamespace(today=lambda: date.fromisoformat(day))
-        monkeypatch.setattr(commands.dt, "date", today)
+        monkeypatch.setattr(finds.dt, "date", today)
 
     return dated
 

@@ -34,15 +34,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # its help breaks lines within sentences, and gives flags a value
 )
-for each in (
-    solve.solve,
-    plans.choose,
-    plans.explore,
-    solve.bound,
-    plans.replan,
-    plans.replay,
-    plans.simulate,
-):
+for each in (*solve.COMMANDS, *plans.COMMANDS):
     command(app)(each)
 app.add_typer(study_app, name="study")
 app.add_typer(missions_app, name="missions")
@@ -85,23 +77,15 @@ def algorithms(name: str | None = None) -> None:
     name : NAME
         Show the parameters of this algorithm.
     """
-    from botohe_moo.algorithms import registry
+    from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
 
     if name is None:
-        tell(
-            common.listing(
-                (each, registry.describe_algorithm(each) + _what_it_lacks(each))
-                for each in registry.algorithm_names()
-            )
-        )
+        tell(common.table(((each, _summary(each)) for each in algorithm_names()), wrap=True))
         tell(f"\n{paragraph('`botohe algorithms NAME` shows the parameters of one.')}")
         return
     with failing():
-        parameters = registry.algorithm_parameters(name)
-    summary = registry.describe_algorithm(name)
-    tell(paragraph(f"{name}: {summary}" if summary else name))
-    if lacks := _what_it_lacks(name):
-        tell(paragraph(lacks.strip()))
+        parameters = algorithm_parameters(name)
+    tell(paragraph(f"{name}: {_summary(name)}".removesuffix(": ")))
     for parameter in parameters:
         tell(f"\n{common.parameter_text(parameter)}")
     if given := next((each for each in parameters if each.plain), None):
@@ -109,10 +93,11 @@ def algorithms(name: str | None = None) -> None:
         tell(f"\nGive one as in `{example}`.")
 
 
-def _what_it_lacks(name: str) -> str:
-    from botohe_moo.algorithms.registry import plans_for_kinds
+def _summary(name: str) -> str:
+    """Describe an algorithm, and say what it does not support."""
+    from botohe_moo.algorithms.registry import describe_algorithm, plans_for_kinds
 
-    return "" if plans_for_kinds(name) else _PLAIN_ONLY
+    return common.plain(describe_algorithm(name)) + ("" if plans_for_kinds(name) else _PLAIN_ONLY)
 
 
 @command(app)
@@ -150,12 +135,11 @@ def check(name: str, *, parameter: list[str] | None = None, json: bool = False) 
 
 
 def _tell_results(results: list[CheckResult]) -> None:
-    rows = [(each.rule, each.status, f"{each.seconds:.1f} s") for each in results]
-    tell(common.table(("rule", "result", "time"), rows, n_texts=2))
+    rows = ((each.rule, each.status, f"{each.seconds:.1f} s") for each in results)
+    tell(common.table(rows, n_texts=2))
     for result in results:
         if result.status == "failed":
             tell(f"\n{paragraph(f'{result.rule}: {result.message}.')}")
             tell(paragraph(f"To keep it: {result.remedy}"))
-    counts: Counter[str] = Counter(result.status for result in results)
-    shown = (status for status in ("passed", "failed", "not run") if counts[status])
-    tell("\n" + ", ".join(f"{counts[status]} {status}" for status in shown))
+    counts = Counter(str(result.status) for result in results)
+    tell("\n" + ", ".join(f"{number} {status}" for status, number in counts.items()))

@@ -25,13 +25,11 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO, get_origin
 
 import typer
 
+import botohe_moo as bm
 from botohe_moo.base.runtime import hold_signals
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
-
     from botohe_moo.base.parameters import Parameter
-    from botohe_moo.mission.model import Mission
 
 FAILED = 1
 BAD_INPUT = 2
@@ -40,7 +38,7 @@ INTERRUPTED = 130
 PICTURES = (".png", ".svg", ".pdf")
 _MAX_WIDTH = 100
 _NO_LIMIT = 10_000  # columns, where there is no terminal to wrap to
-_TEXTS = ("base", "title")  # parameters of missions that stay as they are typed
+_TEXTS = ("base", "start", "end", "title")  # parameters of missions that stay as they are typed
 
 
 Command = Callable[..., None]
@@ -152,9 +150,9 @@ def shared_options() -> None:
     library : DIR
         Folder of the library. By default the one of the package.
     policy : NAME
-        When the plan is made anew: "losses", after each loss; "arrivals", whenever robots reach a
-        node; "one by one", robots go one after another, most hops first; "shortest first", the same
-        with fewest hops first; "static", never.
+        When to replan. "losses": after each loss. "arrivals": whenever robots reach a node. "one by
+        one": robots go one after another, most hops first. "shortest first": the same, fewest hops
+        first. "static": never.
     """
 
 
@@ -184,12 +182,15 @@ def mission_options(
         A parameter of the mission, such as nodes=500. All mission files take reward=2 and
         both_ways=true. Repeatable.
     """
-    options = {"robots": robots, "base": base, "danger": danger}
-    options |= {"hazard": None if hazard is None else str(hazard)}
-    given = {name: value for name, value in options.items() if value is not None}
-    parameters = read_parameters(mission_parameter)
+    own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard and str(hazard)}
+    return with_options(read_parameters(mission_parameter), **own)
+
+
+def with_options(parameters: dict[str, Any], **own: Any) -> dict[str, Any]:
+    """Add options that are given to parameters of a mission; none may be given twice."""
+    given = {name: value for name, value in own.items() if value not in (None, False)}
     for name in given.keys() & parameters.keys():
-        raise ValueError(f"Expected --{name} or -m {name}=VALUE, got both.")
+        raise ValueError(f"Expected --{name.replace('_', '-')} or -m {name}=VALUE, got both.")
     return parameters | given
 
 
@@ -200,9 +201,11 @@ def read_parameters(pairs: Iterable[str] | None) -> dict[str, Any]:
     """
     found: dict[str, Any] = {}
     for pair in pairs or ():
-        name, equals, value = pair.partition("=")
+        name, equals, value = (part.strip() for part in pair.partition("="))
         if not equals or not name.isidentifier():
             raise ValueError(f"Expected a parameter as NAME=VALUE, got {pair!r}.")
+        if name in found:
+            raise ValueError(f"Expected {name!r} once, got it again: {pair.strip()!r}.")
         found[name] = value if name in _TEXTS else _value(name, value)
     return found
 
@@ -352,52 +355,36 @@ def paragraph(text: str, indent: str = "") -> str:
     """Remove docstring markup from a text, and wrap it to the terminal, if there is one."""
     from rich.text import Text
 
-    wrapped = _rendered(Text(_plain(text)), max(_width() - len(indent), 20))
+    wrapped = _rendered(Text(plain(text)), max(_width() - len(indent), 20))
     return textwrap.indent(wrapped, indent)
 
 
-def listing(entries: Iterable[tuple[str, str]], gap: int = 2) -> str:
-    """Lay out names and their descriptions, which are wrapped to the terminal, in two columns."""
-    entries = list(entries)
-    widest = max((len(name) for name, _ in entries), default=0)
-    rows = [(name, _plain(text)) for name, text in entries]
-    return _grid(rows, gap=gap, width=max(_width(), widest + 24))
+def table(rows: Iterable[Sequence[str]], *, n_texts: int = 2, wrap: bool = False) -> str:
+    """Lay out rows in columns: the first ``n_texts`` to the left, numbers to the right.
 
-
-def table(header: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int = 0) -> str:
-    """Lay out a table: the first ``n_texts`` columns to the left, numbers to the right."""
-    return _grid([header, *rows], n_texts=n_texts, no_wrap=True)
-
-
-def frame_table(frame: DataFrame, columns: Mapping[str, tuple[str, str]], n_texts: int = 1) -> str:
-    """Lay out a table: its header and format are given by column; columns without values go."""
-    shown = {title: (frame[name], spec) for name, (title, spec) in columns.items()}
-    texts = {
-        title: [format(value, spec) if value == value else "-" for value in of]
-        for title, (of, spec) in shown.items()
-        if of.notna().any()
-    }
-    return table(list(texts), list(zip(*texts.values(), strict=True)), n_texts)
-
-
-def _grid(
-    rows: Sequence[Sequence[str]],
-    *,
-    n_texts: int = 2,
-    gap: int = 2,
-    width: int = _NO_LIMIT,
-    no_wrap: bool = False,
-) -> str:
+    All but the first column are wrapped to the terminal, if there is one, where that is wanted.
+    """
     from rich.table import Table
     from rich.text import Text
 
-    grid = Table.grid(padding=(0, gap, 0, 0))
-    for number in range(len(rows[0]) if rows else 0):
+    rows = list(rows)
+    grid = Table.grid(padding=(0, 2, 0, 0))
+    for number in range(len(rows[0])):
         justify: Any = "left" if number < n_texts else "right"
-        grid.add_column(justify=justify, no_wrap=no_wrap or number == 0, overflow="fold")
+        grid.add_column(justify=justify, no_wrap=not (wrap and number), overflow="fold")
     for row in rows:
         grid.add_row(*(Text(harmless(cell)) for cell in row))
-    return _rendered(grid, width)
+    return _rendered(grid, max(_width(), 44) if wrap else _NO_LIMIT)  # texts need some width
+
+
+def frame_table(frame: Any, columns: Mapping[str, tuple[str, str]], n_texts: int = 1) -> str:
+    """Lay out a table: its header and format are given by column; columns without values go."""
+    shown = [
+        [title, *(format(value, spec) if value == value else "-" for value in frame[name])]
+        for name, (title, spec) in columns.items()
+        if frame[name].notna().any()
+    ]
+    return table(zip(*shown, strict=True), n_texts=n_texts)
 
 
 def _rendered(shown: Any, width: int) -> str:
@@ -414,11 +401,12 @@ def _width() -> int:
     return min(columns, _MAX_WIDTH) if columns else _NO_LIMIT
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
+    """Remove the markup of docstrings from a text."""
     return re.sub(r":\w+:`~?([^`]*)`", r"\1", text).replace("``", "")
 
 
-def brief(mission: Mission, max_length: float | None) -> str:
+def brief(mission: bm.Mission, max_length: float | None) -> str:
     """Describe the size of a mission and the travel budget, if there is one, in a line."""
     limit = "" if max_length in (None, math.inf) else f", travel budget {max_length:g}"
     return (

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
-from botohe_moo.base.messages import counted
+import botohe_moo as bm
+from botohe_moo import plots
+from botohe_moo.base import files
+from botohe_moo.base.messages import ParameterError, unknown_parameter
 from botohe_moo.cli import common
 from botohe_moo.cli.common import brief, command, failing, paragraph, say, tell
-
-if TYPE_CHECKING:
-    from botohe_moo.mission.model import Mission
 
 missions_app = typer.Typer(invoke_without_command=True)
 
@@ -31,10 +29,10 @@ def missions(context: typer.Context) -> None:
 def list_missions() -> None:
     """List the named missions and the generators."""
     from botohe_moo.base.parameters import summary_of
-    from botohe_moo.mission import mission_names
     from botohe_moo.mission.loading import PLUGINS
 
-    tell(common.listing((name, summary_of(PLUGINS.load(name))) for name in mission_names()))
+    rows = ((name, common.plain(summary_of(PLUGINS.load(name)))) for name in bm.mission_names())
+    tell(common.table(rows, wrap=True))
     more = (
         "`botohe missions show NAME` tells more. Generators take parameters: "
         "`botohe missions show terrain -m nodes=50 -m seed=3`."
@@ -51,72 +49,22 @@ def show(mission: str, options: dict[str, Any], *, picture: Path | None = None) 
     picture : FILE
         Picture of the mission: PNG, PDF or SVG.
     """
-    from botohe_moo.mission.loading import load_mission, mission_parameters
+    from botohe_moo.mission.loading import mission_parameters
 
     with failing():
-        loaded = load_mission(mission, **options)
-    tell("\n".join([f"{loaded.name}: {loaded.title}", *_described(loaded)]))
+        loaded = bm.load_mission(mission, **options)
+    tell(loaded.describe())
     for parameter in () if Path(mission).exists() else mission_parameters(mission):
         tell(f"\n{common.parameter_text(parameter)}")
     if picture is not None:
-        from botohe_moo.plots import plot_mission, save_plot
-
         with failing():
-            save_plot(plot_mission(loaded), picture)
+            plots.save_plot(plots.plot_mission(loaded), picture)
         tell(f"wrote {picture}")
-
-
-def _described(mission: Mission) -> Iterator[str]:
-    """Describe a mission, a line for each of its traits."""
-    n_arcs, graph = len(mission.graph.edges), mission.world.graph
-    traits = {
-        "nodes": f"{len(mission.nodes)} ({(mission.rewards > 0).sum()} with a reward)",
-        "arcs": f"{n_arcs}{'' if mission.balanced else ', dead ends possible'}",
-        "team": f"{mission.team} at base {mission.base!r}",
-        "total reward": f"{mission.total_reward:g}",
-        **_kinds_described(mission),
-    }
-    if graph.n_arcs:
-        traits["survival"] = f"{graph.survival.min():g} to {graph.survival.max():g}"
-        if any("length" in arc for *_, arc in mission.graph.edges(data=True)):
-            traits["length"] = f"{graph.length.min():g} to {graph.length.max():g}"
-    if mission.max_length is not None:
-        traits["max_length"] = f"{mission.max_length:g}, the travel budget of every robot"
-    return (f"  {name:12}  {text}" for name, text in traits.items())
-
-
-def _kinds_described(mission: Mission) -> dict[str, str]:
-    """Describe each kind of robots, which nodes pay on return, and the depots."""
-    from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT
-    from botohe_moo.mission.rules import ONLY_KIND, Kind
-
-    n_nodes, paying = len(mission.nodes), mission.rewards > 0
-    kind_of_arc = (mission.world.graph.tail // n_nodes).tolist()
-    collects = (mission.world.graph.reward > 0).reshape(-1, n_nodes).sum(axis=1)
-    lines = {}
-    for k, kind in enumerate(mission.kinds):
-        if kind == Kind(ONLY_KIND, kind.robots):
-            continue
-        start, end = kind.ends(mission.base)
-        limit = f", min_survival {kind.min_survival:g}" if kind.min_survival else ""
-        limit += f", max_length {kind.max_length:g}" if kind.max_length is not None else ""
-        lines[kind.name] = (
-            f"{counted(kind.robots, 'robot')} from {start!r} to {end!r}, "
-            f"can take {counted(kind_of_arc.count(k), 'arc')}, "
-            f"collects at {collects[k]} of {paying.sum()} paying nodes{limit}"
-        )
-    if (returns := mission.world.returns) is not None:
-        credit = returns.credit[:n_nodes]
-        on_return = (paying & (credit == AT_NEXT_DEPOT)).sum()
-        lines["on return"] = f"{on_return} of {paying.sum()} paying nodes"
-        depots = (credit == AT_THIS_DEPOT).nonzero()[0].tolist()
-        lines["depots"] = ", ".join(repr(mission.nodes[v]) for v in depots)
-    return lines
 
 
 @command(missions_app)
 def check(files: list[Path], options: dict[str, Any]) -> None:
-    """Check mission files, and name everything that is wrong with them.
+    """Check mission files, and name all faults.
 
     The exit status is 2 if a file is wrong.
 
@@ -125,12 +73,10 @@ def check(files: list[Path], options: dict[str, Any]) -> None:
     files : FILE
         Mission files.
     """
-    from botohe_moo.mission import load_mission
-
     failed = False
     for path in files:
         try:
-            loaded = load_mission(path, **options)
+            loaded = bm.load_mission(path, **options)
         except ValueError as error:
             say(error)
             failed = True
@@ -180,49 +126,33 @@ def import_mission(
         Each row of arcs is an arc in both directions.
     """
     with failing():
-        from botohe_moo.base.files import read_table
-        from botohe_moo.base.messages import ParameterError, unknown_parameter
-        from botohe_moo.mission import mission_from_tables, save_mission
         from botohe_moo.mission.formats.reading import stem_of
         from botohe_moo.mission.loading import OF_FILES
 
         lengths_from_pos = options.pop("lengths_from_pos", False)
+        kinds = [_read_kind(text) for text in kind or ()] or None
         if unknown := options.keys() - {*OF_FILES, "title"}:
             raise ParameterError(unknown_parameter(min(unknown), OF_FILES), min(unknown))
-        options |= {"both_ways": True} if both_ways else {}
-        loaded = mission_from_tables(
-            read_table(nodes),
-            read_table(arcs),
-            base=base,
-            kinds=[_read_kind(text) for text in kind or ()] or None,
-            max_length=max_length,
-            **{"name": stem_of(out), **options},
-        )
+        own = {"both_ways": both_ways, "max_length": max_length, "kinds": kinds}
+        given = {"name": stem_of(out), **common.with_options(options, base=base, **own)}
+        tables = files.read_table(nodes), files.read_table(arcs)
+        loaded = bm.mission_from_tables(*tables, **given)
         if lengths_from_pos:
             loaded = loaded.with_lengths_from_pos()
-        save_mission(loaded, out)
+        bm.save_mission(loaded, out)
     tell(f"wrote {out}: {brief(loaded, loaded.max_length)}")
 
 
 def _read_kind(text: str) -> Any:
     """Read a kind of robots, written as NAME=ROBOTS or NAME=ROBOTS,start=LABEL,...
 
-    Labels may have commas in them. What should be a number and is none stays text.
+    Labels may have commas in them.
     """
     name, equals, rest = text.partition("=")
     if not equals:
         raise ValueError(f"Expected a kind as NAME=ROBOTS or NAME=ROBOTS,start=..., got {text!r}.")
-    robots, *pairs = re.split(r",(?=\s*\w+\s*=)", rest)
-    kind: dict[str, Any] = {"name": name.strip(), "robots": robots.strip()}
-    for pair in pairs:
-        key, _, value = pair.partition("=")
-        if key.strip() in kind:
-            raise ValueError(f"Expected {key.strip()!r} of a kind once, got {text!r}.")
-        kind[key.strip()] = value.strip()
-    for key, number in (("robots", int), ("min_survival", float), ("max_length", float)):
-        with suppress(KeyError, ValueError):
-            kind[key] = number(kind[key])
-    return kind
+    pairs = re.split(r",(?=\s*\w+\s*=)", f"robots={rest}")
+    return {"name": name.strip(), **common.read_parameters(pairs)}
 
 
 @command(missions_app, "from-map")
@@ -258,22 +188,18 @@ def from_map(
     base : NODE
         The base: a node's number, or a place X,Y whose nearest node it is.
     """
-    from botohe_moo.base.files import check_file, check_suffix
-    from botohe_moo.mission import Mission, roadmap_from_map, save_mission
-    from botohe_moo.plots import plot_mission, save_plot
-
     picture = out.with_name(f"{out.stem}-graph.png")
     with failing():
-        check_suffix(out, (".json", ".geojson"))  # in GraphML, numbers as labels become texts
+        files.check_suffix(out, (".json", ".geojson"))  # in GraphML, numbers as labels become texts
         for file in (out, picture):
-            check_file(file)
+            files.check_file(file)
         start = _node_or_place(base)
-        graph = roadmap_from_map(
+        graph = bm.roadmap_from_map(
             map_file, radius=radius, spacing=spacing, base=start, danger=danger, hazard=hazard
         )
-        made = Mission(graph, robots=robots, name=out.stem)
-        save_mission(made, out)
-        save_plot(plot_mission(made, background=map_file), picture)
+        made = bm.Mission(graph, robots=robots, name=out.stem)
+        bm.save_mission(made, out)
+        plots.save_plot(plots.plot_mission(made, background=map_file), picture)
     tell(f"wrote {out}: {brief(made, made.max_length)}\nwrote {picture}")
 
 

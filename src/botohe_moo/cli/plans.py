@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import shlex
+import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+import botohe_moo as bm
+from botohe_moo import decide, explorer, plots, underway
+from botohe_moo.base import files
 from botohe_moo.cli import common
 from botohe_moo.cli.common import fail, failing, paragraph, say, tell
-
-if TYPE_CHECKING:
-    from botohe_moo.decide import Choice
-    from botohe_moo.mission.model import Mission
-    from botohe_moo.solution import Solution
-    from botohe_moo.trails import TrailPlan
-    from botohe_moo.underway import Replan
 
 REPLAN_PICTURE = "replan.png"
 
@@ -68,7 +65,6 @@ def choose(
         from botohe_moo.decide.choosing import taken
         from botohe_moo.decide.export import check_plan_path
         from botohe_moo.decide.fronts import check_row
-        from botohe_moo.solution import read_solution
         from botohe_moo.solution.model import FILES
 
         ways = {"wishes": wish, "--toward": toward, "--plan": plan}
@@ -83,7 +79,7 @@ def choose(
             check_plan_path(out, altitude, vehicle, common.PICTURES)
             if out.resolve() in ((folder / name).resolve() for name in FILES):
                 raise ValueError(f"{out}: a file of the solution itself; give another name.")
-        solution = read_solution(folder)
+        solution = bm.read_solution(folder)
         if toward is not None:
             choice = solution.toward(reward=toward[0], survivors=toward[1])
         elif wish:
@@ -109,21 +105,18 @@ def choose(
 
 
 def _write_plan(
-    mission: Mission, plan: TrailPlan, path: Path, altitude: float | None, vehicle: str
+    mission: bm.Mission, plan: bm.TrailPlan, path: Path, altitude: float | None, vehicle: str
 ) -> tuple[Path, ...]:
     """Write a plan, or draw it, as the suffix of the path says."""
     if path.suffix.lower() not in common.PICTURES:
-        from botohe_moo.decide import write_plan
-
-        return write_plan(mission, plan, path, altitude=altitude, vehicle=vehicle)
-    from botohe_moo.plots import plot_plan
+        return decide.write_plan(mission, plan, path, altitude=altitude, vehicle=vehicle)
     from botohe_moo.solution.model import draw_picture
 
-    draw_picture(path, plot_plan, mission, plan)
+    draw_picture(path, plots.plot_plan, mission, plan)
     return (path,)
 
 
-def tell_choice(mission: Mission, choice: Choice, folder: Path) -> None:
+def tell_choice(mission: bm.Mission, choice: decide.Choice, folder: Path) -> None:
     """Print a choice, the trails of its plan, and how to look at it."""
     title, *sentences = str(choice).split("\n")  # labels may hold other ends of lines
     tell("\n".join([title, *map(paragraph, sentences)]))
@@ -131,7 +124,7 @@ def tell_choice(mission: Mission, choice: Choice, folder: Path) -> None:
     tell(f"\n`botohe explore {shlex.quote(str(folder))}` makes a page that shows it on the map.")
 
 
-def trails_text(mission: Mission, plan: TrailPlan) -> str:
+def trails_text(mission: bm.Mission, plan: bm.TrailPlan) -> str:
     """Write the trails of a plan, a line for each robot."""
     from botohe_moo.base.numbers import probability_text
     from botohe_moo.decide.wishes import label_text
@@ -141,9 +134,9 @@ def trails_text(mission: Mission, plan: TrailPlan) -> str:
     for robot, trail in enumerate(mission.labels(plan)):
         kind = f"{mission.kind_of[robot].name}, " if len(mission.kinds) > 1 else ""
         name = f"robot {robot} ({kind}survival {probability_text(survivals[robot], 3)}):"
-        stays = "stays at " if len(trail) == 1 else ""
-        rows.append((name, stays + " -> ".join(map(label_text, trail))))
-    return common.listing(rows, gap=1)
+        nodes = " -> ".join(map(label_text, trail))
+        rows.append((name, f"stays at {nodes}" if len(trail) == 1 else nodes))
+    return common.table(rows, wrap=True)
 
 
 def explore(
@@ -173,10 +166,9 @@ def explore(
     """
     with failing():
         from botohe_moo.explorer.page import check_page_file
-        from botohe_moo.solution import read_solution
         from botohe_moo.solution.model import PAGE
 
-        solution = read_solution(folder)
+        solution = bm.read_solution(folder)
         path = check_page_file(folder / PAGE if out is None else out)
         choice = solution.choose(*choose) if choose else None
         if choice is not None:
@@ -187,8 +179,6 @@ def explore(
 
 def _show_page(path: Path, open_page: bool) -> None:
     """Say that a page is written, and open it, or say that it cannot be opened."""
-    import webbrowser
-
     tell(f"wrote {path}")
     if open_page and not webbrowser.open(path.resolve().as_uri()):
         say(f"there is no browser here that could be started; open {path} in one.")
@@ -226,15 +216,13 @@ def replan(
         the new plan beside the rest of the old one.
     """
     with failing():
-        from botohe_moo import underway
-        from botohe_moo.base.files import check_folder
         from botohe_moo.cli.progress import showing
 
         solution, chosen, how = _plan_under_way(folder, plan, price)
         if out is not None:
             if out.resolve() == folder.resolve():
                 raise ValueError(f"{out}: the folder of the plan itself; give another one.")
-            check_folder(out)
+            files.check_folder(out)
         happened = underway.read_events(solution.mission, events)
         how |= {"evaluations": evaluations, "seed": seed}
         with showing("searching"):
@@ -253,18 +241,14 @@ def replan(
         tell(f"\nRobots have new rows: {rows}.")
     if out is not None:
         with failing():
-            _write_rest(solution, found, evaluations, seed, out)
+            _write_rest(found, out, evaluations, seed)
 
 
-def _write_rest(solution: Solution, found: Replan, evaluations: int, seed: int, out: Path) -> None:
+def _write_rest(found: underway.Replan, out: Path, evaluations: int, seed: int) -> None:
     """Write the rest of a mission as the solution of a search."""
-    from dataclasses import replace
-
-    from botohe_moo.plots import plot_replan
     from botohe_moo.solution.model import draw_picture
 
-    rest = replace(
-        solution,
+    rest = bm.Solution(
         mission=found.left.mission,
         plans=found.plans,
         objectives=found.front,
@@ -274,12 +258,9 @@ def _write_rest(solution: Solution, found: Replan, evaluations: int, seed: int, 
         evaluations=evaluations,
         seconds=None,
         interrupted=False,
-        source={},
-        min_survival=0.0,
-        max_length=None,
     )
     paths = rest.write(out)
-    draw_picture(out / REPLAN_PICTURE, plot_replan, found)
+    draw_picture(out / REPLAN_PICTURE, plots.plot_replan, found)
     for path in (*paths, out / REPLAN_PICTURE):
         tell(f"wrote {path}")
     row, where = found.plans.index(found.plan), shlex.quote(str(out))
@@ -288,16 +269,14 @@ def _write_rest(solution: Solution, found: Replan, evaluations: int, seed: int, 
 
 def _plan_under_way(
     folder: Path, plan: int, price: float | None
-) -> tuple[Solution, TrailPlan, dict[str, Any]]:
+) -> tuple[bm.Solution, bm.TrailPlan, dict[str, Any]]:
     """Return a solution, one of its plans, and the price and limits with which it is replanned."""
     from botohe_moo.decide.fronts import check_row
-    from botohe_moo.solution import read_solution
-    from botohe_moo.underway import robot_price
 
-    solution = read_solution(folder)
+    solution = bm.read_solution(folder)
     row = check_row("--plan", plan, len(solution.plans))
     if price is None:
-        price = robot_price(solution.mission, solution.objectives, row)
+        price = underway.robot_price(solution.mission, solution.objectives, row)
     limits = {"min_survival": solution.min_survival, "max_length": solution.max_length}
     return solution, solution.plans[row], {"price": price, **limits}
 
@@ -316,8 +295,8 @@ def replay(
 ) -> None:
     """Play a mission, and write a page that shows it step by step.
 
-    Robots move along their trails, some are lost, and the plan is made anew. The number and the
-    seed decide which robots are lost. The policy does not, until robots go elsewhere.
+    Robots move along their trails. Some are lost, and the plan is made anew. The number and the
+    seed decide which robots are lost. The policy changes that only once robots go elsewhere.
 
     The exit status is 2 for bad input, and if the page cannot be written.
 
@@ -329,16 +308,14 @@ def replay(
         Which mission of the seed, from 0.
     """
     with failing():
-        from botohe_moo import explorer
         from botohe_moo.cli.progress import showing
         from botohe_moo.explorer.page import check_page_file
-        from botohe_moo.underway import play_mission
 
         check_page_file(out)
         solution, chosen, how = _plan_under_way(folder, plan, price)
         how |= {"seed": seed, "number": number, "evaluations": evaluations}
         with showing("playing"):
-            played = play_mission(solution.mission, chosen, policy, **how)
+            played = underway.play_mission(solution.mission, chosen, policy, **how)
         tell(paragraph(str(played)))
         explorer.replay(played, out)
     _show_page(out, open_page)
@@ -356,11 +333,11 @@ def simulate(
     seed: common.Number = 1,
     out: Path | None = None,
 ) -> None:
-    """Play many missions, and say what it is worth to make the plan anew.
+    """Measure what replanning gains, on many played missions.
 
-    The gain is what a mission is worth more than with the plan as it is, at the price of a
-    survivor. The column `gain_se` is its standard error. `botohe replay` shows one of these
-    missions.
+    A mission is worth its reward plus the price of its survivors. The gain is how much more it is
+    worth with replanning than with the plan as it is. The column `gain_se` is the standard error of
+    the gain. `botohe replay` shows one of these missions.
 
     The exit status is 2 for bad input, and if the picture cannot be written.
 
@@ -373,21 +350,18 @@ def simulate(
     workers : -w N
         Processes that play.
     out : -o FILE
-        Picture of all missions' outcomes and the front.
+        Picture of the front, and of the outcome of each mission.
     """
     with failing():
-        from botohe_moo.base.files import check_parent, check_suffix
         from botohe_moo.cli.progress import showing
-        from botohe_moo.plots import plot_policies, save_plot
-        from botohe_moo.underway import simulate_policy
 
         if out is not None:
-            check_suffix(out, common.PICTURES)
-            check_parent(out)
+            files.check_suffix(out, common.PICTURES)
+            files.check_parent(out)
         solution, chosen, how = _plan_under_way(folder, plan, price)
         how |= {"missions": missions, "evaluations": evaluations, "workers": workers, "seed": seed}
         with showing("playing missions") as show:
-            outcomes = simulate_policy(
+            outcomes = underway.simulate_policy(
                 solution.mission,
                 chosen,
                 policy or ("losses", "one by one"),
@@ -396,5 +370,8 @@ def simulate(
             )
         tell(str(outcomes))
         if out is not None:
-            save_plot(plot_policies(outcomes, solution.objectives), out)
+            plots.save_plot(plots.plot_policies(outcomes, solution.objectives), out)
             tell(f"wrote {out}")
+
+
+COMMANDS = (choose, explore, replan, replay, simulate)

@@ -7,28 +7,22 @@ import shlex
 import time
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from threading import Event
+from typing import Annotated, Any
 
 import typer
 
+import botohe_moo as bm
+from botohe_moo import decide, plots
+from botohe_moo.base import files, runtime
 from botohe_moo.cli import common
 from botohe_moo.cli.common import FAILED, brief, fail, failing, stoppable, tell
 from botohe_moo.cli.plans import tell_choice
-
-if TYPE_CHECKING:
-    from threading import Event
-
-    from botohe_moo.bounds import FrontBound
-    from botohe_moo.mission.model import Mission
-    from botohe_moo.solution import Solution
 
 _STARTED = time.perf_counter()
 _STOP_SEARCH = "stopping; what was found will be written. Press Ctrl-C again to break off."
 _STOP_PROOF = "stopping; what is proved will be shown. Press Ctrl-C again to break off."
 _ROWS = 8  # of the table of a bound
-
-Seconds = Annotated[float, typer.Option(min=1e-3)]
-SecondsOrNone = Annotated[float | None, typer.Option(min=1e-3)]
 
 
 def solve(
@@ -43,7 +37,7 @@ def solve(
     max_length: float | None = None,
     out: Path | None = None,
     choose: list[str] | None = None,
-    certify: SecondsOrNone = None,
+    certify: Annotated[float | None, typer.Option(min=1e-3)] = None,
 ) -> None:
     """Search for the Pareto front of a mission.
 
@@ -69,50 +63,28 @@ def solve(
         and draws the bound in front.png.
     """
     with failing():
-        from botohe_moo.base.files import check_folder, new_folder
         from botohe_moo.bounds.plain import check_boundable
-        from botohe_moo.cli.progress import showing_search
-        from botohe_moo.decide import parse_wishes
-        from botohe_moo.mission import load_mission
         from botohe_moo.mission.formats.reading import stem_of
-        from botohe_moo.problem import BOTOHE
         from botohe_moo.solution import PictureError
-        from botohe_moo.solving import RefusalError, make_for_this_machine, search
+        from botohe_moo.solving import make_for_this_machine
 
         parameters = common.read_parameters(parameter)
-        loaded = load_mission(mission, **options)
-        wishes = parse_wishes(loaded, choose) if choose else ()
+        loaded = bm.load_mission(mission, **options)
+        wishes = decide.parse_wishes(loaded, choose) if choose else ()
         built, parameters = make_for_this_machine(algorithm, parameters)
-        problem = BOTOHE(loaded, min_survival=min_survival, max_length=max_length)
+        problem = bm.BOTOHE(loaded, min_survival=min_survival, max_length=max_length)
         if certify is not None:
             check_boundable(loaded, "--certify")
         default = Path("results", "solve", stem_of(mission))
-        check_folder(default.parent if out is None else out)
+        files.check_folder(default.parent if out is None else out)
     source = {**options, "name_or_path": mission}
-    record = {"algorithm": algorithm, "parameters": parameters, "source": source}
+    how = {"algorithm": algorithm, "parameters": parameters, "source": source}
     with (
         stoppable(_STOP_SEARCH) as stop,
-        new_folder(default) if out is None else nullcontext(out) as folder,
+        files.new_folder(default) if out is None else nullcontext(out) as folder,
     ):
         tell(f"{loaded.title}: {brief(loaded, problem.max_length)}\n")
-        try:
-            with showing_search(evaluations) as progress:
-                solution = search(
-                    problem,
-                    built,
-                    evaluations=evaluations,
-                    seed=seed,
-                    record=record,
-                    progress=progress,
-                    stop=stop,
-                    started=_STARTED,
-                )
-        except RefusalError as error:
-            fail(error)
-        if not solution.plans:
-            found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
-            status = common.INTERRUPTED if stop.is_set() else FAILED
-            fail(f"{found}; nothing is written.", status)
+        solution = _search(problem, built, stop, evaluations=evaluations, seed=seed, record=how)
         with failing(FAILED):
             try:
                 paths = solution.write(folder, before_pictures=lambda: tell(solution.describe()))
@@ -132,12 +104,30 @@ def solve(
         fail("no plan meets all wishes.", FAILED)
 
 
+def _search(problem: bm.BOTOHE, algorithm: Any, stop: Event, **how: Any) -> bm.Solution:
+    """Search and show it; the command ends if the algorithm refuses, or finds nothing."""
+    from botohe_moo.cli.progress import showing_search
+    from botohe_moo.solving import RefusalError, search
+
+    try:
+        with showing_search(how["evaluations"]) as progress:
+            how |= {"progress": progress, "stop": stop, "started": _STARTED}
+            solution = search(problem, algorithm, **how)
+    except RefusalError as error:
+        fail(error)
+    if not solution.plans:
+        found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
+        status = common.INTERRUPTED if stop.is_set() else FAILED
+        fail(f"{found}; nothing is written.", status)
+    return solution
+
+
 def bound(
     mission: str,
     options: dict[str, Any],
     *,
     front: Path | None = None,
-    time_limit: Seconds = 60.0,
+    time_limit: Annotated[float, typer.Option(min=1e-3)] = 60.0,
     min_survival: float = 0.0,
     max_length: float | None = None,
     threads: Annotated[int | None, typer.Option(min=1, max=1_024)] = None,
@@ -145,8 +135,8 @@ def bound(
 ) -> None:
     """Prove how far a front is from the best possible one.
 
-    The bound is an expected reward for each number of expected survivors. No plan exceeds it. More
-    time lowers it. Ctrl-C stops, and shows what is proved.
+    For each number of expected survivors, the bound is an expected reward that no plan exceeds.
+    More time lowers it. Ctrl-C stops, and shows what is proved.
 
     With kinds of robots, the bound counts each robot as the best kind. It counts rewards on return
     as rewards on arrival.
@@ -159,7 +149,7 @@ def bound(
     Parameters
     ----------
     front : -f DIR
-        Folder that `solve` wrote: its front is judged.
+        Folder that `solve` wrote. Its front is judged.
     time_limit : -t S
         Seconds that it may take.
     threads : T
@@ -168,11 +158,9 @@ def bound(
         JSON file for the bound.
     """
     with failing():
-        from botohe_moo.base.files import check_file
         from botohe_moo.bounds.plain import check_boundable
-        from botohe_moo.mission import load_mission
 
-        loaded = load_mission(mission, **options)
+        loaded = bm.load_mission(mission, **options)
         check_boundable(loaded, "botohe bound")
         limits: dict[str, Any] = {"min_survival": min_survival, "max_length": max_length}
         solution = None
@@ -185,11 +173,12 @@ def bound(
             solution = _read_front(front, loaded)
             limits = _limits_of(solution)
         if out is not None:
-            check_file(out)
+            files.check_file(out)
     longest = limits["max_length"]
     tell(f"{loaded.title}: {brief(loaded, loaded.max_length if longest is None else longest)}\n")
     with stoppable(_STOP_PROOF) as stop:
-        proved = _prove(loaded, solution, stop, time_limit, threads, **limits)
+        how = {"time_limit": time_limit, "n_threads": threads}
+        proved = _prove(loaded, solution, stop, **how, **limits)
         _tell_verdict(proved, solution)
         tell(f"\n{_bound_table(proved, solution)}")
         if out is not None:
@@ -198,62 +187,47 @@ def bound(
             tell(f"wrote {out}")
 
 
-def _certify(solution: Solution, folder: Path, time_limit: float) -> None:
+def _certify(solution: bm.Solution, folder: Path, time_limit: float) -> None:
     """Bound the front of a solution, say how good it is, and write the bound to its folder."""
-    from botohe_moo.plots import plot_front
     from botohe_moo.solution.model import BOUND, FRONT_PICTURE, draw_picture
 
     with stoppable(_STOP_PROOF) as stop:
-        how = {"seed": solution.seed, **_limits_of(solution)}
-        bound = _prove(solution.mission, solution, stop, time_limit, None, **how)
+        how = {"time_limit": time_limit, "n_threads": None, "seed": solution.seed}
+        bound = _prove(solution.mission, solution, stop, **how, **_limits_of(solution))
         tell("")
         _tell_verdict(bound, solution)
         shown = solution.objectives, solution.mission
         with failing(FAILED):
             bound.save(folder / BOUND)
             tell(f"wrote {folder / BOUND}")
-            draw_picture(folder / FRONT_PICTURE, plot_front, *shown, bound=bound)
+            draw_picture(folder / FRONT_PICTURE, plots.plot_front, *shown, bound=bound)
             tell(f"wrote {folder / FRONT_PICTURE}")
 
 
 def _prove(
-    mission: Mission,
-    solution: Solution | None,
-    stop: Event,
-    time_limit: float,
-    threads: int | None,
-    **how: Any,
-) -> FrontBound:
+    mission: bm.Mission, solution: bm.Solution | None, stop: Event, **how: Any
+) -> bm.FrontBound:
     """Bound the front of a mission until the time is over or the event is set."""
-    from botohe_moo.base.runtime import n_cpus
-    from botohe_moo.bounds import bound_front
     from botohe_moo.cli.progress import showing
 
-    front = None if solution is None else solution.objectives
+    how["n_threads"] = how["n_threads"] or min(runtime.n_cpus(), 1_024)
+    front, limit = None if solution is None else solution.objectives, how["time_limit"]
     with showing("starting") as show, failing():
 
-        def report(bound: FrontBound) -> None:
+        def report(bound: bm.FrontBound) -> None:
             if stop.is_set():
                 raise KeyboardInterrupt
             gap = "" if front is None else f"  gap {100 * bound.gap(front):.2f} %"
             words = f"area at most {bound.area:.4f}{gap}"
-            show(words, min(bound.seconds, time_limit), time_limit)
+            show(words, min(bound.seconds, limit), limit)
 
-        return bound_front(
-            mission,
-            front=front,
-            time_limit=time_limit,
-            n_threads=threads or min(n_cpus(), 1_024),
-            callback=report,
-            **how,
-        )
+        return bm.bound_front(mission, front=front, callback=report, **how)
 
 
-def _read_front(folder: Path, mission: Mission) -> Solution:
+def _read_front(folder: Path, mission: bm.Mission) -> bm.Solution:
     from botohe_moo.mission.model import numbers_digest
-    from botohe_moo.solution import read_solution
 
-    solution = read_solution(folder)
+    solution = bm.read_solution(folder)
     if numbers_digest(solution.mission) != numbers_digest(mission):
         raise ValueError(
             f"{folder} is a front of another mission than {mission.name!r}, or of another number "
@@ -262,13 +236,13 @@ def _read_front(folder: Path, mission: Mission) -> Solution:
     return solution
 
 
-def _limits_of(solution: Solution) -> dict[str, Any]:
+def _limits_of(solution: bm.Solution) -> dict[str, Any]:
     """Return the limits of a search; a travel budget of None would mean the mission's."""
     budget = math.inf if solution.max_length is None else solution.max_length
     return {"min_survival": solution.min_survival, "max_length": budget}
 
 
-def _tell_verdict(bound: FrontBound, solution: Solution | None) -> None:
+def _tell_verdict(bound: bm.FrontBound, solution: bm.Solution | None) -> None:
     """Print in a sentence how good a front is, or without one, what no front exceeds."""
     took = f"proved in {bound.seconds:.0f} s" if bound.seconds >= 1 else "proved at once"
     verdict = f"proven upper bound on area {bound.area:.4f}"
@@ -279,8 +253,8 @@ def _tell_verdict(bound: FrontBound, solution: Solution | None) -> None:
     tell("\n".join([f"{verdict}, {took}", *bound.notes]))
 
 
-def _bound_table(bound: FrontBound, solution: Solution | None) -> str:
-    rows = []
+def _bound_table(bound: bm.FrontBound, solution: bm.Solution | None) -> str:
+    rows = [("survivors", "reward at most", "found")[: 2 if solution is None else 3]]
     for i in range(_ROWS + 1):
         survivors = bound.mission.robots * i / _ROWS
         row = [survivors, bound.bound(survivors)]
@@ -288,5 +262,8 @@ def _bound_table(bound: FrontBound, solution: Solution | None) -> str:
             enough = solution.objectives[:, 1] >= survivors * (1 - 1e-12)
             row.append(solution.objectives[enough, 0].max(initial=-math.inf))
         # Where there is no plan, the reward is -inf.
-        rows.append([f"{value:.4g}" if value >= 0 else "-" for value in row])
-    return common.table(("survivors", "reward at most", "found")[: len(rows[0])], rows)
+        rows.append(tuple(f"{value:.4g}" if value >= 0 else "-" for value in row))
+    return common.table(rows, n_texts=0)
+
+
+COMMANDS = (solve, bound)

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from botohe_moo import study as studies
 from botohe_moo.base.messages import counted
+from botohe_moo.base.runtime import n_cpus
 from botohe_moo.cli import common
 from botohe_moo.cli.common import FAILED, Count, CountOrNone, command, fail, failing, say, tell
 
 if TYPE_CHECKING:
     from botohe_moo.study.planning import Estimate
-    from botohe_moo.study.store.tables import StudyTables
 
 study_app = typer.Typer(
     no_args_is_help=True,
@@ -57,18 +58,15 @@ def run(
         For algorithms of other packages, if the budget has no seconds: a run fails when it
         evaluates nothing for so long.
     """
-    from botohe_moo.base.runtime import n_cpus
     from botohe_moo.cli.progress import StudyWatcher, showing
-    from botohe_moo.study.file.loading import load_study
     from botohe_moo.study.file.model import study_folder
-    from botohe_moo.study.runner import StudyInterrupted, run_study
 
     with failing():
-        study = load_study(file, out=out)
+        study = studies.load_study(file, out=out)
     folder = study_folder(study.name, out)
     try:
         with failing(FAILED), showing("reading", every=_SECONDS_BETWEEN_LINES) as show:
-            tables = run_study(
+            tables = studies.run_study(
                 study,
                 folder,
                 workers=workers or n_cpus(),
@@ -76,7 +74,7 @@ def run(
                 patience=patience,
                 watcher=StudyWatcher(show),
             )
-    except StudyInterrupted as stopped:
+    except studies.StudyInterrupted as stopped:
         status = _BY_SIGNAL + stopped.signal
         fail(f"stopped; what is done is in {folder}. Run it again to go on.", status)
     _tell_tables(tables)
@@ -89,7 +87,7 @@ def run(
         fail(f"{'; '.join(failures)}; run the study again to retry.", FAILED)
 
 
-def _tell_tables(tables: StudyTables) -> None:
+def _tell_tables(tables: studies.StudyTables) -> None:
     """Print the medians as a table for each mission, and what is missing from it."""
     for mission in tables.mission_labels:
         rows = tables.summary[tables.summary["mission"] == mission]
@@ -99,7 +97,7 @@ def _tell_tables(tables: StudyTables) -> None:
     tell(f"The tables are in {folder}; `botohe study report {folder}` makes the report.")
 
 
-def _say_missing(tables: StudyTables) -> None:
+def _say_missing(tables: studies.StudyTables) -> None:
     if tables.n_missing:
         n_runs = len(tables.runs) + tables.n_missing
         say(f"{tables.n_missing} of the study's {n_runs} runs are missing from the tables.")
@@ -110,27 +108,26 @@ def _say_missing(tables: StudyTables) -> None:
 
 @command(study_app)
 def plan(file: Path, *, out: Path | None = None, workers: CountOrNone = None) -> None:
-    """Count the finished and the missing runs, and estimate the time that is left."""
-    from botohe_moo.base.runtime import n_cpus
-    from botohe_moo.study.file.loading import load_study
+    """Count finished and missing runs, and estimate the time."""
+    from botohe_moo.study import planning
     from botohe_moo.study.file.model import study_folder
-    from botohe_moo.study.planning import estimate_times, plan_study, time_left
     from botohe_moo.study.store.folder import StudyFolder
 
     with failing():
-        study = load_study(file, out=out)
+        study = studies.load_study(file, out=out)
         folder = StudyFolder(study_folder(study.name, out))
         folder.check(study)
-        planned = plan_study(study, folder)
-        estimates = estimate_times(planned, folder)
+        planned = planning.plan_study(study, folder)
+        estimates = planning.estimate_times(planned, folder)
     tell(_plan_table(estimates))
     n_there, n_runs, n_bounds = map(len, (planned.finished, planned.runs, planned.unbounded))
     tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder.path}")
     if n_bounds:
-        each = _duration(study.bound_seconds)
-        tell(f"{counted(n_bounds, 'bound')} to compute when the runs are done, at most {each} each")
+        each = f"at most {_duration(study.bound_seconds)} each"
+        tell(f"{counted(n_bounds, 'bound')} to compute when the runs are done, {each}")
     n_workers, waiting = workers or n_cpus(), [each for each in estimates if each.n_left]
-    left = time_left(waiting, n_workers, n_bounds=n_bounds, bound_seconds=study.bound_seconds)
+    limit = study.bound_seconds
+    left = planning.time_left(waiting, n_workers, n_bounds=n_bounds, bound_seconds=limit)
     if left:
         at_most = "at most " if n_bounds or any(each.at_most for each in waiting) else ""
         unknown = any(each.seconds is None for each in waiting)
@@ -139,14 +136,15 @@ def plan(file: Path, *, out: Path | None = None, workers: CountOrNone = None) ->
 
 
 def _plan_table(estimates: list[Estimate]) -> str:
-    header = ("mission", "algorithm", "runs", "there", "failed", "each takes")
-    rows = []
+    rows: list[tuple[str, ...]] = [
+        ("mission", "algorithm", "runs", "there", "failed", "each takes")
+    ]
     for each in estimates:
         counts = map(str, (each.n_runs, each.n_finished, each.n_failed))
         takes = "unknown" if each.seconds is None else _duration(each.seconds)
         at_most = "at most " if each.at_most and each.seconds is not None else ""
         rows.append((each.mission, each.algorithm, *counts, at_most + takes))
-    return common.table(header, rows, n_texts=2)
+    return common.table(rows)
 
 
 def _duration(seconds: float) -> str:
@@ -159,11 +157,12 @@ def _duration(seconds: float) -> str:
 
 @command(study_app)
 def tables(study: Path) -> None:
-    """Make the tables of the finished runs, also while the study is running or after a kill."""
-    from botohe_moo.study.runner import make_tables
+    """Make the tables of the finished runs.
 
+    Works while the study is running, and after it was killed.
+    """
     with failing():
-        made = make_tables(study)
+        made = studies.make_tables(study)
     _tell_tables(made)
 
 
@@ -178,10 +177,8 @@ def merge(folders: list[Path], *, out: Path | None = None) -> None:
     folders : DIR
         Folders of the same study.
     """
-    from botohe_moo.study.merge import merge_studies
-
     with failing():
-        merged = merge_studies(folders, out)
+        merged = studies.merge_studies(folders, out)
     _tell_tables(merged)
     tell(f"{counted(len(merged.runs), 'run')} merged.")
 
@@ -191,10 +188,9 @@ def report(study: Path) -> None:
     """Make the report: a page, figures and LaTeX tables."""
     from botohe_moo.cli.progress import showing
     from botohe_moo.study.report.page import write_report
-    from botohe_moo.study.store.tables import read_study
 
     with failing():
-        read = read_study(study)
+        read = studies.read_study(study)
     _say_missing(read)
     with failing(FAILED), showing("drawing figures"):
         paths = write_report(read)
