@@ -274,7 +274,7 @@ def test_a_solution_is_read_back(tmp_path):
 
 def test_the_text_of_a_choice_names_kinds():
     assert trails_text(HOUSE, ATTIC).splitlines() == [
-        "robot 0 (drone, survival 0.500): roof -> attic -> roof",
-        "robot 1 (drone, survival 1.000): stays at roof",
-        "robot 2 (rover, survival 0.750): dock -> cellar -> dock",
+        "robot 0 (drone, survival 0.500):  roof -> attic -> roof",
+        "robot 1 (drone, survival 1.000):  stays at roof",
+        "robot 2 (rover, survival 0.750):  dock -> cellar -> dock",
     ]

@@ -392,7 +392,7 @@ def _rendered(shown: Any, width: int) -> str:
 
     page = io.StringIO()
     console = Console(file=page, width=width, color_system=None, legacy_windows=False)
-    console.print(shown, overflow="ignore", crop=False)
+    console.print(shown)
     return "\n".join(line.rstrip() for line in page.getvalue().rstrip("\n").split("\n"))
 
 
@@ -424,7 +424,7 @@ def parameter_text(parameter: Parameter) -> str:
         kind = "from Python only"
     elif not parameter.required:
         headline = parameter_example(parameter).replace("=", " = ", 1)
-    lines = [f"  {headline}  ({kind})" if kind else f"  {headline}"]
+    lines = [paragraph(f"{headline}  ({kind})" if kind else headline, indent="  ")]
     if parameter.description:
         lines.append(paragraph(parameter.description, indent=" " * 6))
     return "\n".join(lines)
