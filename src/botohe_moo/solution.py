@@ -138,6 +138,11 @@ class Solution:
         return area_indicator(self.objectives, self.stated)
 
     @property
+    def expected(self) -> FloatArray:
+        """E[R] and E[S] of the plans (n_plans, 2), also where the problem has other objectives."""
+        return self.objectives if self.problem is None else self.mission.evaluate(self.plans)
+
+    @property
     def table(self) -> pd.DataFrame:
         """The front: ``plan_id``, ``reward`` (E[R]) and ``survivors`` (E[S]).
 
@@ -168,11 +173,11 @@ class Solution:
 
     def knees(self) -> tuple[fronts.Mark, ...]:
         """Mark where the front bends; see :func:`botohe_moo.decide.knees`."""
-        return fronts.knees(self.mission, self.objectives)
+        return fronts.knees(self.mission, self.expected)
 
     def survivor_price(self, index: int) -> float:
         """Compute the price of a survivor; see :func:`botohe_moo.decide.survivor_price`."""
-        return fronts.survivor_price(self.mission, self.objectives, index)
+        return fronts.survivor_price(self.mission, self.expected, index)
 
     def representatives(self, k: int = 5) -> tuple[int, ...]:
         """Select ``k`` plans, by their rows; see :func:`botohe_moo.decide.representatives`."""

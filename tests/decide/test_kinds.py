@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Kind, Mission, TrailPlan, read_solution, worst_case
-from botohe_moo.cli.choose import trails_text
+from botohe_moo.cli.plans import trails_text
 from botohe_moo.decide import (
     after_losses,
     choose,
@@ -265,7 +265,7 @@ def test_a_solution_is_read_back(tmp_path):
 
 def test_the_text_of_a_choice_names_kinds():
     assert trails_text(HOUSE, ATTIC).splitlines() == [
-        "robot 0 (drone, survival 0.500): roof -> attic -> roof",
-        "robot 1 (drone, survival 1.000): stays at roof",
-        "robot 2 (rover, survival 0.750): dock -> cellar -> dock",
+        "robot 0 (drone, survival 0.500):  roof -> attic -> roof",
+        "robot 1 (drone, survival 1.000):  stays at roof",
+        "robot 2 (rover, survival 0.750):  dock -> cellar -> dock",
     ]

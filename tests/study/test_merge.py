@@ -139,4 +139,4 @@ def test_from_the_command_line(parts, tmp_path):
     given = [str(parts / "one"), str(parts / "two"), "--out", str(tmp_path / "all")]
     done = CliRunner().invoke(app, ["study", "merge", *given])
     assert done.exit_code == 0, done.output
-    assert "6 runs and the tables are in" in done.output
+    assert "6 runs merged" in done.output

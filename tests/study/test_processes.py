@@ -484,7 +484,10 @@ class TestCommands:
         for arguments, said in (
             (["report", "nowhere"], "nowhere: there is no study in this folder"),
             (["tables", "nowhere"], "nowhere: there is no study in this folder"),
-            (["run", "x.yaml", "--workers", "0"], "Expected --workers >= 1, got 0."),
+            (
+                ["run", "x.yaml", "--workers", "0"],
+                "'--workers' / '-w': Input should be greater than or equal to 1",
+            ),
         ):
             ended = CliRunner().invoke(study_app, arguments)
             assert ended.exit_code == 2

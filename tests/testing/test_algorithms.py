@@ -175,13 +175,14 @@ class TestCommand:
         assert "Expected n_ants in" in self.check("bo-aco", "-p", "n_ants=0").output
         assert self.check("terrain", "-p", "nodes=20").exit_code == 0
         assert self.check("tests.testing.test_missions:fork").exit_code == 0
-        assert "file_round_trip" in self.check("random", "--mission").output
+        made = "botohe_moo.mission.generators:random"
+        assert "file_round_trip" in self.check(made, "-p", "nodes=5").output
 
     @pytest.mark.parametrize(
         ("given", "named"),
         [
             (["no-such"], "there is no such algorithm"),
-            (["no-such", "--mission"], "there is no such mission"),
+            (["no_such:mission"], "no_such"),
         ],
     )
     def test_bad_input(self, given, named):

@@ -2,39 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Any
 
 import typer
 
-from botohe_moo.base.messages import counted
-from botohe_moo.cli.from_map import mission_from_map
-from botohe_moo.cli.options import (
-    BaseOption,
-    DangerOption,
-    HazardOption,
-    MissionArgument,
-    MissionParameterOption,
-    RobotsOption,
-    mission_options,
-    mission_source,
-    out_option,
-    path_option,
-    read_kind,
-)
-from botohe_moo.cli.shell import (
-    BAD_INPUT,
-    brief,
-    failing,
-    listing,
-    paragraph,
-    parameter_text,
-    say,
-    tell,
-)
-
-if TYPE_CHECKING:
-    from botohe_moo.mission.model import Mission
+import botohe_moo as bm
+from botohe_moo import plots
+from botohe_moo.base import files
+from botohe_moo.base.messages import ParameterError, unknown_parameter
+from botohe_moo.cli import common
+from botohe_moo.cli.common import brief, command, failing, paragraph, say, tell
 
 missions_app = typer.Typer(invoke_without_command=True)
 
@@ -46,14 +25,14 @@ def missions(context: typer.Context) -> None:
         list_missions()
 
 
-@missions_app.command("list")
+@command(missions_app, "list")
 def list_missions() -> None:
     """List the named missions and the generators."""
     from botohe_moo.base.parameters import summary_of
-    from botohe_moo.mission import mission_names
     from botohe_moo.mission.loading import MISSIONS
 
-    tell(listing((name, summary_of(MISSIONS[name])) for name in mission_names()))
+    rows = ((name, common.plain(summary_of(MISSIONS[name]))) for name in bm.mission_names())
+    tell(common.table(rows, wrap=True))
     more = (
         "`botohe missions show NAME` tells more. Generators take parameters: "
         "`botohe missions show terrain -m nodes=50 -m seed=3`."
@@ -61,224 +40,173 @@ def list_missions() -> None:
     tell(f"\n{paragraph(more)}")
 
 
-@missions_app.command("show")
-def show_mission(
-    mission: MissionArgument,
-    robots: RobotsOption = None,
-    base: BaseOption = None,
-    danger: DangerOption = None,
-    hazard: HazardOption = None,
-    mission_parameter: MissionParameterOption = None,
-    picture: Annotated[
-        Path | None,
-        path_option(
-            "--picture", metavar="FILE", help="Also draw the mission to this file: PNG, PDF or SVG."
-        ),
-    ] = None,
-) -> None:
-    """Describe a mission; on request, draw it."""
+@command(missions_app)
+def show(mission: str, options: dict[str, Any], *, picture: Path | None = None) -> None:
+    """Describe a mission and its parameters. With --picture, draw it.
+
+    Parameters
+    ----------
+    picture : FILE
+        Picture of the mission: PNG, PDF or SVG.
+    """
+    from botohe_moo.mission.loading import mission_parameters
+
     with failing():
-        own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard}
-        source = mission_source(mission, mission_parameter, **own)
-        from botohe_moo.mission.loading import load_mission, mission_parameters
-
-        loaded = load_mission(**source)
-    tell(_describe(loaded))
+        loaded = bm.load_mission(mission, **options)
+    tell(loaded.describe())
     for parameter in () if Path(mission).exists() else mission_parameters(mission):
-        tell(f"\n{parameter_text(parameter)}")
+        tell(f"\n{common.parameter_text(parameter)}")
     if picture is not None:
-        from botohe_moo.plots import plot_mission, save_plot
-
         with failing():
-            save_plot(plot_mission(loaded), picture)
+            plots.save_plot(plots.plot_mission(loaded), picture)
         tell(f"wrote {picture}")
 
 
-def _describe(mission: Mission) -> str:
-    """Describe a mission, a line for each of its traits."""
-    graph, n_arcs = mission.world.graph, len(mission.graph.edges)
-    lines = [
-        f"{mission.name}: {mission.title}",
-        f"  nodes         {len(mission.nodes)} ({(mission.rewards > 0).sum()} with a reward)",
-        f"  arcs          {n_arcs}{'' if mission.balanced else ', dead ends possible'}",
-        f"  team          {mission.team} at base {mission.base!r}",
-        f"  total reward  {mission.total_reward:g}",
-    ]
-    lines += _describe_kinds(mission)
-    if graph.n_arcs:
-        lines.append(f"  survival      {graph.survival.min():g} to {graph.survival.max():g}")
-        if any("length" in arc for *_, arc in mission.graph.edges(data=True)):
-            lines.append(f"  length        {graph.length.min():g} to {graph.length.max():g}")
-    if mission.max_length is not None:
-        lines.append(f"  max_length    {mission.max_length:g}, the travel budget of every robot")
-    return "\n".join(lines)
+@command(missions_app)
+def check(files: list[Path], options: dict[str, Any]) -> None:
+    """Check mission files, and name all faults.
 
+    The exit status is 2 if a file is wrong.
 
-def _describe_kinds(mission: Mission) -> list[str]:
-    """Describe each kind of robots in a line, and what is credited on return, and where."""
-    from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT
-    from botohe_moo.mission.rules import ONLY_KIND, Kind
-
-    n, paying = len(mission.nodes), (mission.rewards > 0).tolist()
-    arcs = (mission.world.graph.tail // n).tolist()
-    collects = (mission.world.graph.reward > 0).reshape(-1, n)
-    lines = []
-    for k, kind in enumerate(mission.kinds):
-        if kind == Kind(ONLY_KIND, kind.robots):
-            continue
-        start, end = kind.ends(mission.base)
-        traits = [
-            f"{counted(kind.robots, 'robot')} from {start!r} to {end!r}",
-            f"can take {counted(arcs.count(k), 'arc')}",
-            f"collects at {collects[k].sum()} of {sum(paying)} paying nodes",
-        ]
-        if kind.min_survival:
-            traits.append(f"min_survival {kind.min_survival:g}")
-        if kind.max_length is not None:
-            traits.append(f"max_length {kind.max_length:g}")
-        lines.append(f"  {kind.name:12}  {', '.join(traits)}")
-    if (returns := mission.world.returns) is not None:
-        of_nodes = list(zip(mission.nodes, returns.credit.tolist(), paying, strict=False))
-        on_return = sum(pays and when == AT_NEXT_DEPOT for _, when, pays in of_nodes)
-        depots = [repr(node) for node, when, _ in of_nodes if when == AT_THIS_DEPOT]
-        lines.append(f"  on return     {on_return} of {sum(paying)} paying nodes")
-        lines.append(f"  depots        {', '.join(depots)}")
-    return lines
-
-
-@missions_app.command("check")
-def check_missions(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Mission files.")],
-    robots: RobotsOption = None,
-    base: BaseOption = None,
-    danger: DangerOption = None,
-    hazard: HazardOption = None,
-    mission_parameter: MissionParameterOption = None,
-) -> None:
-    """Check mission files; name everything that is wrong with them."""
-    from botohe_moo.mission import load_mission
-
-    with failing():
-        own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard}
-        options = mission_options(mission_parameter, **own)
+    Parameters
+    ----------
+    files : FILE
+        Mission files.
+    """
     failed = False
     for path in files:
         try:
-            loaded = load_mission(path, **options)
+            loaded = bm.load_mission(path, **options)
         except ValueError as error:
             say(error)
             failed = True
         else:
             tell(f"{path}: a valid mission, {brief(loaded, loaded.max_length)}")
     if failed:
-        raise typer.Exit(BAD_INPUT)
+        raise typer.Exit(common.BAD_INPUT)
 
 
-@missions_app.command("import")
+@command(missions_app, "import")
 def import_mission(
-    nodes: Annotated[
-        Path,
-        typer.Option(
-            "--nodes",
-            metavar="FILE",
-            help="CSV with the columns label and reward; optional: x and y, zone; share, or "
-            "share:NAME for kinds of robots; pays (arrival, return); depot (yes, no).",
-        ),
-    ],
-    arcs: Annotated[
-        Path,
-        typer.Option(
-            "--arcs",
-            metavar="FILE",
-            help="CSV with the columns tail, head and survival; optional: length; survival:NAME "
-            "for kinds of robots: a kind whose cell is empty cannot take the arc, unless there is "
-            "a number in the column survival.",
-        ),
-    ],
-    base: Annotated[str, typer.Option("--base", metavar="LABEL", help="Label of the base.")],
-    out: Annotated[
-        Path,
-        out_option("FILE", "Mission file to write: .json, .graphml, .geojson."),
-    ],
-    robots: Annotated[
-        int | None,
-        typer.Option("--robots", metavar="K", help="Number of robots, if all are alike."),
-    ] = None,
-    kind: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--kind",
-            metavar="NAME=K,...",
-            help="K robots of a kind, such as drone=2 or drone=2,start=roof,end=gate,"
-            "min_survival=0.5,max_length=300. Repeatable, instead of --robots.",
-        ),
-    ] = None,
-    pays: Annotated[
-        str | None,
-        typer.Option(
-            "--pays",
-            metavar="WHEN",
-            help="When nodes pay whose cell in the column pays is empty: on arrival (the default), "
-            "or on return, when a robot that has been there gets to a depot, such as the base.",
-        ),
-    ] = None,
-    both_ways: Annotated[
-        bool, typer.Option("--both-ways", help="Every row of arcs is an arc in both directions.")
-    ] = False,
-    max_length: Annotated[
-        float | None,
-        typer.Option(
-            "--max-length",
-            metavar="L",
-            help="Travel budget of every robot, in the unit of length.",
-        ),
-    ] = None,
-    lengths_from_pos: Annotated[
-        bool,
-        typer.Option(
-            "--lengths-from-pos", help="Every arc is as long as its nodes are apart, by x and y."
-        ),
-    ] = False,
-    title: Annotated[
-        str | None, typer.Option("--title", metavar="TEXT", help="Title, for pictures.")
-    ] = None,
-    danger: DangerOption = None,
-    hazard: HazardOption = None,
-    mission_parameter: MissionParameterOption = None,
+    options: dict[str, Any],
+    *,
+    nodes: Path,
+    arcs: Path,
+    base: str,
+    out: Path,
+    kind: list[str] | None = None,
+    both_ways: bool = False,
+    max_length: float | None = None,
 ) -> None:
     """Make a mission file of two tables (CSV): nodes and arcs.
 
-    Labels are texts. Names of columns may be in upper or lower case; further columns become
-    attributes. What is wrong is named by file and row.
-    """
-    from botohe_moo.base.files import read_table
-    from botohe_moo.base.messages import ParameterError, unknown_parameter
-    from botohe_moo.mission import mission_from_tables, save_mission
-    from botohe_moo.mission.formats.reading import stem_of
-    from botohe_moo.mission.loading import OF_FILES
+    Labels are texts. Names of columns may be in upper or lower case. Further columns become
+    attributes. Each fault is named by file and row.
 
+    Parameters (-m) for tables: title=TEXT; pays=return, if rewards count when a robot brings them
+    to a depot; lengths_from_pos=true, if x and y give the lengths of the arcs.
+
+    Parameters
+    ----------
+    nodes : FILE
+        CSV with the columns label and reward. Optional columns: x and y; zone; share, or share:NAME
+        for a kind of robots; pays (arrival, return); depot (yes, no).
+    arcs : FILE
+        CSV with the columns tail, head and survival. Optional columns: length; survival:NAME for a
+        kind of robots. If both survivals of a kind are empty, it cannot take the arc.
+    base : LABEL
+        Label of the base.
+    out : -o FILE
+        Mission file: .json, .graphml, .geojson.
+    kind : NAME=K,...
+        K robots of a kind, such as drone=2 or
+        drone=2,start=roof,end=gate,min_survival=0.5,max_length=300. Repeatable, instead of
+        --robots.
+    both_ways
+        Each row of arcs is an arc in both directions.
+    """
     with failing():
-        given = mission_options(
-            mission_parameter,
-            base=base,
-            robots=robots,
-            pays=pays,
-            both_ways=both_ways or None,
-            max_length=max_length,
-            title=title,
-            danger=danger,
-            hazard=hazard,
-        )
-        if kind:
-            given["kinds"] = [read_kind(text) for text in kind]
-        if unknown := given.keys() - {*OF_FILES, "max_length", "title"}:
+        from botohe_moo.mission.formats.reading import stem_of
+        from botohe_moo.mission.loading import OF_FILES
+
+        lengths_from_pos = options.pop("lengths_from_pos", False)
+        kinds = [_read_kind(text) for text in kind or ()] or None
+        if unknown := options.keys() - {*OF_FILES, "title"}:
             raise ParameterError(unknown_parameter(min(unknown), OF_FILES), min(unknown))
-        tables = read_table(nodes), read_table(arcs)
-        loaded = mission_from_tables(*tables, **{"name": stem_of(out), **given})
+        own = {"both_ways": both_ways, "max_length": max_length, "kinds": kinds}
+        given = {"name": stem_of(out), **common.with_options(options, base=base, **own)}
+        tables = files.read_table(nodes), files.read_table(arcs)
+        loaded = bm.mission_from_tables(*tables, **given)
         if lengths_from_pos:
             loaded = loaded.with_lengths_from_pos()
-        save_mission(loaded, out)
+        bm.save_mission(loaded, out)
     tell(f"wrote {out}: {brief(loaded, loaded.max_length)}")
 
 
-missions_app.command("from-map")(mission_from_map)
+def _read_kind(text: str) -> Any:
+    """Read a kind of robots, written as NAME=ROBOTS or NAME=ROBOTS,start=LABEL,...
+
+    Labels may have commas in them.
+    """
+    name, equals, rest = text.partition("=")
+    if not equals:
+        raise ValueError(f"Expected a kind as NAME=ROBOTS or NAME=ROBOTS,start=..., got {text!r}.")
+    pairs = re.split(r",(?=\s*\w+\s*=)", f"robots={rest}")
+    return {"name": name.strip(), **common.read_parameters(pairs)}
+
+
+@command(missions_app, "from-map")
+def from_map(
+    map_file: Path,
+    *,
+    out: Path,
+    radius: float = 0.3,
+    spacing: float | None = None,
+    robots: int = 3,
+    base: str = "0,0",
+    danger: float = 0.01,
+    hazard: Path | None = None,
+) -> None:
+    """Make a mission file from a map of obstacles.
+
+    Nodes are where ways through the free space meet or end. Each has reward 1, but the base 0.
+    FILE-graph.png beside the mission file shows the numbers of the nodes on the map.
+
+    Needs pip install "botohe-moo[maps]".
+
+    Parameters
+    ----------
+    map_file : MAP
+        Map of obstacles: YAML for the map server of Nav2.
+    out : -o FILE
+        Mission file: .json, .geojson.
+    radius : R
+        Radius of a robot, in metres.
+    spacing : D
+        Greatest distance of nodes along a way, in metres. By default nodes are only where ways meet
+        or end.
+    base : NODE
+        The base: a node's number, or a place X,Y whose nearest node it is.
+    """
+    picture = out.with_name(f"{out.stem}-graph.png")
+    with failing():
+        files.check_suffix(out, (".json", ".geojson"))  # in GraphML, numbers as labels become texts
+        for file in (out, picture):
+            files.check_file(file)
+        start = _node_or_place(base)
+        graph = bm.roadmap_from_map(
+            map_file, radius=radius, spacing=spacing, base=start, danger=danger, hazard=hazard
+        )
+        made = bm.Mission(graph, robots=robots, name=out.stem)
+        bm.save_mission(made, out)
+        plots.save_plot(plots.plot_mission(made, background=map_file), picture)
+    tell(f"wrote {out}: {brief(made, made.max_length)}\nwrote {picture}")
+
+
+def _node_or_place(text: str) -> Any:
+    """Read a node's number, or a place X,Y."""
+    try:
+        return tuple(map(float, text.split(","))) if "," in text else int(text)
+    except ValueError:
+        expected = "a node's number, or a place X,Y"
+        raise ValueError(f"Expected --base to be {expected}, got {text!r}.") from None

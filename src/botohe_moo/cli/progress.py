@@ -6,6 +6,7 @@ import math
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import timedelta
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from numba.core import event
 
 from botohe_moo.base.messages import counted
-from botohe_moo.cli.shell import harmless, say
+from botohe_moo.cli.common import harmless, say
 
 if TYPE_CHECKING:
     from botohe_moo.solving import Progress
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from botohe_moo.study.runner import Plan
     from botohe_moo.study.task import Outcome, Record
 
-_COMPILING = "compiling for this machine, once"
 _SECONDS_BETWEEN_LINES = 6.0
 _SECONDS_BETWEEN_UPDATES = 0.5  # computing the area takes a while on large fronts
 
@@ -47,11 +47,8 @@ def showing(words: str, *, every: float = _SECONDS_BETWEEN_LINES) -> Iterator[Sh
             latest = words
             put(words, done, total)
 
-        def note(compiling: bool) -> None:
-            put("compiling" if compiling else latest, 0.0, None)
-
         show(words)
-        listener = _CompilingListener(note)
+        listener = _CompilingListener(lambda begins: put("compiling" if begins else latest))
         with event.install_listener("numba:compile", listener):
             yield show
 
@@ -69,7 +66,7 @@ class _CompilingListener(event.Listener):
 
     def on_start(self, event: Any) -> None:  # noqa: ARG002
         if self._is_first:
-            say(f"{_COMPILING}.")
+            say("compiling for this machine, once.")
             self._is_first = False
         self._depth += 1
         if self._depth == 1:
@@ -114,7 +111,7 @@ def _bar() -> Iterator[Show]:
 def _lines(every: float) -> Iterator[Show]:
     latest, over, started = "", threading.Event(), time.monotonic()
 
-    def put(words: str, done: float = 0.0, total: float | None = None) -> None:  # noqa: ARG001
+    def put(words: str, *_: object) -> None:
         nonlocal latest
         latest = words
 
@@ -152,18 +149,17 @@ class StudyWatcher:
 
     def __init__(self, show: Show) -> None:
         self._show_words = show
-        self._shares: dict[str, float] = {}
-        self._n_ended = self._n_runs = self._n_failed = 0
-        self._n_bounded = self._n_bounds = 0
+        self._shares: dict[str, float] = {}  # of their budgets, that runs at work have spent
+        self._n: Counter[str] = Counter()
 
     def begin(self, plan: Plan) -> None:
         """Print how many runs are finished, and how many are left."""
-        self._n_runs, self._n_bounds = len(plan.missing), len(plan.unbounded)
-        there = len(plan.runs) - self._n_runs
+        self._n.update(runs=len(plan.missing), bounds=len(plan.unbounded))
+        there = len(plan.runs) - self._n["runs"]
         again = f", {len(plan.failed)} of them failed before" if plan.failed else ""
-        say(f"{len(plan.runs)} runs: {there} are there, {self._n_runs} to go{again}.")
-        if self._n_bounds:
-            say(f"{counted(self._n_bounds, 'bound')} to compute when the runs are done.")
+        say(f"{len(plan.runs)} runs: {there} are there, {self._n['runs']} to go{again}.")
+        if n_bounds := self._n["bounds"]:
+            say(f"{counted(n_bounds, 'bound')} to compute when the runs are done.")
         self._show()
 
     def record(self, run: Run, record: Record) -> None:
@@ -177,29 +173,25 @@ class StudyWatcher:
     def end(self, run: Run, outcome: Outcome) -> None:
         """Note that a run has ended."""
         self._shares.pop(run.digest, None)
-        self._n_ended += 1
+        self._n.update(ended=1, failed=outcome.status == "failed")
         if outcome.status != "done":
-            self._n_failed += outcome.status == "failed"
-            say(
-                f"{run.algorithm.label} on {run.mission.label}, seed {run.seed}: "
-                f"{outcome.status}: {outcome.error}"
-            )
+            which = f"{run.algorithm.label} on {run.mission.label}, seed {run.seed}"
+            say(f"{which}: {outcome.status}: {outcome.error}")
         self._show()
 
     def end_bound(self, mission: StudyMission, error: str | None) -> None:
         """Note that a mission is bounded, or why not."""
-        self._n_bounded += 1
+        self._n.update(bounded=1)
         if error is not None:
             say(f"bound of {mission.label}: failed: {error}")
         self._show()
 
     def _show(self) -> None:
-        failed = f", {self._n_failed} failed" if self._n_failed else ""
-        bounds = f", {self._n_bounded} of {self._n_bounds} bounds" if self._n_bounds else ""
-        words = f"{self._n_ended} of {self._n_runs} runs{failed}{bounds}"
+        n = self._n
+        failed = f", {n['failed']} failed" if n["failed"] else ""
+        bounds = f", {n['bounded']} of {n['bounds']} bounds" if n["bounds"] else ""
+        done, total = n["ended"] + sum(self._shares.values()), n["runs"]
         # Bounds get a bar of their own, from which the time they take is estimated.
-        if self._n_bounds and self._n_ended == self._n_runs:
-            self._show_words(words, self._n_bounded, self._n_bounds)
-        else:
-            done = self._n_ended + sum(self._shares.values())
-            self._show_words(words, done, self._n_runs)
+        if n["bounds"] and n["ended"] == n["runs"]:
+            done, total = n["bounded"], n["bounds"]
+        self._show_words(f"{n['ended']} of {n['runs']} runs{failed}{bounds}", done, total)

@@ -53,10 +53,11 @@ def page_data(
     candidates = Candidates(mission, front.plans)
     choices = [_chosen(candidates, wish) for wish in wishes]
     marks = list(_marks(front, choices))
-    order = np.lexsort((-front.objectives[:, 1], front.objectives[:, 0]))
+    expected = front.expected
+    order = np.lexsort((-expected[:, 1], expected[:, 0]))
     kept = {row for _, row, *_ in marks}.union(*map(_named, choices))
     kept_places = np.flatnonzero(np.isin(order, list(kept))).tolist()
-    rows = order[thinned(front.objectives[order], kept_places, max_plans)].tolist()
+    rows = order[thinned(expected[order], kept_places, max_plans)].tolist()
     place = {row: i for i, row in enumerate(rows)}
     write = sentence_writer(mission.nodes)
     marked = sorted({place[row] for _, row, *_ in marks})
@@ -206,7 +207,7 @@ def _named(choice: Choice) -> set[int]:
 
 def _marks(front: Solution, choices: Iterable[Choice]) -> Iterator[tuple[Any, ...]]:
     """Yield the plans that are marked: the kind of mark, row, name, and sentences on why."""
-    mission, objectives = front.mission, front.objectives
+    mission, objectives = front.mission, front.expected
     for found in choices:
         kind, said = ("choice", "meets") if found.met else ("miss", "comes nearest to")
         name = f"{said} {' and '.join(map(str, found.wishes))}" if found.wishes else "chosen"

@@ -296,6 +296,62 @@ class Mission:
         """Return the mission for kernels, with ``limits`` loosened by a relative amount."""
         return self.world.with_limits(self.limits(min_survival, max_length).loosened(by))
 
+    def describe(self) -> str:
+        """Describe the mission in words, a line for each of its traits.
+
+        Examples
+        --------
+        >>> from botohe_moo import load_mission
+        >>> print(load_mission("toy").describe())
+        toy: Five nodes, each danger on an arc destroys one robot in ten
+          nodes         5 (3 with a reward)
+          arcs          12
+          team          2 robots at base 1
+          total reward  10
+          survival      0.729 to 1
+        """
+        graph, n_arcs = self.world.graph, len(self.graph.edges)
+        traits = {
+            "nodes": f"{len(self.nodes)} ({(self.rewards > 0).sum()} with a reward)",
+            "arcs": f"{n_arcs}{'' if self.balanced else ', dead ends possible'}",
+            "team": f"{self.team} at base {self.base!r}",
+            "total reward": f"{self.total_reward:g}",
+            **self._kind_traits(),
+        }
+        if graph.n_arcs:
+            traits["survival"] = f"{graph.survival.min():g} to {graph.survival.max():g}"
+            if any("length" in arc for *_, arc in self.graph.edges(data=True)):
+                traits["length"] = f"{graph.length.min():g} to {graph.length.max():g}"
+        if self.max_length is not None:
+            traits["max_length"] = f"{self.max_length:g}, the travel budget of every robot"
+        lines = (f"  {name:12}  {text}" for name, text in traits.items())
+        return "\n".join([f"{self.name}: {self.title}", *lines])
+
+    def _kind_traits(self) -> dict[str, str]:
+        """Describe each kind of robots, which nodes pay on return, and the depots."""
+        n_nodes, paying = len(self.nodes), self.rewards > 0
+        kind_of_arc = (self.world.graph.tail // n_nodes).tolist()
+        collects = (self.world.graph.reward > 0).reshape(-1, n_nodes).sum(axis=1)
+        traits = {}
+        for k, kind in enumerate(self.kinds):
+            if kind == Kind(rules.ONLY_KIND, kind.robots):
+                continue
+            start, end = kind.ends(self.base)
+            limits = f", min_survival {kind.min_survival:g}" if kind.min_survival else ""
+            limits += f", max_length {kind.max_length:g}" if kind.max_length is not None else ""
+            traits[kind.name] = (
+                f"{counted(kind.robots, 'robot')} from {start!r} to {end!r}, "
+                f"can take {counted(kind_of_arc.count(k), 'arc')}, "
+                f"collects at {collects[k]} of {paying.sum()} paying nodes{limits}"
+            )
+        if (returns := self.world.returns) is not None:
+            credit = returns.credit[:n_nodes]
+            on_return = (paying & (credit == worlds.AT_NEXT_DEPOT)).sum()
+            depots = np.flatnonzero(credit == worlds.AT_THIS_DEPOT).tolist()
+            traits["on return"] = f"{on_return} of {paying.sum()} paying nodes"
+            traits["depots"] = ", ".join(repr(self.nodes[v]) for v in depots)
+        return traits
+
     def index(self, label: Hashable) -> int:
         """Return the index of a node in ``nodes``; a KeyError is raised for an unknown label."""
         return self._index[label]
