@@ -2,6 +2,7 @@
 
 import contextlib
 import fcntl
+import json
 import os
 import pty
 import random
@@ -327,34 +328,54 @@ def lines_until(process, wanted):
     return "".join(said)
 
 
-def test_workers_are_asked_before_they_get_runs(
+def wait_for_workers(scheduler, n):
+    import distributed
+
+    with distributed.Client(scheduler, set_as_default=False) as client:
+        client.wait_for_workers(n, timeout=60)
+
+
+def test_workers_that_have_other_code_get_no_runs(
     study_file, uninterrupted, scheduler, hire, tmp_path
 ):
-    """None is there, one lacks the package, one has another version of it, then one is fit."""
-    folder = tmp_path / "out"
-    process = start("run", study_file, "--out", folder, "--dask", scheduler)
-    assert f"no worker of the Dask cluster at {scheduler} can perform runs" in lines_until(
-        process, "waiting for one that can"
-    )
+    """One lacks the package, one has another version of it, and then there is one that is fit."""
     import distributed
 
     # Without site, what is installed for editing is not found.
     hire("-S", path=[Path(distributed.__file__).parents[1]])
-    said = lines_until(process, "gets no runs")
-    assert "it cannot use botohe-moo (" in said
-    assert "No module named 'botohe_moo" in said.replace("\\", "")
     other = tmp_path / "other" / "botohe_moo-9.9.9.dist-info"
     other.mkdir(parents=True)
     (other / "METADATA").write_text("Metadata-Version: 2.1\nName: botohe-moo\nVersion: 9.9.9\n")
     hire(path=[other.parent])
-    said = lines_until(process, "gets no runs")
-    assert f"it has botohe-moo 9.9.9, the study {version('botohe-moo')}" in said
-    assert process.poll() is None
+    wait_for_workers(scheduler, 2)
+    folder = tmp_path / "out"
+    status, _, err = finish(start("run", study_file, "--out", folder, "--dask", scheduler))
+    assert status == 1, err
+    assert f"No worker of the Dask cluster at {scheduler} can perform runs." in err
     hire()
-    status, _, err = finish(process)
+    wait_for_workers(scheduler, 3)
+    status, _, err = finish(start("run", study_file, "--out", folder, "--dask", scheduler))
     assert status == 0, err
+    assert err.count("gets no runs: it ") == 2
+    assert "it cannot use botohe-moo (" in err
+    assert "No module named 'botohe_moo" in err.replace("\\", "")
+    assert f"it has botohe-moo 9.9.9, the study {version('botohe-moo')}" in err
     assert "Traceback" not in err
     assert_same(read_study(folder), uninterrupted)
+
+
+def test_a_worker_with_other_code_that_joins_later_fails_its_runs(scheduler, hire, tmp_path):
+    other = tmp_path / "other" / "botohe_moo-9.9.9.dist-info"
+    other.mkdir(parents=True)
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: botohe-moo\nVersion: 9.9.9\n")
+    (tmp_path / "s.json").write_text(json.dumps(SMALL | {"seeds": 2}))
+    process = start("run", tmp_path / "s.json", "--out", tmp_path / "out", "--dask", scheduler)
+    assert "waiting for one" in lines_until(process, "waiting for one")
+    hire(path=[other.parent])
+    status, _, err = finish(process)
+    assert status == 1, err
+    assert f"the worker has botohe-moo 9.9.9, the study {version('botohe-moo')}" in err
+    assert "Traceback" not in err
 
 
 def test_killed_dask_workers_change_nothing(study_file, uninterrupted, scheduler, hire, tmp_path):
@@ -382,7 +403,7 @@ def test_killed_dask_workers_change_nothing(study_file, uninterrupted, scheduler
 
 def test_waiting_for_workers_can_be_stopped(study_file, scheduler, tmp_path):
     process = start("run", study_file, "--out", tmp_path / "out", "--dask", scheduler)
-    lines_until(process, "waiting for one that can")
+    lines_until(process, "waiting for one")
     os.kill(process.pid, signal.SIGINT)
     status, _, err = finish(process)
     assert status == 130, err

@@ -17,6 +17,7 @@ from botohe_moo.study.task import Outcome, Task, code_mismatch, failure
 
 _SECONDS_BETWEEN_LOOKS = 0.2
 _SECONDS_TO_CONNECT = 10
+_SECONDS_TO_FETCH = 60.0  # an outcome, when its run has ended
 _RETRIES = 3  # of a run whose worker fails; Dask's own limit holds for workers that die
 
 
@@ -46,7 +47,10 @@ def dask_outcomes(
             del futures  # each is released when its outcome is there
             while task_of and not stopped():
                 for future in finished.next_batch(block=False):
-                    yield task_of.pop(future.key), _outcome(future)
+                    if (outcome := _outcome(future)) is not None:
+                        yield task_of.pop(future.key), outcome
+                    else:
+                        finished.add(future)
                 if client.status != "running":
                     raise StudyError(_GONE)
                 time.sleep(_SECONDS_BETWEEN_LOOKS)
@@ -77,12 +81,16 @@ _GONE = (
 )
 
 
-def _outcome(future: Any) -> Outcome:
-    """Return what a run's future holds."""
-    if future.status in ("cancelled", "lost"):
+def _outcome(future: Any) -> Outcome | None:
+    """Return what a run's future holds; None if it was lost with its worker, and is made again."""
+    if future.status == "cancelled":
         raise StudyError(_GONE)
+    if future.status not in ("finished", "error"):
+        return None
     try:
-        outcome: Outcome = future.result()
+        outcome: Outcome = future.result(timeout=_SECONDS_TO_FETCH)
+    except TimeoutError:
+        return None
     except OSError:
         raise StudyError(_GONE) from None
     except Exception as error:
