@@ -96,9 +96,9 @@ def validate(content: Any, text: str = "", folder: Path = Path()) -> Study | lis
         file = StudyFile.model_validate(content)
     except ValidationError as invalid:
         return faults_in(content, invalid, known_keys=_known_keys)
-    seeds, members = seeds_of(file.seeds), [*_members(file.algorithms)]
-    n_missions = sum(math.prod(map(len, e.grid.values())) for e in file.missions.values())
-    if (n_runs := n_missions * len(members) * len(seeds)) > _MOST_RUNS:
+    seeds = seeds_of(file.seeds)
+    n_runs = _n_members(file.missions) * _n_members(file.algorithms) * len(seeds)
+    if n_runs > _MOST_RUNS:
         return [(("seeds",), f"expected at most {_MOST_RUNS:,} runs, found {n_runs:,}.")]
     faults: list[Fault] = []
 
@@ -111,7 +111,7 @@ def validate(content: Any, text: str = "", folder: Path = Path()) -> Study | lis
     if problem is not None:
         judged = _with_objectives(missions, problem, fault)
         missions, problem = (judged, problem) if judged else (missions, None)
-    algorithms = _read_algorithms(members, problem, fault)
+    algorithms = _read_algorithms(_members(file.algorithms), problem, fault)
     if not faults:
         _check_together(file, missions, algorithms, fault)
     if faults:
@@ -140,6 +140,11 @@ class _Member(NamedTuple):
             if parameter in getattr(self.entry, key):
                 return (*own, key, parameter)
         return (*own, parameter)
+
+
+def _n_members(entries: Mapping[str, Any]) -> int:
+    """Return how many missions or algorithms the entries are, with their grids expanded."""
+    return sum(math.prod(map(len, entry.grid.values())) for entry in entries.values())
 
 
 def _members(entries: Mapping[str, Any]) -> Iterator[_Member]:
