@@ -12,7 +12,7 @@ from botohe_moo.base.messages import quoted
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 
-__all__ = ["Objectives", "check_objectives"]
+__all__ = ["Objectives"]
 
 _ROUNDING = 1e-9
 
@@ -40,8 +40,9 @@ class Objectives:
 
     Examples
     --------
-    >>> from botohe_moo import BOTOHE, load_mission
-    >>> BOTOHE(load_mission("toy")).objectives
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.objectives import Objectives
+    >>> Objectives.of(load_mission("toy"))
     Objectives(names=('E[R]', 'E[S]'), bounds=(10.0, 2.0), columns=('reward', 'survivors'))
     """
 

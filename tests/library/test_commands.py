@@ -5,15 +5,14 @@ import shutil
 from datetime import date
 from types import SimpleNamespace
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
 from botohe_moo import solve
 from botohe_moo.cli import app
 from botohe_moo.library import Finder, best_known
-from botohe_moo.study import finds, run_study
+from botohe_moo.study import SCHEMAS, finds, read_study, run_study
+from botohe_moo.study.tables import write_tables
 
 SMALL = "town-16"
 
@@ -115,11 +114,10 @@ def studied(tmp_path_factory):
 )
 def test_a_damaged_plan_of_a_study_is_named(botohe, library, tmp_path, studied, trails, fault):
     shutil.copytree(studied, tmp_path / "trial")
-    path = tmp_path / "trial" / "plans.parquet"
-    table = pq.read_table(path)
-    column = table.column_names.index("trails")
-    changed = [trails, *table["trails"].to_pylist()[1:]]
-    pq.write_table(table.set_column(column, "trails", pa.array(changed, pa.string())), path)
+    read = read_study(tmp_path / "trial")
+    tables = {name: getattr(read, name) for name in SCHEMAS}
+    tables["plans"].loc[0, "trails"] = trails
+    write_tables(read.folder, tables, read.manifest)
     said = botohe("add", tmp_path / "trial", "--by", "Ada", *library, status=2)
     assert fault in " ".join(said.split())
     assert list(library[1].iterdir()) == []
@@ -137,8 +135,8 @@ def test_plans_of_another_mission_are_refused(botohe, library, tmp_path):
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        (lambda plan: plan["trails"].__setitem__(0, [0, 5, 0]), "plan 3"),
-        (lambda plan: plan.update(reward=99.0), "plan 3: expected the objectives"),
+        (lambda plan: plan["trails"].__setitem__(0, [0, 5, 0]), "Plan 3"),
+        (lambda plan: plan.update(reward=99.0), "Plan 3: expected the objectives"),
     ],
 )
 def test_an_invalid_plan_is_named(botohe, library, solved, change, fault):

@@ -5,15 +5,18 @@ from __future__ import annotations
 import shlex
 import webbrowser
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import botohe_moo as bm
-from botohe_moo import decide, explorer, plots, underway
+from botohe_moo import decide, explorer, plots
 from botohe_moo.base import files
 from botohe_moo.cli import common
 from botohe_moo.cli.common import fail, failing, paragraph, say, tell
+
+if TYPE_CHECKING:
+    from botohe_moo import underway
 
 REPLAN_PICTURE = "replan.png"
 
@@ -216,6 +219,7 @@ def replan(
         the new plan beside the rest of the old one.
     """
     with failing():
+        from botohe_moo import underway
         from botohe_moo.cli.progress import showing
 
         solution, chosen, how = _plan_under_way(folder, plan, price)
@@ -308,6 +312,7 @@ def replay(
         Which mission of the seed, from 0.
     """
     with failing():
+        from botohe_moo import underway
         from botohe_moo.cli.progress import showing
         from botohe_moo.explorer.page import check_page_file
 
@@ -353,6 +358,7 @@ def simulate(
         Picture of the front, and of the outcome of each mission.
     """
     with failing():
+        from botohe_moo import underway
         from botohe_moo.cli.progress import showing
 
         if out is not None:

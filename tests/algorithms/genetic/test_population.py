@@ -176,7 +176,7 @@ class TestDottedPaths:
             ("pymoo.algorithms.moo.dnsga2:DNSGA2", "it evaluates plans beside any budget"),
             ("pymoo.algorithms.soo.nonconvex.ga:GA", "it minimises one objective"),
             ("pymoo.algorithms.moo.ctaea:CTAEA", "it never ends where"),
-            ("numpy:pi", "it does not state that it makes an Algorithm"),
+            ("numpy:pi", "expected a class derived from Algorithm, or a function that returns"),
         ]:
             with pytest.raises(ValueError, match=message):
                 make_algorithm(path)
