@@ -78,7 +78,7 @@ class Objectives:
         return self.names == ("E[R]", "E[S]")
 
     def check(self, name: str, given: ArrayLike) -> FloatArray:
-        """Convert points to an array, as :func:`check_objectives`, and refuse those above a bound.
+        """Convert points to an array, as ``check_objectives``, and refuse those above a bound.
 
         Parameters
         ----------
