@@ -154,13 +154,12 @@ def _rows(
     highlight: int | Sequence[int] | Mapping[int, str] | None, n_plans: int
 ) -> dict[int, str]:
     """Return the rows to mark, with their texts."""
-    names: Any = highlight
     if not isinstance(highlight, Mapping):
         rows = [] if highlight is None else np.atleast_1d(highlight).tolist()
-        names = dict.fromkeys(rows, "")
-    for row in names:
+        highlight = dict.fromkeys(rows, "")
+    for row in highlight:
         check_row("highlight", row, n_plans)
-    return {row: f"plan {row}: {name}" if name else f"plan {row}" for row, name in names.items()}
+    return {row: f"plan {row}" + (f": {name}" if name else "") for row, name in highlight.items()}
 
 
 def front_summary(points: FloatArray, mission: Mission | None) -> str:
