@@ -209,7 +209,7 @@ class TestSearch:
     def test_what_is_of_another_type(self, toy):
         with pytest.raises(ValueError, match=r"\(Mission\(graph, base=.*\) takes graphs\), got"):
             solve(toy.graph)
-        with pytest.raises(TypeError, match=r"algorithm: .*, got the class BOACO: call it"):
+        with pytest.raises(TypeError, match=r"algorithm: .* such as BOACO\(\), got <class .*BOACO"):
             solve(toy, BOACO)
 
     def test_progress(self, toy):
