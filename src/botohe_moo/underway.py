@@ -560,10 +560,7 @@ def _moved(mission: Mission, robot: RobotState, dangers: FloatArray) -> Event:
 
 
 def _step(
-    mission: Mission,
-    robots: Sequence[RobotState],
-    events: tuple[Event, ...],
-    replan: Replan | None,
+    mission: Mission, robots: Sequence[RobotState], events: tuple[Event, ...], replan: Replan | None
 ) -> PlayedStep:
     """Record what has happened, and where robots are now."""
     left = u.settle_rewards(mission, robots).left
