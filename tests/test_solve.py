@@ -209,7 +209,7 @@ class TestSearch:
     def test_what_is_of_another_type(self, toy):
         with pytest.raises(ValueError, match=r"\(Mission\(graph, base=.*\) takes graphs\), got"):
             solve(toy.graph)
-        with pytest.raises(TypeError, match=r"algorithm: .*, got the class BOACO: call it"):
+        with pytest.raises(TypeError, match=r"algorithm: .* such as BOACO\(\), got <class .*BOACO"):
             solve(toy, BOACO)
 
     def test_progress(self, toy):
@@ -693,7 +693,7 @@ class TestOtherObjectives:
         solve("toy", "nsga2", problem=LeastSurvival, evaluations=100).write(tmp_path)
         path = tmp_path / "plans.json"
         path.write_text(path.read_text().replace('"least_survival": ', '"most_survival": ', 1))
-        with pytest.raises(ValueError, match=r"plans\[0\]\.least_survival: expected a finite numb"):
+        with pytest.raises(ValueError, match=r"plans\.0: expected least_survival, found none"):
             read_solution(tmp_path)
 
     @pytest.mark.parametrize(

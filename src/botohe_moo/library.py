@@ -424,9 +424,7 @@ class Added(NamedTuple):
 
 
 def add_plans(
-    found: Mapping[str, Iterable[tuple[Plans, Finder]]],
-    *,
-    folder: FilePath = FOLDER,
+    found: Mapping[str, Iterable[tuple[Plans, Finder]]], *, folder: FilePath = FOLDER
 ) -> dict[str, Added]:
     """Merge plans into the best known fronts, and write those that change.
 

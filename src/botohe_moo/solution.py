@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -18,7 +17,7 @@ import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt
 
 from botohe_moo.base.files import Source, replace_file
-from botohe_moo.base.messages import counted, quoted
+from botohe_moo.base.messages import counted
 from botohe_moo.base.parameters import validated
 from botohe_moo.base.types import FloatArray
 from botohe_moo.decide import choosing, fronts, hazards
@@ -340,6 +339,7 @@ _REMEDY = "Solve the mission again, or put back what was written."
 
 
 class _Plan(BaseModel, strict=True, extra="allow"):
+    __pydantic_extra__: dict[str, FiniteFloat] = Field(init=False)  # its row and objectives
     trails: list[list[Any]]
 
 
@@ -438,13 +438,10 @@ def _objectives_of(record: _Record, columns: Sequence[str]) -> FloatArray:
     """Return the objectives of a file's plans."""
     values = np.empty((len(record.plans), len(columns)))
     for i, plan in enumerate(record.plans):
-        given = plan.model_extra or {}
-        for j, column in enumerate(columns):
-            value = given.get(column)
-            if not isinstance(value, int | float) or not math.isfinite(value):
-                expected = f"plans[{i}].{column}: expected a finite number"
-                raise ValueError(f"{expected}, got {quoted(value)}.")
-            values[i, j] = value
+        given = plan.__pydantic_extra__
+        if missing := [column for column in columns if column not in given]:
+            raise ValueError(f"plans.{i}: expected {missing[0]}, found none.")
+        values[i] = [given[column] for column in columns]
     return values
 
 

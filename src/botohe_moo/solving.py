@@ -14,7 +14,7 @@ from pymoo.core.algorithm import Algorithm
 
 from botohe_moo.algorithms.base import MOST_THREADS
 from botohe_moo.algorithms.registry import algorithm_parameters, make_algorithm
-from botohe_moo.base.messages import check_integer
+from botohe_moo.base.messages import check_integer, quoted
 from botohe_moo.base.runtime import hold_signals, n_cpus
 from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import area_indicator
@@ -124,9 +124,8 @@ def solve(
     """
     source: dict[str, Any] = {}
     if not isinstance(algorithm, str | Algorithm):
-        made = isinstance(algorithm, type) and issubclass(algorithm, Algorithm)
-        got = f"the class {algorithm.__name__}: call it" if made else type(algorithm).__name__
-        raise TypeError(f"algorithm: expected a name or an algorithm of pymoo's, got {got}.")
+        expected = "algorithm: expected a name, or an algorithm of pymoo's such as BOACO()"
+        raise TypeError(f"{expected}, got {quoted(algorithm)}.")
     if not isinstance(mission, Mission):
         path, mission = mission, load_mission(mission)
         source = {"name_or_path": os.fspath(path)}

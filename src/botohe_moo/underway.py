@@ -27,7 +27,7 @@ from botohe_moo.mission import underway as u
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.rules import by_kind
 from botohe_moo.mission.underway import Event, EventError, RobotState, UnderWay, under_way
-from botohe_moo.trails import TrailPlan
+from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,7 +57,7 @@ POLICIES = {
 }
 _ORDERS = {"one by one": max, "shortest first": min}  # which trail goes next
 _EVALUATIONS_OF_A_PRICE = 2_000
-_AT_ONCE = 25  # missions that a worker plays before it says so
+_AT_ONCE = 25  # missions that a worker plays before it hands them over
 
 
 def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
@@ -225,10 +225,7 @@ def _replan_left(
 ) -> Replan:
     """Make a plan anew for what is left of a mission, as `replan` does."""
     rest = left.mission
-    search = LocalSearch(rest, Costs(rest.limited()), random_state=random_state)
-    search.insert(rest.batch([left.plan, rest.stay_home()]))
-    search.run(evaluations)
-    batch, objectives, _ = search.plans()
+    batch, objectives = _search(rest, (), left.plan, evaluations, random_state)
     plans = list(batch)
     [before] = rest.evaluate([left.plan])
     worth = objectives @ np.array([1.0, price])
@@ -240,6 +237,21 @@ def _replan_left(
     return Replan(left, price, plans[best], objectives[best], before, tuple(plans), objectives)
 
 
+def _search(
+    mission: Mission,
+    limits: tuple[Any, ...],
+    plan: TrailPlan,
+    evaluations: int,
+    random_state: np.random.Generator,
+) -> tuple[PlanBatch, FloatArray]:
+    """Search from a plan, and from one where all robots stay; return plans and objectives."""
+    search = LocalSearch(mission, Costs(mission.limited(*limits)), random_state=random_state)
+    search.insert(mission.batch([plan, mission.stay_home()]))
+    search.run(evaluations)
+    batch, objectives, _ = search.plans()
+    return batch, objectives
+
+
 def _price_of(mission: Mission, plan: TrailPlan, price: float | None, *limits: Any) -> float:
     """Check the price of a survivor; if there is none, compute the one that a plan implies.
 
@@ -248,12 +260,9 @@ def _price_of(mission: Mission, plan: TrailPlan, price: float | None, *limits: A
     """
     if price is not None:
         return check_number("price", price, at_least=0)
-    search = LocalSearch(
-        mission, Costs(mission.limited(*limits)), random_state=np.random.default_rng(1)
-    )
-    search.insert(mission.batch([plan, mission.stay_home()]))
-    search.run(_EVALUATIONS_OF_A_PRICE)
-    return float(survivor_prices(search.plans()[1], mission.evaluate([plan])[0, 1]))
+    generator = np.random.default_rng(1)
+    _, front = _search(mission, limits, plan, _EVALUATIONS_OF_A_PRICE, generator)
+    return float(survivor_prices(front, mission.evaluate([plan])[0, 1]))
 
 
 @dataclass(frozen=True)
@@ -417,15 +426,6 @@ def _expected(objectives: Iterable[float]) -> str:
     return f"{reward} reward and {survivors} survivors"
 
 
-class _Policy(NamedTuple):
-    """When plans are made anew, and how; and the robots of the plan at the start."""
-
-    name: str
-    price: float
-    evaluations: int
-    robots: tuple[RobotState, ...]
-
-
 class _Played(NamedTuple):
     """What has come of a mission: the reward, survivors, replans, and the seconds that these took.
 
@@ -477,68 +477,78 @@ def play_mission(
     >>> print(played.sentences[-1])
     Step 10: 1 robot moves on. The mission ends with 10 reward and 1 of 2 robots.
     """
-    seed = check_integer("seed", seed, at_least=0)
-    given = evaluations, min_survival, max_length
-    [made] = _policies(mission, plan, [policy], price, *given)
     number = check_integer("number", number, at_least=0)
-    steps: list[PlayedStep] = []
-    end = _play(mission, made, seed, number, steps)
+    limits, steps = (min_survival, max_length), list[PlayedStep]()
+    start = _start(mission, plan, [policy], price, seed, evaluations, *limits)
+    end = start.play(policy, number, steps)
     return PlayedMission(
-        mission, plan, policy, made.price, seed, number, tuple(steps), end.reward, end.survivors
+        mission, plan, policy, start.price, seed, number, tuple(steps), end.reward, end.survivors
     )
 
 
-def _policies(
+def _start(
     mission: Mission,
     plan: TrailPlan,
-    names: Sequence[str],
+    policies: Sequence[str],
     price: float | None,
+    seed: int,
     evaluations: int,
     *limits: Any,
-) -> list[_Policy]:
-    """Return policies for a plan, all of which is checked."""
-    for name in names:
-        check_choice("policy", name, tuple(POLICIES))
+) -> _Start:
+    """Return the start of missions that are played with a plan, after all is checked."""
+    for policy in policies:
+        check_choice("policy", policy, tuple(POLICIES))
+    seed = check_integer("seed", seed, at_least=0)
     evaluations = check_integer("evaluations", evaluations, at_least=0)
     robots = u.robots_at_start(mission, plan, check_mission(mission).limits(*limits))
     price = _price_of(mission, plan, price, *limits)
-    return [_Policy(name, price, evaluations, tuple(robots)) for name in names]
+    return _Start(mission, robots, price, seed, evaluations)
 
 
-def _play(
-    mission: Mission,
-    policy: _Policy,
-    seed: int,
-    number: int,
-    steps: list[PlayedStep] | None = None,
-) -> _Played:
-    """Play a mission, by its number among those of a seed; add what happens to ``steps``."""
-    generator = np.random.default_rng([seed, number])
-    dangers = generator.random((mission.robots, len(mission.graph.edges)))
-    robots = list(policy.robots)
-    moving, replans, seconds = -1, 0, 0.0
-    if steps is not None:
-        steps.append(_step(mission, robots, (), None))
-    while movers := [robot for robot in robots if _has_hops(robot)]:
-        if order := _ORDERS.get(policy.name):
-            if moving not in [robot.number for robot in movers]:
-                moving = order(movers, key=lambda robot: len(robot.trail) - robot.at).number
-            movers = [robots[moving]]
-        events, new = tuple(_moved(mission, robot, dangers) for robot in movers), None
-        robots = u.apply_events(robots, events)
-        is_time = _is_time(policy.name, [robots[robot.number] for robot in movers])
-        if is_time and any(robot.state != "lost" for robot in robots):
-            began = time.perf_counter()
-            left = u.remaining_mission(mission, robots)
-            new = _replan_left(left, policy.price, policy.evaluations, generator)
-            for row, trail in zip(left.robots, left.mission.labels(new.plan), strict=True):
-                gone = robots[row].trail[: robots[row].at]
-                robots[row] = replace(robots[row], trail=(*gone, *trail))
-            replans, seconds = replans + 1, seconds + time.perf_counter() - began
+class _Start(NamedTuple):
+    """The start of missions that are played: the robots of a plan, and how it is made anew."""
+
+    mission: Mission
+    robots: list[RobotState]
+    price: float
+    seed: int
+    evaluations: int
+
+    def play_all(self, policies: Sequence[str], number: int) -> list[dict[str, object]]:
+        """Play a mission, by its number among those of the seed, under each policy."""
+        return [
+            {"policy": policy, "mission": number, **self.play(policy, number)._asdict()}
+            for policy in policies
+        ]
+
+    def play(self, policy: str, number: int, steps: list[PlayedStep] | None = None) -> _Played:
+        """Play a mission under a policy; add what happens to ``steps``."""
+        mission, robots = self.mission, self.robots
+        generator = np.random.default_rng([self.seed, number])
+        dangers = generator.random((mission.robots, len(mission.graph.edges)))
+        moving, replans, seconds = -1, 0, 0.0
         if steps is not None:
-            steps.append(_step(mission, robots, events, new))
-    survivors = sum(robot.state != "lost" for robot in robots)
-    return _Played(u.settle_rewards(mission, robots).banked, survivors, replans, seconds)
+            steps.append(_step(mission, robots, (), None))
+        while movers := [robot for robot in robots if _has_hops(robot)]:
+            if order := _ORDERS.get(policy):
+                if moving not in [robot.number for robot in movers]:
+                    moving = order(movers, key=lambda robot: len(robot.trail) - robot.at).number
+                movers = [robots[moving]]
+            events, new = tuple(_moved(mission, robot, dangers) for robot in movers), None
+            robots = u.apply_events(robots, events)
+            is_time = _is_time(policy, [robots[robot.number] for robot in movers])
+            if is_time and any(robot.state != "lost" for robot in robots):
+                began = time.perf_counter()
+                left = u.remaining_mission(mission, robots)
+                new = _replan_left(left, self.price, self.evaluations, generator)
+                for row, trail in zip(left.robots, left.mission.labels(new.plan), strict=True):
+                    gone = robots[row].trail[: robots[row].at]
+                    robots[row] = replace(robots[row], trail=(*gone, *trail))
+                replans, seconds = replans + 1, seconds + time.perf_counter() - began
+            if steps is not None:
+                steps.append(_step(mission, robots, events, new))
+        survivors = sum(robot.state != "lost" for robot in robots)
+        return _Played(u.settle_rewards(mission, robots).banked, survivors, replans, seconds)
 
 
 def _moved(mission: Mission, robot: RobotState, dangers: FloatArray) -> Event:
@@ -550,10 +560,7 @@ def _moved(mission: Mission, robot: RobotState, dangers: FloatArray) -> Event:
 
 
 def _step(
-    mission: Mission,
-    robots: Sequence[RobotState],
-    events: tuple[Event, ...],
-    replan: Replan | None,
+    mission: Mission, robots: Sequence[RobotState], events: tuple[Event, ...], replan: Replan | None
 ) -> PlayedStep:
     """Record what has happened, and where robots are now."""
     left = u.settle_rewards(mission, robots).left
@@ -692,7 +699,7 @@ def simulate_policy(
         Processes that play missions, at least 1; the outcomes do not depend on their number. In a
         script, more than one need ``if __name__ == "__main__":``.
     progress
-        Called with the number of missions played, whenever some have been.
+        Called with the number of missions played, after each.
 
     Raises
     ------
@@ -715,38 +722,19 @@ def simulate_policy(
     names = [policy] if isinstance(policy, str) else list(policy)
     names = list(dict.fromkeys(["static", *names]))
     missions = check_integer("missions", missions, at_least=2)
-    seed = check_integer("seed", seed, at_least=0)
     workers = check_integer("workers", workers, at_least=1)
-    given = evaluations, min_survival, max_length
-    policies = _policies(mission, plan, names, price, *given)
-    blocks = [range(i, min(i + _AT_ONCE, missions)) for i in range(0, missions, _AT_ONCE)]
-    play_block = partial(_play_missions, mission, policies, seed)
+    start = _start(mission, plan, names, price, seed, evaluations, min_survival, max_length)
+    play, numbers = partial(start.play_all, names), range(missions)
     with ExitStack() as stack:
-        results: Iterable[list[dict[str, object]]] = map(play_block, blocks)
-        if workers > 1 and len(blocks) > 1:
+        results: Iterable[list[dict[str, object]]] = map(play, numbers)
+        if workers > 1 and missions > _AT_ONCE:
             context = multiprocessing.get_context("spawn")
-            pool = ProcessPoolExecutor(min(workers, len(blocks)), mp_context=context)
-            results = stack.enter_context(pool).map(play_block, blocks)
+            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=context))
+            results = pool.map(play, numbers, chunksize=_AT_ONCE)
         rows = []
-        for block, found in zip(blocks, results, strict=True):
+        for n_played, found in enumerate(results, start=1):
             rows += found
             if progress is not None:
-                progress(block.stop)
+                progress(n_played)
     rows.sort(key=lambda row: names.index(str(row["policy"])))
-    played = pd.DataFrame(rows)
-    return PolicyOutcomes(mission, plan, policies[0].price, played)
-
-
-def _play_missions(
-    mission: Mission,
-    policies: Sequence[_Policy],
-    seed: int,
-    numbers: Iterable[int],
-) -> list[dict[str, object]]:
-    """Play some missions under each policy, by their numbers."""
-    rows = []
-    for number in numbers:
-        for policy in policies:
-            played = _play(mission, policy, seed, number)
-            rows.append({"policy": policy.name, "mission": number, **played._asdict()})
-    return rows
+    return PolicyOutcomes(mission, plan, start.price, pd.DataFrame(rows))

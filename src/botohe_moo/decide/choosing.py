@@ -103,10 +103,7 @@ class Choice:
 
 
 def choose(
-    mission: Mission,
-    plans: Plans,
-    *wishes: str | Wish,
-    most: Quantity | None = None,
+    mission: Mission, plans: Plans, *wishes: str | Wish, most: Quantity | None = None
 ) -> Choice:
     """Choose the plan of most expected reward among those that meet all wishes.
 

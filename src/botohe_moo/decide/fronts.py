@@ -205,11 +205,14 @@ def neighbours(mission: Mission, plans: PlansOrObjectives, index: int) -> Neighb
     index = check_row("index", index, len(objectives))
     rows = front_rows(objectives)  # by descending reward
     gain = (objectives[rows] - objectives[index]) / scales(mission)
-    richer, safer = (
-        [Step(row, *(objectives[row] - objectives[index]).tolist()) for row in beside.tolist()]
-        for beside in (rows[gain[:, 0] > SLACK][-1:], rows[gain[:, 1] > SLACK][:1])
+    richer, safer = rows[gain[:, 0] > SLACK], rows[gain[:, 1] > SLACK]
+
+    def step(row: int) -> Step:
+        return Step(int(row), *(objectives[row] - objectives[index]).tolist())
+
+    return Neighbours(
+        step(richer[-1]) if len(richer) else None, step(safer[0]) if len(safer) else None
     )
-    return Neighbours(next(iter(richer), None), next(iter(safer), None))
 
 
 @dataclass(frozen=True)
@@ -244,13 +247,6 @@ class Mark:
     def __str__(self) -> str:
         where = f"reward {short_text(self.reward)}, survivors {short_text(self.survivors)}"
         return f"plan {self.index} ({where}): {self.definition}"
-
-
-_CHORD = (
-    "farthest from the chord",
-    "farthest above the chord between the end points of the front",
-)
-_PRODUCT = ("largest product", "largest product of expected reward and expected survivors")
 
 
 def knees(mission: Mission, plans: PlansOrObjectives) -> tuple[Mark, ...]:
@@ -296,11 +292,13 @@ def knees(mission: Mission, plans: PlansOrObjectives) -> tuple[Mark, ...]:
     scaled = objectives[rows] / scales(mission)
     (right, low), (left, high) = scaled[0], scaled[-1]
     above = (high - low) * (scaled[:, 0] - right) + (right - left) * (scaled[:, 1] - low)
-    marks: list[tuple[Any, ...]] = []
+    product = "largest product"
+    found = [(product, f"{product} of expected reward and expected survivors", scaled.prod(axis=1))]
     if above.max() > 1e-12:
-        marks.append((rows[above.argmax()], *_CHORD))
-    marks.append((rows[scaled.prod(axis=1).argmax()], *_PRODUCT))
-    return tuple(Mark(int(row), *words, *objectives[row].tolist()) for row, *words in marks)
+        why = "farthest above the chord between the end points of the front"
+        found.insert(0, ("farthest from the chord", why, above))
+    marked = [(int(rows[values.argmax()]), name, why) for name, why, values in found]
+    return tuple(Mark(row, name, why, *objectives[row].tolist()) for row, name, why in marked)
 
 
 def front_table(

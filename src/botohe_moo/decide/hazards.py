@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 from itertools import combinations
 from math import comb
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -227,13 +227,12 @@ def worst_losses(
     found = collected(mission, plan)
     at_start = collected(mission, TrailPlan(trail[:1] for trail in plan.trails))
     paying = np.flatnonzero(found.any(axis=0) & (mission.rewards > 0))
-    rewards, missed = mission.rewards[paying], 1 - found[:, paying]
-    missed_at_start = 1 - at_start[:, paying]
+    chances = _Chances(mission.rewards[paying], 1 - found[:, paying], 1 - at_start[:, paying])
     if comb(mission.robots, losses) > _MAX_SETS:
-        return _worst_bound(rewards, missed, missed_at_start, losses), None
+        return chances.bound(losses), None
     sets = _sets(mission.robots, losses)
-    left = _rewards_without(rewards, missed, missed_at_start, sets)
-    worst = int((left <= left.min() + _TIE * rewards.sum()).argmax())
+    left = chances.rewards_without(sets)
+    worst = int((left <= left.min() + _TIE * chances.rewards.sum()).argmax())
     return float(left[worst]), tuple(sets[worst].tolist())
 
 
@@ -244,39 +243,38 @@ def _sets(n_robots: int, losses: int) -> OffsetArray:
     return sets.reshape(comb(n_robots, losses), losses)
 
 
-def _rewards_without(
-    rewards: FloatArray, missed: FloatArray, missed_at_start: FloatArray, sets: OffsetArray
-) -> FloatArray:
-    """Compute E[R] without the robots of each set (n_sets, losses).
+class _Chances(NamedTuple):
+    """Rewards (n_rewards), and the probabilities that a robot does not collect them.
 
-    ``missed`` are the probabilities that a robot does not collect a reward (robots, n_rewards) if
-    it follows its trail, ``missed_at_start`` those if it never leaves.
+    Those are of shape (n_robots, n_rewards): if it follows its trail, and if it never leaves.
     """
-    with np.errstate(divide="ignore"):
-        logs, logs_at_start = (
-            np.maximum(np.log(of), _LOG_OF_ZERO) for of in (missed, missed_at_start)
-        )
-    left, n_at_once = np.empty(len(sets)), max(1, _CELLS // max(1, missed.size))
-    for first in range(0, len(sets), n_at_once):
-        some = sets[first : first + n_at_once]
-        lost = np.zeros((len(some), len(missed)))
-        np.put_along_axis(lost, some, 1.0, axis=1)
-        by_nobody = np.exp((1 - lost) @ logs + lost @ logs_at_start)
-        left[first : first + n_at_once] = (1 - by_nobody) @ rewards
-    return left
 
+    rewards: FloatArray
+    missed: FloatArray
+    missed_at_start: FloatArray
 
-def _worst_bound(
-    rewards: FloatArray, missed: FloatArray, missed_at_start: FloatArray, losses: int
-) -> float:
-    """Bound the worst case from below; see :func:`botohe_moo.worst_case`."""
-    given, n_robots = (rewards, missed, missed_at_start), len(missed)
-    [none], [all_robots] = (_rewards_without(*given, _sets(n_robots, n)) for n in (n_robots, 0))
-    alone = np.sort(_rewards_without(*given, _sets(n_robots, n_robots - 1)))
-    by_sum = all_robots - (alone - none)[-losses:].sum()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(missed > 0, missed_at_start / missed, np.inf)
-    lost = np.zeros(missed.shape, dtype=bool)
-    np.put_along_axis(lost, ratio.argsort(axis=0)[-losses:], True, axis=0)
-    by_node = (1 - np.where(lost, missed_at_start, missed).prod(axis=0)) @ rewards
-    return float(max(by_sum, alone[-losses - 1], by_node))
+    def rewards_without(self, sets: OffsetArray) -> FloatArray:
+        """Compute E[R] without the robots of each set (n_sets, losses)."""
+        with np.errstate(divide="ignore"):
+            logs, logs_at_start = (np.maximum(np.log(of), _LOG_OF_ZERO) for of in self[1:])
+        left, n_at_once = np.empty(len(sets)), max(1, _CELLS // max(1, self.missed.size))
+        for first in range(0, len(sets), n_at_once):
+            some = sets[first : first + n_at_once]
+            lost = np.zeros((len(some), len(self.missed)))
+            np.put_along_axis(lost, some, 1.0, axis=1)
+            by_nobody = np.exp((1 - lost) @ logs + lost @ logs_at_start)
+            left[first : first + n_at_once] = (1 - by_nobody) @ self.rewards
+        return left
+
+    def bound(self, losses: int) -> float:
+        """Bound the worst case from below; see :func:`botohe_moo.worst_case`."""
+        n = len(self.missed)
+        [none], [all_robots], alone = (self.rewards_without(_sets(n, k)) for k in (n, 0, n - 1))
+        alone = np.sort(alone)
+        by_sum = all_robots - (alone - none)[-losses:].sum()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(self.missed > 0, self.missed_at_start / self.missed, np.inf)
+        lost = np.zeros(self.missed.shape, dtype=bool)
+        np.put_along_axis(lost, ratio.argsort(axis=0)[-losses:], True, axis=0)
+        by_nobody = np.where(lost, self.missed_at_start, self.missed).prod(axis=0)
+        return float(max(by_sum, alone[-losses - 1], (1 - by_nobody) @ self.rewards))

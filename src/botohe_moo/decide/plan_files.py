@@ -86,24 +86,22 @@ def robot_table(mission: Mission, plan: TrailPlan) -> pd.DataFrame:
     """
     import pandas as pd
 
-    return pd.DataFrame(_robot_rows(mission, plan))
+    return pd.DataFrame(_robot_columns(mission, plan))
 
 
-def _robot_rows(mission: Mission, plan: TrailPlan) -> list[dict[str, Any]]:
-    columns = {
+def _robot_columns(mission: Mission, plan: TrailPlan) -> dict[str, Sequence[Any]]:
+    return {
         "robot": range(check_mission(mission).robots),
         "kind": [kind.name for kind in mission.kind_of],
         "survival": mission.robot_survival([plan])[0].tolist(),
         "length": mission.trail_lengths([plan])[0].tolist(),
         "reward": (outcomes.collect_probabilities(mission, plan) @ mission.rewards).tolist(),
     }
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def _more_of_robots(mission: Mission, plan: TrailPlan) -> list[dict[str, Any]]:
+def _further_columns(mission: Mission) -> list[str]:
     """Return what is written of each robot only if there are kinds, or rewards on return."""
-    names = [] if mission.is_plain else ["kind", "length", "reward"][len(mission.kinds) == 1 :]
-    return [{name: row[name] for name in names} for row in _robot_rows(mission, plan)]
+    return [] if mission.is_plain else ["kind", "length", "reward"][len(mission.kinds) == 1 :]
 
 
 def plan_json(mission: Mission, plan: TrailPlan) -> str:
@@ -138,16 +136,15 @@ def plan_json(mission: Mission, plan: TrailPlan) -> str:
     True
     """
     ((reward, survivors),) = check_mission(mission).evaluate([plan]).tolist()
-    rows = _robot_rows(mission, plan)
-    more = _more_of_robots(mission, plan)
+    robots = _robot_columns(mission, plan)
     content = {
         "mission": mission.name,
         "robots": mission.robots,
         "reward": reward,
         "survivors": survivors,
-        "robot_survival": [row["survival"] for row in rows],
-        "trail_lengths": [row["length"] for row in rows],
-        **{f"robot_{of}s": [row[of] for row in more] for of in ("kind", "reward") if of in more[0]},
+        "robot_survival": robots["survival"],
+        "trail_lengths": robots["length"],
+        **{f"robot_{of}s": robots[of] for of in _further_columns(mission) if of != "length"},
         "trails": [[*map(plain_label, trail)] for trail in mission.labels(plan)],
     }
     return _json_text(content)
@@ -220,7 +217,7 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
     >>> [shape["geometry"]["type"] for shape in json.loads(plan_geojson(toy, plan))["features"]]
     ['LineString', 'Point', 'Point', 'Point', 'Point']
     """
-    survival = check_mission(mission).robot_survival([plan])[0].tolist()
+    robots = _robot_columns(mission, plan)
     chances = {"reached": outcomes.reach_probabilities(mission, plan)}
     if not mission.is_plain:
         chances["collected"] = outcomes.collect_probabilities(mission, plan)
@@ -231,11 +228,13 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
         expected = f"Node {missing[0]!r}: expected pos [x, y] for GeoJSON"
         raise ValueError(f"{expected}, found none; a .csv or .json file needs no positions.")
     features = []
-    for robot, more in enumerate(_more_of_robots(mission, plan)):
-        line, nodes = [places[node] for node in trails[robot]], [*map(plain_label, trails[robot])]
+    for robot, trail in enumerate(trails):
+        line = [places[node] for node in trail]
         shape, at = ("LineString", line) if len(line) > 1 else ("Point", line[0])
-        known = {"robot": robot, "survival": survival[robot], "nodes": nodes}
-        features.append(_feature(shape, at, known | more))
+        known = {"robot": robot, "survival": robots["survival"][robot]}
+        known |= {"nodes": [*map(plain_label, trail)]}
+        known |= {name: robots[name][robot] for name in _further_columns(mission)}
+        features.append(_feature(shape, at, known))
     for node in visited:
         known = {"node": plain_label(node), "reward": float(mission.graph.nodes[node]["reward"])}
         known |= {name: values[mission.index(node)] for name, values in by_team.items()}
@@ -293,7 +292,7 @@ def nav2_files(mission: Mission, plan: TrailPlan) -> dict[str, str]:
     >>> [leg["goal"] for leg in json.loads(files["robot_0.json"])["legs"]]
     [2, 4, 2, 1]
     """
-    rows = _robot_rows(check_mission(mission), plan)
+    robots = _robot_columns(mission, plan)
     files = {"graph.geojson": write_route_graph(mission).decode()}
     features = [of["properties"] for of in json.loads(files["graph.geojson"])["features"]]
     id_of = {node: of["id"] for node, of in zip(mission.nodes, features, strict=False)}
@@ -301,7 +300,7 @@ def nav2_files(mission: Mission, plan: TrailPlan) -> dict[str, str]:
     graph = mission.world.graph
     ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
     survival = dict(zip(ends, graph.survival.tolist(), strict=True))
-    for row, nodes, trail in zip(rows, mission.labels(plan), plan.trails, strict=True):
+    for robot, (nodes, trail) in enumerate(zip(mission.labels(plan), plan.trails, strict=True)):
         start, *stops = _stops(mission, nodes)
         alive = accumulate((survival[arc] for arc in pairwise(trail)), mul)
         legs = [
@@ -310,9 +309,10 @@ def nav2_files(mission: Mission, plan: TrailPlan) -> dict[str, str]:
                 pairwise(map(id_of.get, nodes)), alive, stops, strict=True
             )
         ]
-        start = {"id": id_of[nodes[0]], **start}
-        content = {"mission": mission.name, **row, "start": start, "legs": legs}
-        files[f"robot_{row['robot']}.json"] = _json_text(content)
+        content = {"mission": mission.name}
+        content |= {name: column[robot] for name, column in robots.items()}
+        content |= {"start": {"id": id_of[nodes[0]], **start}, "legs": legs}
+        files[f"robot_{robot}.json"] = _json_text(content)
     return files
 
 

@@ -267,28 +267,26 @@ def _meant(text: str, known: Container[Any]) -> Hashable:
 def _known(mission: Mission, wish: Wish) -> Wish:
     """Return a wish of which the mission has the node, the kind, and so many robots."""
     kinds = [kind.name for kind in mission.kinds]
-    if wish.form == "reach":
-        _check_node(mission, wish.node)
-    elif wish.form == "worst case":
+    if wish.form == "reach" and wish.node not in mission.graph:
+        raise _unknown(mission, "node", wish.node, mission.nodes)
+    if wish.kind is not None and wish.kind not in kinds:
+        raise _unknown(mission, "kind of robots", wish.kind, kinds)
+    if wish.form == "worst case":
         checks.check_integer("losses", wish.losses, at_least=0, at_most=mission.robots)
-    elif wish.kind is not None and wish.kind not in kinds:
-        near = checks.most_alike(wish.kind, kinds)
-        near = near if len(kinds) > 1 else "; all its robots are alike"
-        kind = f"kind of robots {quoted(wish.kind)}"
-        raise ValueError(f"mission {mission.name!r} has no {kind}{near}.")
     return wish
 
 
 def node_of(mission: Mission, text: str) -> Hashable:
     """Return the node that a text names, as in a wish; a ValueError names one that is unknown."""
-    return _check_node(mission, _meant(text, mission.graph))
-
-
-def _check_node(mission: Mission, node: Hashable) -> Hashable:
+    node = _meant(text, mission.graph)
     if node not in mission.graph:
-        near = checks.most_alike(str(node), map(str, mission.nodes))
-        raise ValueError(f"mission {mission.name!r} has no node {quoted(node)}{near}.")
+        raise _unknown(mission, "node", node, mission.nodes)
     return node
+
+
+def _unknown(mission: Mission, what: str, label: object, known: Iterable[object]) -> ValueError:
+    near = checks.most_alike(str(label), map(str, known))
+    return ValueError(f"mission {mission.name!r} has no {what} {quoted(label)}{near}.")
 
 
 def _not_a_wish(mission: Mission, found: object) -> ValueError:

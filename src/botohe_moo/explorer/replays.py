@@ -109,14 +109,12 @@ def _codes(mission: Mission, step: PlayedStep) -> list[int]:
 
     Those of the others are shares of their rewards that count, or `LITTLE` where none does.
     """
-    visited = {
-        node for trail, at in zip(step.trails, step.at, strict=True) for node in trail[: at + 1]
-    }
-    nodes = sorted({mission.index(node) for trail in step.trails for node in trail})
-    codes = []
-    for i in nodes:
-        node = mission.nodes[i]
-        share = step.collected.get(node, 0.0) / (mission.rewards[i] or 1.0)
-        [code] = probability_codes([share])
-        codes.append(code or LITTLE if node in visited else 0)
-    return codes
+    ways = zip(step.trails, step.at, strict=True)
+    visited = {node for trail, at in ways for node in trail[: at + 1]}
+    nodes = sorted({node for trail in step.trails for node in trail}, key=mission.index)
+    rewards = (mission.rewards[mission.index(node)] or 1.0 for node in nodes)
+    shares = [
+        step.collected.get(node, 0.0) / pays for node, pays in zip(nodes, rewards, strict=True)
+    ]
+    codes = zip(nodes, probability_codes(shares), strict=True)
+    return [(code or LITTLE) if node in visited else 0 for node, code in codes]

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from botohe_moo.plots.front import plot_attainment_difference as plot_attainment_difference
     from botohe_moo.plots.front import plot_front as plot_front
     from botohe_moo.plots.front import plot_fronts as plot_fronts
+    from botohe_moo.plots.front import plot_pairs as plot_pairs
     from botohe_moo.plots.mission import plot_mission as plot_mission
     from botohe_moo.plots.mission import plot_pheromone as plot_pheromone
     from botohe_moo.plots.outcomes import plot_outcomes as plot_outcomes
     from botohe_moo.plots.outcomes import plot_policies as plot_policies
-    from botohe_moo.plots.pairs import plot_pairs as plot_pairs
     from botohe_moo.plots.plan import plot_choices as plot_choices
     from botohe_moo.plots.plan import plot_plan as plot_plan
     from botohe_moo.plots.plan import plot_replan as plot_replan

@@ -19,6 +19,7 @@ from botohe_moo.base.types import FloatArray
 from botohe_moo.decide.fronts import check_objectives, check_row, front_rows
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, check_mission, numbers_digest
+from botohe_moo.objectives import Objectives
 from botohe_moo.plots import panels as shared
 from botohe_moo.plots import style as look
 from botohe_moo.plots.texts import Space, title_above
@@ -154,13 +155,12 @@ def _rows(
     highlight: int | Sequence[int] | Mapping[int, str] | None, n_plans: int
 ) -> dict[int, str]:
     """Return the rows to mark, with their texts."""
-    names: Any = highlight
     if not isinstance(highlight, Mapping):
         rows = [] if highlight is None else np.atleast_1d(highlight).tolist()
-        names = dict.fromkeys(rows, "")
-    for row in names:
+        highlight = dict.fromkeys(rows, "")
+    for row in highlight:
         check_row("highlight", row, n_plans)
-    return {row: f"plan {row}: {name}" if name else f"plan {row}" for row, name in names.items()}
+    return {row: f"plan {row}" + (f": {name}" if name else "") for row, name in highlight.items()}
 
 
 def front_summary(points: FloatArray, mission: Mission | None) -> str:
@@ -425,6 +425,52 @@ def plot_attainment_difference(
         if title:
             left.figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     return left, right
+
+
+def plot_pairs(
+    table: pd.DataFrame,
+    objectives: Objectives,
+    *,
+    hue: str | None = None,
+    palette: look.Palette | None = None,
+) -> Axes:
+    """Plot a front's objectives pair by pair, and how each of them is distributed.
+
+    Parameters
+    ----------
+    table
+        A row a plan, with the columns that ``objectives`` names.
+    objectives
+        The objectives of the problem.
+    hue
+        Another column, whose values have a colour each, such as ``"algorithm"``.
+    palette
+        The colours, as seaborn takes them.
+
+    Returns
+    -------
+    Axes
+        The lowest one on the left.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.plots import plot_pairs
+    >>> found = solve("toy", "nsga2", problem="least-survival", evaluations=500)
+    >>> ax = plot_pairs(found.table, found.stated)
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('E[R]', 'least survival')
+    """
+    import seaborn as sns
+
+    named = table.rename(columns=dict(zip(objectives.columns, objectives.names, strict=True)))
+    grid = sns.PairGrid(named, vars=[*objectives.names], hue=hue, palette=palette, corner=True)
+    grid.map_lower(sns.scatterplot, s=18, alpha=0.8)
+    grid.map_diag(sns.histplot, **({} if hue is None else {"element": "step"}))
+    if hue is not None:
+        grid.add_legend()
+    ax: Axes = grid.axes[-1, 0]
+    return ax
 
 
 def final_fronts(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+from collections import defaultdict
 from typing import TYPE_CHECKING, Literal, get_args
 
 import networkx as nx
@@ -17,17 +19,10 @@ from botohe_moo.base.numbers import probability_text
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots import canvas as maps
+from botohe_moo.plots import site as where
 from botohe_moo.plots import style as look
 from botohe_moo.plots.canvas import Canvas, colour_by_value, open_axes, robot_styles
 from botohe_moo.plots.panels import check_table
-from botohe_moo.plots.site import (
-    ALL_RETURN,
-    Site,
-    layout_notes,
-    place_name,
-    read_background,
-    robot_names,
-)
 from botohe_moo.plots.texts import objectives_text, title_above
 from botohe_moo.trails import TrailPlan
 
@@ -98,14 +93,14 @@ def plot_mission(
     check_mission(mission)
     if kind is not None:
         check_choice("kind", kind, [one.name for one in mission.kinds])
-    behind = read_background(background, mission)
-    notes, site = layout_notes(mission), Site(mission, kind)
+    behind = where.read_background(background, mission)
+    notes, site = where.layout_notes(mission), where.Site(mission, kind)
     if plan is not None:
         notes.insert(0, objectives_text(*mission.evaluate([plan])[0]))
     if kind is not None:
         notes.append(f"arcs and rewards of {kind}")
     if site.all_return:
-        notes.append(ALL_RETURN)
+        notes.append(where.ALL_RETURN)
     with look.theme():
         ax = open_axes(mission, ax, behind)
         fills, arc_colours = _colour_site(ax, mission, site, kind)
@@ -131,7 +126,7 @@ def plot_mission(
 
 
 def _colour_site(
-    ax: Axes, mission: Mission, site: Site, kind: str | None
+    ax: Axes, mission: Mission, site: where.Site, kind: str | None
 ) -> tuple[FloatArray, FloatArray]:
     """Add both colour bars, and return the colours of nodes and of arcs (n, 4)."""
     # The same scales on the maps of all kinds.
@@ -204,10 +199,10 @@ def _trail_handles(mission: Mission, plan: TrailPlan, robots: list[int]) -> list
     says = [
         f"survives with {probability_text(chance, 2)}"
         if len(trail) > 1
-        else f"stays at {place_name(mission, trail[0])}"
+        else f"stays at {where.place_name(mission, trail[0])}"
         for chance, trail in zip(survival, trails, strict=True)
     ]
-    names, styles = robot_names(mission), robot_styles(mission)
+    names, styles = where.robot_names(mission), robot_styles(mission)
     return [styles[i].key(f"{names[i]}: {says[i]}") for i in robots]
 
 
@@ -254,11 +249,11 @@ def plot_pheromone(
     check_choice("kind", kind, get_args(PheromoneKind))
     check_mission(mission)
     robots = _kind_in(mission, pheromone)
-    site = Site(mission, robots)
+    site = where.Site(mission, robots)
     values = _arc_values(mission, site, pheromone, kind)
     most = float(values.max(initial=0.0))
     of = "" if robots is None else f" of {robots}"
-    notes = [f"pheromone{of} for {kind}", *layout_notes(mission)]
+    notes = [f"pheromone{of} for {kind}", *where.layout_notes(mission)]
     with look.theme():
         ax = open_axes(mission, ax)
         label = rf"pheromone $\tau_{kind[0].upper()}$"
@@ -288,21 +283,17 @@ def _kind_in(mission: Mission, pheromone: pd.DataFrame) -> str | None:
 
 
 def _arc_values(
-    mission: Mission, site: Site, pheromone: pd.DataFrame, kind: PheromoneKind
+    mission: Mission, site: where.Site, pheromone: pd.DataFrame, kind: PheromoneKind
 ) -> FloatArray:
     """Return the pheromone of the site's arcs, in their order."""
     check_table("pheromone", pheromone, ("tail", "head", kind))
-    ends = pheromone[["tail", "head"]]
-    if (twice := ends.duplicated()).any():
-        tail, head = ends[twice].iloc[0].tolist()
-        raise ValueError(f"Expected one row per arc, got {tail!r} -> {head!r} twice.")
-    rows = zip(*(pheromone[name].tolist() for name in ("tail", "head", kind)), strict=True)
-    found = {(tail, head): value for tail, head, value in rows}
-    nodes = mission.nodes
-    arcs = [(nodes[u], nodes[v]) for u, v in zip(site.tail, site.head, strict=True)]
-    if absent := [f"{tail!r} -> {head!r}" for tail, head in arcs if (tail, head) not in found]:
-        raise ValueError(f"Expected a row for every arc, missing: {', '.join(absent)}.")
-    values = np.array([found[arc] for arc in arcs], float)
-    if not (np.isfinite(values) & (values >= 0)).all():
-        raise ValueError(f"Expected finite pheromone of at least 0, got {values.tolist()}.")
-    return values
+    found = defaultdict(list)
+    for tail, head, value in pheromone[["tail", "head", kind]].itertuples(index=False):
+        found[tail, head].append(value)
+    ends = zip(site.tail, site.head, strict=True)
+    arcs = [(mission.nodes[tail], mission.nodes[head]) for tail, head in ends]
+    for tail, head in arcs:
+        if len(of_arc := found[tail, head]) != 1 or not 0 <= of_arc[0] < math.inf:
+            expected = "one row for each arc, with a finite pheromone of at least 0"
+            raise ValueError(f"Expected {expected}, got {of_arc} for {tail!r} -> {head!r}.")
+    return np.array([found[arc][0] for arc in arcs], float)

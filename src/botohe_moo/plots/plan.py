@@ -32,8 +32,12 @@ if TYPE_CHECKING:
     from botohe_moo.underway import Replan
 
 _MAX_MAPS = 24
-# The marker of each mark, and a letter that looks like it.
-_SIGNS = {"farthest from the chord": ("D", "◆"), "largest product": ("*", "☆")}
+# The marker of each mark, its size and colour, and a letter that looks like it. The white star can
+# be seen on the diamond, too.
+_SIGNS = {
+    "farthest from the chord": ("D", 7.0, look.INK, "◆"),
+    "largest product": ("*", 7.5, "white", "☆"),
+}
 _GROUND = "#c9c9c9"
 
 # In points:
@@ -213,7 +217,7 @@ def plot_choices(
             shown = DrawnPlan(mission, batch[row])
             open_axes(mission, small)
             notes += [*shown.draw_team(small), *shown.marks]
-            signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
+            signs = "".join(_SIGNS[mark.name][-1] for mark in marks if mark.index == row)
             parts = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.staying]
             _name_map(small, "; ".join(parts))
         title_above(ax, mission.title if title is None else title, "; ".join(dict.fromkeys(notes)))
@@ -222,9 +226,7 @@ def plot_choices(
 
 def _draw_mark(ax: Axes, mark: Mark) -> None:
     """Draw the sign of a mark at its plan, and explain it in the legend."""
-    marker = _SIGNS[mark.name][0]
-    # The white star can be seen on the diamond, too.
-    size, fill = (7.0, look.INK) if marker == "D" else (7.5, "white")
+    marker, size, fill, _ = _SIGNS[mark.name]
     style: look.Style = {"marker": marker, "markersize": size, "markerfacecolor": fill}
     style |= {"linestyle": "none", "markeredgecolor": look.INK, "markeredgewidth": 0.8}
     label = f"{mark.name}: plan {mark.index}"

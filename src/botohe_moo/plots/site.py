@@ -113,11 +113,8 @@ class Site:
         survival, length = np.zeros((len(ends), len(arcs))), np.zeros(len(arcs))
         survival[layer, place], length[place] = graph.survival, graph.length
         taken = (survival[self.kinds] > 0).any(axis=0)
-        arcs, self.length, self.survival = (
-            arcs[taken],
-            length[taken],
-            survival[self.kinds][:, taken],
-        )
+        arcs, self.length = arcs[taken], length[taken]
+        self.survival = survival[self.kinds][:, taken]
         self.tail, self.head = np.divmod(arcs, n)
         back = self.head * n + self.tail
         found = np.minimum(np.searchsorted(arcs, back), max(0, len(arcs) - 1))

@@ -29,8 +29,8 @@ from botohe_moo.plots.front import (
     plot_attainment,
     plot_attainment_difference,
     plot_fronts,
+    plot_pairs,
 )
-from botohe_moo.plots.pairs import plot_pairs
 from botohe_moo.plots.style import palette_of, save_plot
 from botohe_moo.study.tables import StudyTables
 from botohe_moo.study.words import level, main_indicator, reference_words, slug
