@@ -3,7 +3,7 @@
 import contextlib
 import inspect
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 from pymoo.core.crossover import Crossover
@@ -47,7 +47,10 @@ def find_operator(kind: str, name: Any) -> Factory:
 
 def _unknown(kind: str, name: object, why: str = "") -> ParameterError:
     """Return the error for what is not an operator of a kind; it lists those that are."""
-    among = ", ".join(nearest_first(str(name), _registered(kind)))
+    with warnings.catch_warnings(action="ignore"):
+        found = OPERATORS.loaded()
+    known = [one for one, factory in found.items() if says_it_makes(factory, KINDS[kind])]
+    among = ", ".join(nearest_first(str(name), known))
     return ParameterError(f"Expected {kind} among {among}, got {quoted(name)}{why}.", kind)
 
 
@@ -86,13 +89,6 @@ def make_operator(kind: str, name: Any, wanted: type, **offered: Any) -> Any:
 
 def _fault(kind: str, name: str, found: str) -> ParameterError:
     return ParameterError(f"{kind.capitalize()} {quoted(name)}: {found}.", kind)
-
-
-def _registered(kind: str) -> Iterator[str]:
-    """List the names of registered operators that state that they are of a kind."""
-    with warnings.catch_warnings(action="ignore"):
-        found = OPERATORS.loaded()
-    return (name for name, factory in found.items() if says_it_makes(factory, KINDS[kind]))
 
 
 def _taken_options(factory: Factory, offered: Mapping[str, Any]) -> dict[str, Any]:
