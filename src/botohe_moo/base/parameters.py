@@ -289,9 +289,9 @@ def plain_number(value: Any) -> Any:
     """Return numpy's numbers, and other kinds of numbers, as Python's; anything else unchanged."""
     if isinstance(value, np.generic):
         return value.item()
-    if isinstance(value, Integral):
-        return value if isinstance(value, bool) else int(value)
-    return float(value) if isinstance(value, Real) else value
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return value
+    return int(value) if isinstance(value, Integral) else float(value)
 
 
 def plain_value(value: Any) -> Any:

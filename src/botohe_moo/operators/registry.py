@@ -1,7 +1,6 @@
 """Operators by name: those of this package and those that other packages register."""
 
 import contextlib
-import inspect
 import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
@@ -12,6 +11,7 @@ from pymoo.core.repair import Repair
 from pymoo.core.sampling import Sampling
 
 from botohe_moo.base.messages import ParameterError, PluginError, nearest_first, quoted
+from botohe_moo.base.parameters import signature_parameters, takes_any_name
 from botohe_moo.base.registry import Registry, is_path, says_it_makes
 
 Factory: TypeAlias = Callable[..., Any]
@@ -96,9 +96,8 @@ def _taken_options(factory: Factory, offered: Mapping[str, Any]) -> dict[str, An
 
     Classes that derive from pymoo's only take other parameters under such names: they get ``prob``.
     """
-    parameters = inspect.signature(factory).parameters
-    names = set(parameters)
-    if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+    names = {parameter.name for parameter in signature_parameters(factory)}
+    if takes_any_name(factory):
         bases = getattr(factory, "__mro__", ())
         pymoos = bases and not any(base.__module__.startswith("botohe_moo.") for base in bases)
         names |= {"prob"} if pymoos else offered.keys()
