@@ -181,7 +181,7 @@ def test_what_cannot_be_had_is_one_error(install):
         ({"mutation": {"tid": 1}}, "Expected mutation among tide, .*ruin.*, got 'tid'"),
         ({"mutation": "splice"}, "Expected mutation among .*ruin.*, got 'splice'"),
         ({"crossover": "tide"}, "got 'tide', which is not derived from pymoo's Crossover"),
-        ({"crossover": "reef:Raft"}, "'reef:Raft': it is not called, because it does not state"),
+        ({"crossover": "reef:Raft"}, "'reef:Raft': expected a class derived from Crossover, or a"),
         ({"mutation": "odd"}, "'odd': expected an object of type Mutation, got Swap"),
         ({"mutation": "gone"}, "'gone': reef:Gone of package reef cannot be imported"),
         ({"mutation": "wreck"}, r"Mutation 'wreck': cannot be made \(SystemExit: no more\)"),
