@@ -79,7 +79,7 @@ def make_operator(kind: str, name: Any, wanted: type, **offered: Any) -> Any:
     factory = find_operator(kind, name)
     try:
         made = factory(**_taken_options(factory, offered))
-    except (TypeError, ValueError) as error:
+    except (Exception, SystemExit) as error:  # whatever another package's code may raise
         raise _fault(kind, name, f"cannot be made ({type(error).__name__}: {error})") from error
     if not isinstance(made, wanted):
         found = f"expected an object of type {wanted.__name__}, got {type(made).__qualname__}"
