@@ -83,7 +83,7 @@ class TestValues:
                 float("inf"),
                 "Expected x to be a finite number, got inf.",
             ),
-            (Rope | str, 3, "Expected x to be of type Rope or a text, got 3."),
+            (Rope | str, 3, "Expected x to be an instance of Rope or a text, got 3."),
             (
                 dict[str, list[int]],
                 {"a": [1, "2"]},
@@ -93,7 +93,7 @@ class TestValues:
             (
                 Annotated[str, Field(min_length=3)],
                 "ab",
-                "Expected x to have 3 or more characters, got 'ab'.",
+                "Expected x to have at least 3 characters, got 'ab'.",
             ),
         ],
     )
@@ -246,7 +246,7 @@ class TestCheckValues:
         assert unknown == "there is no parameter 'm'; known are lost, n, rope, share."
         assert missing == "missing a required parameter 'share'."
         assert low == "Expected n in [1, 5], got 6."
-        assert rope == "Expected rope to be of type Rope, got 3."
+        assert rope == "Expected rope to be an instance of Rope, got 3."
 
     def test_other_names(self):
         [(blamed, _)] = faults_of(climb, {"share": 0.5, "m": 1})

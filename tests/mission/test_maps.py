@@ -176,7 +176,7 @@ def test_the_image_lies_beside_the_file_or_at_home(drawn, tmp_path, monkeypatch)
             r"line 4: expected origin \[x, y, 0\], without rotation, got \[",
         ),
         ({"origin": 7}, "line 4: expected origin to be a list, got 7"),
-        ({"origin": [0]}, "line 4: expected origin to have 2 or more entries"),
+        ({"origin": [0]}, "line 4: expected origin to have at least 2 items"),
         ({"negate": 2}, "line 5: expected negate to be true or false, got 2"),
         ({"image": [1]}, "line 1: expected image to be a text, got"),
     ],

@@ -493,7 +493,7 @@ seeds: 1
             ({"name": 2026}, "name: Expected name to be a text, got 2026."),
             ({"name": "a/b"}, "name: expected letters, digits, dots, dashes and underscores, the"),
             ({"missions": [1]}, "missions: Expected missions to be a mapping, got [1]."),
-            ({"algorithms": []}, "algorithms: Expected algorithms to have 1 or more entries, got"),
+            ({"algorithms": []}, "algorithms: Expected algorithms to have at least 1 item, got"),
             (
                 {"algorithms": {"a": None}},
                 "algorithms.a: expected a name, or a mapping with algorithm: NAME, got None.",

@@ -7,15 +7,8 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
+from botohe_moo.base import parameters as p
 from botohe_moo.base.messages import ParameterError, PluginError
-from botohe_moo.base.parameters import (
-    Fault,
-    Parameter,
-    accepted_parameters,
-    call_factory,
-    raised_faults,
-    summary_of,
-)
 from botohe_moo.base.registry import Registry, is_path
 from botohe_moo.mission.loading import load_mission
 
@@ -63,11 +56,11 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     """
     factory = find_algorithm(name)
     source, accepted = ALGORITHMS.source(name), accepted_by(factory)
-    made: Algorithm = call_factory(source, factory, accepted, parameters, wanted=Algorithm)
+    made: Algorithm = p.call_factory(source, factory, accepted, parameters, wanted=Algorithm)
     return made
 
 
-def algorithm_faults(name: str, parameters: Mapping[str, Any] | None = None) -> list[Fault]:
+def algorithm_faults(name: str, parameters: Mapping[str, Any] | None = None) -> list[p.Fault]:
     """Return everything that keeps :func:`make_algorithm` from making an algorithm.
 
     These are pairs of a parameter's name (None for the whole) and what is wrong. If all parameters
@@ -80,7 +73,7 @@ def algorithm_faults(name: str, parameters: Mapping[str, Any] | None = None) -> 
     >>> algorithm_faults("bo-aco", {"evaporation": 1.3})
     [('evaporation', 'Expected evaporation in (0, 1), got 1.3.')]
     """
-    return raised_faults(functools.partial(make_algorithm, name), parameters or {})
+    return p.raised_faults(functools.partial(make_algorithm, name), parameters or {})
 
 
 def algorithm_names() -> tuple[str, ...]:
@@ -95,14 +88,14 @@ def algorithm_names() -> tuple[str, ...]:
     return tuple(ALGORITHMS.loaded())
 
 
-def algorithm_parameters(name: str) -> tuple[Parameter, ...]:
+def algorithm_parameters(name: str) -> tuple[p.Parameter, ...]:
     """Return the parameters that an algorithm states, in the order of its signature."""
     return accepted_by(find_algorithm(name))
 
 
 def describe_algorithm(name: str) -> str:
     """Return the summary at the beginning of an algorithm's docstring, which may be empty."""
-    return summary_of(find_algorithm(name))
+    return p.summary_of(find_algorithm(name))
 
 
 def plans_for_kinds(name: str) -> bool:
@@ -135,6 +128,6 @@ def find_algorithm(name: str) -> Callable[..., Any]:
 
 
 @functools.lru_cache(maxsize=64)  # a grid asks for every combination
-def accepted_by(factory: Callable[..., Any]) -> tuple[Parameter, ...]:
+def accepted_by(factory: Callable[..., Any]) -> tuple[p.Parameter, ...]:
     """Return the parameters that a factory states, without pymoo's own options."""
-    return accepted_parameters(factory, hidden=_PYMOOS_OWN)
+    return p.accepted_parameters(factory, hidden=_PYMOOS_OWN)

@@ -94,15 +94,16 @@ class Document:
             loader = _Loader(text)
             self._root = loader.get_single_node()
             if self._root and _expanded(self._root, {}) > _MOST_VALUES:
-                raise DocumentError(1, f"aliases expand to more than {_MOST_VALUES:,} values")
+                raise ValueError(f"aliases expand to more than {_MOST_VALUES:,} values")
             self.content: Any = self._root and loader.construct_document(self._root)
-        except DocumentError:
-            raise
         except yaml.reader.ReaderError as error:  # a character that YAML does not allow
             line = text.encode()[: error.position].count(b"\n") + 1  # the position is in bytes
             raise DocumentError(line, f"{error.reason} (#x{error.character:04x})") from None
-        except yaml.error.MarkedYAMLError as error:
-            raise DocumentError(*_explained(error)) from None
+        except yaml.error.MarkedYAMLError as error:  # without its excerpts of the text
+            mark, why = error.problem_mark or error.context_mark, error.problem or ""
+            if error.context and error.context_mark:
+                why = f"{error.context} (line {error.context_mark.line + 1}): {why}"
+            raise DocumentError(mark.line + 1, why) from None
         except (ValueError, LookupError, RecursionError) as error:
             raise DocumentError(1, str(error)) from None
 
@@ -133,12 +134,3 @@ def _expanded(node: Any, known: dict[Any, float]) -> float:
             parts = [value for _, value in node.value]
         known[node] = 1 + sum(_expanded(part, known) for part in parts)
     return known[node]
-
-
-def _explained(error: Any) -> tuple[int, str]:
-    """Return the line of an error, and its words without excerpts of the text."""
-    problem = error.problem or ""
-    mark = error.problem_mark or error.context_mark
-    if error.context and error.context_mark:
-        problem = f"{error.context} (line {error.context_mark.line + 1}): {problem}"
-    return mark.line + 1, problem

@@ -41,31 +41,13 @@ UNIONS = (typing.Union, types.UnionType)
 _SCALARS = (int, float, bool, str, type(None))
 _EMPTY = inspect.Parameter.empty
 _COMPARED = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
-# What was expected, by the types of pydantic's errors or the words with which these begin.
-_EXPECTED = {
-    "int": "to be an integer",
-    "float": "to be a number",
-    "bool": "to be true or false",
-    "string": "to be a text",
-    "list": "to be a list",
-    "tuple": "to be a list",
-    "dict": "to be a mapping",
-    "mapping": "to be a mapping",
-    "model": "to be a mapping",
-    "finite_number": "to be a finite number",
-    "none_required": "to be null",
-    "literal_error": "to be {expected}",
-    "enum": "to be {expected}",
-    "is_instance_of": "to be of type {class}",
-    "multiple_of": "to be a multiple of {multiple_of}",
-    "greater_than": "> {gt}",
-    "greater_than_equal": ">= {ge}",
-    "less_than": "< {lt}",
-    "less_than_equal": "<= {le}",
-    "too_short": "to have {min_length} or more entries",
-    "too_long": "to have at most {max_length} entries",
-    "string_too_short": "to have {min_length} or more characters",
-    "string_too_long": "to have at most {max_length} characters",
+# What pydantic calls "a valid ...", where that has another name here.
+_VALID = {
+    "integer": "an integer",
+    "boolean": "true or false",
+    "string": "a text",
+    "tuple": "a list",
+    "dictionary": "a mapping",
 }
 
 
@@ -307,9 +289,9 @@ def plain_number(value: Any) -> Any:
     """Return numpy's numbers, and other kinds of numbers, as Python's; anything else unchanged."""
     if isinstance(value, np.generic):
         return value.item()
-    if isinstance(value, Integral):
-        return value if isinstance(value, bool) else int(value)
-    return float(value) if isinstance(value, Real) else value
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return value
+    return int(value) if isinstance(value, Integral) else float(value)
 
 
 def plain_value(value: Any) -> Any:
@@ -403,11 +385,13 @@ def _key_of(place: Place) -> str:
 
 def _expected(error: Any, bounds: str = "") -> str:
     """Say what one of pydantic's errors expected; nothing if only its own message says it."""
-    kind, details = error["type"], error.get("ctx") or {}
-    said = _EXPECTED.get(kind) or _EXPECTED.get(kind.partition("_")[0], "")
-    said = said.format(**{key: _bound_text(value) for key, value in details.items()})
-    if bounds and said[:1] in ("<", ">"):
-        return bounds
+    for name, bound in (error.get("ctx") or {}).items():
+        if name in _COMPARED:
+            return bounds or f"{_COMPARED[name]} {_bound_text(bound)}"
+    _, should, said = error["msg"].partition(" should ")
+    said = re.sub("(, (got|unable|error)| after validation| or instance of).*", "", said)
+    said = re.sub(r"a valid (\w+)", lambda found: _VALID.get(found[1], f"a {found[1]}"), said)
+    said = f"to {said}" if should else ""
     return f"{said} {bounds}" if bounds and said.endswith(("number", "integer")) else said
 
 
@@ -508,8 +492,18 @@ def call_factory(
     factory has not returned what is ``wanted``. Messages begin with ``source``, and list the names
     in ``also`` as known. A FaultsError of the factory is not changed.
     """
-    faults = _faults_of(factory, accepted, values, also)
-    if not faults and (model := _model_of(factory)):
+    model = _model_of(factory)
+    known = {*also, *(parameter.name for parameter in accepted)}
+    faults: list[Fault] = [
+        (str(name), m.unknown_parameter(name, known)) for name in values if name not in known
+    ]
+    for parameter in accepted:
+        name, value = parameter.name, values.get(parameter.name, parameter.default)
+        if value is _EMPTY:
+            faults.append((name, f"missing a required parameter {name!r}."))
+        elif value is not parameter.default and model is None:
+            faults += [(name, said) for said in parameter.checked(value)[1]]
+    if model and not faults:
         try:
             values = dict(model(**values))
         except ValidationError as invalid:
@@ -530,28 +524,6 @@ def call_factory(
         expected = f"expected an object of type {wanted.__name__}"
         raise m.PluginError(f"{source}: {expected}, got {m.quoted(made)}.")
     return made
-
-
-def _faults_of(
-    factory: Factory,
-    accepted: Sequence[Parameter],
-    values: Mapping[str, Any],
-    also: Collection[str],
-) -> list[Fault]:
-    """List what is wrong with the names and types of values; a model checks types itself."""
-    known = {*also, *(parameter.name for parameter in accepted)}
-    faults: list[Fault] = [
-        (str(name), m.unknown_parameter(name, known)) for name in values if name not in known
-    ]
-    for parameter in accepted:
-        name = parameter.name
-        if name in values:
-            is_checked = _model_of(factory) is None and values[name] is not parameter.default
-            said = parameter.checked(values[name])[1] if is_checked else []
-            faults += [(name, each) for each in said]
-        elif parameter.required:
-            faults.append((name, f"missing a required parameter {name!r}."))
-    return faults
 
 
 def raised_faults(make: Callable[..., Any], values: Mapping[str, Any]) -> list[Fault]:

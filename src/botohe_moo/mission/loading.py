@@ -10,25 +10,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from botohe_moo.base.files import FilePath, check_suffix, replace_file
-from botohe_moo.base.messages import (
-    FaultsError,
-    ParameterError,
-    PluginError,
-    check_choice,
-    quoted,
-    unknown_parameter,
-)
-from botohe_moo.base.parameters import (
-    Fault,
-    Parameter,
-    Robots,
-    accepted_parameters,
-    call_factory,
-    checked,
-    raised_faults,
-    signature_parameters,
-)
+from botohe_moo.base import files
+from botohe_moo.base import messages as m
+from botohe_moo.base import parameters as p
+from botohe_moo.base.files import FilePath
 from botohe_moo.base.registry import Registry, package_of
 from botohe_moo.mission.formats import reading
 from botohe_moo.mission.formats.nodelink import mission_content, read_node_link
@@ -83,7 +68,7 @@ def library_names(selection: str = "all") -> tuple[str, ...]:
     >>> library_names("tunnel")
     ('tunnel-20', 'tunnel-75', 'tunnel-1000')
     """
-    check_choice("a mission of the library", selection, [*SELECTIONS, *ENTRIES])
+    m.check_choice("a mission of the library", selection, [*SELECTIONS, *ENTRIES])
     member_of = {name: ("all", name, one.family, one.size) for name, one in ENTRIES.items()}
     return tuple(name for name, selections in member_of.items() if selection in selections)
 
@@ -93,9 +78,8 @@ def library_name_of(digest: str) -> str | None:
     return next((name for name, entry in ENTRIES.items() if entry.digest == digest), None)
 
 
-COMMON = ("robots", "lengths_from_pos")  # parameters that every mission takes
 # The options that files of all formats take.
-OF_FILES = {p.name: p for p in signature_parameters(make_mission)}
+OF_FILES = {each.name: each for each in p.signature_parameters(make_mission)}
 MISSIONS = Registry("botohe_moo.missions", "mission")
 
 
@@ -143,11 +127,11 @@ def _packaged(name: str) -> Mission:
     return make_mission(read_node_link(reading.Source(_DATA / f"{name}.json")))
 
 
-@checked
+@p.checked
 def load_mission(
     name_or_path: FilePath,
     *,
-    robots: Robots | None = None,
+    robots: p.Robots | None = None,
     lengths_from_pos: bool = False,
     **parameters: Any,
 ) -> Mission:
@@ -190,11 +174,22 @@ def load_mission(
     >>> len(load_mission("terrain", nodes=50, seed=1).nodes)
     50
     """
+    mission: Mission
     function = find_factory(name_or_path)
     if function is None:
         mission = read_mission(name_or_path, robots=robots, **parameters)
     else:
-        mission = _make(function, str(name_or_path), robots, parameters)
+        source, accepted = MISSIONS.source(str(name_or_path)), p.accepted_parameters(function)
+        if robots is not None and any(each.name == "robots" for each in accepted):
+            parameters["robots"] = robots
+        of_all = ("robots", "lengths_from_pos")
+        try:
+            mission = p.call_factory(
+                source, function, accepted, parameters, wanted=Mission, also=of_all
+            )
+        except (m.PluginError, m.FaultsError) as error:
+            raise reading.within(source, error) from error
+        mission = mission if robots in (None, mission.robots) else mission.with_robots(robots)
     return mission.with_lengths_from_pos() if lengths_from_pos else mission
 
 
@@ -274,27 +269,27 @@ def read_mission(path: FilePath, /, **options: Any) -> Mission:
         known = reading.format_of(source)
         own = {name: options.pop(name) for name in _own_options(known) if name in options}
         if unknown := [name for name in options if name not in OF_FILES]:
-            fault = unknown_parameter(unknown[0], file_parameters(known))
-            raise ParameterError(f"Mission file {where}: {fault}", unknown[0])
+            fault = m.unknown_parameter(unknown[0], file_parameters(known))
+            raise m.ParameterError(f"Mission file {where}: {fault}", unknown[0])
         draft = known.read(source, **own)
         name = options.pop("name", None) or draft.graph.get("name") or reading.stem_of(path)
         mission = make_mission(draft, name=str(name), **options)
         mission_content(mission)  # what cannot be saved is refused at once, not after a search
-    except ParameterError:
+    except m.ParameterError:
         raise
     except (ValueError, RecursionError) as error:
         raise reading.within(where, error) from None
     return mission
 
 
-def file_parameters(known: reading.Format) -> dict[str, Parameter]:
+def file_parameters(known: reading.Format) -> dict[str, p.Parameter]:
     """Return the options that files of a format take, by name: those of all, and its own."""
     return OF_FILES | _own_options(known)
 
 
-def _own_options(known: reading.Format) -> dict[str, Parameter]:
+def _own_options(known: reading.Format) -> dict[str, p.Parameter]:
     read = partial(known.read, None)  # whatever its first parameter is called
-    return {parameter.name: parameter for parameter in signature_parameters(read)}
+    return {parameter.name: parameter for parameter in p.signature_parameters(read)}
 
 
 def save_mission(mission: Mission, path: FilePath) -> None:
@@ -334,17 +329,17 @@ def save_mission(mission: Mission, path: FilePath) -> None:
     }
     suffix = max((one for one in writers if path.name.lower().endswith(one)), key=len, default="")
     if not suffix:
-        check_suffix(path, writers)
+        files.check_suffix(path, writers)
     try:
         data = writers[suffix](check_mission(mission))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    replace_file(path, data)
+    files.replace_file(path, data)
 
 
 def mission_faults(
     name_or_path: FilePath, parameters: Mapping[str, Any] | None = None
-) -> list[Fault]:
+) -> list[p.Fault]:
     """Return everything that keeps `load_mission` from making a mission.
 
     As :func:`~botohe_moo.algorithms.registry.algorithm_faults` does; ``robots`` and
@@ -355,13 +350,13 @@ def mission_faults(
     >>> mission_faults("terrain", {"nodes": "50", "robots": 3})
     [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
     """
-    return raised_faults(partial(load_mission, name_or_path), parameters or {})
+    return p.raised_faults(partial(load_mission, name_or_path), parameters or {})
 
 
-def mission_parameters(name_or_path: FilePath) -> tuple[Parameter, ...]:
+def mission_parameters(name_or_path: FilePath) -> tuple[p.Parameter, ...]:
     """List the parameters of a named mission, or the options of files in a format."""
     if function := find_factory(name_or_path):
-        return accepted_parameters(function)
+        return p.accepted_parameters(function)
     return tuple(file_parameters(reading.format_of(name_or_path)).values())
 
 
@@ -405,7 +400,7 @@ def find_factory(name: FilePath) -> Callable[..., Any] | None:
         return None
     if not isinstance(name, str):
         expected = "the name of a mission or a path (Mission(graph, base=...) takes graphs)"
-        raise ValueError(f"Expected {expected}, got {quoted(name)}.")
+        raise ValueError(f"Expected {expected}, got {m.quoted(name)}.")
     if name.startswith(PREFIX):
         return partial(_of_library, name.removeprefix(PREFIX))
     is_known = name in MISSIONS
@@ -415,9 +410,9 @@ def find_factory(name: FilePath) -> Callable[..., Any] | None:
     try:
         found: Callable[..., Any] = MISSIONS.find(name, makes=Mission)
         return found
-    except PluginError as error:
-        files = f"mission files end in one of {', '.join(reading.suffixes())}"
-        hint = f"; {files}; botohe missions import reads tables" * (not is_known and not is_module)
+    except m.PluginError as error:
+        known = f"mission files end in one of {', '.join(reading.suffixes())}"
+        hint = f"; {known}; botohe missions import reads tables" * (not is_known and not is_module)
         raise MissionError(f"{error}{hint}", MISSIONS.source(name)) from error
 
 
@@ -432,19 +427,3 @@ def _of_library(name: str) -> Mission:
         expected = f"expected the digest {entry.digest}, got {found}"
         raise MissionError(f"{expected}: the numbers that are drawn here are not the library's")
     return mission
-
-
-def _make(
-    function: Callable[..., Any], name: str, robots: int | None, parameters: dict[str, Any]
-) -> Mission:
-    source = MISSIONS.source(name)
-    accepted = accepted_parameters(function)
-    if robots is not None and any(parameter.name == "robots" for parameter in accepted):
-        parameters = {**parameters, "robots": robots}
-    try:
-        mission: Mission = call_factory(
-            source, function, accepted, parameters, wanted=Mission, also=COMMON
-        )
-    except (PluginError, FaultsError) as error:
-        raise reading.within(source, error) from error
-    return mission if robots in (None, mission.robots) else mission.with_robots(robots)

@@ -1,9 +1,8 @@
 """Operators by name: those of this package and those that other packages register."""
 
 import contextlib
-import inspect
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 from pymoo.core.crossover import Crossover
@@ -12,6 +11,7 @@ from pymoo.core.repair import Repair
 from pymoo.core.sampling import Sampling
 
 from botohe_moo.base.messages import ParameterError, PluginError, nearest_first, quoted
+from botohe_moo.base.parameters import signature_parameters, takes_any_name
 from botohe_moo.base.registry import Registry, is_path, says_it_makes
 
 Factory: TypeAlias = Callable[..., Any]
@@ -47,7 +47,10 @@ def find_operator(kind: str, name: Any) -> Factory:
 
 def _unknown(kind: str, name: object, why: str = "") -> ParameterError:
     """Return the error for what is not an operator of a kind; it lists those that are."""
-    among = ", ".join(nearest_first(str(name), _registered(kind)))
+    with warnings.catch_warnings(action="ignore"):
+        found = OPERATORS.loaded()
+    known = [one for one, factory in found.items() if says_it_makes(factory, KINDS[kind])]
+    among = ", ".join(nearest_first(str(name), known))
     return ParameterError(f"Expected {kind} among {among}, got {quoted(name)}{why}.", kind)
 
 
@@ -76,7 +79,7 @@ def make_operator(kind: str, name: Any, wanted: type, **offered: Any) -> Any:
     factory = find_operator(kind, name)
     try:
         made = factory(**_taken_options(factory, offered))
-    except (TypeError, ValueError) as error:
+    except (Exception, SystemExit) as error:  # whatever another package's code may raise
         raise _fault(kind, name, f"cannot be made ({type(error).__name__}: {error})") from error
     if not isinstance(made, wanted):
         found = f"expected an object of type {wanted.__name__}, got {type(made).__qualname__}"
@@ -88,21 +91,13 @@ def _fault(kind: str, name: str, found: str) -> ParameterError:
     return ParameterError(f"{kind.capitalize()} {quoted(name)}: {found}.", kind)
 
 
-def _registered(kind: str) -> Iterator[str]:
-    """List the names of registered operators that state that they are of a kind."""
-    with warnings.catch_warnings(action="ignore"):
-        found = OPERATORS.loaded()
-    return (name for name, factory in found.items() if says_it_makes(factory, KINDS[kind]))
-
-
 def _taken_options(factory: Factory, offered: Mapping[str, Any]) -> dict[str, Any]:
     """Return the offered parameters that a factory's signature names, or all if it takes any.
 
     Classes that derive from pymoo's only take other parameters under such names: they get ``prob``.
     """
-    parameters = inspect.signature(factory).parameters
-    names = set(parameters)
-    if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+    names = {parameter.name for parameter in signature_parameters(factory)}
+    if takes_any_name(factory):
         bases = getattr(factory, "__mro__", ())
         pymoos = bases and not any(base.__module__.startswith("botohe_moo.") for base in bases)
         names |= {"prob"} if pymoos else offered.keys()

@@ -5,19 +5,27 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Callable, Iterable, Mapping
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from botohe_moo.base.messages import nearest_first, quoted
+from pymoo.core.algorithm import Algorithm
+
+from botohe_moo.algorithms.registry import ALGORITHMS, find_algorithm, make_algorithm
+from botohe_moo.base.messages import PluginError, nearest_first, quoted
+from botohe_moo.base.registry import is_path, says_it_makes
+from botohe_moo.mission.loading import MISSIONS, find_factory, load_mission
+from botohe_moo.mission.model import Mission
+from botohe_moo.testing import algorithms, missions
 from botohe_moo.testing.rules import BrokenRuleError, Check, CheckResult, rules_of, said_by
 
 if TYPE_CHECKING:
     import pytest
-    from pymoo.core.algorithm import Algorithm
-
-    from botohe_moo.mission.model import Mission
 
 Kind: TypeAlias = Literal["algorithm", "mission"]
+# The rules for each kind, how a factory is found by its name, and how it is called by it.
+_KINDS: dict[Kind, tuple[Any, Any, Any]] = {
+    "algorithm": (algorithms, find_algorithm, make_algorithm),
+    "mission": (missions, find_factory, load_mission),
+}
 
 
 def check_algorithm(
@@ -109,37 +117,18 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
 
     It is taken for an algorithm where it does not say, and where both have the name.
     """
-    # Imported when they are needed, as below: pymoo takes long to load, and missions do without.
-    from botohe_moo.algorithms.registry import ALGORITHMS
-    from botohe_moo.base.messages import PluginError
-    from botohe_moo.base.registry import is_path, says_it_makes
-    from botohe_moo.mission.loading import MISSIONS
-    from botohe_moo.mission.model import Mission
-
-    found: Any = factory
-    if isinstance(factory, str):
-        if not is_path(factory):
-            return "mission" if factory in MISSIONS and factory not in ALGORITHMS else "algorithm"
-        try:
-            found = MISSIONS.find(factory)
-        except PluginError:  # making it says why
-            return "algorithm"
+    if isinstance(factory, str) and not is_path(factory):
+        return "mission" if factory in MISSIONS and factory not in ALGORITHMS else "algorithm"
+    try:
+        found = MISSIONS.find(factory) if isinstance(factory, str) else factory
+    except PluginError:  # making it says why
+        return "algorithm"
     return "mission" if says_it_makes(found, Mission) else "algorithm"
 
 
 def _checks(factory: Any, parameters: Mapping[str, Any] | None, kind: Kind) -> list[Check]:
     """Return the checks of an algorithm or a mission, a rule each."""
-    rules: ModuleType
-    find: Callable[[str], Any]
-    by_name: Callable[..., Any]
-    if kind == "algorithm":
-        from botohe_moo.algorithms.registry import find_algorithm as find
-        from botohe_moo.algorithms.registry import make_algorithm as by_name
-        from botohe_moo.testing import algorithms as rules
-    else:
-        from botohe_moo.mission.loading import find_factory as find
-        from botohe_moo.mission.loading import load_mission as by_name
-        from botohe_moo.testing import missions as rules
+    rules, find, by_name = _KINDS[kind]
     is_name = isinstance(factory, str)
     found = find(factory) if is_name else factory
     if not callable(found):
