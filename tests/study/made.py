@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import combinations
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from botohe_moo.indicators import INDICATORS, area_indicator
 from botohe_moo.mission.loading import save_mission
 from botohe_moo.mission.model import mission_digest
+from botohe_moo.problem import BOTOHE
 from botohe_moo.study.scores import (
     algorithm_table,
     bound_table,
@@ -175,6 +176,7 @@ def make_study(folder, missions, algorithms, records, *, control=None, bounds=()
             "budget": {"evaluations": 10_000, "seconds": None},
             "family": label,
             "grid": {},
+            "objectives": asdict(BOTOHE(mission).objectives),
         }
     content = {
         "name": "made",
