@@ -348,21 +348,16 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
             name: {column: Column(**of) for column, of in table["columns"].items()}
             for name, table in index["tables"].items()
         }
-        is_ours = index["format"] == _FORMAT and all(
-            SCHEMAS[name].keys() - {*OBJECTIVES} <= described.get(name, {}).keys()
-            for name in SCHEMAS
-        )
-        if not is_ours:
-            raise StudyError(f"{folder}: its tables are of another version. {remedy}")
         tables = {}
         for name in SCHEMAS:
+            lacking = SCHEMAS[name].keys() - {*OBJECTIVES} - described.get(name, {}).keys()
+            if lacking or index["format"] != _FORMAT:
+                raise ValueError("the tables are of another version")
             path = folder / index["tables"][name]["file"]
             data = read_bytes(path)
             if hashlib.sha256(data).hexdigest() != index["tables"][name]["sha256"]:
                 raise ValueError("it was changed, or a process was killed that made tables")
             tables[name] = _parsed(data, described[name])
-    except StudyError:
-        raise
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         reason = f"{error}".partition("\n")[0][:_LONGEST_REASON]
         raise StudyError(f"{path}: cannot be read ({reason}). {remedy}") from error
