@@ -24,6 +24,7 @@ from botohe_moo.study.words import (
     fixed,
     p_value,
     parameter_words,
+    percent,
     seed_words,
     significant,
     slug,
@@ -323,6 +324,8 @@ class TestWords:
             (significant(12.345), "12.3"),
             (significant(0), "0"),
             (significant(math.inf), "inf"),
+            (percent(0.0123), "1.23 %"),
+            (percent(math.inf), "–"),  # the gap of runs without a front
             (count(10_000), "10,000"),
             (count(3.5), "3.5"),
             (count(100.0), "100"),

@@ -14,12 +14,7 @@ from scipy import stats
 
 from botohe_moo.bounds import FrontBound
 from botohe_moo.indicators import INDICATORS, TIE
-from botohe_moo.study.scores import (
-    merge_ties,
-    reference_fronts,
-    score_runs,
-    summarise,
-)
+from botohe_moo.study.scores import reference_fronts, score_runs, summarise
 from botohe_moo.study.statistics import (
     a12,
     a12_interval,
@@ -30,6 +25,7 @@ from botohe_moo.study.statistics import (
     generator_for,
     mann_whitney,
     median_interval,
+    merge_ties,
     nemenyi,
     rank_algorithms,
     smallest_p,

@@ -25,24 +25,15 @@ from itertools import islice
 from multiprocessing.connection import Pipe, wait
 from typing import Any, TypeVar
 
+from botohe_moo.study import task as t
 from botohe_moo.study.model import Run
 from botohe_moo.study.perform import verify
-from botohe_moo.study.task import (
-    MOST_SECONDS_TO_START,
-    THREAD_SETTINGS,
-    BoundTask,
-    Outcome,
-    Record,
-    Task,
-    environment,
-    failure,
-)
 
 _SECONDS_BETWEEN_LOOKS = 0.1
 _SECONDS_TO_DIE = 5.0  # the system may be writing a core dump
 _MOST_OUTPUT = 4_000  # bytes of what a process printed last, which are kept
 
-Given = TypeVar("Given", Task, BoundTask)
+Given = TypeVar("Given", t.Task, t.BoundTask)
 
 
 class WorkerPool:
@@ -61,7 +52,7 @@ class WorkerPool:
         *,
         workers: int = 1,
         stopped: Callable[[], bool] = lambda: False,
-        note: Callable[[Task, Record], None] = lambda _task, _record: None,
+        note: Callable[[t.Task, t.Record], None] = lambda _task, _record: None,
     ) -> Generator[tuple[Given, Any], None, None]:
         """Perform tasks, several at a time; yield each with its result as they end.
 
@@ -117,7 +108,7 @@ class _Worker:
         self.closed = False
         self._output = tempfile.TemporaryFile()  # noqa: SIM115
         path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)  # noqa: PTH109
-        threads = {name: os.environ.get(name, "1") for name in THREAD_SETTINGS}
+        threads = {name: os.environ.get(name, "1") for name in t.THREAD_SETTINGS}
         with childs_end:
             self._process = subprocess.Popen(
                 # -P: a file of the current folder must not stand in for a standard module.
@@ -129,14 +120,14 @@ class _Worker:
                 start_new_session=True,  # Ctrl-C is for the runner alone
             )
 
-    def take(self, task: Task | BoundTask) -> None:
+    def take(self, task: t.Task | t.BoundTask) -> None:
         """Keep a task until the process is ready for it."""
         self._task = task
-        self._records: list[Record] = []
+        self._records: list[t.Record] = []
         self._began: str | None = None
         self._environment: dict[str, Any] | None = None
 
-    def advance(self, note: Callable[[Task, Record], None]) -> Any:
+    def advance(self, note: Callable[[t.Task, t.Record], None]) -> Any:
         """Handle the next message, if there is one; return the task's result if it was the last."""
         task = self._task
         kind, content = self._receive()
@@ -145,30 +136,30 @@ class _Worker:
                 self.connection.send(task)
         elif kind == "begin":
             self._began, self._environment = content
-        elif kind == "record" and isinstance(task, Task):
+        elif kind == "record" and isinstance(task, t.Task):
             add_record(self._records, content)
             note(task, content)
         elif kind == "end":
-            if isinstance(task, BoundTask):
+            if isinstance(task, t.BoundTask):
                 return content
             if task.run.algorithm.origin["source"] is not None:
                 self.close()  # code of the user's own might leave something behind
             return self._completed(task, content)
         elif kind == "died":
             status, output = self._last_words()
-            if isinstance(task, Task) and status == -signal.SIGALRM:
+            if isinstance(task, t.Task) and status == -signal.SIGALRM:
                 return self._completed(task, _killed(task, self._began, self._records))
             by = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
             error = f"its process died ({by})"
-            if isinstance(task, BoundTask):
+            if isinstance(task, t.BoundTask):
                 return error
             last = self._records[-1] if self._records else None
-            return self._completed(task, failure(error, output, last))
+            return self._completed(task, t.failure(error, output, last))
         return None
 
-    def _completed(self, task: Task, outcome: Outcome) -> Outcome:
+    def _completed(self, task: t.Task, outcome: t.Outcome) -> t.Outcome:
         checked = checked_outcome(task.run, outcome, self._records)
-        return replace(checked, environment=self._environment or environment(), began=self._began)
+        return replace(checked, environment=self._environment or t.environment(), began=self._began)
 
     def _receive(self) -> tuple[str, Any]:
         """Return the next message; ``("", None)`` if there is none yet, ``died`` after the last."""
@@ -206,14 +197,14 @@ class _Worker:
             os.killpg(self._process.pid, signal.SIGKILL)
 
 
-def add_record(records: list[Record], record: Record) -> None:
+def add_record(records: list[t.Record], record: t.Record) -> None:
     """Add a record; it replaces one at the same number of evaluations."""
     if records and records[-1].evaluations == record.evaluations:
         records.pop()
     records.append(record)
 
 
-def checked_outcome(run: Run, outcome: Outcome, records: list[Record]) -> Outcome:
+def checked_outcome(run: Run, outcome: t.Outcome, records: list[t.Record]) -> t.Outcome:
     """Return the outcome of a run with its records; a failed run has none.
 
     The final front is evaluated again in this process, where no algorithm has run. If its
@@ -226,26 +217,26 @@ def checked_outcome(run: Run, outcome: Outcome, records: list[Record]) -> Outcom
         try:
             verify(run, *last.plans)
         except Exception as error:  # of a problem of your own, too
-            return failure(f"{type(error).__name__}: {error}", traceback.format_exc(), last)
+            return t.failure(f"{type(error).__name__}: {error}", traceback.format_exc(), last)
     # Only the last record's plans are kept.
     return replace(
         outcome, records=(*(replace(record, plans=None) for record in records[:-1]), *records[-1:])
     )
 
 
-def _killed(task: Task, began: str | None, records: list[Record]) -> Outcome:
+def _killed(task: t.Task, began: str | None, records: list[t.Record]) -> t.Outcome:
     """Return the outcome of a run that has ended at its time limit."""
     last = records[-1] if records else None
     budget = task.run.mission.budget
     if began is None:
-        return failure(f"killed: it did not start within {MOST_SECONDS_TO_START:g} s")
+        return t.failure(f"killed: it did not start within {t.MOST_SECONDS_TO_START:g} s")
     if budget.seconds is None:
-        return failure(
+        return t.failure(
             f"killed: it had evaluated no plan for {task.patience:g} s; a budget of seconds "
             "would have ended it, --patience allows it more",
             last=last,
         )
-    killed = failure(
+    killed = t.failure(
         f"killed: {budget.grace_seconds:g} s after its {budget.seconds:g} s were up it had still "
         "not come to the end of an iteration",
         last=last,

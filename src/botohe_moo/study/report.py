@@ -1,15 +1,16 @@
 """The report of a study: a page that embeds its figures and styles, and tables in LaTeX."""
 
+import functools
 import html
+import operator
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import jinja2
 import pandas as pd
-from scipy import stats
 
 from botohe_moo.base.files import replace_file
 from botohe_moo.base.messages import counted
@@ -18,21 +19,17 @@ from botohe_moo.study import words
 from botohe_moo.study.pictures import ReportFigure, draw_figures
 from botohe_moo.study.statistics import best_first, effect_size
 from botohe_moo.study.tables import SCHEMAS, StudyTables
-from botohe_moo.study.words import (
-    budget_words,
-    count,
-    distinct,
-    fixed,
-    interval,
-    main_indicator,
-    p_value,
-    parameter_words,
-    percent,
-    significant,
-)
+from botohe_moo.study.words import count, distinct, fixed, interval, p_value, percent, significant
 
 MARKS = BETTER, EQUAL, WORSE = ("+", "=", "−")  # of a median beside another
 _MOST_FAULTS = 100  # on the page
+_LATEX_HEAD = (
+    "% Needs booktabs. Each tabular may stand in a table of its own, wide ones in table*.\n"
+)
+_LATEX_PART = r"""\begin{center}\footnotesize\setlength{\tabcolsep}{3pt}
+\emph{%s}\\*[0.5ex]
+%s\end{center}
+"""
 _NAMED = ["backslash", "asciitilde", "asciicircum", "less", "greater", "bar"]
 _SIGNS = {"−": "-", "±": r"\pm", "×": r"\times", "≤": r"\leq", "≥": r"\geq"}
 _GREEK = {"α": "alpha", "β": "beta", "ε": "epsilon", "λ": "lambda", "μ": "mu", "ρ": "rho"}
@@ -57,11 +54,6 @@ def escape_latex(text: str) -> str:
     return text.translate(_ESCAPED)
 
 
-def escape_html(text: str) -> str:
-    """Return a text that a page shows as it is."""
-    return html.escape(text, quote=False)
-
-
 @dataclass(frozen=True)
 class ReportTable:
     """A table of texts, which pandas' Styler writes as HTML and as LaTeX.
@@ -76,7 +68,8 @@ class ReportTable:
 
     def html(self) -> str:
         """Return it as a table of a page."""
-        styler = self._styler(escape_html, "<strong>{}</strong>").format_index(escape_html, axis=1)
+        escape = functools.partial(html.escape, quote=False)
+        styler = self._styler(escape, "<strong>{}</strong>").format_index(escape, axis=1)
         text: str = styler.to_html(exclude_styles=True)
         return text
 
@@ -107,60 +100,48 @@ def _heading(label: str, position: str) -> str:
     return escaped if " " not in label else rf"\shortstack[{position}]{{{escaped}}}"
 
 
-def summary_table(tables: StudyTables, mission: str) -> ReportTable:
-    """Return the summary of a mission, a row for each algorithm; the best median is bold."""
-    rows = tables.summary[tables.summary["mission"] == mission]
-    n_seeds = len(tables.manifest["seeds"])
-    cells: dict[str, Any] = {
+def summary_table(tables: StudyTables) -> ReportTable:
+    """Return the summary of one mission's tables, a row for each algorithm; the best is bold."""
+    rows, n_seeds = tables.summary, len(tables.manifest["seeds"])
+    of_all = [count(n) if n == n_seeds else f"{count(n)} of {count(n_seeds)}" for n in rows["n"]]
+    lost = [f" ({count(n)} not done)" if n else "" for n in rows["n_not_done"]]
+    further = {INDICATORS[name].label: rows[f"{name}_median"] for name in further_indicators()}
+    cells = {
         "algorithm": rows["algorithm"],
-        "runs": [_runs(row, n_seeds) for row in rows.to_dict("records")],
+        "runs": list(map(operator.add, of_all, lost)),
         "median area": distinct(rows["area_median"]),
         "interval": list(map(interval, rows["area_low"], rows["area_high"])),
         "mean ± sd": [
-            fixed(mean) if pd.isna(sd) else f"{fixed(mean)} ± {fixed(sd)}"
+            f"{fixed(mean)} ± {fixed(sd)}".removesuffix(" ± –")
             for mean, sd in zip(rows["area_mean"], rows["area_sd"], strict=True)
         ],
         "best": rows["area_best"].map(fixed),
         "of reference": rows["area_share"].map(percent),
         "gap at most": rows["area_gap"].map(percent),
-    }
-    if tables.manifest.get("reference") != "best-known":
-        del cells["of reference"]
-    if rows["area_gap"].isna().all():
-        del cells["gap at most"]
-    for name in further_indicators():
-        cells[INDICATORS[name].label] = rows[f"{name}_median"].map(significant)
-    cells |= {
+        **{label: medians.map(significant) for label, medians in further.items()},
         "points": rows["front_size_median"].map(count),
         "evaluations": rows["evaluations_median"].map(count),
         "seconds": rows["seconds_median"].map(significant),
         "rank": rows["rank"].map(count),
     }
-    best = rows["rank"] == rows["rank"].min()
+    if tables.manifest.get("reference") != "best-known":
+        del cells["of reference"]
+    if rows["area_gap"].isna().all():
+        del cells["gap at most"]
+    bold = {"median area": (rows["rank"] == rows["rank"].min()).tolist()}
     page_only = ["mean ± sd", "best", "rank"]
-    return ReportTable(
-        pd.DataFrame(cells), bold={"median area": best.tolist()}, page_only=page_only
-    )
-
-
-def _runs(row: Mapping[Any, Any], n_seeds: int) -> str:
-    of_all = "" if row["n"] == n_seeds else f" of {count(n_seeds)}"
-    lost = f" ({count(row['n_not_done'])} not done)" if row["n_not_done"] else ""
-    return f"{count(row['n'])}{of_all}{lost}"
+    return ReportTable(pd.DataFrame(cells), bold=bold, page_only=page_only)
 
 
 def comparison_table(rows: pd.DataFrame) -> ReportTable:
     """Return comparisons, a row for each pair; significant p-values are bold."""
-    medians = [
-        distinct(pair, significant)
-        for pair in zip(rows["median"], rows["median_other"], strict=True)
-    ]
-    effects = zip(rows["a12"], rows["a12_low"], rows["a12_high"], strict=True)
+    medians = [distinct(pair, significant) for pair in rows[["median", "median_other"]].to_numpy()]
+    effects = rows[["a12", "a12_low", "a12_high"]].to_numpy()
     cells = {
         "indicator": [INDICATORS[name].label for name in rows["indicator"]],
         "algorithm": rows["algorithm"],
         "other": rows["other"],
-        "verdict": [_verdict(row) for row in rows.to_dict("records")],
+        "verdict": list(map(_verdict, rows["significant"], rows["a12"], rows["verdict"])),
         "median": [median for median, _ in medians],
         "of other": [other for _, other in medians],
         "A12": [f"{fixed(a12, 2)} ({interval(low, high, 2)})" for a12, low, high in effects],
@@ -170,11 +151,11 @@ def comparison_table(rows: pd.DataFrame) -> ReportTable:
     return ReportTable(pd.DataFrame(cells), texts=4, bold=bold, page_only=page_only)
 
 
-def _verdict(row: Mapping[Any, Any]) -> str:
+def _verdict(is_significant: bool, a12: float, verdict: str) -> str:
     """Return the verdict of a comparison without the numbers, which have cells of their own."""
-    if row["significant"]:
-        return f"{'better' if row['a12'] > 0.5 else 'worse'}, {effect_size(row['a12'])}"
-    return str(row["verdict"]).partition(":")[0]
+    if is_significant:
+        return f"{'better' if a12 > 0.5 else 'worse'}, {effect_size(a12)}"
+    return verdict.partition(":")[0]
 
 
 def rank_table(rows: pd.DataFrame) -> ReportTable:
@@ -216,16 +197,14 @@ def mission_table(tables: StudyTables) -> ReportTable:
     """Return the missions of a study, a row for each."""
     rows = []
     for label, entry in tables.manifest["missions"].items():
-        mission = tables.mission(label)
-        source = dict(entry["source"])
-        name, parameters = source.pop("name_or_path"), parameter_words(source)
-        limit = entry.get("max_length")
+        mission, limit, source = tables.mission(label), entry.get("max_length"), entry["source"]
+        parameters = words.parameter_words({k: source[k] for k in source if k != "name_or_path"})
         rows.append(
             {
                 "mission": label,
                 "title": mission.title,
-                "from": f"{name} ({parameters})" if parameters else str(name),
-                "budget of a run": budget_words(entry["budget"]),
+                "from": f"{source['name_or_path']} ({parameters})".removesuffix(" ()"),
+                "budget of a run": words.budget_words(entry["budget"]),
                 "survival floor": significant(entry["min_survival"]),
                 "travel budget": "none" if limit is None else f"{limit:g}",
                 "nodes": count(len(mission.nodes)),
@@ -236,7 +215,7 @@ def mission_table(tables: StudyTables) -> ReportTable:
         )
     cells = pd.DataFrame(rows)
     if (cells["travel budget"] == "none").all():
-        cells = cells.drop(columns="travel budget")
+        del cells["travel budget"]
     return ReportTable(cells, texts=4)
 
 
@@ -244,11 +223,8 @@ def algorithm_table(tables: StudyTables) -> ReportTable:
     """Return the algorithms of a study, with the parameters that differ among them."""
     parameters = tables.algorithms.drop(columns=[*SCHEMAS["algorithms"]]).astype(object)
     cells = tables.algorithms[["algorithm", "name"]].set_axis(["label", "algorithm"], axis=1)
-    shown = [
-        parameter_words({str(name): value for name, value in row.dropna().items()}) or "defaults"
-        for _, row in parameters.iterrows()
-    ]
-    return ReportTable(cells.assign(parameters=shown), texts=3)
+    shown = [words.parameter_words(dict(row.dropna())) for _, row in parameters.iterrows()]
+    return ReportTable(cells.assign(parameters=[text or "defaults" for text in shown]), texts=3)
 
 
 def fault_table(runs: pd.DataFrame) -> ReportTable:
@@ -261,10 +237,9 @@ def fault_table(runs: pd.DataFrame) -> ReportTable:
 def environment_table(tables: StudyTables) -> ReportTable:
     """Return the environments in which runs ran, a row for each."""
     rows = tables.environments
-    commit = (" (" + rows["commit"].astype(str) + ")").where(rows["commit"].notna(), "")
     n_runs = rows["environment"].map(tables.runs["environment"].value_counts()).fillna(0)
     cells = {
-        "version": "botohe_moo " + rows["botohe_moo"] + commit,
+        "version": "botohe_moo " + rows["botohe_moo"] + (" (" + rows["commit"] + ")").fillna(""),
         "packages": "Python " + rows["python"] + ", " + rows["packages"],
         "machine": rows["system"] + ", " + rows["machine"] + ", " + rows["processor"],
         "threads": rows["threads"],
@@ -286,17 +261,15 @@ def matrix(tables: StudyTables) -> ReportTable:
     The rows are the more numerous of both.
     """
     missions, algorithms = tables.mission_labels, tables.algorithm_labels
-    cells = pd.DataFrame("–", algorithms, missions, dtype=object)
-    marks, best = cells.copy(), pd.DataFrame(False, algorithms, missions)
-    for mission in missions:
-        for label, (text, mark, is_best) in _on_mission(tables, mission).items():
-            cells.loc[label, mission], marks.loc[label, mission] = text, mark
-            best.loc[label, mission] = is_best
+    found = {label: _on_mission(tables, label).reindex(algorithms) for label in missions}
+    cells = pd.DataFrame({label: of["text"].fillna("–") for label, of in found.items()})
+    best = pd.DataFrame({label: of["best"].eq(True) for label, of in found.items()})
     if len(missions) > 1 and tables.control is not None:
-        counts = ["/".join(str(row.count(m)) for m in MARKS) for row in marks.to_numpy().tolist()]
-        cells["/".join(MARKS)] = counts
+        marks = pd.DataFrame({label: of["mark"] for label, of in found.items()})
+        counts = pd.DataFrame({mark: (marks == mark).sum(axis=1).astype(str) for mark in MARKS})
+        cells["/".join(MARKS)] = counts.agg("/".join, axis=1)
         cells.loc[tables.control, "/".join(MARKS)] = "–"
-    ranks = tables.ranks[tables.ranks["indicator"] == main_indicator(tables.comparisons)]
+    ranks = tables.ranks[tables.ranks["indicator"] == words.main_indicator(tables.comparisons)]
     if len(missions) > 1 and len(ranks):
         averages = ranks.set_index("algorithm")["average_rank"].reindex(algorithms)
         cells["average rank"] = averages.map(lambda rank: fixed(rank, 2))
@@ -309,45 +282,36 @@ def matrix(tables: StudyTables) -> ReportTable:
     return ReportTable(labelled, bold={str(column): best[column].tolist() for column in best})
 
 
-def _on_mission(tables: StudyTables, mission: str) -> dict[str, tuple[str, str, bool]]:
-    """Return text, mark, and whether it is the best, of each algorithm's median on a mission."""
-    indicator = main_indicator(tables.comparisons)
+def _on_mission(tables: StudyTables, mission: str) -> pd.DataFrame:
+    """Return ``text``, ``mark``, and whether it is the ``best``, of each algorithm's median."""
+    indicator = words.main_indicator(tables.comparisons)
     rows = tables.summary[tables.summary["mission"] == mission]
     medians = rows.set_index("algorithm")[f"{indicator}_median"].dropna()
-    if medians.empty:
-        return {}
-    if INDICATORS[indicator].higher_is_better:
-        texts = distinct(medians, fixed)
-    else:
-        texts = distinct(medians, significant, digits=3)
-    ranks = stats.rankdata(best_first(indicator, medians.to_list()))
+    more_is_better = INDICATORS[indicator].higher_is_better
+    texts = distinct(medians) if more_is_better else distinct(medians, significant, digits=3)
+    ranks = pd.Series(best_first(indicator, medians), medians.index).rank()
     best = ranks == ranks.min()
-    marks = _marks(tables, mission, rival=tables.control or medians.index[best][0])
-    cells = {}
-    for label, text, rank, is_best in zip(medians.index, texts, ranks, best, strict=True):
-        mark = marks.get(label, "")
-        cells[label] = " ".join(filter(None, [text, mark, f"({count(rank)})"])), mark, bool(is_best)
-    return cells
-
-
-def _marks(tables: StudyTables, mission: str, *, rival: str) -> dict[str, str]:
-    """Return the marks of the algorithms that were tested against a rival on a mission."""
-    rows = tables.comparisons
-    rows = rows[(rows["mission"] == mission) & (rows["indicator"] == main_indicator(rows))]
-    marks = {}
-    for row in rows.to_dict("records"):
+    tested = tables.comparisons
+    tested = tested[(tested["mission"] == mission) & (tested["indicator"] == indicator)]
+    rival = tables.control or next(iter(ranks.index[best]), None)
+    marks = dict.fromkeys(medians.index, "")
+    for row in tested[tested[["n", "n_other"]].min(axis=1) >= 2].to_dict("records"):
         first, other = row["algorithm"], row["other"]
-        if rival in (first, other) and min(row["n"], row["n_other"]) >= 2:
+        if rival in (first, other):
             label = other if first == rival else first
             is_better = (row["a12"] > 0.5) == (label == first)  # A12 is that of the first
-            mark = BETTER if is_better else WORSE
-            marks[label] = mark if row["significant"] else EQUAL
-    return marks
+            marks[label] = (BETTER if is_better else WORSE) if row["significant"] else EQUAL
+    shown = [
+        " ".join(filter(None, [text, marks[label], f"({count(rank)})"]))
+        for text, (label, rank) in zip(texts, ranks.items(), strict=True)
+    ]
+    text, mark = pd.Series(shown, medians.index, dtype="str"), pd.Series(marks, dtype="str")
+    return pd.DataFrame({"text": text, "mark": mark, "best": best})
 
 
 def matrix_caption(tables: StudyTables) -> str:
     """Return the caption of the matrix: what it shows, and how to read it."""
-    name = INDICATORS[main_indicator(tables.comparisons)].label
+    name = INDICATORS[words.main_indicator(tables.comparisons)].label
     rival = tables.control or "the best on the mission"
     n_lost = int((tables.runs["status"] != "done").sum())
     lost = f" Of all runs {n_lost} are not done; without a front their area is 0." if n_lost else ""
@@ -361,12 +325,11 @@ def matrix_caption(tables: StudyTables) -> str:
 
 def outcome_latex(tables: StudyTables) -> str:
     """Return the matrix of medians, marks and ranks that opens the report."""
+    caption = rf"% \caption{{{escape_latex(matrix_caption(tables))}}}"
     comment = [
         "% All algorithms on all missions. Needs booktabs.",
         r"% \begin{table} % table* where it is wider than a column",
-        *textwrap.wrap(
-            rf"% \caption{{{escape_latex(matrix_caption(tables))}}}", 98, subsequent_indent="%   "
-        ),
+        *textwrap.wrap(caption, 98, subsequent_indent="%   "),
         r"% \centering\footnotesize",
         r"% \input{outcome}",
         r"% \end{table}",
@@ -378,31 +341,26 @@ def tables_latex(tables: StudyTables) -> dict[str, str]:
     """Return the files of the report in LaTeX, by their names."""
     compared: Any = tables.comparisons.groupby(["mission", "indicator"], sort=False)
     ranked: Any = tables.ranks.groupby("indicator", sort=False)
-    return {
-        "outcome.tex": outcome_latex(tables),
-        "summary.tex": _below_each_other(
-            (mission, summary_table(tables, mission)) for mission in tables.mission_labels
-        ),
-        "comparisons.tex": _below_each_other(
+    titled = {
+        "summary.tex": [
+            (mission, summary_table(tables.of_mission(mission)))
+            for mission in tables.mission_labels
+        ],
+        "comparisons.tex": [
             (f"{mission}: {INDICATORS[indicator].label}", comparison_table(rows))
             for (mission, indicator), rows in compared
-        ),
-        "ranks.tex": _below_each_other(
+        ],
+        "ranks.tex": [
             (f"{INDICATORS[indicator].label}: {rows['note'].iloc[0]}", rank_table(rows))
             for indicator, rows in ranked
-        ),
+        ],
     }
-
-
-def _below_each_other(titled: Iterable[tuple[str, ReportTable]]) -> str:
-    text = ["% Needs booktabs. Each tabular may stand in a table of its own, wide ones in table*."]
-    for title, table in titled:
-        text += [
-            r"\begin{center}\footnotesize\setlength{\tabcolsep}{3pt}",
-            rf"\emph{{{escape_latex(title)}}}\\*[0.5ex]",
-            table.latex() + r"\end{center}",
-        ]
-    return "\n".join([*text, ""])
+    files = {"outcome.tex": outcome_latex(tables)}
+    for file, parts in titled.items():
+        files[file] = _LATEX_HEAD
+        for title, table in parts:
+            files[file] += _LATEX_PART % (escape_latex(title), table.latex())
+    return files
 
 
 def write_report(tables: StudyTables, *, workers: int = 1) -> list[Path]:
@@ -435,58 +393,22 @@ def render_page(tables: StudyTables, figures: Mapping[str, Sequence[ReportFigure
         keep_trailing_newline=True,
         undefined=jinja2.StrictUndefined,
     )
+    makers = comparison_table, posthoc_table, rank_table, summary_table, target_table
     faults = tables.runs[tables.runs["status"] != "done"]
     page = environment.get_template("report.html.j2").render(
         study=tables,
+        figures=figures,
         matrix=matrix(tables),
         caption=matrix_caption(tables),
         missions=mission_table(tables),
         algorithms=algorithm_table(tables),
-        sections=[_section(tables, label, figures) for label in tables.mission_labels],
-        ranks=_rank_blocks(tables),
-        figures=figures.get("", ()),
+        environments=environment_table(tables),
         faults=fault_table(faults.head(_MOST_FAULTS)),
         n_faults=len(faults),
         missing=missing_table(tables),
-        environments=environment_table(tables),
-        indicators=[INDICATORS[name].label for name in tables.manifest["indicators"]],
-        objectives=tables.objectives(tables.mission_labels[0]).names,
+        known=INDICATORS,
+        **{make.__name__: make for make in makers},
         counted=counted,
         words=words,
     )
     return f"{page.strip()}\n"
-
-
-def _section(
-    tables: StudyTables, mission: str, figures: Mapping[str, Sequence[ReportFigure]]
-) -> dict[str, Any]:
-    def own(table: pd.DataFrame) -> pd.DataFrame:
-        return table[table["mission"] == mission]
-
-    [row] = own(tables.missions).to_dict("records")
-    return {
-        "bound": words.bound_words(row),
-        "label": mission,
-        "anchor": f"mission-{words.slug(mission)}",
-        "title": tables.mission(mission).title,
-        "summary": summary_table(tables, mission),
-        "figures": figures.get(mission, ()),
-        "targets": target_table(own(tables.targets)),
-        "comparisons": comparison_table(own(tables.comparisons)),
-    }
-
-
-def _rank_blocks(tables: StudyTables) -> list[dict[str, Any]]:
-    blocks = []
-    for indicator, rows in tables.ranks.groupby("indicator", sort=False):
-        pairs = tables.posthoc[tables.posthoc["indicator"] == indicator]
-        blocks.append(
-            {
-                "indicator": INDICATORS[str(indicator)].label,
-                "table": rank_table(rows),
-                "note": str(rows["note"].iloc[0]),
-                "pairs": posthoc_table(pairs),
-                "critical": fixed(pairs["critical_difference"].max(), 2),
-            }
-        )
-    return blocks

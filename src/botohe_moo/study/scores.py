@@ -2,10 +2,10 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from contextlib import suppress
 from itertools import chain
-from typing import Any, TypeAlias
+from typing import Any
 
 import moocore
 import numpy as np
@@ -17,18 +17,10 @@ from botohe_moo.bounds import FrontBound
 from botohe_moo.indicators import INDICATORS, TIE, Scale, area_indicator, further_indicators
 from botohe_moo.library import best_known, certified_bound
 from botohe_moo.mission.model import Mission
+from botohe_moo.study import statistics as st
 from botohe_moo.study.content import canonical, value_text
 from botohe_moo.study.folder import OUTCOME_FIELDS, StudyFolder, writing
 from botohe_moo.study.model import Run, Study, StudyError
-from botohe_moo.study.statistics import (
-    best_first,
-    compare_algorithms,
-    compare_ranks,
-    generator_for,
-    median_interval,
-    merge_ties,
-    rank_algorithms,
-)
 from botohe_moo.study.tables import OBJECTIVES, SCHEMAS, as_table, write_tables
 from botohe_moo.study.task import Outcome, environment
 
@@ -48,18 +40,14 @@ def reference_fronts(
     objectives. Each point is there once, by descending reward. Where no run found any, the
     reference front is the point of zeros: a plan that brings nothing back.
     """
-    rows: list[dict[str, Any]] = []
+    none, parts = np.empty((0, len(columns))), []
     for mission in runs["mission"].unique():
-        of_mission = runs["mission"] == mission
-        found = [front for front, its in zip(fronts, of_mission, strict=True) if its]
-        none = np.empty((0, len(columns)))
+        found = [front for front, of in zip(fronts, runs["mission"], strict=True) if of == mission]
         union = _union([none, *found, (known or {}).get(mission, none)])
         digest = hashlib.sha256(union.astype("<f8").tobytes()).hexdigest()[:_DIGITS]
-        rows += [
-            {"reference": digest, "mission": mission, **dict(zip(columns, point, strict=True))}
-            for point in union.tolist()
-        ]
-    return as_table("references", rows, columns)
+        part = pd.DataFrame(union, columns=[*columns])
+        parts.append(part.assign(reference=digest, mission=mission))
+    return as_table("references", pd.concat(parts, ignore_index=True) if parts else [], columns)
 
 
 def score_runs(
@@ -75,7 +63,7 @@ def score_runs(
     ``fronts`` are the final ones, one for each run. A run without a front, because it failed or
     found nothing feasible, is scored as a plan that brings nothing back: its area is 0, its IGD+
     and epsilon are those of the point (0, 0), and its front has 0 points. Values of a mission that
-    differ by at most 1e-12 are made equal by :func:`merge_ties`.
+    differ by at most 1e-12 are made equal by ``merge_ties``.
     """
     targets = points_by_mission(references)
     names = references.groupby("mission")["reference"].first()
@@ -91,7 +79,7 @@ def score_runs(
     table = as_table("indicators", rows)
     if rows:
         groups: Any = table.groupby(["mission", "indicator"], sort=False)["value"]
-        table["value"] = groups.transform(merge_ties)
+        table["value"] = groups.transform(st.merge_ties)
     return table
 
 
@@ -107,18 +95,20 @@ def score_records(
     ``fronts`` are pairs of a mission's label and points (n, 2). For speed, a front that equals the
     one before it is not measured again. An indicator that is not wanted is NaN.
     """
-    targets = points_by_mission(references)
-    scores: dict[str, list[float]] = {"area": [], **{name: [] for name in further_indicators()}}
-    wanted = [name for name in scores if name == "area" or name in indicators]
-    last: tuple[str, FloatArray] | None = None
-    measured: dict[str, float] = {}
+    targets, names = points_by_mission(references), ["area", *further_indicators()]
+    scores: dict[str, list[float]] = {name: [] for name in names}
+    last: tuple[str | None, FloatArray] = None, np.empty(0)
     for label, points in fronts:
-        if last is None or last[0] != label or not np.array_equal(last[1], points):
-            last, mission = (label, points), missions[label]
-            target = targets.get(label)
-            measured = {name: INDICATORS[name].measure(points, target, mission) for name in wanted}
+        is_new = label != last[0] or not np.array_equal(points, last[1])
+        last = label, points
         for name, column in scores.items():
-            column.append(measured.get(name, np.nan))
+            if not is_new:
+                column.append(column[-1])
+            elif name == "area" or name in indicators:
+                of_mission = targets.get(label), missions[label]
+                column.append(INDICATORS[name].measure(points, *of_mission))
+            else:
+                column.append(np.nan)
     return scores
 
 
@@ -238,10 +228,9 @@ def summarise(
     not depend on the rest of the study. An algorithm without runs on a mission, as in a study that
     was interrupted, has no row.
     """
-    if len(runs):  # ties are merged, as for comparisons
-        areas: Any = runs.groupby("mission", sort=False)["area"]
-        runs = runs.assign(raw_area=runs["area"], area=areas.transform(merge_ties))
-    groups: Any = runs.groupby(["mission", "algorithm"], sort=False)
+    areas: Any = runs.groupby("mission", sort=False)["area"]
+    merged = runs.assign(raw_area=runs["area"], area=areas.transform(st.merge_ties))
+    groups: Any = merged.groupby(["mission", "algorithm"], sort=False)
     runs_of: dict[Any, pd.DataFrame] = dict(iter(groups))
     values: Any = indicators.groupby(["mission", "algorithm", "indicator"])["value"]
     medians = values.median().to_dict()
@@ -249,14 +238,13 @@ def summarise(
     rows: list[dict[str, Any]] = []
     for mission in missions:
         labels = [label for label in algorithms if (mission, label) in runs_of]
-        ranks = stats.rankdata(
-            best_first("area", [runs_of[mission, label]["area"].median() for label in labels])
-        )
+        of_labels = [runs_of[mission, label]["area"].median() for label in labels]
+        ranks = stats.rankdata(st.best_first("area", of_labels))
         for label, rank in zip(labels, ranks, strict=True):
-            row: dict[str, Any] = {"mission": mission, "algorithm": label, "rank": float(rank)}
+            row = _described(runs_of[mission, label], significance)
+            row |= {"mission": mission, "algorithm": label, "rank": float(rank)}
             for name in further_indicators():
                 row[f"{name}_median"] = medians.get((mission, label, name))
-            row |= _described(runs_of[mission, label], significance)
             if whole.get(mission):
                 row["area_share"] = row["area_mean"] / whole[mission]
             if mission in bounds:
@@ -270,7 +258,7 @@ def _described(runs: pd.DataFrame, significance: float) -> dict[str, Any]:
     median = float(np.median(areas))
     # The interval is not that of merged values, which depend on the other runs of the study.
     raw = np.sort(runs["raw_area"].to_numpy(float))
-    _, low, high = median_interval(raw, confidence=1.0 - significance, rng=generator_for(raw))
+    _, low, high = st.median_interval(raw, confidence=1.0 - significance, rng=st.generator_for(raw))
     return {
         "n": len(runs),
         "n_not_done": int((runs["status"] != "done").sum()),
@@ -280,9 +268,7 @@ def _described(runs: pd.DataFrame, significance: float) -> dict[str, Any]:
         "area_mean": float(areas.mean()),
         "area_sd": float(areas.std(ddof=1)) if len(areas) > 1 else None,
         "area_best": float(areas[-1]),
-        "front_size_median": float(runs["front_size"].median()),
-        "evaluations_median": float(runs["evaluations"].median()),
-        "seconds_median": float(runs["seconds"].median()),
+        **runs[["front_size", "evaluations", "seconds"]].median().add_suffix("_median"),
     }
 
 
@@ -328,9 +314,6 @@ def _reference_areas(references: pd.DataFrame, missions: Mapping[str, Scale]) ->
     return {label: area_indicator(fronts[label], missions[label]) for label in fronts}
 
 
-_Outcomes: TypeAlias = Sequence[tuple[Run, Outcome]]
-
-
 def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> None:
     """Make all tables of a study from the runs and bounds that are in its folder, and write them.
 
@@ -340,23 +323,21 @@ def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> No
     outcomes = list(folder.outcomes(study.runs()))
     missions = {mission.label: mission.mission for mission in study.missions}
     manifest = study.manifest()
-    bounds = {
-        mission.label: bound_and_seconds[0]
-        for mission in study.bounded
-        if (bound_and_seconds := folder.bound(mission))
-    }
+    kept = {mission.label: folder.bound(mission) for mission in study.bounded}
+    bounds = {label: found[0] for label, found in kept.items() if found}
     known = {}
     for label, name in study.best_known.items():
-        front = best_known(name)
+        front, certified = best_known(name), certified_bound(name)
         # Evaluated again, since files have 12 digits, and runs that find the same plans have more.
         known[label] = front.mission.evaluate(front.plans)
-        certified = certified_bound(name)
         bounds[label] = min(bounds.get(label, certified), certified, key=lambda bound: bound.area)
-    tables = _judged(study, outcomes, bounds, known)
+    tables = {
+        **_judged(study, outcomes, bounds, known),
+        "missions": mission_table(manifest, missions, bounds),
+        "bounds": bound_table(bounds),
+        "algorithms": algorithm_table(manifest),
+    }
     _check_bounds(bounds, tables["runs"])
-    tables["missions"] = mission_table(manifest, missions, bounds)
-    tables["bounds"] = bound_table(bounds)
-    tables["algorithms"] = algorithm_table(manifest)
     with writing(folder.path):
         write_tables(folder.path, tables, {**manifest, "made_from": made_from})
 
@@ -373,9 +354,90 @@ def _check_bounds(bounds: Mapping[str, FrontBound], runs: pd.DataFrame) -> None:
             )
 
 
+def _judged(
+    study: Study,
+    outcomes: Sequence[tuple[Run, Outcome]],
+    bounds: Mapping[str, FrontBound],
+    known: Mapping[str, FloatArray],
+) -> dict[str, pd.DataFrame]:
+    """Return all tables but ``missions``, ``bounds`` and ``algorithms``."""
+    scales = {mission.label: mission.objectives for mission in study.missions}
+    columns, indicators = study.missions[0].objectives.columns, study.file.indicators
+    comparison: Any = {
+        "algorithms": [algorithm.label for algorithm in study.algorithms],
+        "significance": study.file.comparison.significance,
+    }
+    tables = _recorded(outcomes, columns)
+    none = np.empty((0, len(columns)))
+    fronts = [[record.objectives for record in outcome.records] for _, outcome in outcomes]
+    finals = [of_run[-1] if of_run else none for of_run in fronts]
+    references = reference_fronts(tables["runs"], finals, known, columns)
+    labelled = zip(tables["trace"]["mission"], chain.from_iterable(fronts), strict=True)
+    measured = score_records(labelled, references, missions=scales, indicators=indicators)
+    trace = tables["trace"].assign(**measured)
+    areas = tables["runs"]["run"].map(trace.groupby("run")["area"].last()).fillna(0.0)
+    tables |= {"runs": tables["runs"].assign(area=areas), "trace": trace}
+    tables = {name: as_table(name, frame, columns) for name, frame in tables.items()}
+    runs, trace = tables["runs"], tables["trace"]
+    scores = score_runs(runs, finals, references, missions=scales, indicators=indicators)
+    digests = {mission.label: mission.digest for mission in study.missions}
+    ranks = st.rank_algorithms(scores, digests=digests, **comparison)
+    control, algorithms = study.file.comparison.control, comparison["algorithms"]
+    return tables | {
+        "references": references,
+        "indicators": scores,
+        "comparisons": st.compare_algorithms(scores, runs=runs, control=control, **comparison),
+        "ranks": ranks,
+        "posthoc": st.compare_ranks(ranks, significance=comparison["significance"]),
+        "summary": summarise(
+            runs, scores, references, missions=scales, bounds=bounds, **comparison
+        ),
+        "targets": reach_targets(runs, trace, references, missions=scales, algorithms=algorithms),
+    }
+
+
+def _recorded(
+    outcomes: Sequence[tuple[Run, Outcome]], columns: Sequence[str]
+) -> dict[str, pd.DataFrame]:
+    """Return ``runs``, ``trace``, ``fronts``, ``plans`` and ``environments``, without scores."""
+    environments = [outcome.environment or environment() for _, outcome in outcomes]
+    distinct = {columns["environment"]: columns for columns in environments}
+    runs = pd.DataFrame(
+        [
+            _run_row(run, outcome, columns["environment"])
+            for (run, outcome), columns in zip(outcomes, environments, strict=True)
+        ],
+        columns=[*SCHEMAS["runs"]],
+    )
+    identities = runs[["run", "mission", "algorithm", "seed"]]
+    records = [record for _, outcome in outcomes for record in outcome.records]
+    names = ("evaluations", "seconds", "front_size", "ties")
+    trace = _repeated(identities, [outcome.records for _, outcome in outcomes]).assign(
+        **{name: [getattr(record, name) for record in records] for name in names}
+    )
+    none: tuple[Any, FloatArray] = (), np.empty((0, len(columns)))
+    finals = [
+        (outcome.records[-1].plans if outcome.records else None) or none for _, outcome in outcomes
+    ]
+    plans = _with_points(identities, [objectives for _, objectives in finals], columns)
+    trails = [
+        json.dumps(run.mission.mission.labels(plan), ensure_ascii=False)
+        for (run, _), (batch, _) in zip(outcomes, finals, strict=True)
+        for plan in batch
+    ]
+    return {
+        "runs": runs,
+        "trace": trace,
+        "fronts": _with_points(trace, [record.objectives for record in records], columns),
+        "plans": plans.assign(trails=trails, plan_id=plans.groupby("run").cumcount()),
+        "environments": pd.DataFrame(
+            [distinct[digest] for digest in sorted(distinct)], columns=[*SCHEMAS["environments"]]
+        ),
+    }
+
+
 def _run_row(run: Run, outcome: Outcome, environment: str) -> dict[str, Any]:
-    budget = run.mission.budget
-    last = outcome.records[-1] if outcome.records else None
+    budget, last = run.mission.budget, outcome.records[-1] if outcome.records else None
     return {
         **{name: getattr(outcome, name) for name in OUTCOME_FIELDS},
         "run": run.digest,
@@ -392,123 +454,15 @@ def _run_row(run: Run, outcome: Outcome, environment: str) -> dict[str, Any]:
     }
 
 
-def _judged(
-    study: Study,
-    outcomes: _Outcomes,
-    bounds: Mapping[str, FrontBound],
-    known: Mapping[str, FloatArray],
-) -> dict[str, pd.DataFrame]:
-    """Return all tables but ``missions``, ``bounds`` and ``algorithms``."""
-    missions = {mission.label: mission.objectives for mission in study.missions}
-    algorithms = [algorithm.label for algorithm in study.algorithms]
-    indicators, control = study.file.indicators, study.file.comparison.control
-    significance = study.file.comparison.significance
-    columns = study.missions[0].objectives.columns
-    tables = _recorded(outcomes, columns)
-    fronts = [[record.objectives for record in outcome.records] for _, outcome in outcomes]
-    finals = [of_run[-1] if of_run else np.empty((0, len(columns))) for of_run in fronts]
-    references = reference_fronts(tables["runs"], finals, known, columns)
-    scores_of_records = score_records(
-        zip(tables["trace"]["mission"], chain.from_iterable(fronts), strict=True),
-        references,
-        missions=missions,
-        indicators=indicators,
-    )
-    trace = tables["trace"].assign(**scores_of_records)
-    areas = tables["runs"]["run"].map(trace.groupby("run")["area"].last()).fillna(0.0)
-    tables |= {"runs": tables["runs"].assign(area=areas), "trace": trace}
-    tables = {name: as_table(name, frame, columns) for name, frame in tables.items()}
-    runs = tables["runs"]
-    scores = score_runs(runs, finals, references, missions=missions, indicators=indicators)
-    ranks = rank_algorithms(
-        scores,
-        algorithms=algorithms,
-        significance=significance,
-        digests={mission.label: mission.digest for mission in study.missions},
-    )
-    return tables | {
-        "references": references,
-        "indicators": scores,
-        "comparisons": compare_algorithms(
-            scores,
-            runs=runs,
-            algorithms=algorithms,
-            control=control,
-            significance=significance,
-        ),
-        "ranks": ranks,
-        "posthoc": compare_ranks(ranks, significance=significance),
-        "summary": summarise(
-            runs,
-            scores,
-            references,
-            missions=missions,
-            algorithms=algorithms,
-            significance=significance,
-            bounds=bounds,
-        ),
-        "targets": reach_targets(
-            runs, tables["trace"], references, missions=missions, algorithms=algorithms
-        ),
-    }
-
-
-def _recorded(outcomes: _Outcomes, columns: Sequence[str]) -> dict[str, pd.DataFrame]:
-    """Return ``runs``, ``trace``, ``fronts``, ``plans`` and ``environments``, without scores."""
-    environments = [outcome.environment or environment() for _, outcome in outcomes]
-    runs = pd.DataFrame(
-        [
-            _run_row(run, outcome, columns["environment"])
-            for (run, outcome), columns in zip(outcomes, environments, strict=True)
-        ],
-        columns=[*SCHEMAS["runs"]],
-    )
-    records = [record for _, outcome in outcomes for record in outcome.records]
-    trace = _repeated(runs, [len(outcome.records) for _, outcome in outcomes]).assign(
-        evaluations=[record.evaluations for record in records],
-        seconds=[record.seconds for record in records],
-        front_size=[len(record.objectives) for record in records],
-        ties=[record.ties for record in records],
-    )
-    finals = [
-        (outcome.records[-1].plans if outcome.records else None)
-        or ((), np.empty((0, len(columns))))
-        for _, outcome in outcomes
-    ]
-    plans = _with_points(runs, [objectives for _, objectives in finals], columns)
-    trails = [
-        json.dumps(run.mission.mission.labels(plan), ensure_ascii=False)
-        for (run, _), (batch, _) in zip(outcomes, finals, strict=True)
-        for plan in batch
-    ]
-    distinct = {columns["environment"]: columns for columns in environments}
-    return {
-        "runs": runs,
-        "trace": trace,
-        "fronts": _with_points(
-            trace, [record.objectives for record in records], columns, "evaluations"
-        ),
-        "plans": plans.assign(trails=trails, plan_id=plans.groupby("run").cumcount()),
-        "environments": pd.DataFrame(
-            [distinct[digest] for digest in sorted(distinct)], columns=[*SCHEMAS["environments"]]
-        ),
-    }
-
-
-def _repeated(frame: pd.DataFrame, counts: Sequence[int], *further: str) -> pd.DataFrame:
-    """Return the identity of each run (each row of ``frame``), repeated ``counts`` times.
-
-    ``further`` columns are repeated with it.
-    """
-    rows = np.repeat(np.arange(len(frame)), np.array(counts, int))
-    identity = ["run", "mission", "algorithm", "seed"]
-    return frame.loc[:, [*identity, *further]].take(rows).reset_index(drop=True)
+def _repeated(frame: pd.DataFrame, parts: Sequence[Sized]) -> pd.DataFrame:
+    """Return each row of ``frame`` as often as its part has items."""
+    rows = np.repeat(np.arange(len(frame)), np.array(list(map(len, parts)), int))
+    return frame.take(rows).reset_index(drop=True)
 
 
 def _with_points(
-    frame: pd.DataFrame, fronts: Sequence[FloatArray], columns: Sequence[str], *further: str
+    frame: pd.DataFrame, fronts: Sequence[FloatArray], columns: Sequence[str]
 ) -> pd.DataFrame:
     """Return a row for each point of the fronts; each row of ``frame`` has one front."""
     points = np.concatenate([np.empty((0, len(columns))), *fronts])
-    repeated = _repeated(frame, list(map(len, fronts)), *further)
-    return repeated.assign(**dict(zip(columns, points.T, strict=True)))
+    return _repeated(frame, fronts).assign(**dict(zip(columns, points.T, strict=True)))

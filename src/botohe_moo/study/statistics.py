@@ -4,7 +4,7 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -167,9 +167,6 @@ def friedman(
     return float(statistic), float(tested.pvalue)
 
 
-# Values of each algorithm, by mission and indicator.
-Samples: TypeAlias = dict[tuple[str, str], dict[str, FloatArray]]
-
 MIN_ALGORITHMS, MIN_BLOCKS = 3, 5  # for Friedman's test
 _EFFECTS = ((0.71, "large"), (0.64, "medium"), (0.56, "small"), (0.0, "negligible"))
 _DECIMALS = 12  # before an effect is compared with these: a computed 0.56 may be 0.5599999
@@ -193,15 +190,6 @@ def merge_ties(values: ArrayLike) -> FloatArray:
     merged = np.empty_like(values)
     merged[order] = ordered[ends[np.searchsorted(ends, np.arange(len(values)))]]
     return merged
-
-
-def samples_of(indicators: pd.DataFrame) -> Samples:
-    """Return the values of every algorithm by mission and indicator, in the order of the table."""
-    samples: Samples = {}
-    groups: Any = indicators.groupby(["mission", "indicator", "algorithm"], sort=False)["value"]
-    for (mission, indicator, algorithm), values in groups:
-        samples.setdefault((mission, indicator), {})[algorithm] = values.to_numpy(float)
-    return samples
 
 
 def sign_of(indicator: str) -> int:
@@ -237,8 +225,10 @@ def compare_algorithms(
     without_front = runs.loc[runs["front_size"] == 0, ["mission", "algorithm"]].value_counts()
     n_lost: dict[Any, int] = without_front.to_dict()
     rows: list[dict[str, Any]] = []
-    for (mission, indicator), samples in samples_of(indicators).items():
-        sign = sign_of(indicator)
+    groups: Any = indicators.groupby(["mission", "indicator"], sort=False)
+    for (mission, indicator), scores in groups:
+        sign, values = sign_of(indicator), scores.groupby("algorithm")["value"]
+        samples = {label: of_label.to_numpy(float) for label, of_label in values}
         sides = {
             (one, other): _sides(samples[one], samples[other], sign)
             for one, other in pairs
@@ -251,8 +241,8 @@ def compare_algorithms(
                 if (n := n_lost.get((mission, label)))
             ]
             if lost:  # a low median would not tell why
-                ending = "; without a front, and scored as bringing nothing back: "
-                outcome["verdict"] += ending + ", ".join(lost)
+                scored = "without a front, and scored as bringing nothing back"
+                outcome["verdict"] += f"; {scored}: {', '.join(lost)}"
             rows.append(
                 {
                     "mission": mission,

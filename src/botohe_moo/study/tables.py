@@ -6,9 +6,9 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections import UserDict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -46,21 +46,21 @@ class Column(NamedTuple):
         return (_DTYPES if self.nullable else _COMPLETE)[self.type]
 
 
-class _Schemas(Mapping[str, dict[str, Column]]):
+class _Schemas(UserDict[str, Any]):
     """The columns of each table, by their names, as ``columns.csv`` lists them.
 
     Some tables have a column for each further indicator that is registered.
     """
 
     def __init__(self) -> None:
-        file = resources.files("botohe_moo.study").joinpath("columns.csv")
-        self._rows: dict[str, list[dict[str, str]]] = {}
+        super().__init__()
+        file = Path(__file__).with_name("columns.csv")
         for row in csv.DictReader(file.read_text("utf-8").splitlines()):
-            self._rows.setdefault(row["table"], []).append(row)
+            self.data.setdefault(row["table"], []).append(row)
 
     def __getitem__(self, table: str) -> dict[str, Column]:
         columns = {}
-        for row in self._rows[table]:
+        for row in self.data[table]:
             about = "; missing ".join(filter(None, [row["description"], row["missing"]]))
             names = [""] if "{indicator}" not in row["column"] else further_indicators()
             for name in names:
@@ -69,12 +69,6 @@ class _Schemas(Mapping[str, dict[str, Column]]):
                 column = row["column"].format(indicator=name)
                 columns[column] = Column(row["type"], said, bool(row["missing"]))
         return columns
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._rows)
-
-    def __len__(self) -> int:
-        return len(self._rows)
 
 
 SCHEMAS = _Schemas()
@@ -354,21 +348,16 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
             name: {column: Column(**of) for column, of in table["columns"].items()}
             for name, table in index["tables"].items()
         }
-        is_ours = index["format"] == _FORMAT and all(
-            SCHEMAS[name].keys() - {*OBJECTIVES} <= described.get(name, {}).keys()
-            for name in SCHEMAS
-        )
-        if not is_ours:
-            raise StudyError(f"{folder}: its tables are of another version. {remedy}")
         tables = {}
         for name in SCHEMAS:
+            lacking = SCHEMAS[name].keys() - {*OBJECTIVES} - described.get(name, {}).keys()
+            if lacking or index["format"] != _FORMAT:
+                raise ValueError("the tables are of another version")
             path = folder / index["tables"][name]["file"]
             data = read_bytes(path)
             if hashlib.sha256(data).hexdigest() != index["tables"][name]["sha256"]:
                 raise ValueError("it was changed, or a process was killed that made tables")
             tables[name] = _parsed(data, described[name])
-    except StudyError:
-        raise
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         reason = f"{error}".partition("\n")[0][:_LONGEST_REASON]
         raise StudyError(f"{path}: cannot be read ({reason}). {remedy}") from error

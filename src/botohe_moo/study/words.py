@@ -35,8 +35,8 @@ def significant(value: Any, digits: int = 3) -> str:
 
 
 def percent(share: Any) -> str:
-    """Return a share in percent; a dash where it is missing."""
-    return _DASH if pd.isna(share) else f"{100 * float(share):,.2f} %"
+    """Return a share in percent; a dash where it is missing or infinite."""
+    return _DASH if pd.isna(share) or share == math.inf else f"{100 * float(share):,.2f} %"
 
 
 def count(value: Any) -> str:
@@ -65,22 +65,17 @@ def level(tables: StudyTables) -> str:
 
 def budget_words(budget: Mapping[str, Any]) -> str:
     """Return a run's budget."""
-    limits = [
-        f"{count(budget[unit])} {unit}"
-        for unit in ("evaluations", "seconds")
-        if budget.get(unit) is not None
-    ]
-    return " or ".join(limits) or "no limit"
+    limits = {unit: budget.get(unit) for unit in ("evaluations", "seconds")}
+    given = [f"{count(limit)} {unit}" for unit, limit in limits.items() if limit is not None]
+    return " or ".join(given) or "no limit"
 
 
 def bound_words(mission: Mapping[Any, Any]) -> str:
     """Return the bound of a mission, a row of that table, in words; empty if it has none."""
     if pd.isna(mission["bound_area"]):
         return ""
-    took = significant(mission["bound_seconds"])
-    return (
-        f"No front whatsoever has an area above {fixed(mission['bound_area'])}, proved in {took} s."
-    )
+    area, took = fixed(mission["bound_area"]), significant(mission["bound_seconds"])
+    return f"No front whatsoever has an area above {area}, proved in {took} s."
 
 
 def reference_words(tables: StudyTables) -> str:

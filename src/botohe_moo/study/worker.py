@@ -19,16 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from botohe_moo.study import task as t
 from botohe_moo.study.perform import perform, special_kernels, warm_up
-from botohe_moo.study.task import (
-    MOST_SECONDS_TO_START,
-    BoundTask,
-    Outcome,
-    Task,
-    code_mismatch,
-    environment,
-    failure,
-)
 
 if TYPE_CHECKING:
     from botohe_moo.bounds import FrontBound
@@ -45,8 +37,8 @@ def main() -> None:
     with contextlib.suppress(EOFError, OSError):
         while True:
             connection.send(("ready", None))
-            task: Task | BoundTask = connection.recv()
-            if isinstance(task, BoundTask):
+            task: t.Task | t.BoundTask = connection.recv()
+            if isinstance(task, t.BoundTask):
                 result: Any = perform_bound(task)
             else:
                 result = _run(task, warm, connection)
@@ -54,19 +46,19 @@ def main() -> None:
             connection.send(("end", result))
 
 
-def _run(task: Task, warm: set[tuple[str, str]], connection: Connection) -> Outcome:
+def _run(task: t.Task, warm: set[tuple[str, str]], connection: Connection) -> t.Outcome:
     """Perform a run, and send its records; a run that takes too long ends the process."""
-    _end_unless_within(MOST_SECONDS_TO_START)
+    _end_unless_within(t.MOST_SECONDS_TO_START)
     run = task.run
-    if mismatch := code_mismatch({"version": run.setting["version"]}, [run.algorithm]):
-        return failure(f"the worker {mismatch}")
+    if mismatch := t.code_mismatch({"version": run.setting["version"]}, [run.algorithm]):
+        return t.failure(f"the worker {mismatch}")
     with contextlib.suppress(Exception):  # the run will raise and report it
         key = run.algorithm.algorithm, repr((run.algorithm.parameters, special_kernels(run)))
         if key not in warm:
             warm.add(key)
             warm_up(run)
     began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-    connection.send(("begin", (began, environment())))
+    connection.send(("begin", (began, t.environment())))
     # Algorithms have generators of their own. One that draws from a global generator nevertheless
     # should draw the same numbers each time.
     random.seed(run.seed)
@@ -78,7 +70,7 @@ def _run(task: Task, warm: set[tuple[str, str]], connection: Connection) -> Outc
     return perform(run, lambda record: connection.send(("record", record)), progress)
 
 
-def perform_bound(task: BoundTask) -> "FrontBound | str":
+def perform_bound(task: t.BoundTask) -> "FrontBound | str":
     """Bound the front of a mission; an exception becomes a line that says what it was."""
     # Imported late: runs do not need it.
     from botohe_moo.bounds import bound_front
