@@ -1,12 +1,10 @@
 """The commands ``botohe library ...``."""
 
 import json
-import shutil
 from datetime import date
 from types import SimpleNamespace
 
-import pyarrow as pa
-import pyarrow.parquet as pq
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -88,9 +86,8 @@ def test_studies_are_added(botohe, library, tmp_path):
     assert methods == {f"nsga2 (pop_size=20), 100 evaluations, seed {seed}" for seed in (1, 2)}
 
 
-@pytest.fixture(scope="module")
-def studied(tmp_path_factory):
-    """The folder of a study."""
+@pytest.mark.slow
+def test_changed_plans_of_a_study_are_refused(botohe, library, tmp_path):
     study = {
         "name": "trial",
         "missions": {"mine": f"library:{SMALL}"},
@@ -98,30 +95,13 @@ def studied(tmp_path_factory):
         "budget": {"evaluations": 20},
         "seeds": 1,
     }
-    return run_study(study, tmp_path_factory.mktemp("study") / "trial").folder
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("trails", "fault"),
-    [
-        ("[[0, 99, 0], [0]]", "expected 2 trails of nodes of 'mine' in each plan"),
-        ("[[0]]", "expected 2 trails"),
-        ('{"a": 1}', "expected 2 trails"),
-        pytest.param("[" * 100_000, "expected 2 trails", id="deep"),
-        (None, "expected 2 trails"),
-        ("[[0, 5, 0], [0]]", "arc 0 -> 5 is missing"),
-    ],
-)
-def test_a_damaged_plan_of_a_study_is_named(botohe, library, tmp_path, studied, trails, fault):
-    shutil.copytree(studied, tmp_path / "trial")
-    path = tmp_path / "trial" / "plans.parquet"
-    table = pq.read_table(path)
-    column = table.column_names.index("trails")
-    changed = [trails, *table["trails"].to_pylist()[1:]]
-    pq.write_table(table.set_column(column, "trails", pa.array(changed, pa.string())), path)
+    run_study(study, tmp_path / "trial")
+    path = tmp_path / "trial" / "plans.csv.gz"
+    table = pd.read_csv(path, dtype=str)
+    table.loc[0, "trails"] = "[[0, 5, 0], [0]]"
+    table.to_csv(path, index=False)
     said = botohe("add", tmp_path / "trial", "--by", "Ada", *library, status=2)
-    assert fault in " ".join(said.split())
+    assert f"{path}: cannot be read (it was changed" in said
     assert list(library[1].iterdir()) == []
 
 
@@ -137,8 +117,8 @@ def test_plans_of_another_mission_are_refused(botohe, library, tmp_path):
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        (lambda plan: plan["trails"].__setitem__(0, [0, 5, 0]), "plan 3"),
-        (lambda plan: plan.update(reward=99.0), "plan 3: expected the objectives"),
+        (lambda plan: plan["trails"].__setitem__(0, [0, 5, 0]), "Plan 3"),
+        (lambda plan: plan.update(reward=99.0), "Plan 3: expected the objectives"),
     ],
 )
 def test_an_invalid_plan_is_named(botohe, library, solved, change, fault):
