@@ -20,13 +20,11 @@ from botohe_moo.base.messages import (
     unknown_parameter,
 )
 from botohe_moo.base.parameters import (
-    Fault,
     Parameter,
     Robots,
     accepted_parameters,
     call_factory,
     checked,
-    raised_faults,
     signature_parameters,
 )
 from botohe_moo.base.registry import Registry, package_of
@@ -340,22 +338,6 @@ def save_mission(mission: Mission, path: FilePath) -> None:
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     replace_file(path, data)
-
-
-def mission_faults(
-    name_or_path: FilePath, parameters: Mapping[str, Any] | None = None
-) -> list[Fault]:
-    """Return everything that keeps `load_mission` from making a mission.
-
-    As :func:`~botohe_moo.algorithms.registry.algorithm_faults` does; ``robots`` and
-    ``lengths_from_pos`` are parameters, too.
-
-    Examples
-    --------
-    >>> mission_faults("terrain", {"nodes": "50", "robots": 3})
-    [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
-    """
-    return raised_faults(partial(load_mission, name_or_path), parameters or {})
 
 
 def mission_parameters(name_or_path: FilePath) -> tuple[Parameter, ...]:
