@@ -10,10 +10,11 @@ import pytest
 from typer.testing import CliRunner
 
 from botohe_moo import load_mission, make_algorithm
-from botohe_moo.algorithms.registry import algorithm_faults, algorithm_parameters
+from botohe_moo.algorithms.registry import algorithm_parameters
 from botohe_moo.base.parameters import UNIONS, is_scalar
 from botohe_moo.cli.app import app
-from botohe_moo.mission.loading import mission_faults, mission_parameters
+from botohe_moo.mission.loading import mission_parameters
+from tests.faults import algorithm_faults, mission_faults
 
 pytestmark = pytest.mark.slow
 

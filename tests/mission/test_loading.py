@@ -16,7 +16,8 @@ from botohe_moo.mission import (
     save_mission,
 )
 from botohe_moo.mission.formats.reading import suffixes
-from botohe_moo.mission.loading import mission_faults, mission_parameters
+from botohe_moo.mission.loading import mission_parameters
+from tests.faults import mission_faults
 
 DATA = Path(__file__).parents[1] / "data"
 

@@ -547,7 +547,8 @@ seeds: 1
             """,
         )
         *_, line = lines(path)
-        assert f"{path}:2: missions.site: Mission 'toy': robots of kind 'drone' cannot keep" in line
+        place = f"{path}:2: missions.site.mission: 'site.json': "
+        assert f"{place}Mission 'toy': robots of kind 'drone' cannot keep" in line
         assert "cannot keep min_survival 0.99. The safest way" in line
 
     def test_bounds_of_robots_that_carry_something(self, tmp_path):

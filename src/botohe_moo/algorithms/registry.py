@@ -2,7 +2,7 @@
 
 import functools
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from pymoo.core.algorithm import Algorithm
@@ -58,22 +58,6 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     source, accepted = ALGORITHMS.source(name), accepted_by(factory)
     made: Algorithm = p.call_factory(source, factory, accepted, parameters, wanted=Algorithm)
     return made
-
-
-def algorithm_faults(name: str, parameters: Mapping[str, Any] | None = None) -> list[p.Fault]:
-    """Return everything that keeps :func:`make_algorithm` from making an algorithm.
-
-    These are pairs of a parameter's name (None for the whole) and what is wrong. If all parameters
-    are of their types, the algorithm is made, to see what its constructor raises.
-
-    Examples
-    --------
-    >>> algorithm_faults("bo-aco", {"n_ants": "100", "evaporation": 0.5})
-    [('n_ants', "Expected n_ants to be an integer in [1, 1000000], got '100'.")]
-    >>> algorithm_faults("bo-aco", {"evaporation": 1.3})
-    [('evaporation', 'Expected evaporation in (0, 1), got 1.3.')]
-    """
-    return p.raised_faults(functools.partial(make_algorithm, name), parameters or {})
 
 
 def algorithm_names() -> tuple[str, ...]:

@@ -534,7 +534,7 @@ def raised_faults(make: Callable[..., Any], values: Mapping[str, Any]) -> list[F
         return [(None, fault) for fault in error.faults]
     except m.ParameterError as error:
         return [*error.faults]
-    except Exception as error:  # whatever another package's code may raise
+    except (Exception, SystemExit) as error:  # whatever another package's code may raise
         kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
         return [(None, f"{kind}{error}")]
     return []

@@ -337,22 +337,6 @@ def save_mission(mission: Mission, path: FilePath) -> None:
     files.replace_file(path, data)
 
 
-def mission_faults(
-    name_or_path: FilePath, parameters: Mapping[str, Any] | None = None
-) -> list[p.Fault]:
-    """Return everything that keeps `load_mission` from making a mission.
-
-    As :func:`~botohe_moo.algorithms.registry.algorithm_faults` does; ``robots`` and
-    ``lengths_from_pos`` are parameters, too.
-
-    Examples
-    --------
-    >>> mission_faults("terrain", {"nodes": "50", "robots": 3})
-    [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
-    """
-    return p.raised_faults(partial(load_mission, name_or_path), parameters or {})
-
-
 def mission_parameters(name_or_path: FilePath) -> tuple[p.Parameter, ...]:
     """List the parameters of a named mission, or the options of files in a format."""
     if function := find_factory(name_or_path):

@@ -1,25 +1,17 @@
 """The content of a study file, as pydantic models."""
 
-import functools
 import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    StringConstraints,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+import pydantic
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from botohe_moo.base.messages import check_choice, quoted
+from botohe_moo.base.parameters import NotNegative, Probability, Size
 from botohe_moo.base.registry import is_path
 from botohe_moo.indicators import INDICATORS
 from botohe_moo.mission.loading import ENTRIES, PREFIX, SELECTIONS, library_names
@@ -27,6 +19,7 @@ from botohe_moo.mission.loading import ENTRIES, PREFIX, SELECTIONS, library_name
 _MAX_EVALUATIONS = 10**12
 _MAX_SEEDS = 100_000
 _NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
+_NAMED = "letters, digits, dots, dashes and underscores, the first a letter or a digit"
 
 
 def value_text(value: Any) -> str:
@@ -78,7 +71,7 @@ def _check_distinct(what: str, values: Sequence[Any]) -> Sequence[Any]:
 
 
 def _all_distinct(what: str) -> AfterValidator:
-    return AfterValidator(functools.partial(_check_distinct, what))
+    return AfterValidator(partial(_check_distinct, what))
 
 
 def _check_indicator(value: str) -> str:
@@ -127,16 +120,11 @@ def _members_of(label: str, entry: Any) -> Iterator[tuple[str, Any]]:
         yield (member if label == name else own), one
 
 
-Text = Annotated[str, StringConstraints(min_length=1, max_length=200), AfterValidator(_check_line)]
+Text = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_check_line)]
 # matplotlib leaves labels that begin with _ out of legends.
 Label = Annotated[Text, _matching("[^_].*", "a label that does not begin with _")]
 Name = Annotated[
-    str,
-    StringConstraints(max_length=100),
-    _matching(
-        _NAME, "letters, digits, dots, dashes and underscores, the first a letter or a digit"
-    ),
-    Field(json_schema_extra={"pattern": _NAME}),
+    str, Field(max_length=100, json_schema_extra={"pattern": _NAME}), _matching(_NAME, _NAMED)
 ]
 IndicatorName = Annotated[
     str,
@@ -156,15 +144,11 @@ SeedList = Annotated[list[Seed], Field(min_length=1, max_length=_MAX_SEEDS), _al
 Values = Annotated[list[Any], Field(min_length=1), _all_distinct("value")]
 
 
-class _Entry(BaseModel):
+class _Entry(pydantic.BaseModel):
     """A mapping in the study file: nothing is converted, and no key is ignored."""
 
-    model_config = ConfigDict(
-        allow_inf_nan=False,
-        extra="forbid",
-        frozen=True,
-        strict=True,
-        use_attribute_docstrings=True,
+    model_config = pydantic.ConfigDict(
+        allow_inf_nan=False, extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True
     )
 
 
@@ -179,7 +163,7 @@ class Budget(_Entry):
     """How long after the time is up a run is killed that does not come to the end of an
     iteration."""
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _check_that_one_is_given(self) -> Self:
         if self.evaluations is None and self.seconds is None:
             raise ValueError("expected evaluations or seconds, or both, found neither")
@@ -210,10 +194,11 @@ class _Family(_Entry):
 
     @property
     def own_parameters(self) -> dict[str, Any]:
-        """Parameters that are keys of the entry."""
-        return {}
+        """Parameters that every mission takes, which are keys of the entry."""
+        given = {name: getattr(self, name, None) for name in ("robots", "lengths_from_pos")}
+        return {name: value for name, value in given.items() if value}
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _check_parameters(self) -> Self:
         _check_distinct("parameter", [*self.own_parameters, *self.parameters, *self.grid])
         return self
@@ -224,23 +209,17 @@ class MissionEntry(_Family):
 
     mission: Text
     """A mission's name, or a mission file, relative to the study file."""
-    robots: Annotated[int, Field(ge=1)] | None = None
+    robots: Size | None = None
     """Team size; default: the mission's own."""
     lengths_from_pos: bool = False
     """Whether every arc is as long as its nodes are apart, by their pos."""
-    min_survival: Annotated[float, Field(ge=0, le=1)] = 0.0
+    min_survival: Probability = 0.0
     """Survival floor: every robot has to survive with at least this probability."""
-    max_length: Annotated[float, Field(ge=0)] | Literal["unlimited"] | None = None
+    max_length: NotNegative | Literal["unlimited"] | None = None
     """Travel budget: every robot's trail is at most this long, in the unit of the arcs' length;
     default: the mission's own, if it has one, which "unlimited" lifts."""
     budget: Budget | None = None
     """Budget of the runs on this mission; default: the study's."""
-
-    @property
-    def own_parameters(self) -> dict[str, Any]:
-        """Parameters that every mission takes, which are keys of the entry."""
-        given = {"robots": self.robots, "lengths_from_pos": self.lengths_from_pos}
-        return {name: value for name, value in given.items() if value}
 
 
 class AlgorithmEntry(_Family):
@@ -265,7 +244,7 @@ class Seeds(_Entry):
     values: SeedList | None = None
     """The seeds themselves, instead of a count."""
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _check_that_one_is_given(self) -> Self:
         if (self.count is None) == (self.values is None):
             found = "neither" if self.count is None else "both"
@@ -357,7 +336,7 @@ class StudyFile(_Entry):
     bounds: Bounds | None = None
     """Bounds to be proved on the missions' fronts; default: none. No run depends on them."""
 
-    @field_validator("budget")
+    @pydantic.field_validator("budget")
     @classmethod
     def _check_budget(cls, budget: Budget | None, info: ValidationInfo) -> Budget | None:
         missions = info.data.get("missions", {})  # none if they are not valid
@@ -368,7 +347,7 @@ class StudyFile(_Entry):
             )
         return budget
 
-    @field_validator("bounds", "reference")
+    @pydantic.field_validator("bounds", "reference")
     @classmethod
     def _check_objectives(cls, value: Any, info: ValidationInfo) -> Any:
         if value not in (None, "runs") and (problem := info.data.get("problem")):

@@ -105,35 +105,35 @@ class StudyFolder:
 
     def save(self, run: Run, outcome: Outcome) -> None:
         """Write the outcome of a run; records of a failed run are not kept."""
-        failed = self._path(run, FAILURES)
+        finished, failed = self._paths(run)
         with writing(self.path):
             if outcome.status == "failed":
                 replace_file(failed, _pack_run(run, replace(outcome, records=())))
             else:
-                replace_file(self._path(run, RUNS), _pack_run(run, outcome))
+                replace_file(finished, _pack_run(run, outcome))
                 failed.unlink(missing_ok=True)
 
     def load(self, run: Run) -> Outcome | None:
         """Read the outcome of a run, or its last failure; None if there is neither."""
-        for path in (self._path(run, RUNS), self._path(run, FAILURES)):
-            if path.exists():
-                return _read_run(path, run)
-        return None
+        path = next(filter(Path.exists, self._paths(run)), None)
+        return _read_run(path, run) if path else None
+
+    def _paths(self, run: Run) -> tuple[Path, Path]:
+        """Return the files of a run that is finished, and of its last failure."""
+        name = f"{run.digest}.npz"
+        return self.path / RUNS / name, self.path / FAILURES / name
 
     def outcomes(self, runs: Iterable[Run]) -> Iterator[tuple[Run, Outcome]]:
         """Read the outcomes of the runs that have one; a StudyError names all damaged files."""
         damaged = []
         for run in runs:
             try:
-                if (outcome := self.load(run)) is not None:
+                if outcome := self.load(run):
                     yield run, outcome
             except StudyError as error:
                 damaged.append(str(error))
         if damaged:
             raise StudyError("\n".join(damaged))
-
-    def _path(self, run: Run, part: str) -> Path:
-        return self.path / part / f"{run.digest}.npz"
 
     def bound(self, mission: StudyMission) -> tuple[FrontBound, float] | None:
         """Read the bound of a mission that was allowed the most seconds, and these seconds.
@@ -160,13 +160,12 @@ class StudyFolder:
         """List the files that a study's tables are made from, with sizes and times of change."""
         digests = {run.digest for run in study.runs()}
         digests |= {mission.bound_digest for mission in study.missions}
-        files = [
+        return sorted(
             (f"{part}/{path.name}", path.stat().st_size, path.stat().st_mtime_ns)
             for part in (RUNS, FAILURES, BOUNDS)
             for path in (self.path / part).glob("[!.]*")
             if path.stem.partition("-")[0] in digests
-        ]
-        return sorted(files)
+        )
 
     def take_from(self, other: Path) -> None:
         """Copy the files of runs, failures, missions and bounds that are not there yet."""
@@ -200,17 +199,14 @@ def restore_study(folder: Path) -> Study:
     manifest = read_manifest(folder)
     with _reading(folder / MANIFEST):
         kept = manifest["kept"]
-        files = [folder / MISSIONS / f"{mission['digest']}.json" for mission in kept["missions"]]
-    for mission, file in zip(kept["missions"], files, strict=True):
-        with _reading(file):
-            mission["mission"] = read_mission(file)
-    try:
-        return _STUDY.validate_python(kept)
-    except ValidationError:
-        raise StudyError(
-            f"{folder / MANIFEST}: written by another version; `botohe study run` with the study's "
-            "file takes its runs over."
-        ) from None
+        for mission in kept["missions"]:
+            file = folder / MISSIONS / f"{mission['digest']}.json"
+            with _reading(file):
+                mission["mission"] = read_mission(file)
+        try:
+            return _STUDY.validate_python(kept)
+        except ValidationError as error:
+            raise ValueError("it was written by another version") from error
 
 
 def _pack_run(run: Run, outcome: Outcome) -> bytes:
@@ -257,6 +253,8 @@ def _reading(path: Path) -> Iterator[None]:
     """Turn any exception into a StudyError that says that the file is damaged."""
     try:
         yield
+    except StudyError:
+        raise
     except Exception as error:  # numpy and zipfile do not say which a damaged file raises
         reason = " ".join(f"{error}".split())[:_LONGEST_REASON]
         raise StudyError(

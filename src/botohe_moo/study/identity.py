@@ -2,6 +2,7 @@
 
 import functools
 import hashlib
+import re
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -108,12 +109,12 @@ def _canonical_name(name: str) -> str:
     if not is_path(name):
         return name
     found = resolve_name(name)
-    owner = getattr(found, "__self__", None)  # of a class's method
-    module = getattr(owner if isinstance(owner, type) else found, "__module__", None)
-    within = getattr(found, "__qualname__", None)
-    if isinstance(owner, type):
-        within = f"{owner.__qualname__}.{found.__name__}"
-    path = f"{module}:{within}" if module and within else name
+    if isinstance(owner := getattr(found, "__self__", None), type):  # of a class's method
+        path = f"{owner.__module__}:{owner.__qualname__}.{found.__name__}"
+    elif hasattr(found, "__module__") and hasattr(found, "__qualname__"):
+        path = f"{found.__module__}:{found.__qualname__}"
+    else:
+        path = name
     values = {entry.value: known for known, (entry, *_) in ALGORITHMS.claims().items()}
     return values.get(path) or values.get(name) or path
 
@@ -131,33 +132,25 @@ def algorithm_origin(
     """
     factory = find_algorithm(name)
     path = _canonical_name(name)
-    parts = [(name, factory)]
-    if is_path(path):
-        owner = _distribution_of(path.partition(":")[0])
-    else:
-        entry = ALGORITHMS.entry(path)
-        owner = entry.dist
-        parts = [(entry.value, factory)]
+    entry = None if is_path(path) else ALGORITHMS.entry(path)
+    origin = package_of(entry.dist if entry else _distribution_of(path))
+    parts = [(entry.value if entry else name, factory)]
     if parameters and any(kind in parameters for kind in OPERATORS):
         from botohe_moo.operators.registry import named_operators  # loads all operators
 
         parts += named_operators(parameters)
-    origin = package_of(owner)
     if problem is not None:
         kind = find_problem(problem)
         parts.append((problem, kind))
-        owner = _distribution_of(
-            (problem if is_path(problem) else kind.__module__).partition(":")[0]
-        )
-        origin["problem"] = problem
-        origin |= {f"problem_{key}": value for key, value in package_of(owner).items()}
+        owner = package_of(_distribution_of(problem if is_path(problem) else kind.__module__))
+        origin |= {"problem": problem, **{f"problem_{key}": owner[key] for key in owner}}
     return {**origin, "source": _source_digest(parts)}
 
 
 @functools.cache
-def _distribution_of(module: str) -> metadata.Distribution | None:
+def _distribution_of(path: str) -> metadata.Distribution | None:
     """Return the distribution that installed a module; None for one that is only on the path."""
-    package = module.partition(".")[0]
+    package = re.split("[:.]", path)[0]
     # A distribution installed for editing lists no modules, but often has its package's name.
     for owner in (*metadata.packages_distributions().get(package, ()), package):
         try:
@@ -177,7 +170,5 @@ def _source_digest(parts: Iterable[tuple[str, Any]]) -> str | None:
             file = getattr(sys.modules.get(module), "__file__", None)
             if file and module.partition(".")[0] not in _VERSIONED:
                 files.append(file)
-    digest = hashlib.sha256()
-    for file in dict.fromkeys(files):
-        digest.update(Path(file).read_bytes())
-    return digest.hexdigest() if files else None
+    code = b"".join(Path(file).read_bytes() for file in dict.fromkeys(files))
+    return hashlib.sha256(code).hexdigest() if files else None

@@ -3,45 +3,40 @@
 import itertools
 import json
 import math
+import operator
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias, get_args
+from typing import Any, TypeAlias, TypeVar, get_args
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo.algorithms.registry import algorithm_faults, make_algorithm
+from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.base.documents import Document, DocumentError
 from botohe_moo.base.files import read_bytes
 from botohe_moo.base.messages import most_alike, quoted
-from botohe_moo.base.parameters import faults_in
+from botohe_moo.base.parameters import faults_in, raised_faults
 from botohe_moo.bounds.plain import check_boundable
 from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.formats.reading import is_file_name
-from botohe_moo.mission.loading import load_mission, mission_faults, mission_origin, relative_to
-from botohe_moo.mission.model import Mission, mission_digest
-from botohe_moo.objectives import Objectives
+from botohe_moo.mission.loading import load_mission, mission_origin, relative_to
+from botohe_moo.mission.model import mission_digest
 from botohe_moo.problem import BOTOHE, PROBLEMS, find_problem
+from botohe_moo.study import model as m
 from botohe_moo.study.content import StudyFile, canonical, value_text
-from botohe_moo.study.identity import OPERATORS, algorithm_identity, algorithm_origin
-from botohe_moo.study.model import (
-    Study,
-    StudyAlgorithm,
-    StudyError,
-    StudyMission,
-    result_key,
-    seeds_of,
-)
+from botohe_moo.study.identity import algorithm_identity, algorithm_origin
 
+T = TypeVar("T")
 Place: TypeAlias = tuple[int | str, ...]  # keys and positions on the way to a value
 Fault: TypeAlias = tuple[Place, str]  # what is wrong there, as a sentence
 
 _MOST_RUNS = 250_000  # each takes 200 bytes of memory, and a file
 
 
-def load_study(source: str | os.PathLike[str] | Mapping[str, Any]) -> Study:
+def load_study(source: str | os.PathLike[str] | Mapping[str, Any]) -> m.Study:
     """Read a study file, and check all of it before anything runs.
 
     Parameters
@@ -70,7 +65,10 @@ def load_study(source: str | os.PathLike[str] | Mapping[str, Any]) -> Study:
     """
     path, document = Path(), None
     if isinstance(source, Mapping):
-        content = _as_json(source)
+        try:
+            content = json.loads(json.dumps(source, default=_plain))
+        except (TypeError, RecursionError, ValueError) as error:  # such as one that holds itself
+            raise m.StudyError(f"Expected what a study file can hold: {error}.") from None
         text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"  # JSON is YAML, too
     else:
         path = Path(source)
@@ -78,15 +76,15 @@ def load_study(source: str | os.PathLike[str] | Mapping[str, Any]) -> Study:
         try:
             document = Document(text)
         except DocumentError as error:
-            raise StudyError(f"{path}:{error}") from None
-        content = _as_json(document.content, f"{path}: ")
+            raise m.StudyError(f"{path}:{error}") from None
+        content = document.content
     found = validate(content, text, path.parent)
-    if isinstance(found, Study):
+    if isinstance(found, m.Study):
         return found
-    raise StudyError("\n".join(_lines(found, path, document)))
+    raise m.StudyError("\n".join(_lines(found, path, document)))
 
 
-def validate(content: Any, text: str = "", folder: Path = Path()) -> Study | list[Fault]:
+def validate(content: Any, text: str = "", folder: Path = Path()) -> m.Study | list[Fault]:
     """Check the content of a study file; return the study, or everything that is wrong with it.
 
     ``text`` is kept with the study, and paths in the content are relative to ``folder``. The code
@@ -96,33 +94,30 @@ def validate(content: Any, text: str = "", folder: Path = Path()) -> Study | lis
         file = StudyFile.model_validate(content)
     except ValidationError as invalid:
         return faults_in(content, invalid, known_keys=_known_keys)
-    seeds = seeds_of(file.seeds)
+    seeds = m.seeds_of(file.seeds)
     n_runs = _n_members(file.missions) * _n_members(file.algorithms) * len(seeds)
     if n_runs > _MOST_RUNS:
         return [(("seeds",), f"expected at most {_MOST_RUNS:,} runs, found {n_runs:,}.")]
     faults: list[Fault] = []
-
-    def fault(place: Place, message: str) -> None:
-        faults.append((place, message))
-
-    loaded = (_read_mission(m, file, folder, fault) for m in _members(file.missions))
-    missions = [mission for mission in loaded if mission]
+    read_mission = partial(_read_mission, file=file, folder=folder)
+    missions = _read_all("mission", file.missions, read_mission, faults)
     problem = file.problem
     if problem is not None:
-        judged = _with_objectives(missions, problem, fault)
-        missions, problem = (judged, problem) if judged else (missions, None)
-    algorithms = _read_algorithms(_members(file.algorithms), problem, fault)
+        try:
+            missions = _with_objectives(missions, problem)
+        except ValueError as error:
+            said = str(error).removeprefix(f"{PROBLEMS.source(problem)}: ").rstrip(".")
+            faults.append((("problem",), f"{problem!r}: {said}."))
+            problem = None
+    read_algorithm = partial(_read_algorithm, problem=problem)
+    algorithms = _read_all("algorithm", file.algorithms, read_algorithm, faults)
     if not faults:
-        _check_together(file, missions, algorithms, fault)
-    if faults:
-        return faults
-    return Study(file, text, tuple(missions), tuple(algorithms), seeds)
+        faults += _faults_together(file, missions, algorithms)
+    return faults or m.Study(file, text, tuple(missions), tuple(algorithms), seeds)
 
 
-_Note: TypeAlias = Callable[[Place, str], None]  # notes a fault
-
-
-class _Member(NamedTuple):
+@dataclass(frozen=True)
+class _Member:
     """A mission or algorithm of an entry: one combination of its grid, or all there is."""
 
     family: str  # label of the entry
@@ -133,13 +128,8 @@ class _Member(NamedTuple):
 
     def place(self, kind: str, parameter: str | None) -> Place:
         """Return where the file gives a parameter, or for None its name."""
-        own: Place = (f"{kind}s", self.family)
-        if parameter is None:
-            return (*own, kind)
-        for key in ("grid", "parameters"):
-            if parameter in getattr(self.entry, key):
-                return (*own, key, parameter)
-        return (*own, parameter)
+        key = [key for key in ("grid", "parameters") if parameter in getattr(self.entry, key)]
+        return (f"{kind}s", self.family, *key, parameter or kind)
 
 
 def _n_members(entries: Mapping[str, Any]) -> int:
@@ -157,33 +147,38 @@ def _members(entries: Mapping[str, Any]) -> Iterator[_Member]:
             yield _Member(family, label, entry, {**entry.parameters, **grid}, grid)
 
 
-def _read_mission(
-    member: _Member, file: StudyFile, folder: Path, fault: _Note
-) -> StudyMission | None:
-    """Load a mission with its limits, or note why it cannot be used."""
+def _read_all(
+    kind: str, entries: Mapping[str, Any], read: Callable[[_Member], T], faults: list[Fault]
+) -> list[T]:
+    """Read the missions or algorithms of entries; note what keeps some from being read."""
+    found: list[T] = []
+    for member in _members(entries):
+        for key, said in raised_faults(lambda each: found.append(read(each)), {"each": member}):
+            name = getattr(member.entry, kind)
+            faults.append((member.place(kind, key), said if key else f"{name!r}: {said}"))
+    return found
+
+
+def _read_mission(member: _Member, file: StudyFile, folder: Path) -> m.StudyMission:
+    """Load a mission that can be saved with the study, and is the same each time."""
     entry, name = member.entry, member.entry.mission
     budget: Any = entry.budget or file.budget  # one of them is there, as pydantic has checked
+    _refuse_main(name)
     if is_file_name(name):
         name = str(folder / name)
     parameters = {**entry.own_parameters, **relative_to(folder, name, member.parameters)}
-    try:
-        mission = _load(name, parameters)
-    except (Exception, SystemExit) as error:  # whatever another package's code may do
-        found = [] if _is_main(name) else mission_faults(name, parameters)
-        for key, said in found or [(None, _said(error))]:
-            fault(member.place("mission", key), said if key else f"{name!r}: {said}")
-        return None
+    mission, origin = load_mission(name, **parameters), mission_origin(name)
+    mission_content(mission)  # raises if it cannot be saved
+    foreign = ":" in name or origin["package"] not in (None, "botohe-moo")
+    if foreign and load_mission(name, **parameters) != mission:
+        raise ValueError("it gives another mission each time; it needs a seed as a parameter")
     limit = math.inf if entry.max_length == "unlimited" else entry.max_length
-    try:
-        problem = BOTOHE(mission, min_survival=entry.min_survival, max_length=limit)
-    except ValueError as error:
-        fault(("missions", member.family), str(error))
-        return None
-    return StudyMission(
+    problem = BOTOHE(mission, min_survival=entry.min_survival, max_length=limit)
+    return m.StudyMission(
         label=member.label,
         mission=mission,
         source={"name_or_path": name, **parameters},
-        origin=mission_origin(name),
+        origin=origin,
         min_survival=entry.min_survival,
         max_length=problem.max_length,
         budget=budget,
@@ -193,25 +188,26 @@ def _read_mission(
     )
 
 
-def _load(name: str, parameters: Mapping[str, Any]) -> Mission:
-    """Load a mission that can be saved with the study, and is the same each time."""
-    _refuse_main(name)
-    mission = load_mission(name, **parameters)
-    mission_content(mission)  # raises if it cannot be saved
-    foreign = ":" in name or mission_origin(name)["package"] not in (None, "botohe-moo")
-    if foreign and load_mission(name, **parameters) != mission:
-        raise ValueError("it gives another mission each time; it needs a seed as a parameter")
-    return mission
-
-
-def _is_main(value: Any) -> bool:
-    return isinstance(value, str) and value.startswith("__main__:")
+def _read_algorithm(member: _Member, problem: str | None) -> m.StudyAlgorithm:
+    """Make an algorithm once, to see that it can be made, and find out what identifies it."""
+    name, parameters = member.entry.algorithm, member.parameters
+    _refuse_main(name, *parameters.values())
+    make_algorithm(name, **parameters)
+    return m.StudyAlgorithm(
+        label=member.label,
+        algorithm=name,
+        parameters=parameters,
+        origin=algorithm_origin(name, parameters, problem),
+        identity=algorithm_identity(name, parameters),
+        family=member.family,
+        grid=member.grid,
+    )
 
 
 def _refuse_main(*values: Any) -> None:
     """Refuse what ``__main__`` defines: the processes that perform runs cannot import it."""
     for value in values:
-        if _is_main(value):
+        if isinstance(value, str) and value.startswith("__main__:"):
             name = value.partition(":")[2]
             raise ValueError(
                 "runs are performed in other processes, which cannot import what a notebook or "
@@ -219,94 +215,45 @@ def _refuse_main(*values: Any) -> None:
             )
 
 
-def _read_algorithms(
-    members: Iterable[_Member], problem: str | None, fault: _Note
-) -> list[StudyAlgorithm]:
-    """Check algorithms with their parameters; note what is wrong with them."""
-    origins: dict[str, dict[str, str | None]] = {}  # each reads files, and many are the same
-    algorithms = []
-    for member in members:
-        name, parameters = member.entry.algorithm, member.parameters
+def _with_objectives(missions: Iterable[m.StudyMission], path: str) -> list[m.StudyMission]:
+    """Return missions with a problem's objectives; a ValueError says what is wrong with it."""
+    _refuse_main(path)
+    find_problem(path)
+    judged = []
+    for mission in missions:
         try:
-            _refuse_main(name, *parameters.values())
-            found = algorithm_faults(name, parameters)
-        except ValueError as error:
-            found = [(None, f"{error}.")]
-        for key, said in found:
-            fault(member.place("algorithm", key), said if key else f"{name!r}: {said}")
-        if found:
-            continue
-        code = f"{name} {[parameters.get(kind) for kind in OPERATORS]}"
-        if code not in origins:
-            origins[code] = algorithm_origin(name, parameters, problem)
-        algorithms.append(
-            StudyAlgorithm(
-                label=member.label,
-                algorithm=name,
-                parameters=parameters,
-                origin=origins[code],
-                identity=algorithm_identity(name, parameters),
-                family=member.family,
-                grid=member.grid,
-            )
-        )
-    return algorithms
+            problem = mission.problem(path)
+        except (Exception, SystemExit) as error:  # whatever another package's code may raise
+            raise ValueError(f"it cannot be made ({type(error).__name__}: {error})") from error
+        stated = problem.objectives
+        if problem.n_obj != len(stated):
+            expected = f"expected n_obj = {len(stated)}, as its objectives state"
+            raise ValueError(f"{expected}, got {problem.n_obj}")
+        judged.append(replace(mission, own_objectives=stated))
+    return judged
 
 
-def _with_objectives(
-    missions: Iterable[StudyMission], path: str, fault: _Note
-) -> list[StudyMission]:
-    """Return missions with a problem's objectives; note what is wrong."""
-    try:
-        _refuse_main(path)
-        find_problem(path)
-        return [replace(m, own_objectives=_objectives(m, path)) for m in missions]
-    except ValueError as error:
-        said = str(error).removeprefix(f"{PROBLEMS.source(path)}: ").rstrip(".")
-        fault(("problem",), f"{path!r}: {said}.")
-        return []
-
-
-def _objectives(mission: StudyMission, path: str) -> Objectives:
-    try:
-        problem = mission.problem(path)
-    except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        raise ValueError(f"it cannot be made ({type(error).__name__}: {error})") from error
-    if problem.n_obj != len(problem.objectives):
-        expected = f"expected n_obj = {len(problem.objectives)}, as its objectives state"
-        raise ValueError(f"{expected}, got {problem.n_obj}")
-    return problem.objectives
-
-
-def _said(error: BaseException) -> str:
-    return str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
-
-
-def _check_together(
-    file: StudyFile,
-    missions: Sequence[StudyMission],
-    algorithms: Sequence[StudyAlgorithm],
-    fault: _Note,
-) -> None:
-    """Note what is wrong with missions and algorithms that are right one by one."""
+def _faults_together(
+    file: StudyFile, missions: Sequence[m.StudyMission], algorithms: Sequence[m.StudyAlgorithm]
+) -> Iterator[Fault]:
+    """Yield what is wrong with missions and algorithms that are right one by one."""
     tried = [mission for mission in missions if not mission.mission.is_plain]
-    if file.problem and not tried:
-        tried = [*missions[:1]]
+    if file.problem:
+        tried = tried or [missions[0]]
     for algorithm in algorithms:
         reasons = (_refusal(algorithm, mission.problem(file.problem)) for mission in tried)
         if why := next(filter(None, reasons), None):
             place = ("algorithms", algorithm.family, "algorithm")
-            fault(place, f"{algorithm.algorithm!r}: {why}")
-    for mission in missions:
+            yield place, f"{algorithm.algorithm!r}: {why}"
+    if file.bounds:
         try:
-            if file.bounds:
+            for mission in missions:
                 check_boundable(mission.mission, "bound_front")
         except ValueError as error:
-            fault(("bounds",), str(error))
-            break
+            yield ("bounds",), str(error)
     for mission in missions:
         if file.reference == "best-known" and mission.library_name is None:
-            fault(
+            yield (
                 ("missions", mission.family),
                 "reference: best-known expects missions of the library with their own robots "
                 f"and limits; {quoted(mission.label)} is not one, or has others.",
@@ -315,23 +262,18 @@ def _check_together(
     # are not limited by seconds.
     unlimited = [mission for mission in missions if mission.budget.seconds is None]
     first = (unlimited or missions)[0]
-    keys = [result_key(mission, algorithms[0], file.recording) for mission in missions]
-    _check_distinct("mission", missions, keys, "", fault)
-    keys = [result_key(first, algorithm, file.recording) for algorithm in algorithms]
-    _check_distinct(
-        "algorithm",
-        algorithms,
-        keys,
-        ": defaults, spellings and numbers of threads make no other run",
-        fault,
-    )
+    each = [m.result_key(mission, algorithms[0], file.recording) for mission in missions]
+    yield from _same_keys("missions", missions, each, "")
+    each = [m.result_key(first, algorithm, file.recording) for algorithm in algorithms]
+    why = ": defaults, spellings and numbers of threads make no other run"
+    yield from _same_keys("algorithms", algorithms, each, why)
     labels = [algorithm.label for algorithm in algorithms]
     if (control := file.comparison.control) is not None and control not in labels:
         known = most_alike(control, labels)
-        fault(("comparison", "control"), f"there is no algorithm {quoted(control)}{known}.")
+        yield ("comparison", "control"), f"there is no algorithm {quoted(control)}{known}."
 
 
-def _refusal(algorithm: StudyAlgorithm, problem: BOTOHE) -> str | None:
+def _refusal(algorithm: m.StudyAlgorithm, problem: BOTOHE) -> str | None:
     """Return why an algorithm refuses a problem, in the words of ``minimize``; None if not."""
     try:
         made = make_algorithm(algorithm.algorithm, **algorithm.parameters)
@@ -343,16 +285,14 @@ def _refusal(algorithm: StudyAlgorithm, problem: BOTOHE) -> str | None:
     return None
 
 
-def _check_distinct(
-    kind: str, members: Sequence[Any], keys: Iterable[Any], why: str, fault: _Note
-) -> None:
-    """Refuse missions or algorithms whose results depend on the same."""
+def _same_keys(kind: str, members: Sequence[Any], keys: Iterable[Any], why: str) -> Iterator[Fault]:
+    """Yield the missions or algorithms whose results depend on the same as those of another."""
     seen: dict[str, Any] = {}
     for member, key in zip(members, keys, strict=True):
         other = seen.setdefault(canonical(key), member)
         if other is not member:
             same = f"{quoted(member.label)} is the same as {quoted(other.label)}"
-            fault((f"{kind}s", member.family), f"{same}{why}.")
+            yield (kind, member.family), f"{same}{why}."
 
 
 def study_schema() -> str:
@@ -378,24 +318,16 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
 
 def _lines(faults: Iterable[Fault], path: Path, document: Document | None) -> list[str]:
     """Return a line of text for each fault, each once, in the order of the file if there is one."""
-    numbered: dict[tuple[int, str], None] = {}
+    numbered = {}
     for place, sentence in faults:
-        line = document.line(place) if document else 0
         text = f"{'.'.join(map(str, place))}: {sentence}" if place else sentence
-        numbered[line, " ".join(text.split())] = None
-    ordered = sorted(numbered, key=lambda entry: entry[0])
-    return [f"{path}:{line}: {text}" if document else text for line, text in ordered]
-
-
-def _as_json(content: Any, where: str = "") -> Any:
-    """Return content with the types of JSON only: mappings, lists, texts, numbers, flags."""
-    try:
-        return json.loads(json.dumps(content, default=_plain))
-    except (TypeError, RecursionError, ValueError) as error:  # such as one that contains itself
-        raise StudyError(f"{where}Expected what a study file can hold: {error}.") from None
+        numbered[" ".join(text.split())] = document.line(place) if document else 0
+    ordered = sorted(numbered.items(), key=operator.itemgetter(1))
+    return [f"{path}:{line}: {text}" if document else text for text, line in ordered]
 
 
 def _plain(value: Any) -> Any:
+    """Return what is no type of JSON as one that is: mappings and numbers of numpy."""
     if isinstance(value, Mapping):
         return dict(value)
     if isinstance(value, np.generic):
@@ -408,6 +340,6 @@ def _read_text(path: Path) -> str:
         return read_bytes(path).decode("utf-8-sig")
     except FileNotFoundError:
         beside = most_alike(path.name, (p.name for p in path.parent.glob("[!.]*.y*ml")))
-        raise StudyError(f"{path}: there is no such file{beside}.") from None
+        raise m.StudyError(f"{path}: there is no such file{beside}.") from None
     except (OSError, ValueError) as error:  # such as text that is not UTF-8
-        raise StudyError(f"{path}: cannot be read ({error}).") from None
+        raise m.StudyError(f"{path}: cannot be read ({error}).") from None

@@ -16,12 +16,7 @@ from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.objectives import Objectives
 from botohe_moo.problem import BOTOHE, find_problem, problem_path
 from botohe_moo.study.content import Budget, Recording, Seeds, StudyFile, canonical
-from botohe_moo.study.identity import (
-    AlgorithmIdentity,
-    digest_of,
-    installed_versions,
-    text_digest,
-)
+from botohe_moo.study.identity import AlgorithmIdentity, digest_of, installed_versions, text_digest
 
 MANIFEST = "study.json"
 _ROUNDING = 1e-9
@@ -181,9 +176,8 @@ def seeds_of(seeds: Seeds) -> tuple[int, ...]:
     numbers = range(1, (seeds.count or 0) + 1)
     if seeds.seed is None:
         return tuple(numbers)
-    return tuple(
-        int(np.random.SeedSequence([seeds.seed, number]).generate_state(1)[0]) for number in numbers
-    )
+    sequences = (np.random.SeedSequence([seeds.seed, number]) for number in numbers)
+    return tuple(int(sequence.generate_state(1)[0]) for sequence in sequences)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Running a study: its missing runs are performed, its missions bounded and its tables made."""
 
 import contextlib
-import dataclasses
 import hashlib
 import json
 import math
@@ -9,8 +8,9 @@ import os
 import signal
 import statistics
 import warnings
+from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -86,9 +86,9 @@ def estimate_times(plan: Plan, folder: StudyFolder) -> list[Estimate]:
 
     Where none is finished, the estimate is the seconds of the budget, if it has any.
     """
-    cells: dict[tuple[str, str], list[Run]] = {}
+    cells = defaultdict(list)
     for run in plan.runs:
-        cells.setdefault((run.mission.label, run.algorithm.label), []).append(run)
+        cells[run.mission.label, run.algorithm.label].append(run)
     estimates = []
     for (mission, algorithm), runs in cells.items():
         finished = [run for run in runs if run.digest in plan.finished]
@@ -126,9 +126,8 @@ def _bound_task(
 ) -> BoundTask:
     """Return the task to bound a mission, guided by the points that its runs have found."""
     of_mission = [run for run in runs if run.mission.bound_digest == mission.bound_digest]
-    fronts = [np.empty((0, 2))]
-    for _, outcome in folder.outcomes(of_mission):
-        fronts += [record.objectives for record in outcome.records[-1:]]
+    last = (outcome.records[-1:] for _, outcome in folder.outcomes(of_mission))
+    fronts = [np.empty((0, 2)), *(record.objectives for records in last for record in records)]
     return BoundTask(mission, np.unique(np.concatenate(fronts), axis=0), seconds)
 
 
@@ -137,8 +136,8 @@ def _refresh_tables(study: Study, folder: StudyFolder, *, anew: bool = False) ->
 
     With ``anew`` they are made in any case.
     """
-    parts = [study.manifest(), installed_versions(), folder.inputs(study)]
-    parts += [library_digest(name) for name in study.best_known.values()]
+    libraries = [library_digest(name) for name in study.best_known.values()]
+    parts = [study.manifest(), installed_versions(), folder.inputs(study), *libraries]
     made_from = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     if not anew:
         with contextlib.suppress(StudyError):  # tables that are damaged or missing are made anew
@@ -275,8 +274,7 @@ def run_study(
     with folder.locked(study):
         plan = plan_study(study, folder)
         if plan.missing:  # name damaged files before, not after, hours of work
-            for _ in folder.outcomes(run for run in plan.runs if run.digest in plan.finished):
-                pass
+            deque(folder.outcomes(run for run in plan.runs if run.digest in plan.finished), 0)
         folder.write_study(study)
         watcher.begin(plan)
         with hold_signals(*_STOPS) as stop, contextlib.closing(WorkerPool()) as pool:
@@ -402,7 +400,11 @@ def merge_studies(
                 f"{path}: not the study in {paths[0]}; expected the same study but for its seeds, "
                 f"found differences in {differing}."
             )
-    study = _with_seeds(first, {seed for study in studies.values() for seed in study.seeds})
+    values = sorted({seed for study in studies.values() for seed in study.seeds})
+    file = first.file.model_copy(update={"seeds": Seeds(values=values)})
+    # JSON is YAML, too, and never takes a text for a number.
+    text = json.dumps(file.model_dump(mode="json", exclude_defaults=True), indent=1) + "\n"
+    study = replace(first, file=file, text=text, seeds=tuple(values))
     with target.locked(study):
         target.write_study(study)
         for path in paths:
@@ -416,19 +418,7 @@ def _difference(one: Study, other: Study) -> str:
     if keys := [key for key, value in first.items() if second[key] != value]:
         return " and ".join(keys)
     # Equal files may name different missions by the same name, or code of different versions.
-    if _digests_for_one_seed(one) != _digests_for_one_seed(other):
-        return "missions or package versions"
-    return ""
-
-
-def _digests_for_one_seed(study: Study) -> list[str]:
-    return [run.digest for run in dataclasses.replace(study, seeds=(0,)).runs()]
-
-
-def _with_seeds(study: Study, seeds: set[int]) -> Study:
-    """Return a study with other seeds, and with its file changed accordingly."""
-    values = sorted(seeds)
-    file = study.file.model_copy(update={"seeds": Seeds(values=values)})
-    # JSON is YAML, too, and never takes a text for a number.
-    text = json.dumps(file.model_dump(mode="json", exclude_defaults=True), indent=1)
-    return dataclasses.replace(study, file=file, text=f"{text}\n", seeds=tuple(values))
+    ours, others = (
+        [run.digest for run in replace(study, seeds=(0,)).runs()] for study in (one, other)
+    )
+    return "" if ours == others else "missions or package versions"

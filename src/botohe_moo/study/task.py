@@ -7,6 +7,7 @@ import json
 import math
 import os
 import platform
+import re
 import subprocess
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -109,6 +110,7 @@ def failure(error: str, traceback: str | None = None, last: Record | None = None
 @functools.cache
 def environment() -> dict[str, Any]:
     """Return this process's environment, a row of the table ``environments``."""
+    threads = (f"{name}={os.environ[name]}" for name in THREAD_SETTINGS if name in os.environ)
     columns: dict[str, Any] = {
         "botohe_moo": version("botohe-moo"),
         "commit": _commit(),
@@ -118,9 +120,7 @@ def environment() -> dict[str, Any]:
         "machine": platform.node(),
         "processor": _processor(),
         "n_cpus": n_cpus(),
-        "threads": " ".join(
-            f"{name}={os.environ[name]}" for name in THREAD_SETTINGS if name in os.environ
-        ),
+        "threads": " ".join(threads),
     }
     digest = hashlib.sha256(json.dumps(columns, sort_keys=True).encode()).hexdigest()[:12]
     return {"environment": digest, **columns}
@@ -128,9 +128,8 @@ def environment() -> dict[str, Any]:
 
 def _processor() -> str:
     with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
+        if found := re.search(r"^model name\s*: *(.*)", Path("/proc/cpuinfo").read_text(), re.M):
+            return found[1].strip()
     return platform.processor() or platform.machine()
 
 

@@ -8,12 +8,12 @@ import pytest
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm
-from botohe_moo.algorithms.registry import algorithm_faults
 from botohe_moo.study import read_study
 from botohe_moo.study.identity import algorithm_origin
 from botohe_moo.study.task import code_mismatch
 from tests.base.packages import entries, write_package
 from tests.base.test_installed import botohe
+from tests.faults import algorithm_faults
 
 REEF = """
     import functools
@@ -181,7 +181,7 @@ def test_what_cannot_be_had_is_one_error(install):
         ({"mutation": {"tid": 1}}, "Expected mutation among tide, .*ruin.*, got 'tid'"),
         ({"mutation": "splice"}, "Expected mutation among .*ruin.*, got 'splice'"),
         ({"crossover": "tide"}, "got 'tide', which is not derived from pymoo's Crossover"),
-        ({"crossover": "reef:Raft"}, "'reef:Raft': expected a class derived from Crossover, or a"),
+        ({"crossover": "reef:Raft"}, "'reef:Raft': expected a class derived from Crossover"),
         ({"mutation": "odd"}, "'odd': expected an object of type Mutation, got Swap"),
         ({"mutation": "gone"}, "'gone': reef:Gone of package reef cannot be imported"),
         ({"mutation": "wreck"}, r"Mutation 'wreck': cannot be made \(SystemExit: no more\)"),
