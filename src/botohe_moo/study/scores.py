@@ -361,7 +361,9 @@ def _judged(
     known: Mapping[str, FloatArray],
 ) -> dict[str, pd.DataFrame]:
     """Return all tables but ``missions``, ``bounds`` and ``algorithms``."""
-    scales = {mission.label: mission.objectives for mission in study.missions}
+    scales = {
+        mission.label: mission.own_objectives or mission.mission for mission in study.missions
+    }
     columns, indicators = study.missions[0].objectives.columns, study.file.indicators
     comparison: Any = {
         "algorithms": [algorithm.label for algorithm in study.algorithms],
