@@ -39,7 +39,7 @@ endef
 # Bytecode is made of what the demo needs when it is needed: it takes a third of the time to make it of everything.
 $(READY_FOR_DEMO): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	@echo "installing some 800 MB: half a minute where the network is fast"
+	@echo "installing some 600 MB: half a minute where the network is fast"
 	$(call install,--no-compile --editable .)
 	@touch $@
 
