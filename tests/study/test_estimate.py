@@ -54,7 +54,8 @@ class TestEstimates:
 
     def test_failures_are_counted(self, tmp_path):
         source = {**STUDY, "algorithms": {"bad": f"{MADE}:Raising"}}
-        run_study(source, tmp_path)
+        with pytest.warns(UserWarning, match="all 2 runs failed, the first with: RuntimeError"):
+            run_study(source, tmp_path)
         plan, found = estimated(source, tmp_path)
         assert (found["bad"].n_failed, len(plan.missing)) == (2, 2)
 
