@@ -144,8 +144,8 @@ class TestPrice:
             for r, a in front
             for s, b in front
         )
-        best = max(r for r, s in front if s >= survivors)
-        if on_hull and reward == best and survivors < others[:, 1].max():
+        is_dominated = any(r >= reward and s >= survivors and (r, s) != front[i] for r, s in front)
+        if on_hull and not is_dominated and survivors < others[:, 1].max():
             worths = others @ [1, price]
             assert reward + price * survivors >= worths.max() - 1e-9
 

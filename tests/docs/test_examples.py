@@ -143,7 +143,7 @@ def test_the_problem_is_in_the_study_and_in_its_report(tmp_path):
         assert ended.status == 0, ended.err
     tables = read_study(tmp_path / "results" / "safest")
     assert set(tables.runs["status"]) == {"done"}
-    assert tables.plans["survivors"].max() == 1.0
+    assert tables.plans["least_survival"].max() == 1.0
     page = tmp_path / "results" / "safest" / "report" / "report.html"
     assert "botohe_safest:Safest" in page.read_text("utf-8")
 
