@@ -38,7 +38,8 @@ class Laid:
     def brings(self, trail, aboard):
         """What a robot brings that carries some rewards; of those aboard no other counts."""
         chances = twins.collects(self.mission, self.kind, trail, aboard)
-        taken = set(self.kind.aboard) - set(aboard)
+        # The reward of its start counts as collected there, whether it is aboard or not.
+        taken = set(self.kind.aboard) - {*aboard, self.trail[0]}
         return sum(self.reward[node] * p for node, p in chances.items() if node not in taken)
 
     def at(self, i):
@@ -120,9 +121,11 @@ def test_marginal_rewards_are_what_the_others_leave(case, data):
     assert work.draft.others == pytest.approx(reward)
     assert work.draft.survivors == pytest.approx(survivors)
     layer = n_nodes * mission.kinds.index(kind)
+    # The reward of its start counts as collected there, whether it is aboard or not.
+    carried = set(kind.aboard) - {labels[robot][0]}
     for v, label in enumerate(mission.nodes):
         left = np.prod([1 - chance.get(label, 0.0) for chance in chances])
-        expected = search.world.graph.reward[layer + v] * left * (label not in kind.aboard)
+        expected = search.world.graph.reward[layer + v] * left * (label not in carried)
         assert work.nodes[layer + v].marginal == pytest.approx(expected)
     plans.clear_others(search.world, work)
     check_clean(search)
