@@ -311,7 +311,7 @@ def best_known(name: str, *, folder: FilePath = FOLDER) -> BestKnown:
     Raises
     ------
     ValueError
-        If there is no such mission, or its file is damaged or of another mission.
+        If no mission has that name, or its file is damaged or belongs to another mission.
 
     Examples
     --------
@@ -338,9 +338,9 @@ def certified_bound(name: str, *, folder: FilePath = FOLDER) -> FrontBound:
     Raises
     ------
     ValueError
-        If there is no such mission, or its file is damaged or of another mission.
+        If no mission has that name, or its file is damaged or belongs to another mission.
     OSError
-        If there is no such file.
+        If the file does not exist.
 
     Examples
     --------

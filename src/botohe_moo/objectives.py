@@ -85,7 +85,7 @@ class Objectives:
         name
             Of the parameter, for messages.
         given
-            What is to be converted.
+            The points to convert.
         """
         values = check_objectives(name, given, self.names)
         above = (values > np.array(self.bounds) * (1.0 + _ROUNDING)).any(axis=1)
@@ -107,7 +107,7 @@ def check_objectives(
     name
         Of the parameter, for messages.
     given
-        What is to be converted.
+        The points to convert.
     names
         Those of the objectives.
 

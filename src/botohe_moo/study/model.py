@@ -249,7 +249,7 @@ class Study:
     def _runs_of(self, mission: StudyMission, algorithm: StudyAlgorithm) -> Iterator[Run]:
         recording = self.file.recording
         setting = {**result_key(mission, algorithm, recording), "seed": None, **self.versions}
-        # For speed, the canonical text is made once, with null in the place of the seed.
+        # For speed, the canonical text is made once, with null for the seed.
         before, _, after = canonical(setting).rpartition('"seed":null')
         for seed in self.seeds:
             digest = text_digest(f'{before}"seed":{seed}{after}')
