@@ -513,7 +513,7 @@ class TestBadMissions:
     def test_missing(self, refused):
         for command in (["solve"], ["missions", "show"]):
             message = refused(*command, "lost.json")
-            assert message.startswith("botohe: lost.json: there is no such file")
+            assert message.startswith("botohe: lost.json: no such file")
             message = refused(*command, "power-plant")
             assert "there is no such mission; known are power_plant" in message
 
@@ -725,7 +725,7 @@ class TestListings:
         messages = ended.err.splitlines()
         assert len(messages) == 2
         assert messages[0].startswith("botohe: bad.json: expected robots")
-        assert messages[1] == "botohe: lost.json: there is no such file"
+        assert messages[1] == "botohe: lost.json: no such file"
 
 
 class TestChoose:
@@ -1041,7 +1041,7 @@ class TestExplore:
         assert (ended.status, ended.out) == (0, "wrote page.html\n")
         ended = botohe("explore", solved[1], "--out", "page.html", "--background", "no.yaml")
         assert ended.status == 2
-        assert "no.yaml: there is no such file" in ended.err
+        assert "no.yaml: no such file" in ended.err
 
     def test_it_is_opened(self, botohe, solved, tmp_path):
         code = "import webbrowser; webbrowser.open = lambda url: bool(print(url))"
@@ -1109,7 +1109,7 @@ class TestImport:
                 ["node '7': expected a finite reward >= 0, got '0,5'"],
             ),
             ("arcs.csv", ("7,8,", "7,88,"), ["arcs.csv, row 14: arc '7' -> '88'", "no node '88'"]),
-            ("arcs.csv", None, ["arcs.csv: there is no such file"]),
+            ("arcs.csv", None, ["arcs.csv: no such file"]),
             ("nodes.csv", ("X;Y", "Pos;Z"), ["node '1': expected pos [x, y]"]),
         ],
     )
@@ -1273,8 +1273,8 @@ class TestFromMap:
         [
             (["site.yaml", "--base", "a,b"], "a node's number, or a place X,Y, got 'a,b'"),
             (["site.yaml", "--radius", 2], "site.yaml: expected ways through free space for a"),
-            (["lost.yaml"], "lost.yaml: there is no such file"),
-            (["site.yaml", "--hazard", "lost.yaml"], "lost.yaml: there is no such file"),
+            (["lost.yaml"], "lost.yaml: no such file"),
+            (["site.yaml", "--hazard", "lost.yaml"], "lost.yaml: no such file"),
             (["site.yaml", "--out", "no/a.json"], "no: there is no such folder"),
             (
                 ["site.yaml", "--out", "a.csv"],

@@ -494,7 +494,7 @@ class TestWriting:
         names = sorted({*FILES} - {"mission.json"})
         assert sorted(found.write(tmp_path)) == [tmp_path / name for name in names]
         assert names_in(tmp_path) == names
-        with pytest.raises(ValueError, match=r"mission\.json: there is no such file"):
+        with pytest.raises(ValueError, match=r"mission\.json: no such file"):
             read_solution(tmp_path)
 
     def test_what_cannot_be_written_leaves_all_as_it_was(self, solution, tmp_path, monkeypatch):
@@ -589,7 +589,7 @@ class TestReading:
     def test_a_folder_without_its_mission(self, toy, solution, tmp_path):
         solution._write_tables(tmp_path)
         (tmp_path / "mission.json").unlink()
-        missing = r"mission\.json: there is no such file\. Solve the mission again, or put back"
+        missing = r"mission\.json: no such file\. Solve the mission again, or put back"
         with pytest.raises(ValueError, match=missing):
             read_solution(tmp_path)
         assert parts(read_solution(tmp_path, mission=toy)) == parts(solution)
@@ -611,7 +611,7 @@ class TestReading:
         ("damage", "fault"),
         [
             ("{", r"expected JSON: Expecting property name .* line 1 column 2"),
-            (None, r"there is no such file"),
+            (None, r"no such file"),
             (
                 ('"seed": 3', '"sea": 3'),
                 "expected the key 'seed', which is missing",

@@ -28,7 +28,7 @@ def test_a_first_line_that_tells_the_separator(tmp_path, first):
 @pytest.mark.parametrize(
     ("data", "fault"),
     [
-        (None, "there is no such file"),
+        (None, "no such file"),
         (b"", "expected a first row of column names, found an empty file"),
         (b'label,reward\ndock,"0\nreef,5\n', "line 3: unexpected end of data"),
         (

@@ -231,7 +231,7 @@ class TestFiles:
         path.write_bytes(content)
         with pytest.raises(ValueError, match=name):
             BestKnown.read(path, TOY)
-        with pytest.raises(ValueError, match=r"missing.json: there is no such file"):
+        with pytest.raises(ValueError, match=r"missing.json: no such file"):
             BestKnown.read(tmp_path / "missing.json", TOY)
 
     def test_a_front_without_plans_is_empty(self):

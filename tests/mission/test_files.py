@@ -82,7 +82,7 @@ class TestAnyFile:
 
     def test_missing_file_and_directory(self, tmp_path):
         path = tmp_path / "lost.GraphML"
-        with pytest.raises(MissionError, match=re.escape(f"{path}: there is no such file")):
+        with pytest.raises(MissionError, match=re.escape(f"{path}: no such file")):
             read_mission(path)
         path.mkdir()
         with pytest.raises(

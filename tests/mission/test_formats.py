@@ -205,7 +205,7 @@ def test_a_suffix_that_no_format_has(file):
 def test_a_file_that_is_not_there(tmp_path, name):
     path = tmp_path / name
     for read, error in ((format_of, ValueError), (read_mission, MissionError)):
-        with pytest.raises(error, match=re.escape(f"{path}: there is no such file")):
+        with pytest.raises(error, match=re.escape(f"{path}: no such file")):
             read(path)
 
 

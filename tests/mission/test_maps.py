@@ -216,7 +216,7 @@ def test_files_that_are_no_maps(drawn, text, fault):
 @pytest.mark.parametrize(
     ("image", "fault"),
     [
-        ("no.png", r"map\.yaml: image 'no\.png': there is no such file"),
+        ("no.png", r"map\.yaml: image 'no\.png': no such file"),
         ("~nobody-here/no.png", "image '~nobody-here/no.png': "),
         ("map.yaml", r"image 'map\.yaml': expected an image, such as PNG or PGM"),
         ("pipe.png", r"'pipe\.png': .*cannot be read: expected a file, found a device or a pipe"),
@@ -298,7 +298,7 @@ class TestRouteGraphs:
         path = site(*both_ways((3, 4), (4, 7)))
         for hazard, fault in (
             (drawn([[0]]), r"site\.geojson: .*map\.yaml: expected a map that covers"),
-            ("lost.yaml", r"lost\.yaml: there is no such file"),
+            ("lost.yaml", r"lost\.yaml: no such file"),
         ):
             with pytest.raises(MissionError, match=fault):
                 load_mission(path, hazard=hazard, **self.GIVEN)

@@ -164,7 +164,7 @@ def test_what_the_options_mean(site):
         ({**DANGER, "base": "dock", "robots": 1, "danger_zones": 3}, "danger_zones to be a list"),
         (
             {**DANGER, "base": "dock", "robots": 1, "hazard": "no.yaml"},
-            r"no\.yaml: there is no such",
+            r"no\.yaml: no such",
         ),
         ({"danger": 200, "base": "dock", "robots": 1}, "200.* 4"),
         ({"danger": -1, "base": "dock", "robots": 1}, "Expected danger >= 0, got -1"),

@@ -512,7 +512,7 @@ def test_what_is_wrong_with_a_navigation_graph_is_named_by_its_line(graph, old, 
         ),
         ({"base": "lab", **GIVEN}, "base 'lab': there is no such node"),
         ({"danger": 0.1}, "expected robots, an integer >= 1, found none: give robots"),
-        ({"hazard": "map.yaml", **GIVEN}, r"map\.yaml: there is no such file"),
+        ({"hazard": "map.yaml", **GIVEN}, r"map\.yaml: no such file"),
         ({"base": "hall", **GIVEN}, "base 'hall': there is no such node; most alike are L1/"),
     ],
 )

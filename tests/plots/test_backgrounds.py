@@ -79,5 +79,5 @@ def test_it_needs_positions_and_a_map(tmp_path, draw):
     )
     with pytest.raises(ValueError, match=said):
         draw(bare, bare.stay_home(), background=path)
-    with pytest.raises(MissionError, match=r"none.yaml: there is no such file"):
+    with pytest.raises(MissionError, match=r"none.yaml: no such file"):
         draw(TOY, TOY.stay_home(), background=tmp_path / "none.yaml")

@@ -423,7 +423,7 @@ seeds: 1
                     (3, "'art_museun': there is no such mission; known are art_museum,"),
                     (6, "nodes: Expected nodes to be an integer >= 2, got '50'"),
                     (6, "sed: there is no parameter 'sed'; known are seed,"),
-                    (7, "missing.json': there is no such file"),
+                    (7, "missing.json': no such file"),
                     (9, "'bo-acco': there is no such algorithm; known are bo-aco,"),
                     (13, "there is no parameter 'pop_sise'; known are pop_size,"),
                     (14, "Expected pop_size to be an integer in [2, 1000000], got 1.5"),
@@ -603,7 +603,7 @@ seeds: 1
         (tmp_path / "trials.yaml").write_text("")
         (tmp_path / ".pre-commit.yaml").write_text("")
         [line] = lines(tmp_path / "trial.yaml")
-        assert line.endswith("there is no such file; most alike are trials.yaml.")
+        assert line.endswith("no such file; most alike are trials.yaml.")
         [line] = lines(tmp_path)
         assert "cannot be read" in line
         (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9\n")

@@ -515,7 +515,7 @@ class TestCommands:
             assert said in " ".join(re.sub("[│\\n]", " ", ended.output).split())
         status, out, err = finish(start("run", "missing.yaml"))
         assert (status, out) == (2, "")
-        assert err == "botohe: missing.yaml: there is no such file.\n"
+        assert err == "botohe: missing.yaml: no such file.\n"
 
     def test_columns_of_the_plan_allow_for_wide_letters(self):
         made = [Estimate(m, "a", 1, 0, 0, 1.0, at_most=False) for m in ("美术馆", "toy")]

@@ -386,7 +386,7 @@ class TestTables:
         study = load_study(study_of())
         with StudyFolder(tmp_path).locked(study):
             StudyFolder(tmp_path).write_study(study)
-        with pytest.raises(StudyError, match=r"there is no such file yet.*botohe study tables"):
+        with pytest.raises(StudyError, match=r"not written yet.*botohe study tables"):
             read_study(tmp_path)
 
 

@@ -49,7 +49,7 @@ class Source:
         try:
             return read_bytes(self.path)
         except FileNotFoundError:
-            fault = "there is no such file"
+            fault = "no such file"
         except OSError as error:
             fault = f"cannot be read: {error.strerror}"
         raise FaultsError(fault, str(self.path))

@@ -251,7 +251,7 @@ def read_mission(path: FilePath, /, **options: Any) -> Mission:
     Raises
     ------
     MissionError
-        If there is no such file, it is not in its format, its mission is not valid, or it holds
+        If no such file, it is not in its format, its mission is not valid, or it holds
         something that `save_mission` could not write again; names the file and what is wrong.
     ValueError
         If an option is unknown or out of its range.

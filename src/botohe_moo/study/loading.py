@@ -340,6 +340,6 @@ def _read_text(path: Path) -> str:
         return read_bytes(path).decode("utf-8-sig")
     except FileNotFoundError:
         beside = most_alike(path.name, (p.name for p in path.parent.glob("[!.]*.y*ml")))
-        raise m.StudyError(f"{path}: there is no such file{beside}.") from None
+        raise m.StudyError(f"{path}: no such file{beside}.") from None
     except (OSError, ValueError) as error:  # such as text that is not UTF-8
         raise m.StudyError(f"{path}: cannot be read ({error}).") from None

@@ -341,7 +341,7 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
         read_manifest(folder)  # raises if there is no study at all
         if (folder / "runs.parquet").exists():
             raise StudyError(f"{folder}: its tables are of an older version. {remedy}")
-        raise StudyError(f"{path}: there is no such file yet. {remedy}")
+        raise StudyError(f"{path}: not written yet. {remedy}")
     try:
         index = json.loads(read_bytes(path))
         described = {
