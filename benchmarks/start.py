@@ -1,8 +1,9 @@
 """What a start costs: from a command to the printed front, cold and warm, and the parts of it.
 
 Everything runs in a process of its own, on a copy of a checkout's package whose caches are empty at
-first: a cold start compiles kernels and Python's bytecode. CPU seconds are those of the whole
-process tree. Each row says on how many processors (``cores``), as ``taskset`` would set it.
+first: a cold start compiles kernels and Python's bytecode. Each number is the median of five
+starts, checkouts in turn. CPU seconds are those of the whole process tree. Each row says on how
+many processors (``cores``), as ``taskset`` would set it.
 """
 
 import os
@@ -12,7 +13,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -33,7 +35,7 @@ COLD = (  # missions, evaluations and algorithms
     ("toy", 100, "exact"),
 )
 CORES = tuple(n for n in (1, 2) if n <= n_cpus())
-REPEATS = 5  # of what is warm
+REPEATS = 5
 
 
 class Cost(NamedTuple):
@@ -51,7 +53,7 @@ def run(folder: Path, before: Path | None = None) -> bool:
     rows = []
     with tempfile.TemporaryDirectory(prefix="botohe-start-") as made:
         copies = {name: Copy(root, Path(made, name)) for name, root in checkouts.items()}
-        for start, cores, checkout, cost in (*cold(copies), *warm(copies)):
+        for start, cores, checkout, cost in measured(copies):
             row = {"start": start, "cores": cores, "checkout": checkout}
             rows.append({**row, **cost._asdict()})
     table = pd.DataFrame(rows).round(2)
@@ -118,33 +120,38 @@ def cpu_of_tree(pid: int) -> float:
     return sum(sum(one.cpu_times()[:4]) for one in processes)  # ended children included
 
 
-def cold(copies: Mapping[str, Copy]) -> Iterator[tuple[str, int, str, Cost]]:
-    """Measure searches with empty caches, one after another, copies in turn."""
+def measured(copies: Mapping[str, Copy]) -> Iterator[tuple[str, int, str, Cost]]:
+    """Measure all starts, each several times, copies in turn, and give medians."""
+    for start, cores, is_cold, measure in starts():
+        costs: dict[str, list[Cost]] = {name: [] for name in copies}
+        for repeat in range(REPEATS + (not is_cold)):
+            for name, copy in copies.items():
+                if is_cold:
+                    copy.forget()
+                cost = measure(copy, cores)
+                if is_cold or repeat:  # the first of warm starts fills the caches
+                    costs[name].append(cost)
+        for name, of_copy in costs.items():
+            cost = Cost(*pd.DataFrame(of_copy).median())
+            print(f"{name}: {start} on {cores}: {cost.seconds_to_front:.1f} s", flush=True)
+            yield start, cores, name, cost
+
+
+def starts() -> Iterator[tuple[str, int, bool, Callable[[Copy, int], Cost]]]:
+    """Name each start: on how many cores, whether caches are empty, how to measure it."""
     for case in COLD:
         for cores in CORES:
-            for name, copy in copies.items():
-                copy.forget()
-                cost = copy.solve(*case, cores)
-                start = "cold {} -n {} -a {}".format(*case)
-                print(f"{name}: {start} on {cores}: {cost.seconds_to_front:.1f} s", flush=True)
-                yield start, cores, name, cost
+            yield "cold {} -n {} -a {}".format(*case), cores, True, partial(_solve, case)
+    most = max(CORES)
+    yield "warm art_museum -n 100", most, False, partial(_solve, COLD[0])
+    yield "warm botohe --help", most, False, partial(_python, ("-m", "botohe_moo.cli", "--help"))
+    yield "warm import botohe_moo", most, False, partial(_python, ("-c", "import botohe_moo"))
+    yield "warm python", most, False, partial(_python, ("-c", ""))
 
 
-def warm(copies: Mapping[str, Copy]) -> Iterator[tuple[str, int, str, Cost]]:
-    """Measure what is warm: the median of several processes, copies in turn."""
-    cores = max(CORES)
-    commands = {
-        "warm solve toy -n 100": lambda copy: copy.solve(*COLD[0], cores),
-        "warm botohe --help": lambda copy: copy.cost("-m", "botohe_moo.cli", "--help", cores=cores),
-        "warm import botohe_moo": lambda copy: copy.cost("-c", "import botohe_moo", cores=cores),
-        "warm python": lambda copy: copy.cost("-c", "", cores=cores),
-    }
-    for command, measure in commands.items():
-        costs: dict[str, list[Cost]] = {name: [] for name in copies}
-        for repeat in range(REPEATS + 1):
-            for name, copy in copies.items():
-                cost = measure(copy)
-                if repeat:  # the first fills the caches
-                    costs[name].append(cost)
-        for name, measured in costs.items():
-            yield command, cores, name, Cost(*pd.DataFrame(measured).median())
+def _solve(case: tuple[str, int, str], copy: Copy, cores: int) -> Cost:
+    return copy.solve(*case, cores)
+
+
+def _python(arguments: tuple[str, ...], copy: Copy, cores: int) -> Cost:
+    return copy.cost(*arguments, cores=cores)

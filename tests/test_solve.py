@@ -678,15 +678,15 @@ class TestOtherObjectives:
         )
         assert (np.diff(solution.objectives[:, 0]) <= 0).all()
         assert [*solution.table] == ["plan_id", "reward", "survivors", "least_survival"]
-        assert solution.area == area_indicator(solution.objectives, solution.stated)
+        assert solution.area == area_indicator(solution.objectives, solution.problem_objectives)
         assert "least_survival" in solution.describe()
         written = solution.write(tmp_path)
         assert tmp_path / "front.png" in written
         assert pd.read_csv(tmp_path / "front.csv").columns.tolist() == [*solution.table]
         again = read_solution(tmp_path)
         assert again.objectives.tolist() == solution.objectives.tolist()
-        assert (again.problem, again.stated) == (solution.problem, solution.stated)
-        assert again.problem == "botohe_moo.problem:LeastSurvival"
+        assert again.problem_objectives == solution.problem_objectives
+        assert again.problem == solution.problem == "botohe_moo.problem:LeastSurvival"
         assert again.choose("survivors >= 1").plan in again.plans
 
     def test_a_column_that_is_missing_is_named(self, tmp_path):

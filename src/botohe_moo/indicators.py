@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -207,7 +207,7 @@ class Indicator:
         """Whether it measures how far a front is from the reference: less is better."""
         return self.needs_reference and self.higher_is_better is False
 
-    def __call__(self, points: FloatArray, reference: FloatArray | None, mission: Scale) -> float:
+    def measure(self, points: FloatArray, reference: FloatArray | None, mission: Scale) -> float:
         """Compute it for the points of a front; a ValueError if it gives no finite number."""
         given = (points, reference, mission) if self.needs_reference else (points, mission)
         value = self.function(*given)
@@ -215,13 +215,11 @@ class Indicator:
             raise ValueError(f"Indicator {self.label!r}: expected a finite number, got {value}.")
         return float(value)
 
-    measure = __call__
-
 
 class _Indicators(Registry):
     """The indicators that a study file may name, in the order of tables.
 
-    ``module:NAME`` names one of a module, and is among the others from then on.
+    ``module:NAME`` names one of a module.
     """
 
     def find(self, name: str, makes: type | None = None) -> Any:
@@ -230,8 +228,6 @@ class _Indicators(Registry):
         if not isinstance(found, Indicator):
             needs_reference = "reference" in inspect.signature(found).parameters
             found = Indicator(found.__name__, found, None, needs_reference)
-        if is_path(name):
-            self.own[name] = found
         return found
 
 
@@ -259,9 +255,13 @@ _OURS = {
 INDICATORS = _Indicators("botohe_moo.indicators", "indicator", own=_OURS)
 
 
-def further_indicators() -> tuple[str, ...]:
-    """Return all but the area and the size of the front, which are in every table anyway."""
-    return tuple(name for name in INDICATORS if name not in ("area", "front_size"))
+def further_indicators(named: Iterable[str] = ()) -> tuple[str, ...]:
+    """Return all but the area and the size of the front, which are in every table anyway.
+
+    These are the registered ones, and those among ``named`` that are ``module:NAME``.
+    """
+    names = dict.fromkeys([*INDICATORS, *filter(is_path, named)])
+    return tuple(name for name in names if name not in ("area", "front_size"))
 
 
 def largest_objectives(scale: Scale) -> tuple[float, ...]:

@@ -1,6 +1,5 @@
 """What a problem maximises: names, upper bounds and columns of its objectives."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
@@ -8,13 +7,16 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from botohe_moo.base.messages import quoted
+from botohe_moo.base.messages import check_number, quoted
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 
 __all__ = ["Objectives"]
 
 _ROUNDING = 1e-9
+LEAST = 1e-12  # by which rounding may exceed a bound of 0, or fall below 0
+# Columns of the tables in which objectives stand.
+_TAKEN = ("run", "mission", "algorithm", "seed", "evaluations", "plan_id", "trails", "reference")
 
 
 @dataclass(frozen=True)
@@ -28,15 +30,17 @@ class Objectives:
     names
         What axes and reports call them, such as E[R].
     bounds
-        What each is at most, at least 0 and finite: areas, IGD+ and epsilon are shares of these.
+        An upper bound of each, finite and not negative. Area, IGD+ and epsilon are computed from
+        objectives divided by these.
     columns
         What tables call them, such as ``reward``.
 
     Raises
     ------
     ValueError
-        If there are less than two, if they are not as many of each, or if a bound is out of its
-        range.
+        If there are fewer than two objectives, if names, bounds and columns differ in number, if a
+        bound is negative or infinite, or if a column is not an identifier, stands twice or has a
+        name that tables need themselves.
 
     Examples
     --------
@@ -58,10 +62,15 @@ class Objectives:
             raise ValueError(
                 f"Expected names, bounds and columns of two objectives or more: {self}."
             )
-        wrong = [bound for bound in self.bounds if not 0 <= bound < math.inf]
-        if wrong:
-            raise ValueError(f"Expected bounds of objectives in [0, inf), got {quoted(wrong[0])}.")
-        object.__setattr__(self, "bounds", tuple(map(float, self.bounds)))
+        bounds = [check_number("the bound of an objective", b, at_least=0) for b in self.bounds]
+        object.__setattr__(self, "bounds", tuple(bounds))
+        for i, column in enumerate(self.columns):
+            is_name = isinstance(column, str) and column.isidentifier()
+            if not is_name or column in _TAKEN or column in self.columns[:i]:
+                raise ValueError(
+                    "Expected columns of objectives to be different identifiers, none of "
+                    f"{', '.join(_TAKEN)}, got {quoted(column)}."
+                )
 
     def __len__(self) -> int:
         return len(self.names)
@@ -73,9 +82,14 @@ class Objectives:
         return cls(("E[R]", "E[S]"), bounds, ("reward", "survivors"))
 
     @property
+    def most(self) -> FloatArray:
+        """The upper bounds, with room for rounding."""
+        return np.array(self.bounds) * (1.0 + _ROUNDING) + LEAST
+
+    @property
     def is_plain(self) -> bool:
         """Whether they are E[R] and E[S]."""
-        return self.names == ("E[R]", "E[S]")
+        return self.names == ("E[R]", "E[S]") and self.columns == ("reward", "survivors")
 
     def check(self, name: str, given: ArrayLike) -> FloatArray:
         """Convert points to an array, as ``check_objectives``, and refuse those above a bound.
@@ -88,7 +102,7 @@ class Objectives:
             The points to convert.
         """
         values = check_objectives(name, given, self.names)
-        above = (values > np.array(self.bounds) * (1.0 + _ROUNDING)).any(axis=1)
+        above = (values > self.most).any(axis=1)
         if above.any():
             most = zip(self.names, self.bounds, strict=True)
             expected = " and ".join(f"{each} <= {bound:g}" for each, bound in most)

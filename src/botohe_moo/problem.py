@@ -240,8 +240,8 @@ class BOTOHE(Problem):
 class LeastSurvival(BOTOHE):
     """A BOTOHE of three objectives: E[R], E[S], and the least survival of a robot.
 
-    The third is the probability to survive of the robot in the greatest danger: among plans with as
-    many expected survivors, those that share the danger are better. Studies and ``solve`` call it
+    The third is the least survival of the trails: between two plans with equal E[S], the one that
+    shares the danger more evenly is better. Studies and ``solve`` call this problem
     ``least-survival``.
 
     Parameters
@@ -288,9 +288,7 @@ def overrides(problem: BOTOHE, method: str) -> bool:
     return own or method in vars(problem)
 
 
-PROBLEMS = Registry(
-    "botohe_moo.problems", "problem", own={"botohe": BOTOHE, "least-survival": LeastSurvival}
-)
+PROBLEMS = Registry("botohe_moo.problems", "problem", own={"least-survival": LeastSurvival})
 
 
 def find_problem(problem: str | type[BOTOHE]) -> type[BOTOHE]:
@@ -318,7 +316,7 @@ def find_problem(problem: str | type[BOTOHE]) -> type[BOTOHE]:
     if overrides_values and found.objectives is BOTOHE.objectives:
         raise ValueError(
             f"{found.__name__} overrides evaluate_batch, and does not state its objectives: areas "
-            "are shares of what they are at most."
+            "need their upper bounds."
         )
     return found
 

@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -71,7 +72,7 @@ class Solution:
     plans
         The non-dominated plans, by descending expected reward.
     objectives
-        Their objectives (n_plans, n_objectives): E[R] and E[S], or those of ``stated``.
+        Their objectives (n_plans, n_objectives): E[R] and E[S], or those of ``problem``.
     algorithm, parameters, seed
         The algorithm's name, its parameters as given, and the seed.
     evaluations
@@ -86,9 +87,9 @@ class Solution:
     moves
         What each move of a local search brought: children ``tried``, and plans that ``entered`` the
         front. Empty for other algorithms.
-    problem, stated
-        The class of the problem, as ``module:Class``, and its objectives; None, and E[R] and E[S],
-        for :class:`BOTOHE` itself.
+    problem, problem_objectives
+        The class of the problem, as ``module:Class``, or None for :class:`BOTOHE` itself; names,
+        bounds and columns of its objectives.
     source
         Arguments of :func:`load_mission` that make the mission, where they are known.
     min_survival, max_length
@@ -125,18 +126,18 @@ class Solution:
     min_survival: float = 0.0
     max_length: float | None = None
     problem: str | None = None
-    stated: Objectives = None  # type: ignore[assignment]
+    problem_objectives: Objectives = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        if self.stated is None:
-            object.__setattr__(self, "stated", Objectives.of(self.mission))
+        if self.problem_objectives is None:
+            object.__setattr__(self, "problem_objectives", Objectives.of(self.mission))
 
     @property
     def area(self) -> float:
         """The front's area indicator, in [0, 1]."""
-        return area_indicator(self.objectives, self.stated)
+        return area_indicator(self.objectives, self.problem_objectives)
 
-    @property
+    @cached_property
     def expected(self) -> FloatArray:
         """E[R] and E[S] of the plans (n_plans, 2), also where the problem has other objectives."""
         return self.objectives if self.problem is None else self.mission.evaluate(self.plans)
@@ -149,7 +150,7 @@ class Solution:
         """
         import pandas as pd
 
-        table = pd.DataFrame(self.objectives, columns=self.stated.columns)
+        table = pd.DataFrame(self.objectives, columns=self.problem_objectives.columns)
         return table.rename_axis("plan_id").reset_index()
 
     def worst_case(self, losses: int = 1) -> FloatArray:
@@ -204,9 +205,10 @@ class Solution:
             table, n_rows = fronts.front_table(*front, all_plans=all_plans)
         else:
             rows = np.arange(len(self.plans))
-            if not all_plans:
-                rows = np.unique(np.linspace(0, len(rows) - 1, _SHOWN).round().astype(int))
-            table, n_rows = self.table.iloc[rows].round(3).to_string(index=False), len(rows)
+            if len(rows) > _SHOWN and not all_plans:
+                rows = np.linspace(0, len(rows) - 1, _SHOWN).round().astype(int)
+            shown = self.table.iloc[rows].round(3).to_string(index=False)
+            table, n_rows = shown if self.plans else "no plans", len(rows)
         some = f", {n_rows} of them above" if n_rows < len(self.plans) else ""
         start = self.startup_seconds if self.startup_seconds >= _LONG_START else 0.0
         took, started = "", ""
@@ -250,10 +252,12 @@ class Solution:
 
         What JSON cannot hold is written as its ``repr``.
         """
-        columns = ("plan_id", *self.stated.columns)
+        columns, own = ("plan_id", *self.problem_objectives.columns), {}
+        if self.problem is not None:
+            own = {"problem": self.problem, "problem_objectives": self.problem_objectives}
         content = {
             "mission": self.mission.name,
-            **({} if self.problem is None else {"problem": self.problem, "stated": self.stated}),
+            **own,
             "mission_source": self.source,
             "mission_digest": numbers_digest(self.mission),
             "robots": self.mission.robots,
@@ -302,7 +306,7 @@ class Solution:
         if self.problem is None:
             draw_picture(folder / FRONT_PICTURE, plot_front, self.objectives, self.mission)
         else:
-            draw_picture(folder / FRONT_PICTURE, plot_pairs, self.table, self.stated)
+            draw_picture(folder / FRONT_PICTURE, plot_pairs, self.table, self.problem_objectives)
         draw_picture(folder / "mission.png", plot_mission, self.mission)
         return [folder / name for name in FILES if (folder / name).exists()]
 
@@ -310,7 +314,7 @@ class Solution:
         """Write the tables, and remove the other files of an earlier search."""
         front = io.StringIO()  # not by pandas, whose import a printed front should not wait for
         csv.writer(front, lineterminator="\n").writerows(
-            [("plan_id", *self.stated.columns), *self.rows()]
+            [("plan_id", *self.problem_objectives.columns), *self.rows()]
         )
         tables = {"front.csv": front.getvalue().encode(), "plans.json": self.to_json().encode()}
         with suppress(ValueError):
@@ -356,14 +360,15 @@ class _Record(BaseModel, strict=True):
     mission_source: dict[str, Any]
     mission_digest: str
     problem: str | None = None
-    stated: Objectives | None = None
+    problem_objectives: Objectives | None = None
     plans: list[_Plan]
 
 
 def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = None) -> Solution:
     """Read the solution that :meth:`Solution.write` wrote.
 
-    All plans are evaluated again. Nothing in the files is executed or unpickled.
+    All plans are evaluated again. Objectives of another problem are trusted: to check them would
+    run code that the file names. Nothing in the files is executed or unpickled.
 
     Parameters
     ----------
@@ -404,8 +409,8 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
         raise ValueError(f"{where} does not match {path}: the mission was changed.")
     try:
         batch = _plans_of(record, mission)
-        stated = record.stated or Objectives.of(mission)
-        objectives = _objectives_of(record, stated.columns)
+        own = record.problem_objectives or Objectives.of(mission)
+        objectives = _objectives_of(record, own.columns)
         # What another problem computes is taken as it is: no code is run that a file names.
         evaluated = mission.evaluate(batch) if record.problem is None else objectives
         agree = np.isclose(objectives, evaluated, rtol=1e-9, atol=1e-9).all(axis=1)
@@ -421,9 +426,9 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
             objectives=objectives,
             seconds=None,
             source=record.mission_source,
-            stated=stated,
+            problem_objectives=own,
             **record.model_dump(
-                exclude={"plans", "mission_source", "mission_digest", "area", "stated"}
+                exclude={"plans", "mission_source", "mission_digest", "area", "problem_objectives"}
             ),
         )
         if not np.isclose(solution.area, record.area, rtol=1e-9):

@@ -231,8 +231,8 @@ def search(
         seconds=seconds,
         interrupted=algorithm.has_next(),
         moves=getattr(algorithm, "move_counts", {}),
-        problem=None if type(problem) is BOTOHE else problem_path(type(problem)),
-        stated=problem.objectives,
+        problem=None if problem.is_plain else problem_path(type(problem)),
+        problem_objectives=problem.objectives,
         **{**record, "algorithm": name},
         **startup,
     )
@@ -247,5 +247,5 @@ def _front(algorithm: Algorithm) -> tuple[FloatArray, tuple[TrailPlan, ...]]:
     objectives = np.asarray(-opt.get("F"), np.float64)
     kept = moocore.is_nondominated(objectives, maximise=True, keep_weakly=True)
     opt, objectives = opt[kept], objectives[kept]
-    order = np.lexsort((*objectives.T[:0:-1], -objectives[:, 0]))
+    order = np.lexsort(-objectives.T[::-1])
     return objectives[order], tuple(opt[int(i)].X[0] for i in order)

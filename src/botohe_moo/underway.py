@@ -152,9 +152,9 @@ class Replan:
 
     @property
     def gain(self) -> float:
-        """What the new plan is worth more than the rest of the old one, as reward; at least 0."""
-        worths = (float(r + self.price * s) for r, s in (self.objectives, self.before))
-        return next(worths) - next(worths)
+        """How much more the new plan is worth than the rest of the old one, as reward; >= 0."""
+        more = self.objectives - self.before
+        return max(0.0, float(more[0] + self.price * more[1]))
 
     def __str__(self) -> str:
         price = f"{price_text(self.price).capitalize()}."
@@ -320,7 +320,8 @@ class PlayedMission:
     steps
         The start, at which nothing has happened yet, and each step after it.
     reward, survivors
-        What has come of it. The reward is to be expected where a ``share`` is not 1.
+        The reward collected and the robots that came back. Where a ``share`` is not 1, the reward
+        is an expectation.
 
     Examples
     --------
@@ -427,9 +428,9 @@ def _expected(objectives: Iterable[float]) -> str:
 
 
 class _Played(NamedTuple):
-    """What has come of a mission: the reward, survivors, replans, and the seconds that these took.
+    """The outcome of a mission; ``seconds`` is what its replans took.
 
-    The reward is to be expected where a share is not 1.
+    Where a share is not 1, the reward is an expectation.
     """
 
     reward: float
@@ -592,7 +593,7 @@ def _is_time(policy: str, moved: Sequence[RobotState]) -> bool:
 
 @dataclass(frozen=True)
 class PolicyOutcomes:
-    """What came of missions that were played under some policies.
+    """Outcomes of missions that were played under some policies.
 
     Attributes
     ----------
@@ -603,7 +604,7 @@ class PolicyOutcomes:
     played
         A row for each policy and mission that was played, with the columns ``policy``, ``mission``
         (its number), ``reward``, ``survivors``, ``replans`` and ``seconds`` (of all replans). Where
-        a share is not 1, the reward is to be expected.
+        a share is not 1, the reward is an expectation.
 
     Examples
     --------

@@ -9,7 +9,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import TrailPlan, load_mission
-from botohe_moo.decide import Neighbours, Step, knees, neighbours, representatives, survivor_price
+from botohe_moo.decide import (
+    Neighbours,
+    TradeOff,
+    knees,
+    neighbours,
+    representatives,
+    survivor_price,
+)
 from botohe_moo.decide.fronts import arc_counts, distances, front_rows, front_table
 from botohe_moo.trails import PlanBatch
 from tests.decide.made import MISSION, NAMES, PLANS, star, trips
@@ -89,14 +96,16 @@ class TestKnees:
 class TestNeighbours:
     def test_on_the_front(self):
         found = neighbours(TOY, BENT, 1)
-        assert found == Neighbours(richer=Step(0, 1, -1), safer=Step(2, -3, pytest.approx(0.4)))
+        assert found == Neighbours(
+            richer=TradeOff(0, 1, -1), safer=TradeOff(2, -3, pytest.approx(0.4))
+        )
         assert str(found) == (
             "Beside it on the front, plan 0 has 1 more reward for 1 fewer survivors; "
             "plan 2 has 0.4 more survivors for 3 less reward."
         )
 
     def test_at_the_ends(self):
-        assert neighbours(TOY, BENT, 0) == Neighbours(richer=None, safer=Step(1, -1, 1))
+        assert neighbours(TOY, BENT, 0) == Neighbours(richer=None, safer=TradeOff(1, -1, 1))
         assert neighbours(TOY, BENT, 3).safer is None
         assert neighbours(TOY, [[3, 1], [3, 1]], 1) == Neighbours(None, None)
 

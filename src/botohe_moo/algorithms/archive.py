@@ -72,6 +72,8 @@ class PlanArchive:
         old, n_old = self._arrays, len(self)
         hashes = plan_hashes(new, self.n_robots)
         members = _pareto_rows(new.objectives, hashes)
+        if not len(members):
+            return members
         objectives = np.concatenate([old.objectives, new.objectives])
         hashes = np.concatenate([old.hashes, hashes])
         rows = _pareto_rows(objectives, hashes)

@@ -316,7 +316,7 @@ def check_problem(problem: Any) -> None:
 
 
 def check_n_objectives(algorithm: Algorithm, problem: BOTOHE, n: int | None) -> None:
-    """Raise a TypeError if a problem has not ``n`` objectives, or for None, less than two."""
+    """Raise a TypeError unless a problem has ``n`` objectives, or for None, two or more."""
     if problem.n_obj < 2 if n is None else problem.n_obj != n:
         wanted = "two objectives or more" if n is None else f"{n} objectives"
         raise TypeError(

@@ -188,7 +188,7 @@ def mission_options(
 
 def with_options(parameters: dict[str, Any], **own: Any) -> dict[str, Any]:
     """Add options that are given to parameters of a mission; none may be given twice."""
-    given = {name: value for name, value in own.items() if value not in (None, False)}
+    given = {name: value for name, value in own.items() if not (value is None or value is False)}
     for name in given.keys() & parameters.keys():
         raise ValueError(f"Expected --{name.replace('_', '-')} or -m {name}=VALUE, got both.")
     return parameters | given

@@ -193,7 +193,7 @@ def replan(
     *,
     plan: int,
     price: float | None = None,
-    evaluations: common.Count = 1_000,
+    evaluations: common.Count = 400,
     seed: common.Number = 1,
     out: Path | None = None,
 ) -> None:

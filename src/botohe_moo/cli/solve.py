@@ -204,7 +204,7 @@ def _certify(solution: bm.Solution, folder: Path, time_limit: float) -> None:
         bound = _prove(solution.mission, solution, stop, **how, **_limits_of(solution))
         tell("")
         _tell_verdict(bound, solution)
-        shown = solution.objectives, solution.mission
+        shown = solution.expected, solution.mission
         with failing(FAILED):
             bound.save(folder / BOUND)
             tell(f"wrote {folder / BOUND}")
@@ -219,7 +219,7 @@ def _prove(
     from botohe_moo.cli.progress import showing
 
     how["n_threads"] = how["n_threads"] or min(runtime.n_cpus(), 1_024)
-    front, limit = None if solution is None else solution.objectives, how["time_limit"]
+    front, limit = None if solution is None else solution.expected, how["time_limit"]
     with showing("starting") as show, failing():
 
         def report(bound: bm.FrontBound) -> None:
@@ -255,9 +255,10 @@ def _tell_verdict(bound: bm.FrontBound, solution: bm.Solution | None) -> None:
     took = f"proved in {bound.seconds:.0f} s" if bound.seconds >= 1 else "proved at once"
     verdict = f"proven upper bound on area {bound.area:.4f}"
     if solution is not None:
-        gap = bound.gap(solution.objectives)
+        gap = bound.gap(solution.expected)
         within = f": within {100 * gap:.2f} % of the optimum" if math.isfinite(gap) else ""
-        verdict = f"area {solution.area:.4f}; {verdict}{within}"
+        area = bm.area_indicator(solution.expected, solution.mission)
+        verdict = f"area {area:.4f}; {verdict}{within}"
     tell("\n".join([f"{verdict}, {took}", *bound.notes]))
 
 
@@ -267,8 +268,8 @@ def _bound_table(bound: bm.FrontBound, solution: bm.Solution | None) -> str:
         survivors = bound.mission.robots * i / _ROWS
         row = [survivors, bound.bound(survivors)]
         if solution is not None:
-            enough = solution.objectives[:, 1] >= survivors * (1 - 1e-12)
-            row.append(solution.objectives[enough, 0].max(initial=-math.inf))
+            enough = solution.expected[:, 1] >= survivors * (1 - 1e-12)
+            row.append(solution.expected[enough, 0].max(initial=-math.inf))
         # Where there is no plan, the reward is -inf.
         rows.append(tuple(f"{value:.4g}" if value >= 0 else "-" for value in row))
     return common.table(rows, n_texts=0)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from botohe_moo.decide.comparing import compare as compare
     from botohe_moo.decide.fronts import Mark as Mark
     from botohe_moo.decide.fronts import Neighbours as Neighbours
-    from botohe_moo.decide.fronts import Step as Step
+    from botohe_moo.decide.fronts import TradeOff as TradeOff
     from botohe_moo.decide.fronts import knees as knees
     from botohe_moo.decide.fronts import neighbours as neighbours
     from botohe_moo.decide.fronts import representatives as representatives

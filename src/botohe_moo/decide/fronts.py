@@ -125,8 +125,8 @@ def _is_below(point: FloatArray, one: FloatArray, other: FloatArray) -> bool:
 
 
 @dataclass(frozen=True)
-class Step:
-    """The way from a plan to another one.
+class TradeOff:
+    """The difference between a plan and another one of the front.
 
     Attributes
     ----------
@@ -138,10 +138,10 @@ class Step:
     Examples
     --------
     >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import Step, neighbours
+    >>> from botohe_moo.decide import TradeOff, neighbours
     >>> toy = load_mission("toy")
     >>> front = [[8, 0], [7, 1], [4, 1.5], [0, 2]]  # E[R] and E[S] of four plans
-    >>> neighbours(toy, front, 1).safer == Step(index=2, reward=-3.0, survivors=0.5)
+    >>> neighbours(toy, front, 1).safer == TradeOff(index=2, reward=-3.0, survivors=0.5)
     True
     """
 
@@ -156,8 +156,8 @@ class Neighbours(NamedTuple):
     Attributes
     ----------
     richer, safer
-        The ways to the plans with the next larger reward, and with the next larger number of
-        survivors; None if there is none.
+        The differences to the plans with the next larger reward, and with the next larger number
+        of survivors; None if there is none.
 
     Examples
     --------
@@ -169,8 +169,8 @@ class Neighbours(NamedTuple):
     Beside it on the front, plan 1 has 1 more survivors for 1 less reward.
     """
 
-    richer: Step | None
-    safer: Step | None
+    richer: TradeOff | None
+    safer: TradeOff | None
 
     def __str__(self) -> str:
         parts = []
@@ -207,11 +207,11 @@ def neighbours(mission: Mission, plans: PlansOrObjectives, index: int) -> Neighb
     gain = (objectives[rows] - objectives[index]) / scales(mission)
     richer, safer = rows[gain[:, 0] > SLACK], rows[gain[:, 1] > SLACK]
 
-    def step(row: int) -> Step:
-        return Step(int(row), *(objectives[row] - objectives[index]).tolist())
+    def towards(row: int) -> TradeOff:
+        return TradeOff(int(row), *(objectives[row] - objectives[index]).tolist())
 
     return Neighbours(
-        step(richer[-1]) if len(richer) else None, step(safer[0]) if len(safer) else None
+        towards(richer[-1]) if len(richer) else None, towards(safer[0]) if len(safer) else None
     )
 
 

@@ -143,7 +143,7 @@ def progress(
     where all of its runs have a record. Options and errors are those of ``plot_curves``.
     """
     check_choice("x", x, NAMES)
-    check_choice("value", value, ("area", *further_indicators()))
+    check_choice("value", value, ("area", *further_indicators([value])))
     labels = chosen_algorithms("trace", trace, ("algorithm", "seed", x, value), algorithms)
     run = ["algorithm", "seed"]
     records = trace.loc[trace["algorithm"].isin(labels), [*run, x, value]].dropna(subset=value)

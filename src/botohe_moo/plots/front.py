@@ -452,23 +452,30 @@ def plot_pairs(
     Axes
         The lowest one on the left.
 
+    Raises
+    ------
+    ValueError
+        If the table lacks a column.
+
     Examples
     --------
     >>> from botohe_moo import solve
     >>> from botohe_moo.plots import plot_pairs
     >>> found = solve("toy", "nsga2", problem="least-survival", evaluations=500)
-    >>> ax = plot_pairs(found.table, found.stated)
+    >>> ax = plot_pairs(found.table, found.problem_objectives)
     >>> ax.get_xlabel(), ax.get_ylabel()
     ('E[R]', 'least survival')
     """
     import seaborn as sns
 
+    shared.check_table("table", table, (*objectives.columns, *([] if hue is None else [hue])))
     named = table.rename(columns=dict(zip(objectives.columns, objectives.names, strict=True)))
-    grid = sns.PairGrid(named, vars=[*objectives.names], hue=hue, palette=palette, corner=True)
-    grid.map_lower(sns.scatterplot, s=18, alpha=0.8)
-    grid.map_diag(sns.histplot, **({} if hue is None else {"element": "step"}))
-    if hue is not None:
-        grid.add_legend()
+    with look.theme():
+        grid = sns.PairGrid(named, vars=[*objectives.names], hue=hue, palette=palette, corner=True)
+        grid.map_lower(sns.scatterplot, s=18, alpha=0.8)
+        grid.map_diag(sns.histplot, **({} if hue is None else {"element": "step"}))
+        if hue is not None:
+            grid.add_legend()
     ax: Axes = grid.axes[-1, 0]
     return ax
 

@@ -74,7 +74,9 @@ def _all_distinct(what: str) -> AfterValidator:
     return AfterValidator(partial(_check_distinct, what))
 
 
-def _check_indicator(value: str) -> str:
+def _check_indicator(value: str, info: pydantic.ValidationInfo) -> str:
+    if info.context is not None:  # a folder holds the study, which was checked before
+        return value
     if is_path(value):
         INDICATORS.find(value)
     else:
@@ -83,7 +85,7 @@ def _check_indicator(value: str) -> str:
 
 
 def _registered_indicators() -> list[str]:
-    return [name for name in INDICATORS if not is_path(name)]
+    return [*INDICATORS]
 
 
 def _labelled(value: Any) -> Any:

@@ -91,7 +91,7 @@ class StudyFolder:
             mode="json",
             exclude={"missions": {"__all__": {"mission"}}},  # missions have files of their own
             exclude_defaults=True,  # some of which cannot be written as JSON
-        )
+        ) | {"versions": dict(study.versions)}
         content = json.dumps({**study.manifest(), "kept": kept}, indent=1) + "\n"
         with writing(self.path):
             for mission in study.missions:
@@ -193,8 +193,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 def restore_study(folder: Path) -> Study:
     """Read the study that a folder holds, as it was checked when its runs were planned.
 
-    The code that it names is not called: missions are read from the folder, and the packages of
-    its algorithms need not be installed.
+    The code that it names is not imported: missions are read from the folder, and the packages of
+    its algorithms need not be installed. A study of an earlier version is refused.
     """
     manifest = read_manifest(folder)
     with _reading(folder / MANIFEST):
@@ -204,9 +204,15 @@ def restore_study(folder: Path) -> Study:
             with _reading(file):
                 mission["mission"] = read_mission(file)
         try:
-            return _STUDY.validate_python(kept)
+            study = _STUDY.validate_python(kept, context={"imports": False})
         except ValidationError as error:
             raise ValueError("it was written by another version") from error
+        problem_is_stated = study.file.problem is None or all(
+            mission.own_objectives is not None for mission in study.missions
+        )
+        if "versions" not in kept or not problem_is_stated:
+            raise ValueError("it was written by another version")
+        return study
 
 
 def _pack_run(run: Run, outcome: Outcome) -> bytes:

@@ -14,7 +14,7 @@ from typing import Any
 from botohe_moo.algorithms.registry import ALGORITHMS, accepted_by, find_algorithm
 from botohe_moo.base.parameters import call_factory, changes_nothing, plain_value
 from botohe_moo.base.registry import is_path, package_of
-from botohe_moo.problem import find_problem
+from botohe_moo.problem import find_problem, problem_path
 from botohe_moo.study.content import canonical
 
 PACKAGES = {"version": "botohe-moo", "pymoo": "pymoo"}  # algorithms derive from pymoo's
@@ -143,7 +143,7 @@ def algorithm_origin(
         kind = find_problem(problem)
         parts.append((problem, kind))
         owner = package_of(_distribution_of(problem if is_path(problem) else kind.__module__))
-        origin |= {"problem": problem, **{f"problem_{key}": owner[key] for key in owner}}
+        origin |= {"problem": problem_path(kind), **{f"problem_{key}": owner[key] for key in owner}}
     return {**origin, "source": _source_digest(parts)}
 
 

@@ -219,7 +219,7 @@ def _with_objectives(missions: Iterable[m.StudyMission], path: str) -> list[m.St
     """Return missions with a problem's objectives; a ValueError says what is wrong with it."""
     _refuse_main(path)
     find_problem(path)
-    judged = []
+    judged: list[m.StudyMission] = []
     for mission in missions:
         try:
             problem = mission.problem(path)
@@ -229,6 +229,10 @@ def _with_objectives(missions: Iterable[m.StudyMission], path: str) -> list[m.St
         if problem.n_obj != len(stated):
             expected = f"expected n_obj = {len(stated)}, as its objectives state"
             raise ValueError(f"{expected}, got {problem.n_obj}")
+        first = judged[0].own_objectives if judged else None
+        if first is not None and (first.names, first.columns) != (stated.names, stated.columns):
+            pair = f"{judged[0].label!r} and {mission.label!r}"
+            raise ValueError(f"expected equal objectives of all missions; those of {pair} differ")
         judged.append(replace(mission, own_objectives=stated))
     return judged
 

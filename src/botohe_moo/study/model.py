@@ -13,13 +13,12 @@ from pydantic import InstanceOf
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.loading import library_name_of
 from botohe_moo.mission.model import Mission, numbers_digest
-from botohe_moo.objectives import Objectives
+from botohe_moo.objectives import LEAST, Objectives
 from botohe_moo.problem import BOTOHE, find_problem, problem_path
 from botohe_moo.study.content import Budget, Recording, Seeds, StudyFile, canonical
 from botohe_moo.study.identity import AlgorithmIdentity, digest_of, installed_versions, text_digest
 
 MANIFEST = "study.json"
-_ROUNDING = 1e-9
 
 
 class StudyError(ValueError):
@@ -303,11 +302,11 @@ def _algorithm_entry(algorithm: StudyAlgorithm) -> dict[str, Any]:
 
 def check_objectives(problem: BOTOHE, points: FloatArray) -> None:
     """Raise a ValueError if points are outside the bounds that a problem states."""
-    most = np.array(problem.objectives.bounds)
-    outside = points[~((points >= 0) & (points <= most * (1 + _ROUNDING))).all(axis=1)]
+    stated = problem.objectives
+    outside = points[~((points >= -LEAST) & (points <= stated.most)).all(axis=1)]
     if len(outside):
         kind = type(problem)
         raise ValueError(
             f"{problem_path(kind)} says by its objectives that −F is at least 0 and at most "
-            f"{most.tolist()}, and gives {outside[0].tolist()}"
+            f"{[*stated.bounds]}, and gives {outside[0].tolist()}"
         )

@@ -307,6 +307,10 @@ def warm_up(run: Run) -> None:
     if not _is_ours(made):
         trusted = replace(trusted, algorithm="random", parameters={})
     perform(replace(run, mission=small, algorithm=trusted), lambda _: None)
+    if (n := len(mission.objectives)) != 2:  # their archives have a kernel of their own
+        with kernels("compiled"):
+            archive = PlanArchive(toy.robots, n_objectives=n)
+            archive.insert(toy.batch([toy.stay_home()]), np.zeros((1, n)))
 
 
 def special_kernels(run: Run) -> tuple[bool, bool, bool]:

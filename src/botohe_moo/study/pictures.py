@@ -170,7 +170,7 @@ class MissionPictures:
             yield kind, curves.plot_reached(trace, runs, shown, x=x, palette=self._palette), caption
 
     def _distances(self) -> Iterator[Picture]:
-        for value in further_indicators():
+        for value in further_indicators(self._tables.manifest["indicators"]):
             rows = self._tables.trace.dropna(subset=value)
             if INDICATORS[value].is_distance and not rows.empty:
                 caption = _caption("distances", indicator=INDICATORS[value].label)
@@ -194,7 +194,7 @@ class MissionPictures:
 
     def _pairs(self) -> Iterator[Picture]:
         runs, plans = self._tables.runs, self._tables.plans
-        groups: Any = runs[runs["run"].isin(plans["run"])].groupby("algorithm")
+        groups: Any = runs.groupby("algorithm")
         seeds = {label: front.median_run(of_label) for label, of_label in groups}
         shown = plans[plans["seed"] == plans["algorithm"].map(seeds)]
         objectives = self._tables.objectives(self._mission)

@@ -95,7 +95,7 @@ def score_records(
     ``fronts`` are pairs of a mission's label and points (n, 2). For speed, a front that equals the
     one before it is not measured again. An indicator that is not wanted is NaN.
     """
-    targets, names = points_by_mission(references), ["area", *further_indicators()]
+    targets, names = points_by_mission(references), ["area", *further_indicators(indicators)]
     scores: dict[str, list[float]] = {name: [] for name in names}
     last: tuple[str | None, FloatArray] = None, np.empty(0)
     for label, points in fronts:
@@ -243,7 +243,7 @@ def summarise(
         for label, rank in zip(labels, ranks, strict=True):
             row = _described(runs_of[mission, label], significance)
             row |= {"mission": mission, "algorithm": label, "rank": float(rank)}
-            for name in further_indicators():
+            for name in further_indicators(indicators["indicator"].unique()):
                 row[f"{name}_median"] = medians.get((mission, label, name))
             if whole.get(mission):
                 row["area_share"] = row["area_mean"] / whole[mission]
@@ -283,7 +283,7 @@ def reach_targets(
     """Return the table ``targets``: what reaching 90, 95 and 99 % of the reference area takes.
 
     A target that is reached between two records counts as reached at the second. Medians are over
-    all runs; a run that never reaches a target takes for ever. An algorithm without runs on a
+    all runs; a run that never reaches a target counts as infinite. An algorithm without runs on a
     mission, as in a study that was interrupted, has no rows, nor has a mission whose reference
     front has no area.
     """

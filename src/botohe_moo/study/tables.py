@@ -7,7 +7,7 @@ import io
 import json
 import os
 from collections import UserDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from botohe_moo.base.files import read_bytes, replace_file
+from botohe_moo.base.registry import is_path
 from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.mission.loading import read_mission
 from botohe_moo.mission.model import Mission
@@ -89,8 +90,8 @@ class StudyTables:
     references
         The reference fronts: what all runs on a mission found together.
     bounds
-        Points of which one weakly dominates each plan of a mission, found or not; none where the
-        study asks for no bounds, or they are not computed yet.
+        A proven upper bound on each mission's front: some point of it weakly dominates every
+        plan, found or not. No rows where the study asks for no bounds, or before they are computed.
     comparisons
         Pairwise tests, by mission.
     ranks, posthoc
@@ -260,6 +261,9 @@ def as_table(
         at = [*columns].index(OBJECTIVES[0])
         others = [item for item in columns.items() if item[0] not in OBJECTIVES]
         columns = dict([*others[:at], *own.items(), *others[at:]])
+    # Indicators that the study names by their paths.
+    given: Iterable[Any] = rows if isinstance(rows, pd.DataFrame) else rows[0] if rows else ()
+    columns |= {column: Column("number") for column in given if is_path(str(column))}
     table = pd.DataFrame(rows, columns=[*columns])
     for column, of in columns.items():
         if not of.nullable and table[column].isna().any():
@@ -350,8 +354,9 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
         }
         tables = {}
         for name in SCHEMAS:
-            lacking = SCHEMAS[name].keys() - {*OBJECTIVES} - described.get(name, {}).keys()
-            if lacking or index["format"] != _FORMAT:
+            known = SCHEMAS[name].items()
+            needed = {c for c, of in known if not of.nullable and c not in OBJECTIVES}
+            if index["format"] != _FORMAT or not needed <= described.get(name, {}).keys():
                 raise ValueError("the tables are of another version")
             path = folder / index["tables"][name]["file"]
             data = read_bytes(path)
