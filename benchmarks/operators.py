@@ -22,7 +22,7 @@ from botohe_moo.algorithms import (
     RandomTrailSampling,
 )
 from botohe_moo.algorithms.archive import PlanArchive
-from botohe_moo.algorithms.individuals import PopulationArchive
+from botohe_moo.algorithms.base import PopulationArchive
 from botohe_moo.operators import (
     PlanCrossover,
     PlanDuplicates,

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from botohe_moo.algorithms.archive import PlanArchive
-from botohe_moo.algorithms.individuals import PopulationArchive
+from botohe_moo.algorithms.base import PopulationArchive
 from botohe_moo.core import archive as kernels
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests.examples import examples

@@ -15,7 +15,7 @@ from botohe_moo.algorithms.registry import (
     algorithm_parameters,
     describe_algorithm,
 )
-from botohe_moo.study.identity import algorithm_identity, algorithm_origin
+from botohe_moo.study.model import algorithm_identity, algorithm_origin
 from tests.base.packages import entries, write_package
 from tests.faults import algorithm_faults
 

@@ -7,12 +7,12 @@ from concurrent.futures import ProcessPoolExecutor
 import pytest
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm, solve
-from botohe_moo.algorithms.bo_aco import colony
-from botohe_moo.algorithms.local_search import islands as islands
+from botohe_moo.algorithms.bo_aco import algorithm as colony
+from botohe_moo.algorithms.local_search import engine as islands
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
 from botohe_moo.base import runtime
 from botohe_moo.core import threads
-from botohe_moo.operators import repair
+from botohe_moo.operators import variation as repair
 from botohe_moo.study import run_study
 
 NAMES = [

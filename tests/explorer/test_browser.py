@@ -20,7 +20,7 @@ from botohe_moo import Mission, load_mission
 from botohe_moo.decide import compare, plan_csv, plan_geojson, plan_json
 from botohe_moo.decide.wishes import MAX_OUTCOMES, N_SAMPLES, SEED
 from botohe_moo.explorer import explore
-from botohe_moo.explorer.texts import sentence_writer
+from botohe_moo.explorer.data import sentence_writer
 from botohe_moo.outcomes import plan_outcomes, reach_probabilities
 from tests.decide.made import MISSION, PLANS
 from tests.explorer.conftest import FILLED, solution_of, toy_plans

@@ -14,14 +14,15 @@ from botohe_moo import Mission, read_solution
 from botohe_moo.decide import plan_csv, plan_geojson, plan_json
 from botohe_moo.decide.choosing import taken
 from botohe_moo.explorer import explore, explorer_page
-from botohe_moo.explorer.data import page_data, thinned
-from botohe_moo.explorer.texts import (
+from botohe_moo.explorer.data import (
     bin_codes,
     bin_edges,
     number_texts,
     objective_texts,
+    page_data,
     probability_codes,
     sentence_writer,
+    thinned,
 )
 from botohe_moo.outcomes import Distribution
 from botohe_moo.plots import plot_outcomes

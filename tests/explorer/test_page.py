@@ -9,8 +9,7 @@ from itertools import product
 from pathlib import Path
 
 from botohe_moo import explorer
-from botohe_moo.explorer import replays
-from botohe_moo.explorer.page import SCRIPTS, notebook_frame, own_script
+from botohe_moo.explorer.page import _REPLAY_SCRIPTS, SCRIPTS, notebook_frame, own_script
 from tests.explorer.conftest import solution_of, toy_plans
 
 FOLDER = Path(explorer.__file__).parent
@@ -30,7 +29,7 @@ class TestVendored:
 
 class TestScript:
     def test_all_modules_are_in_it(self):
-        assert {path.stem for path in ASSETS.glob("*.js")} == {*SCRIPTS, *replays.SCRIPTS}
+        assert {path.stem for path in ASSETS.glob("*.js")} == {*SCRIPTS, *_REPLAY_SCRIPTS}
         assert files("botohe_moo.explorer").joinpath("assets", "main.js").is_file()
 
     def test_it_neither_makes_markup_of_texts_nor_asks_the_network(self):
@@ -41,7 +40,7 @@ class TestScript:
             r"https?://(?!www\.w3\.org/2000/svg)",
             r"</script",
         ):
-            for scripts in (SCRIPTS, replays.SCRIPTS):
+            for scripts in (SCRIPTS, _REPLAY_SCRIPTS):
                 assert not re.search(pattern, own_script(scripts))
 
 

@@ -8,8 +8,8 @@ from playwright.sync_api import expect
 
 from botohe_moo import Mission
 from botohe_moo.explorer import replay, replay_page
-from botohe_moo.explorer.replays import replay_data
-from botohe_moo.explorer.texts import LITTLE
+from botohe_moo.explorer.data import LITTLE
+from botohe_moo.explorer.page import replay_data
 from botohe_moo.underway import POLICIES, play_mission
 from tests.explorer.test_browser import NASTY, WIDTHS
 from tests.plots.test_kinds import TRAILS, mixed

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from botohe_moo import solve
 from botohe_moo.cli import app
 from botohe_moo.library import Finder, best_known
-from botohe_moo.study import finds, run_study
+from botohe_moo.study import run_study, runner
 
 SMALL = "town-16"
 
@@ -49,7 +49,7 @@ def dated(monkeypatch):
 
     def dated(day):
         today = SimpleNamespace(today=lambda: date.fromisoformat(day))
-        monkeypatch.setattr(finds.dt, "date", today)
+        monkeypatch.setattr(runner.dt, "date", today)
 
     return dated
 

@@ -79,7 +79,7 @@ def add(
     """
     with failing():
         from botohe_moo.library import FOLDER, add_plans
-        from botohe_moo.study.finds import found_plans
+        from botohe_moo.study.runner import found_plans
 
         changed = add_plans(found_plans(found, by=by), folder=library or FOLDER)
     for name, (before, after, path) in changed.items():

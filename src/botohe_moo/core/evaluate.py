@@ -7,8 +7,7 @@ import numpy as np
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.core.compile import array_maker, helper, inlined, shared
 from botohe_moo.core.ready import at_once
-from botohe_moo.core.trails import sort_trails
-from botohe_moo.core.walk import Visits, begin_walk, end_walk, new_visits, visit
+from botohe_moo.core.walk import Visits, begin_walk, end_walk, new_visits, sort_trails, visit
 from botohe_moo.core.world import Graph, Returns, Team, World, find_arc
 
 # What may be wrong with a trail. ``evaluate`` returns the first fault as

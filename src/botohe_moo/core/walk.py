@@ -1,13 +1,44 @@
-"""One walk for all who ask what a robot's trail visits, and what it collects there."""
+"""Trails in ragged arrays, and the one walk that lists what a trail visits and collects."""
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.core import world as worlds
 from botohe_moo.core.compile import array_maker, helper, inlined
 from botohe_moo.core.world import Graph, Returns, Team, World
+
+
+@helper
+def precedes(
+    items: NDArray[np.integer], start: int, stop: int, other_start: int, other_stop: int
+) -> bool:
+    """Return whether one stretch of an array comes before another in lexicographic order."""
+    length, other_length = stop - start, other_stop - other_start
+    for i in range(min(length, other_length)):
+        item, other = items[start + i], items[other_start + i]
+        if item != other:
+            return bool(item < other)
+    return bool(length < other_length)
+
+
+@inlined
+def sort_trails(
+    nodes: NDArray[np.integer], starts: OffsetArray, stops: OffsetArray, order: OffsetArray
+) -> None:
+    """Sort trails, whose numbers are in ``order``, lexicographically; equal ones stay in order."""
+    for k in range(1, order.shape[0]):
+        trail, place = order[k], k
+        while place > 0:
+            other = order[place - 1]
+            if not precedes(nodes, starts[trail], stops[trail], starts[other], stops[other]):
+                break
+            order[place] = other
+            place -= 1
+        order[place] = trail
+
 
 CARRIED = -1.0  # instead of a probability, of visits that have not been credited yet
 

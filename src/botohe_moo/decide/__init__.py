@@ -6,11 +6,11 @@ from botohe_moo.base.runtime import lazy_names
 
 if TYPE_CHECKING:
     from botohe_moo.decide.choosing import Choice as Choice
+    from botohe_moo.decide.choosing import Difference as Difference
     from botohe_moo.decide.choosing import Miss as Miss
     from botohe_moo.decide.choosing import choose as choose
+    from botohe_moo.decide.choosing import compare as compare
     from botohe_moo.decide.choosing import toward as toward
-    from botohe_moo.decide.comparing import Difference as Difference
-    from botohe_moo.decide.comparing import compare as compare
     from botohe_moo.decide.fronts import Mark as Mark
     from botohe_moo.decide.fronts import Neighbours as Neighbours
     from botohe_moo.decide.fronts import TradeOff as TradeOff

@@ -22,7 +22,7 @@ from botohe_moo.base.types import BoolArray, FloatArray, IntArray
 from botohe_moo.mission.model import Mission
 from botohe_moo.plots import style as look
 from botohe_moo.plots.site import Background, Site, node_positions, only_some, robot_names
-from botohe_moo.plots.texts import Space
+from botohe_moo.plots.style import Space
 
 # Maps behind the graph are not to be darker than arcs, and white is to stay as it is.
 _FAINT = LinearSegmentedColormap.from_list("faint", [(0.5, 0.5, 0.5, 0.0), (0.5, 0.5, 0.5, 0.5)])

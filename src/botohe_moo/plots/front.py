@@ -22,7 +22,7 @@ from botohe_moo.mission.model import Mission, check_mission, numbers_digest
 from botohe_moo.objectives import Objectives
 from botohe_moo.plots import panels as shared
 from botohe_moo.plots import style as look
-from botohe_moo.plots.texts import Space, title_above
+from botohe_moo.plots.style import Space, title_above
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,8 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.patches import Patch
 
-from botohe_moo.base.messages import check_choice
-from botohe_moo.base.numbers import probability_text
+from botohe_moo.base.messages import check_choice, probability_text
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots import canvas as maps
@@ -23,7 +22,7 @@ from botohe_moo.plots import site as where
 from botohe_moo.plots import style as look
 from botohe_moo.plots.canvas import Canvas, colour_by_value, open_axes, robot_styles
 from botohe_moo.plots.panels import check_table
-from botohe_moo.plots.texts import objectives_text, title_above
+from botohe_moo.plots.style import objectives_text, title_above
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:

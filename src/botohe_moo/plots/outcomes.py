@@ -15,15 +15,14 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
-from botohe_moo.base.numbers import price_text
+from botohe_moo.base.messages import price_text
 from botohe_moo.decide.fronts import check_objectives
 from botohe_moo.decide.wishes import Candidates
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots import style as look
 from botohe_moo.plots.front import staircase
 from botohe_moo.plots.panels import DASHES
-from botohe_moo.plots.style import Palette
-from botohe_moo.plots.texts import objectives_text, title_above
+from botohe_moo.plots.style import Palette, objectives_text, title_above
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from matplotlib.colors import Normalize, to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox
 
-from botohe_moo.base.numbers import probability_text
+from botohe_moo.base.messages import probability_text
 from botohe_moo.base.types import FloatArray
 from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
@@ -25,7 +25,7 @@ from botohe_moo.plots import site as where
 from botohe_moo.plots import style as look
 from botohe_moo.plots.canvas import Canvas, RobotStyle, open_axes, robot_styles
 from botohe_moo.plots.front import front_summary, plot_front
-from botohe_moo.plots.texts import Space, objectives_text, text_size, title_above
+from botohe_moo.plots.style import Space, objectives_text, text_size, title_above
 from botohe_moo.trails import Plans, TrailPlan
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from concurrent.futures import Future
 from typing import Any
 from urllib.parse import urlsplit
 
-from botohe_moo.study.identity import installed_versions
-from botohe_moo.study.model import StudyError
+from botohe_moo.study.model import StudyError, installed_versions
 from botohe_moo.study.pool import WorkerPool
 from botohe_moo.study.task import Outcome, Task, code_mismatch, failure
 

@@ -19,8 +19,7 @@ from botohe_moo.base.messages import most_alike
 from botohe_moo.bounds import FrontBound
 from botohe_moo.mission.loading import read_mission, save_mission
 from botohe_moo.study.content import canonical
-from botohe_moo.study.identity import digest_of
-from botohe_moo.study.model import MANIFEST, Run, Study, StudyError, StudyMission
+from botohe_moo.study.model import MANIFEST, Run, Study, StudyError, StudyMission, digest_of
 from botohe_moo.study.task import Outcome, Record
 from botohe_moo.trails import PlanBatch
 

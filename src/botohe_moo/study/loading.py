@@ -27,7 +27,7 @@ from botohe_moo.mission.model import mission_digest
 from botohe_moo.problem import BOTOHE, PROBLEMS, find_problem
 from botohe_moo.study import model as m
 from botohe_moo.study.content import StudyFile, canonical, value_text
-from botohe_moo.study.identity import algorithm_identity, algorithm_origin
+from botohe_moo.study.model import algorithm_identity, algorithm_origin
 
 T = TypeVar("T")
 Place: TypeAlias = tuple[int | str, ...]  # keys and positions on the way to a value

@@ -17,8 +17,14 @@ from typing import Any
 
 from botohe_moo.base.runtime import n_cpus
 from botohe_moo.base.types import FloatArray
-from botohe_moo.study.identity import PACKAGES, algorithm_origin, installed_versions
-from botohe_moo.study.model import Run, StudyAlgorithm, StudyMission
+from botohe_moo.study.model import (
+    PACKAGES,
+    Run,
+    StudyAlgorithm,
+    StudyMission,
+    algorithm_origin,
+    installed_versions,
+)
 from botohe_moo.trails import PlanBatch
 
 PATIENCE = 3600.0

@@ -18,10 +18,9 @@ from botohe_moo import (
     load_mission,
     make_algorithm,
 )
-from botohe_moo.algorithms.annealing.algorithm import SimulatedAnnealing
-from botohe_moo.algorithms.annealing.engine import Annealing
+from botohe_moo.algorithms.annealing.algorithm import Annealing, SimulatedAnnealing
 from botohe_moo.algorithms.annealing.kernels import DETOUR, MOVES
-from botohe_moo.study.identity import algorithm_identity
+from botohe_moo.study.model import algorithm_identity
 
 journal = SimulatedAnnealing.journal
 settings = pytest.mark.parametrize("made", [SimulatedAnnealing, journal], ids=["usual", "journal"])

@@ -12,7 +12,7 @@ from pymoo.core.callback import Callback
 from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, Mission, RandomTrails, TrailPlan, area_indicator, load_mission
-from botohe_moo.algorithms.bo_aco import colony
+from botohe_moo.algorithms.bo_aco import algorithm as module
 from tests.examples import examples
 from tests.strategies import missions
 
@@ -106,14 +106,14 @@ class TestContract:
         assert result.algorithm.evaluator.n_eval == 1200
 
     def test_threads_do_not_change_results(self, make, museum, monkeypatch):
-        monkeypatch.setattr(colony, "_MUCH", 0)
+        monkeypatch.setattr(module, "_MUCH", 0)
         problem = BOTOHE(museum)
         one = minimize(problem, make(n_ants=60), ("n_gen", 15), seed=3)
         several = minimize(problem, make(n_ants=60, n_threads=3), ("n_gen", 15), seed=3)
         assert same_result(one, several)
 
     def test_pickle_in_the_middle_of_a_run(self, make, museum, monkeypatch):
-        monkeypatch.setattr(colony, "_MUCH", 0)
+        monkeypatch.setattr(module, "_MUCH", 0)
         problem = BOTOHE(museum)
         whole = minimize(problem, make(n_ants=20), ("n_gen", 20), seed=5)
         algorithm = make(n_ants=20, n_threads=2)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from botohe_moo.algorithms.bo_aco import colony as module
-from botohe_moo.algorithms.bo_aco.colony import Colony, ColonySettings
+from botohe_moo.algorithms.bo_aco import algorithm as module
+from botohe_moo.algorithms.bo_aco.algorithm import Colony, ColonySettings
 from botohe_moo.mission import Kind, Mission, load_mission
 from botohe_moo.problem import BOTOHE
 from tests import twins

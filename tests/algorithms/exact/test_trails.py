@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo.algorithms.exact import labels as labelling
-from botohe_moo.algorithms.exact.trails import TrailSearch, without_base_reward
+from botohe_moo.algorithms.exact.front import TrailSearch, without_base_reward
 from botohe_moo.core.compile import kernel
 from botohe_moo.core.world import CHECKING
 from botohe_moo.mission import Mission

@@ -9,7 +9,7 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm
 from botohe_moo.study import read_study
-from botohe_moo.study.identity import algorithm_origin
+from botohe_moo.study.model import algorithm_origin
 from botohe_moo.study.task import code_mismatch
 from tests.base.packages import entries, write_package
 from tests.base.test_installed import botohe

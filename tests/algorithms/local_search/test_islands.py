@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission
-from botohe_moo.algorithms.local_search import islands as module
-from botohe_moo.algorithms.local_search.engine import LocalSearchSettings
-from botohe_moo.algorithms.local_search.islands import Islands
+from botohe_moo.algorithms.local_search import engine as module
+from botohe_moo.algorithms.local_search.engine import Islands, LocalSearchSettings
 from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, QUEUE
 from botohe_moo.core.ordered import read_front
 from tests.algorithms.local_search.made import check, front_of, outcome, started

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from botohe_moo import TrailPlan, load_mission
 from botohe_moo.algorithms.local_search.kernels import plans
 from botohe_moo.algorithms.local_search.kernels.state import NOT_STORED, TOLERANCE, release
-from botohe_moo.core.trails import sort_trails
+from botohe_moo.core.walk import sort_trails
 from botohe_moo.core.world import aboard_at, aboard_of
 from tests import twins
 from tests.algorithms.local_search.made import check, check_clean, front_of, unstarted, write_child

@@ -16,8 +16,7 @@ from botohe_moo.core.evaluate import Reached, begin_plan, combine, expected_rewa
 from botohe_moo.core.paths import Paths, new_paths, safest_path
 from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import below, draw_weighted, uniform
-from botohe_moo.core.trails import sort_trails
-from botohe_moo.core.walk import Visits, new_visits, walk
+from botohe_moo.core.walk import Visits, new_visits, sort_trails, walk
 from botohe_moo.core.world import Graph, World, find_arc, keeps, layer_of
 
 Number = TypeVar("Number", float, FloatArray)

@@ -18,15 +18,21 @@ from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
 
 from botohe_moo.algorithms import base
-from botohe_moo.algorithms.base import BudgetedAlgorithm, MaxTies, Threads
+from botohe_moo.algorithms.base import BudgetedAlgorithm, MaxTies, PopulationArchive, Threads
 from botohe_moo.algorithms.genetic import sampling as samplings
-from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.base.messages import check_weights
 from botohe_moo.base.parameters import Probability, check_keywords, checked, signature_parameters
 from botohe_moo.base.types import FloatArray, ObjectArray
 from botohe_moo.operators.registry import KINDS, find_operator, make_operator
-from botohe_moo.operators.repair import PenaltyOnly, PlanDuplicates, PlanRepair
-from botohe_moo.operators.variation import MixedCrossover, MixedMutation, Mixture, TrailSplice
+from botohe_moo.operators.variation import (
+    MixedCrossover,
+    MixedMutation,
+    Mixture,
+    PenaltyOnly,
+    PlanDuplicates,
+    PlanRepair,
+    TrailSplice,
+)
 from botohe_moo.problem import FrontOutput
 from botohe_moo.trails import TrailPlan
 

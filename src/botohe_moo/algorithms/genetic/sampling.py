@@ -5,12 +5,16 @@ from typing import Any
 
 from pymoo.core.sampling import Sampling
 
-from botohe_moo.algorithms.bo_aco import colony
+from botohe_moo.algorithms.bo_aco.algorithm import (
+    JOURNAL_BONUS,
+    JOURNAL_EXPLORATION,
+    Colony,
+    ColonySettings,
+)
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.base.messages import check_integer
 from botohe_moo.base.types import ObjectArray, Rng
-from botohe_moo.operators.repair import check_part
-from botohe_moo.operators.variation import Mixture
+from botohe_moo.operators.variation import Mixture, check_part
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
@@ -108,16 +112,14 @@ class GuidedTrailSampling(PlanSampling):
 
 def _walk(problem: BOTOHE, n_samples: int, rng: Rng, *, heuristic: bool) -> PlanBatch:
     """Let ants without pheromone build plans."""
-    settings = colony.ColonySettings(
+    settings = ColonySettings(
         n_ants=n_samples,
         heuristic=heuristic,
         pheromone=False,
-        unvisited_bonus=colony.JOURNAL_BONUS,
-        exploration=colony.JOURNAL_EXPLORATION,
+        unvisited_bonus=JOURNAL_BONUS,
+        exploration=JOURNAL_EXPLORATION,
     )
-    return colony.Colony(problem.mission, problem.world, settings, random_state=rng).construct(
-        n_samples
-    )
+    return Colony(problem.mission, problem.world, settings, random_state=rng).construct(n_samples)
 
 
 class _FilledSampling(PlanSampling):

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field
 
 from botohe_moo.algorithms import base
-from botohe_moo.algorithms.base import ArchiveAlgorithm, Threads
+from botohe_moo.algorithms.base import ArchiveAlgorithm, PopulationArchive, Threads
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
-from botohe_moo.algorithms.individuals import PopulationArchive
-from botohe_moo.algorithms.local_search.engine import LocalSearch, LocalSearchSettings
-from botohe_moo.algorithms.local_search.islands import Islands
+from botohe_moo.algorithms.local_search.engine import Islands, LocalSearch, LocalSearchSettings
 from botohe_moo.base.types import FloatArray, ObjectArray
 from botohe_moo.core.archive import Archive
 from botohe_moo.problem import BOTOHE

@@ -16,8 +16,7 @@ from botohe_moo.core.compile import helper, inlined
 from botohe_moo.core.evaluate import begin_plan, combine, expected_reward
 from botohe_moo.core.ordered import OrderedFront
 from botohe_moo.core.rng import GOLDEN, below, hash_step, mixed, uniform
-from botohe_moo.core.trails import sort_trails
-from botohe_moo.core.walk import walk
+from botohe_moo.core.walk import sort_trails, walk
 from botohe_moo.core.world import (
     AT_NEXT_DEPOT,
     AT_THIS_DEPOT,
