@@ -68,13 +68,18 @@ class TestByHand:
         [
             (("a",), (1,), "two objectives or more"),
             (("a", "b"), (1, 2, 3), "two objectives or more"),
-            (("a", "b"), (1, math.inf), r"bounds of objectives in \[0, inf\), got inf"),
+            (("a", "b"), (1, math.inf), "the bound of an objective >= 0 and finite, got inf"),
             (("a", "b"), (-1, 1), r"got -1"),
         ],
     )
     def test_objectives_that_are_not(self, names, bounds, message):
         with pytest.raises(ValueError, match=message):
             Objectives(names, bounds, names)
+
+    @pytest.mark.parametrize("column", ["reward", "seed", "least survival", 3])
+    def test_columns_of_objectives_that_tables_cannot_have(self, column):
+        with pytest.raises(ValueError, match=rf"columns of objectives .* got {column!r}"):
+            Objectives(("E[R]", "other"), (1, 1), ("reward", column))
 
     def test_what_the_mission_does_not_have_is_refused(self):
         above = (1.0, 2.1)

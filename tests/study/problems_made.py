@@ -59,6 +59,15 @@ class Three(Weakest):
         return np.column_stack([super().evaluate_batch(batch), np.zeros(len(batch))])
 
 
+class Changing(Weakest):
+    """Has other objectives with each team."""
+
+    @property
+    def objectives(self):
+        columns = "reward", f"least_of_{self.mission.robots}"
+        return replace(super().objectives, columns=columns)
+
+
 class Unheard(BOTOHE):
     """Overrides what studies do not call."""
 

@@ -166,7 +166,7 @@ class TestRefused:
     def test_what_is_not_one(self):
         for name, said in (
             ("Unbounded", "Unbounded overrides evaluate_batch, and does not state its obje"),
-            ("Endless", "it cannot be made (ValueError: Expected bounds of objectives in [0, inf)"),
+            ("Endless", "it cannot be made (ValueError: Expected the bound of an objective"),
             ("Three", "expected n_obj = 2, as its objectives state, got 3."),
             ("Unheard", "Unheard overrides _evaluate, which not all algorithms call: override e"),
             ("Nobody", "it cannot be imported (AttributeError: "),
@@ -174,6 +174,11 @@ class TestRefused:
             ("Unmakeable", "it cannot be made (TypeError: "),
         ):
             assert fault(of_problem(name)).startswith(f"problem: '{MADE}:{name}': {said}")
+        missions = {"one": "toy", "two": {"mission": "toy", "robots": 3}}
+        assert fault(of_problem("Changing", missions=missions)) == (
+            f"problem: '{MADE}:Changing': expected equal objectives of all missions; "
+            "those of 'one' and 'two' differ."
+        )
         assert "cannot be imported" in fault({**STUDY, "problem": "no_such_module:X"})
         assert "Expected problem to be a text" in fault({**STUDY, "problem": 3})
 

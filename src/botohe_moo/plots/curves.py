@@ -1,6 +1,6 @@
 """Pictures of runs over time: how areas grow or distances shrink, and targets that are reached."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -19,11 +19,11 @@ Spent = Literal["evaluations", "seconds"]
 Band = Literal["quartiles", "sd", "range"]
 
 NAMES = {"evaluations": "evaluations", "seconds": "seconds of the algorithm's own time"}
-# What seaborn is to draw: the estimator of the line, and the error band around it.
-_BANDS: dict[str, tuple[Any, Any]] = {
-    "quartiles": ("median", ("pi", 50)),
-    "sd": ("mean", ("sd", 1)),
-    "range": ("median", ("pi", 100)),
+# The line and the edges of its band, of values in groups; seaborn's own take half a second a curve.
+_BANDS: dict[str, Callable[[Any], tuple[Any, Any, Any]]] = {
+    "quartiles": lambda of: (of.median(), of.quantile(0.25), of.quantile(0.75)),
+    "sd": lambda of: (of.mean(), of.mean() - of.std(), of.mean() + of.std()),
+    "range": lambda of: (of.median(), of.min(), of.max()),
 }
 _N_POINTS = 200
 _COLOURS_ALONE = 6  # with more curves than this, colours alone are hard to follow
@@ -99,31 +99,34 @@ def plot_curves(
     check_choice("band", band, _BANDS)
     steps = progress(trace, x=x, value=value, algorithms=algorithms)
     steps[value] = steps[value].where(steps[value].abs() > TIE, 0.0)
-    estimator, errorbar = _BANDS[band]
-    middle = steps.pivot_table(values=value, index=x, columns="algorithm", aggfunc=estimator)
-    chosen = [a for a in chosen_algorithms("trace", trace, (), algorithms) if a in middle]
+    of_runs = steps.groupby(["algorithm", x], observed=True)[value]
+    middle, low, high = _BANDS[band](of_runs)
+    known = middle.index.unique("algorithm")
+    chosen = [a for a in chosen_algorithms("trace", trace, (), algorithms) if a in known]
+    ends = {label: middle[label].iloc[-1] for label in chosen}
     styles = shared.line_styles(chosen, palette)
-    labels = sorted(chosen, key=lambda label: -middle[label].iloc[-1])
-    drawn: dict[str, Any] = {"x": x, "y": value, "estimator": estimator, "errorbar": errorbar}
-    drawn |= {"drawstyle": "steps-post", "legend": False}
+    labels = sorted(chosen, key=lambda label: -ends[label])
     with theme():
         axes = shared.axes_of(labels, ax)
         marked = len(set(axes.values())) == 1 and len(labels) > _COLOURS_ALONE
         for label in labels:
-            rows, style = steps[steps["algorithm"] == label], styles[label]
-            n_points = rows[x].nunique()
+            line, style = middle[label], styles[label]
+            n_points = len(line)
             if marked or n_points == 1:
                 # Markers are at other places on each curve.
                 style["markevery"] = (5 * chosen.index(label) % min(40, n_points), 40)
             else:
                 style["marker"] = None
-            sns.lineplot(rows, **drawn, **style, ax=axes[label])
+            sns.lineplot(line, **style, drawstyle="steps-post", legend=False, ax=axes[label])
+            shade = {"step": "post", "color": style["color"], "alpha": 0.2, "linewidth": 0}
+            axes[label].fill_between(line.index, low[label], high[label], **shade)
         first = axes[labels[0]]
         log_axis(first)
         if value == "area":
             # Where curves end has to be seen, and at least the upper half of the way there.
-            ends, (low, high) = middle.iloc[-1], first.get_ylim()
-            first.set_ylim(max(low, min(2 * ends.min() - ends.max(), 0.5 * ends.max())), high)
+            worst, best = min(ends.values()), max(ends.values())
+            bottom, top = first.get_ylim()
+            first.set_ylim(max(bottom, min(2 * worst - best, 0.5 * best)), top)
             shared.draw_bound(dict.fromkeys(axes.values()), bound, "y")
         elif (steps[value] > 0).any():
             log_axis(first, "y")

@@ -323,12 +323,14 @@ def save_figure(
     if engine is not None:  # laid out once, and not again for each file
         engine.execute(fig)
         fig.set_layout_engine("none")
+    # As large as what is drawn; found once, and not again for each file.
+    box = fig.get_tightbbox().padded(mpl.rcParams["savefig.pad_inches"])
     try:
         for target in targets:
             drawn = io.BytesIO()
             # Journals refuse the Type 3 fonts that matplotlib writes by default.
             with mpl.rc_context({"pdf.fonttype": 42}):
-                fig.savefig(drawn, format=target.suffix.lower()[1:], dpi=dpi, bbox_inches="tight")
+                fig.savefig(drawn, format=target.suffix.lower()[1:], dpi=dpi, bbox_inches=box)
             replace_file(target, drawn.getvalue())
     finally:
         if engine is not None:
