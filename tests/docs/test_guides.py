@@ -220,12 +220,11 @@ def by_size():
 
 
 KEPT = {
-    "../README": (by_size,),
     "bounds": (gaps,),
-    "library": (collection,),
+    "library": (collection, by_size),
     "local-search": (islands, threads),
+    "measured": (speed, growth),
     "paper": (published,),
-    "performance": (speed, growth),
     "under-way": (underway, learning),
 }
 
