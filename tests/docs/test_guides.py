@@ -221,9 +221,8 @@ def by_size():
 
 KEPT = {
     "../README": (by_size,),
-    "bounds": (gaps,),
     "library": (collection,),
-    "local-search": (islands, threads),
+    "measured": (islands, threads, gaps),
     "paper": (published,),
     "performance": (speed, growth),
     "under-way": (underway, learning),
