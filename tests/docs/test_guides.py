@@ -220,10 +220,8 @@ def by_size():
 
 
 KEPT = {
-    "bounds": (gaps,),
     "library": (collection, by_size),
-    "local-search": (islands, threads),
-    "measured": (speed, growth),
+    "measured": (speed, growth, islands, threads, gaps),
     "paper": (published,),
     "under-way": (underway, learning),
 }

@@ -11,12 +11,17 @@ FILES = [text for language, text in blocks(DOCS / "studies.md") if language == "
 
 
 def columns():
-    """The tables as the page shows them."""
-    lines = []
+    """The tables as the page shows them: a column that is as in a table above is only named."""
+    lines, shown = [], {}
     for name, schema in SCHEMAS.items():
-        lines += [f"\n**{name}**\n", "| column | type | |", "|---|---|---|"]
-        for column, of in schema.items():
-            lines.append(f"| `{column}` | {of.type} | {of.description} |")
+        said = {column: of.description for column, of in schema.items()}
+        new = {column: words for column, words in said.items() if shown.get(column) != words}
+        again = ", ".join(f"`{column}`" for column in said if column not in new)
+        lines.append(f"\n**{name}**\n")
+        lines += [f"As above: {again}.\n"] if again else []
+        lines += ["| column | |", "|---|---|"]
+        lines += [f"| `{column}` | {words} |" for column, words in new.items()]
+        shown |= said
     return "\n".join(lines).strip() + "\n"
 
 
