@@ -224,9 +224,9 @@ KEPT = {
     "bounds": (gaps,),
     "library": (collection,),
     "local-search": (islands, threads),
+    "measured": (underway, learning),
     "paper": (published,),
     "performance": (speed, growth),
-    "under-way": (underway, learning),
 }
 
 
