@@ -1,4 +1,4 @@
-"""What learning survivals from missions flown is worth, by the recipe of docs/under-way.md.
+"""What learning survivals from missions flown is worth, by docs/survivals.md.
 
 The table has a row for each mission, classes of arcs (arcs of like survival, or each arc alone),
 place of loss (known or unknown), policy (plans for the means of the survivals, or for a draw of
@@ -9,18 +9,23 @@ reward a mission, where a survivor has its price. Means over ten seeds, with sta
 """
 
 import re
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import redirect_stdout
 from functools import cache
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
 
-from botohe_moo import Mission, area_indicator, load_mission, solve
+from botohe_moo import Mission, Solution, TrailPlan, area_indicator, load_mission, solve
 
-PAGE = Path(__file__).parents[1] / "docs" / "under-way.md"
+Counts = dict[Any, tuple[float, float]]  # Beta(a, b) of the survival of each class
+# Of each trail: the arcs that its robot survived, and the arcs of which one was its end.
+Log = list[tuple[list[Any], list[Any]]]
+PAGE = Path(__file__).parents[1] / "docs" / "survivals.md"
 # Missions with their parameters, and what a survivor is worth there, as reward.
 SITES: dict[str, tuple[dict[str, Any], float]] = {
     "art_museum": ({}, 2.0),
@@ -57,21 +62,24 @@ def _learning(
     name: str, classes: str, place: str, policy: str, seed: int
 ) -> list[dict[str, object]]:
     """Fly missions, and give what the log was worth after some of them."""
-    recipe = _recipe()
+    learn = _learn()
     parameters, price = SITES[name]
     mission = load_mission(name, **parameters)
     class_of, prior = _classes(mission, classes)
     rng = np.random.default_rng(seed)
     how = {"pick": rng.beta} if policy == "Thompson" else {}
-    log, plans = recipe["fly_missions"](
-        mission, class_of, prior, max(FLOWN), price, place == "known", rng, **how
-    )
+    log: Log = []
+    plans = []
+    for _ in range(max(FLOWN)):
+        front = _plan_with(mission, class_of, learn(log, class_of, prior), **how)
+        plans.append(front.plans[np.argmax(front.objectives @ [1, price])])
+        log += _fly(mission, plans[-1], rng, place == "known")
     best, area_true = _best(name)
     shortfalls = best - mission.evaluate(plans) @ [1, price]
     rows = []
     for flown in FLOWN:
-        counts = recipe["learn"](log[: flown * mission.robots], class_of, prior)
-        front = recipe["plan_with"](mission, class_of, counts)
+        counts = learn(log[: flown * mission.robots], class_of, prior)
+        front = _plan_with(mission, class_of, counts)
         area = area_indicator(mission.evaluate(front.plans), mission)
         row = dict(zip(CASE, (name, classes, place, policy), strict=True))
         shortfall = shortfalls[:flown].mean() if flown else np.nan
@@ -81,13 +89,41 @@ def _learning(
 
 
 @cache
-def _recipe() -> dict[str, Any]:
-    """Return the functions of the page."""
+def _learn() -> Callable[..., Counts]:
+    """Return the function of the page."""
     blocks = re.findall(r"^```python\n(.*?)^```$", PAGE.read_text("utf-8"), re.M | re.S)
     [code] = [block for block in blocks if "def learn(" in block]
     names: dict[str, Any] = {}
-    exec(compile(code, PAGE.name, "exec"), names)
-    return names
+    with redirect_stdout(None):  # of its example
+        exec(compile(code, PAGE.name, "exec"), names)
+    return cast(Callable[..., Counts], names["learn"])
+
+
+def _fly(
+    mission: Mission, plan: TrailPlan, rng: np.random.Generator, known: bool
+) -> Iterator[tuple[list[Any], list[Any]]]:
+    """Yield the arcs that each robot survived, and the arcs of which one was its end."""
+    for trail in mission.labels(plan):
+        arcs = list(pairwise(trail))
+        survival = [mission.graph.edges[arc]["survival"] for arc in arcs]
+        at = int(np.append(rng.random(len(arcs)) >= survival, True).argmax())
+        is_clear = known or at == len(arcs)
+        yield (arcs[:at], arcs[at : at + 1]) if is_clear else ([], arcs)
+
+
+def _plan_with(
+    mission: Mission,
+    classes: dict[Any, Any],
+    counts: Counts,
+    pick: Callable[[float, float], float] = lambda a, b: a / (a + b),
+) -> Solution:
+    """Return the front if each class has the survival that is picked for it."""
+    survival = {name: pick(a, b) for name, (a, b) in counts.items()}
+    graph, kinds = mission.graph.copy(), mission.kinds
+    for arc, name in classes.items():
+        graph.edges[arc]["survival"] = survival[name]
+    other = Mission(graph, base=mission.base, kinds=kinds, pays=mission.pays)
+    return solve(other, evaluations=20_000)
 
 
 def _classes(mission: Mission, classes: str) -> tuple[dict[Any, Any], tuple[float, float]]:

@@ -221,9 +221,8 @@ def by_size():
 
 KEPT = {
     "library": (collection, by_size),
-    "measured": (speed, growth, islands, threads, gaps),
+    "measured": (speed, growth, islands, threads, gaps, underway, learning),
     "paper": (published,),
-    "under-way": (underway, learning),
 }
 
 
