@@ -84,8 +84,8 @@ def solve(
         Travel budget: how long every robot's trail may be, at least 0. Default: the mission's own
         (``mission.max_length``), if it has one; ``math.inf`` for none.
     problem
-        What plans are searched by: a class derived from :class:`BOTOHE` that states its
-        ``objectives``, or its name as ``module:Class``.
+        The problem to solve: a class derived from :class:`BOTOHE` that states its ``objectives``,
+        its registered name, or ``module:Class``.
     n_islands
         Searches that go on side by side once that pays. Default: 8, where the algorithm has them.
         The result depends on it.
