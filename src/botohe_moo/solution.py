@@ -209,7 +209,7 @@ class Solution:
                 rows = np.linspace(0, len(rows) - 1, _SHOWN).round().astype(int)
             shown = self.table.iloc[rows].round(3).to_string(index=False)
             table, n_rows = shown if self.plans else "no plans", len(rows)
-        some = f", {n_rows} of them above" if n_rows < len(self.plans) else ""
+        some = f"; the table shows {n_rows}" if n_rows < len(self.plans) else ""
         start = self.startup_seconds if self.startup_seconds >= _LONG_START else 0.0
         took, started = "", ""
         if self.seconds is not None:
@@ -217,7 +217,7 @@ class Solution:
             evaluated = self.evaluations - (self.startup_evaluations if start else 0)
             pace = f" ({evaluated / seconds:,.0f} a second)" if evaluated and seconds > 0 else ""
             took = f" in {seconds:.1f} s{pace}"
-            started = f", after {start:.1f} s to compile and start" if start else ""
+            started = f", after {start:.1f} s to start" if start else ""
         stopped = "stopped after" if self.interrupted else "spent"
         return (
             f"{table}\n\n"

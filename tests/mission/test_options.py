@@ -216,7 +216,7 @@ def test_an_option_for_points_with_scores(site, given):
         **{"base": 0, **({} if "kinds" in given else {"robots": 2}), **given},
     )
     assert load_mission("points.txt", **given) == expected
-    with pytest.warns(UserWarning, match="All arcs have a survival: danger"):
+    with pytest.warns(UserWarning, match="All arcs have survivals; danger"):
         assert load_mission("points.txt", danger=0.1, **given) == expected
 
 

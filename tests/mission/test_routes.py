@@ -359,7 +359,7 @@ def test_what_survives_without_danger_is_said(site):
         line(4, 3, metadata={"survival": 0.8}),
         points={3: (0, 0), 4: (3, 4)},
     )
-    with pytest.warns(UserWarning, match="All arcs have a survival: danger, hazard and zones"):
+    with pytest.warns(UserWarning, match="All arcs have survivals; danger, hazard and zones"):
         load_mission(path, danger=7, base=3, robots=1)
 
 

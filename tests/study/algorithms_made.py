@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from numba.core import event
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.population import Population
 
@@ -52,6 +53,19 @@ class Raising(ArchiveAlgorithm):
 def sample(algorithm, n):
     batch = RandomTrailSampling().sample_batch(algorithm.problem, n, algorithm.random_state)
     algorithm.evaluate_plans(batch)
+
+
+class Compiling(ArchiveAlgorithm):
+    """Compiles for a while before it evaluates plans."""
+
+    def __init__(self, seconds: float = 0.3):
+        super().__init__()
+        self.seconds = seconds
+
+    def _advance(self, **_):
+        with event.trigger_event("numba:compiler_lock"):
+            time.sleep(self.seconds)
+        sample(self, 20)
 
 
 class RaisingOnce(Raising):

@@ -220,6 +220,11 @@ for name, budget in {budgets!r}:
         assert outcome.status == "failed"
         assert "of the 10 allowed" in outcome.error
 
+    def test_compiling_is_not_the_own_time_of_any_algorithm(self):
+        began = time.perf_counter()
+        outcome, _ = performed(make_task(f"{MADE}:Compiling", evaluations=40))
+        assert outcome.seconds <= time.perf_counter() - began - 2 * 0.3
+
     def test_seconds_end_a_run_at_the_end_of_an_iteration(self):
         task = make_task(
             f"{MADE}:Slow",

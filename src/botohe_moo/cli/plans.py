@@ -235,7 +235,8 @@ def replan(
     reward, survivors = found.objectives.tolist()
     tell(
         paragraph(
-            f"Rewards of {left.banked:.4g} count already. {found} Expected from now on: "
+            f"Rewards of {left.banked:.4g} were collected since the plan was made. {found} "
+            f"Expected from now on: "
             f"{reward:.4g} reward and {survivors:.4g} survivors."
         )
     )

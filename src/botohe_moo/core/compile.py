@@ -191,6 +191,11 @@ def _has_place_to_keep() -> bool:
 _KEEPS = _has_place_to_keep()
 
 
+def compile_seconds() -> float:
+    """Return for how long this process has compiled kernels, or loaded them, in seconds."""
+    return float(_clock.duration) if _clock.done else 0.0
+
+
 class _Compiling(event.Listener):
     """Follows what numba compiles: one function within another, beginning with a kernel.
 
@@ -254,6 +259,8 @@ def _leave_helpers_to_kernels(compiling: _Compiling) -> None:
 
 _compiling = _Compiling()
 event.register("numba:compile", _compiling)
+_clock = event.TimingListener()
+event.register("numba:compiler_lock", _clock)
 if numba.version_info.short == (0, 68):  # other versions compile for longer, with the same results
     _leave_helpers_to_kernels(_compiling)
 

@@ -11,7 +11,6 @@ import io
 import json
 import math
 import os
-import warnings
 from collections.abc import Hashable, Sequence
 from itertools import accumulate, pairwise
 from operator import mul
@@ -370,15 +369,11 @@ def qgc_plans(
     Raises
     ------
     ValueError
-        If a node on a trail has no longitude and latitude, the vehicle is unknown, or the altitude
-        is not one of that vehicle.
+        If the graph of the mission has no attribute ``geographic`` that is true, a node on a trail
+        has no longitude and latitude, the vehicle is unknown, or the altitude is not one of that
+        vehicle.
     PlanError
         If the plan is not valid for the mission.
-
-    Warns
-    -----
-    UserWarning
-        If the graph of the mission has no attribute ``geographic`` that is true.
 
     Examples
     --------
@@ -395,10 +390,9 @@ def qgc_plans(
     height = _altitude(vehicle, altitude)
     check_mission(mission).evaluate([plan])
     if not mission.graph.graph.get("geographic"):
-        warnings.warn(
-            "Positions are taken for longitudes and latitudes: set the graph attribute geographic "
-            "to true if they are.",
-            stacklevel=2,
+        raise ValueError(
+            "Expected a mission whose positions are longitudes and latitudes (graph attribute "
+            f"geographic, or -m geographic=true), got metres: {mission.name!r}."
         )
     files, places = {}, places_of(mission.graph.nodes)
     for robot, trail in enumerate(mission.labels(plan)):

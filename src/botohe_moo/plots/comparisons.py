@@ -294,7 +294,10 @@ def plot_shortfalls(
     gaps = 100 * (bounds.to_numpy(float) / whole.reindex(names).to_numpy(float) - 1)
     with theme():
         ax = ax or new_axes(7.5, 1.2 + 0.26 * max(len(names), 4))
-        ax.barh(names, gaps, 0.7, color="0.88", zorder=0, label="certified gap")
+        meaning = "per cent below the reference front"
+        if bounds.notna().any():
+            ax.barh(names, gaps, 0.7, color="0.88", zorder=0, label="certified gap")
+            meaning += " (points), or above it at most (bars)"
         points = {**_in_colours(labels, palette), "style": "algorithm", "alpha": 0.85, "zorder": 3}
         sns.scatterplot(rows, x="shortfall", y="mission", ax=ax, **points)
         ax.set_xscale("symlog", linthresh=_LINEAR)
@@ -302,7 +305,6 @@ def plot_shortfalls(
         ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         ax.set_ylim(len(names) - 0.5, -0.5)
         ax.tick_params(axis="y", length=0)
-        meaning = "per cent below the reference front (points), or above it at most (bars)"
         ax.set(xlabel=meaning, ylabel="", title=title or "")
         shared.add_legend_beside(ax)
     return ax

@@ -19,6 +19,7 @@ from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.genetic.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.base.types import FloatArray
+from botohe_moo.core.compile import compile_seconds
 from botohe_moo.core.ready import kernels
 from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission
@@ -136,11 +137,13 @@ class Recorder:
         self._counts = record_counts(evaluations=budget.evaluations, **recording.model_dump())
         self._next = self._counts[0]
         self.recording_seconds = 0.0
+        self._compiled = compile_seconds()
         self._started = time.perf_counter()
 
     def elapsed(self) -> float:
-        """Return the algorithm's own time so far, in seconds."""
-        return time.perf_counter() - self._started - self.recording_seconds
+        """Return the algorithm's own time so far, in seconds: without recording and compiling."""
+        spent = time.perf_counter() - self._started
+        return spent - self.recording_seconds - (compile_seconds() - self._compiled)
 
     def watch(self, evaluations: int) -> None:
         """Record the front if a record is due at this number of evaluations."""

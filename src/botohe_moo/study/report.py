@@ -105,7 +105,8 @@ def summary_table(tables: StudyTables) -> ReportTable:
     rows, n_seeds = tables.summary, len(tables.manifest["seeds"])
     of_all = [count(n) if n == n_seeds else f"{count(n)} of {count(n_seeds)}" for n in rows["n"]]
     lost = [f" ({count(n)} not done)" if n else "" for n in rows["n_not_done"]]
-    names = further_indicators(tables.manifest["indicators"])
+    wanted = tables.manifest["indicators"]
+    names = [name for name in further_indicators(wanted) if name in wanted]
     further = {INDICATORS[name].label: rows[f"{name}_median"] for name in names}
     cells = {
         "algorithm": rows["algorithm"],

@@ -158,7 +158,7 @@ class _Site:
                 attributes.setdefault("survival", 1.0)  # the loop is the fault, or is left out
         lacking = [arc for arc in self.arcs if "survival" not in arc.attributes]
         if not lacking and (danger is not None or hazard or zones):
-            self.notes.append("All arcs have a survival: danger, hazard and zones change none.")
+            self.notes.append("All arcs have survivals; danger, hazard and zones change nothing.")
         if lacking and danger is None and (hazard or not zones):
             found = f"expected a survival, found none ({len(lacking)} without one)"
             remedy = "give danger, the rate of loss for a unit of length"
