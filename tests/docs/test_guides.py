@@ -81,6 +81,25 @@ def test_links_lead_somewhere():
     assert [(page, link) for page in TEXTS for link in links(page) if not link.exists()] == []
 
 
+# Words of an earlier edition that a reader cannot know: the glossary has others.
+UNKNOWN = ("what others leave", "made anew", "look-ahead", "refill")
+
+
+def sentences(page):
+    """The sentences of a page, outside headings, lists, tables, code and formulas."""
+    text = re.sub(r"^ *(```|\$\$).*?^ *\1$", "", page.read_text("utf-8"), flags=re.M | re.S)
+    for block in re.split(r"\n\s*\n", text):
+        if not re.match(r"\s*([-*|#] |#|\d+\. |<!--)", block):
+            yield from re.split(r"(?<=[.!?])[*\"”)]*\s+", block.strip())
+
+
+@pytest.mark.parametrize("page", [*GUIDES, ROOT / "README.md"], ids=lambda page: page.stem)
+def test_sentences_are_short_and_of_known_words(page):
+    assert [said for said in sentences(page) if len(said.split()) > 30] == []
+    text = " ".join(page.read_text("utf-8").lower().split())
+    assert [word for word in UNKNOWN if word in text] == []
+
+
 def test_the_index_has_every_page():
     pages = [link for link in links(DOCS / "index.md") if link.suffix in (".md", ".ipynb")]
     known = {*GUIDES, *NOTEBOOKS, DOCS / "reference" / "index.md"} - {DOCS / "index.md"}
