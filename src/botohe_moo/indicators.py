@@ -186,7 +186,7 @@ class Indicator:
     >>> def most_reward(points, mission):
     ...     return float(points[:, 0].max(initial=0.0)) / largest_objectives(mission)[0]
     >>> best = Indicator("most reward", most_reward, higher_is_better=True)
-    >>> best.measure(np.array([[5.0, 1.0], [2.0, 2.0]]), None, load_mission("toy"))
+    >>> best(np.array([[5.0, 1.0], [2.0, 2.0]]), None, load_mission("toy"))
     0.5
     """
 
@@ -207,7 +207,7 @@ class Indicator:
         """Whether it measures how far a front is from the reference: less is better."""
         return self.needs_reference and self.higher_is_better is False
 
-    def measure(self, points: FloatArray, reference: FloatArray | None, mission: Scale) -> float:
+    def __call__(self, points: FloatArray, reference: FloatArray | None, mission: Scale) -> float:
         """Compute it for the points of a front; a ValueError if it gives no finite number."""
         given = (points, reference, mission) if self.needs_reference else (points, mission)
         value = self.function(*given)

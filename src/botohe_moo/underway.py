@@ -18,16 +18,8 @@ import numpy as np
 
 from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.base import files
-from botohe_moo.base.messages import (
-    check_choice,
-    check_integer,
-    check_number,
-    counted,
-    difference_text,
-    price_text,
-    quoted,
-    short_text,
-)
+from botohe_moo.base.messages import check_choice, check_integer, check_number, counted, quoted
+from botohe_moo.base.numbers import difference_text, price_text, short_text
 from botohe_moo.base.types import FloatArray
 from botohe_moo.decide.fronts import survivor_prices
 from botohe_moo.decide.wishes import label_text, node_of

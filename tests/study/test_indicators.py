@@ -154,4 +154,4 @@ def test_a_name_that_is_not_registered_is_refused(tmp_path):
 def test_a_value_that_is_not_a_number_names_the_indicator():
     odd = Indicator("odd", lambda *_: np.nan, higher_is_better=True)
     with pytest.raises(ValueError, match="Indicator 'odd': expected a finite number, got nan"):
-        odd.measure(np.ones((1, 2)), None, load_mission("toy"))
+        odd(np.ones((1, 2)), None, load_mission("toy"))

@@ -166,7 +166,7 @@ class TestRefused:
     def test_what_is_not_one(self):
         for name, said in (
             ("Unbounded", "Unbounded overrides evaluate_batch, and does not state its obje"),
-            ("Endless", "it cannot be made (ValueError: Expected the bound of an objective"),
+            ("Endless", "it cannot be made (ParameterError: Expected the bound of an objecti"),
             ("Three", "expected n_obj = 2, as its objectives state, got 3."),
             ("Unheard", "Unheard overrides _evaluate, which not all algorithms call: override e"),
             ("Nobody", "it cannot be imported (AttributeError: "),

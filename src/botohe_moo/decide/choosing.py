@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo.base.messages import difference_text
+from botohe_moo.base.numbers import difference_text
 from botohe_moo.decide.fronts import arc_counts, distances
 from botohe_moo.decide.wishes import label_text
 from botohe_moo.mission.model import Mission, check_mission
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-from botohe_moo.base.messages import check_choice, check_number, price_text, short_text
+from botohe_moo.base.messages import check_choice, check_number
+from botohe_moo.base.numbers import price_text, short_text
 from botohe_moo.decide import fronts
 from botohe_moo.decide.fronts import Neighbours
 from botohe_moo.decide.wishes import QUANTITIES, Candidates, Quantity, Wish, parse_wishes

@@ -12,7 +12,8 @@ from typing import Any, Literal, NamedTuple
 
 from botohe_moo import outcomes as o
 from botohe_moo.base import messages as checks
-from botohe_moo.base.messages import counted, exact_text, quoted
+from botohe_moo.base.messages import counted, quoted
+from botohe_moo.base.numbers import exact_text
 from botohe_moo.decide.fronts import SLACK
 from botohe_moo.decide.hazards import worst_losses
 from botohe_moo.mission.formats.nodelink import plain_label

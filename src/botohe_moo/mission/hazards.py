@@ -11,7 +11,8 @@ import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike
 
-from botohe_moo.base.messages import as_float, plain_numbers, quoted, read_number
+from botohe_moo.base.messages import as_float, quoted
+from botohe_moo.base.numbers import plain_numbers, read_number
 from botohe_moo.base.parameters import NotNegative, Positive, checked
 from botohe_moo.base.types import FloatArray, IntArray
 from botohe_moo.mission.rules import MissionError

@@ -117,7 +117,8 @@ def plot_curves(
                 style["markevery"] = (5 * chosen.index(label) % min(40, n_points), 40)
             else:
                 style["marker"] = None
-            sns.lineplot(line, **style, drawstyle="steps-post", legend=False, ax=axes[label])
+            style |= {"drawstyle": "steps-post", "estimator": None, "legend": False}
+            sns.lineplot(line, **style, ax=axes[label])
             shade = {"step": "post", "color": style["color"], "alpha": 0.2, "linewidth": 0}
             axes[label].fill_between(line.index, low[label], high[label], **shade)
         first = axes[labels[0]]

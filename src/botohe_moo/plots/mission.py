@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.patches import Patch
 
-from botohe_moo.base.messages import check_choice, probability_text
+from botohe_moo.base.messages import check_choice
+from botohe_moo.base.numbers import probability_text
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots import canvas as maps

@@ -15,7 +15,7 @@ from matplotlib.colors import Normalize, to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox
 
-from botohe_moo.base.messages import probability_text
+from botohe_moo.base.numbers import probability_text
 from botohe_moo.base.types import FloatArray
 from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission

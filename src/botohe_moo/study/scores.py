@@ -73,7 +73,7 @@ def score_runs(
         mission = run["mission"]
         for name in indicators:
             indicator = INDICATORS[name]
-            value = indicator.measure(points, targets[mission], missions[mission])
+            value = indicator(points, targets[mission], missions[mission])
             reference = names[mission] if indicator.needs_reference else None
             rows.append({**run, "indicator": name, "reference": reference, "value": value})
     table = as_table("indicators", rows)
@@ -106,7 +106,7 @@ def score_records(
                 column.append(column[-1])
             elif name == "area" or name in indicators:
                 of_mission = targets.get(label), missions[label]
-                column.append(INDICATORS[name].measure(points, *of_mission))
+                column.append(INDICATORS[name](points, *of_mission))
             else:
                 column.append(np.nan)
     return scores

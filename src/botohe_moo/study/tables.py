@@ -71,6 +71,10 @@ class _Schemas(UserDict[str, Any]):
                 columns[column] = Column(row["type"], said, bool(row["missing"]))
         return columns
 
+    def needed(self, table: str) -> set[str]:
+        """Return the columns that it has whichever indicators are registered."""
+        return {row["column"] for row in self.data[table] if "{" not in row["column"]}
+
 
 SCHEMAS = _Schemas()
 
@@ -354,9 +358,8 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
         }
         tables = {}
         for name in SCHEMAS:
-            known = SCHEMAS[name].items()
-            needed = {c for c, of in known if not of.nullable and c not in OBJECTIVES}
-            if index["format"] != _FORMAT or not needed <= described.get(name, {}).keys():
+            lacking = SCHEMAS.needed(name) - {*OBJECTIVES} - described.get(name, {}).keys()
+            if lacking or index["format"] != _FORMAT:
                 raise ValueError("the tables are of another version")
             path = folder / index["tables"][name]["file"]
             data = read_bytes(path)

@@ -9,7 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from botohe_moo.base.messages import plain_numbers, quoted
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.numbers import plain_numbers
 from botohe_moo.base.parameters import Count, Positive, checked
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source

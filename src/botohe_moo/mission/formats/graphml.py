@@ -10,7 +10,8 @@ from xml.etree import ElementTree as ET
 
 import networkx as nx
 
-from botohe_moo.base.messages import FLAGS, quoted
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.numbers import FLAGS
 from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.model import Mission

@@ -18,7 +18,8 @@ from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, Field
 
 from botohe_moo.base.files import FilePath
-from botohe_moo.base.messages import ParameterError, plain_numbers, quoted
+from botohe_moo.base.messages import ParameterError, quoted
+from botohe_moo.base.numbers import plain_numbers
 from botohe_moo.base.parameters import NotNegative, Positive, Probability, checked, validated
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.formats.reading import Source, within

@@ -13,15 +13,8 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 
 from botohe_moo.base.files import FAULTS, FILE, FilePath, filled_cells
-from botohe_moo.base.messages import (
-    ParameterError,
-    as_float,
-    check_frame,
-    listed,
-    quoted,
-    read_flag,
-    read_number,
-)
+from botohe_moo.base.messages import ParameterError, as_float, check_frame, listed, quoted
+from botohe_moo.base.numbers import read_flag, read_number
 from botohe_moo.base.parameters import NotNegative, Positive, checked
 from botohe_moo.mission import hazards, rules
 from botohe_moo.mission.formats.reading import Draft, Row
