@@ -687,6 +687,23 @@ class TestOtherObjectives:
         assert again.problem == solution.problem == "botohe_moo.problem:LeastSurvival"
         assert again.choose("survivors >= 1").plan in again.plans
 
+    @pytest.mark.parametrize(
+        ("key", "value", "message"),
+        [
+            ("min_survival", 0.9, r"Plan \d+, robot \d: expected a survival of at least 0\.9"),
+            ("area", 0.9, "found .*: plans are missing, or were changed"),
+            ("plans", None, "Plan 0: expected the objectives .*: the plans or the mission"),
+        ],
+    )
+    def test_what_was_changed_is_noticed(self, key, value, message, tmp_path):
+        solve("toy", "nsga2", problem=LeastSurvival, evaluations=300, seed=1).write(tmp_path)
+        path = tmp_path / "plans.json"
+        content = json.loads(path.read_text())
+        content["plans"][0]["reward"] += 0.5 * (value is None)
+        path.write_text(json.dumps(content | ({} if value is None else {key: value})))
+        with pytest.raises(ValueError, match=message):
+            read_solution(tmp_path)
+
     def test_a_column_that_is_missing_is_named(self, tmp_path):
         solve("toy", "nsga2", problem=LeastSurvival, evaluations=100).write(tmp_path)
         path = tmp_path / "plans.json"

@@ -10,6 +10,7 @@ import moocore
 import numpy as np
 from numpy.typing import ArrayLike
 
+from botohe_moo.base.messages import as_float, quoted
 from botohe_moo.base.registry import Registry, is_path
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission
@@ -198,6 +199,11 @@ class Indicator:
     latex: str = ""
 
     @property
+    def is_loaded(self) -> bool:
+        """Whether it can be computed: else only a folder of results tells of it."""
+        return self.function is not _not_loaded
+
+    @property
     def in_words(self) -> str:
         """The long label, or else the label."""
         return self.long_label or self.label
@@ -210,20 +216,41 @@ class Indicator:
     def __call__(self, points: FloatArray, reference: FloatArray | None, mission: Scale) -> float:
         """Compute it for the points of a front; a ValueError if it gives no finite number."""
         given = (points, reference, mission) if self.needs_reference else (points, mission)
-        value = self.function(*given)
-        if not np.isfinite(value):
-            raise ValueError(f"Indicator {self.label!r}: expected a finite number, got {value}.")
-        return float(value)
+        try:
+            value = self.function(*given)
+        except (Exception, SystemExit) as error:  # whatever another package's code may raise
+            said = " ".join(f"{type(error).__name__}: {error}".split())
+            raise ValueError(f"Indicator {self.label!r}: {said}") from error
+        number = as_float(value)
+        if not math.isfinite(number):
+            expected = f"expected a finite number, got {quoted(value)}"
+            raise ValueError(f"Indicator {self.label!r}: {expected}.")
+        return number
 
 
 class _Indicators(Registry):
     """The indicators that a study file may name, in the order of tables.
 
-    ``module:NAME`` names one of a module.
+    ``module:NAME`` names one of a module, which only `load` imports. Folders of results name such
+    indicators, too, and code that a folder names is not run.
     """
 
     def find(self, name: str, makes: type | None = None) -> Any:
-        """Return the indicator of a name; a function of a front and a mission describes fronts."""
+        """Return the indicator of a name, or a stand-in for one of a module that is not loaded."""
+        if is_path(name) and name not in self:
+            return _KNOWN.get(name) or Indicator(name, _not_loaded, higher_is_better=None)
+        return self._imported(name, makes)
+
+    def load(self, name: str) -> None:
+        """Import the module of an indicator that is named ``module:NAME``."""
+        _KNOWN[name] = self._imported(name)
+
+    def describe(self, name: str, **known: Any) -> None:
+        """Keep what tables say of an indicator that is named ``module:NAME``."""
+        _KNOWN.setdefault(name, Indicator(function=_not_loaded, **known))
+
+    def _imported(self, name: str, makes: type | None = None) -> Any:
+        """Import what a name stands for; a function of a front and a mission describes fronts."""
         found = super().find(name, makes)
         if not isinstance(found, Indicator):
             needs_reference = "reference" in inspect.signature(found).parameters
@@ -231,6 +258,11 @@ class _Indicators(Registry):
         return found
 
 
+def _not_loaded(*_: Any) -> float:
+    raise ValueError("folders of results run no code; `botohe study run FILE` makes their tables")
+
+
+_KNOWN: dict[str, Indicator] = {}  # those of modules
 _OURS = {
     "area": Indicator(
         "area", area_indicator, higher_is_better=True, long_label="area (normalised hypervolume)"

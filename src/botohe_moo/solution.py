@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -21,6 +22,7 @@ from botohe_moo.base.files import Source, replace_file
 from botohe_moo.base.messages import counted
 from botohe_moo.base.parameters import validated
 from botohe_moo.base.types import FloatArray
+from botohe_moo.core.world import CHECKING
 from botohe_moo.decide import choosing, fronts, hazards
 from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator
@@ -367,8 +369,9 @@ class _Record(BaseModel, strict=True):
 def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = None) -> Solution:
     """Read the solution that :meth:`Solution.write` wrote.
 
-    All plans are evaluated again. Objectives of another problem are trusted: to check them would
-    run code that the file names. Nothing in the files is executed or unpickled.
+    All plans are evaluated again, and compared with the limits of the search. Of another
+    problem's objectives only E[R] and E[S] are checked, since nothing in the files is executed or
+    unpickled.
 
     Parameters
     ----------
@@ -411,8 +414,11 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
         batch = _plans_of(record, mission)
         own = record.problem_objectives or Objectives.of(mission)
         objectives = _objectives_of(record, own.columns)
-        # What another problem computes is taken as it is: no code is run that a file names.
-        evaluated = mission.evaluate(batch) if record.problem is None else objectives
+        # What else another problem computes is trusted: no code is run that a file names.
+        evaluated, plain = objectives.copy(), mission.evaluate(batch)
+        for i, name in enumerate(("E[R]", "E[S]")):
+            if name in own.names:
+                evaluated[:, own.names.index(name)] = plain[:, i]
         agree = np.isclose(objectives, evaluated, rtol=1e-9, atol=1e-9).all(axis=1)
         if not agree.all():
             i = int(agree.argmin())
@@ -433,7 +439,10 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
         )
         if not np.isclose(solution.area, record.area, rtol=1e-9):
             expected = f"expected plans of area {record.area:.6g}, found {solution.area:.6g}"
-            raise ValueError(f"{expected}: plans are missing.")
+            raise ValueError(f"{expected}: plans are missing, or were changed.")
+        longest = math.inf if record.max_length is None else record.max_length
+        limits = mission.limits(record.min_survival, longest)
+        mission.check_limits(batch, limits.loosened(CHECKING))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return solution

@@ -2,15 +2,16 @@
 
 import csv
 import json
+import sys
 
 import matplotlib as mpl
 import numpy as np
 import pytest
 
-from botohe_moo import load_mission
+from botohe_moo import indicators, load_mission
 from botohe_moo.indicators import INDICATORS, Indicator
 from botohe_moo.plots import plot_curves
-from botohe_moo.study import SCHEMAS, StudyError, load_study, read_study, run_study
+from botohe_moo.study import SCHEMAS, StudyError, load_study, make_tables, read_study, run_study
 from botohe_moo.study.loading import study_schema
 from botohe_moo.study.report import write_report
 from tests.base.packages import entries, write_package
@@ -122,12 +123,53 @@ def test_it_may_be_of_another_package(tmp_path):
     assert found["width"].to_dict() == pytest.approx(rewards.max().to_dict())
     assert set(found[named]) == {len(tables.references)}
     assert set(tables.comparisons["indicator"]) == {"area", "width"}
+    assert "width</th>" in report_page(tables)
+
+
+def report_page(tables):
     page = next(path for path in write_report(tables) if path.name == "report.html")
-    assert "width</th>" in page.read_text("utf-8")
+    return page.read_text("utf-8")
+
+
+@pytest.mark.usefixtures("in_process")
+def test_no_folder_runs_it(tmp_path, monkeypatch):
+    """A study file may name code; its folder of results only tells of it."""
+    (tmp_path / "code_of_a_study.py").write_text(SPACING)
+    monkeypatch.syspath_prepend(tmp_path)
+    named = "code_of_a_study:far"
+    run_study(loaded(tmp_path, indicators=["area", named]), tmp_path / "done")
+    monkeypatch.setattr(indicators, "_KNOWN", {})
+    monkeypatch.delitem(sys.modules, "code_of_a_study")
+    tables = read_study(tmp_path / "done")
+    assert (INDICATORS[named].label, INDICATORS[named].needs_reference) == ("far", True)
+    assert "far</th>" in report_page(tables)
+    with pytest.raises(StudyError, match=f"'{named}' is code, which folders do not run"):
+        make_tables(tmp_path / "done")
+    assert "code_of_a_study" not in sys.modules
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (lambda points, mission: "12", "expected a finite number, got '12'"),
+        (lambda points, mission: None, "expected a finite number, got None"),
+        (lambda points, mission: 10**400, "expected a finite number, got 1000"),
+        (lambda points, mission: sys.exit(0), "SystemExit: 0"),
+        (lambda points, mission: points[0], "IndexError: "),
+        (lambda: 1.0, "TypeError: "),
+    ],
+)
+def test_what_gives_no_number_is_refused_before_anything_runs(
+    function, said, tmp_path, monkeypatch
+):
+    monkeypatch.setitem(INDICATORS.own, "odd", Indicator("odd %", function, None))
+    with pytest.raises(StudyError, match=f"indicators: odd: Indicator 'odd %': {said}"):
+        loaded(tmp_path)
 
 
 @pytest.mark.usefixtures("spacing")
 def test_what_a_path_leads_to_is_checked(tmp_path):
+    loaded(tmp_path, indicators=["spacing_of_fronts:WIDTH"])
     assert INDICATORS["spacing_of_fronts:WIDTH"].higher_is_better
     for wrong, said in (("json:no", "cannot be imported"), ("json:__name__", "to be a function")):
         with pytest.raises(StudyError, match=rf"indicators\.0: .*{said}"):

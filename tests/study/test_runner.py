@@ -363,6 +363,14 @@ class TestTables:
         assert_same(after, before)
         assert {**after.manifest, "made_from": 0} == {**before.manifest, "made_from": 0}
 
+    def test_a_mission_that_was_changed_is_named(self, small):
+        path = next((small / "missions").iterdir())
+        content = json.loads(path.read_text())
+        content["edges"][0]["survival"] *= 0.5
+        path.write_text(json.dumps(content))
+        with pytest.raises(StudyError, match=rf"{path}: damaged \(it was changed"):
+            make_tables(small)
+
     def test_damaged_files_of_the_study_are_named(self, small):
         for name, damage in (
             ("missions/*.json", "{"),

@@ -78,7 +78,7 @@ def _check_indicator(value: str, info: pydantic.ValidationInfo) -> str:
     if info.context is not None:  # a folder holds the study, which was checked before
         return value
     if is_path(value):
-        INDICATORS.find(value)
+        INDICATORS.load(value)
     else:
         check_choice("an indicator", value, INDICATORS)
     return value

@@ -17,7 +17,9 @@ from pydantic import TypeAdapter, ValidationError
 from botohe_moo.base.files import read_bytes, replace_file
 from botohe_moo.base.messages import most_alike
 from botohe_moo.bounds import FrontBound
+from botohe_moo.indicators import INDICATORS
 from botohe_moo.mission.loading import read_mission, save_mission
+from botohe_moo.mission.model import mission_digest
 from botohe_moo.study.content import canonical
 from botohe_moo.study.model import MANIFEST, Run, Study, StudyError, StudyMission, digest_of
 from botohe_moo.study.task import Outcome, Record
@@ -202,6 +204,8 @@ def restore_study(folder: Path) -> Study:
             file = folder / MISSIONS / f"{mission['digest']}.json"
             with _reading(file):
                 mission["mission"] = read_mission(file)
+                if mission_digest(mission["mission"]) != mission["digest"]:
+                    raise ValueError("it was changed")
         try:
             study = _STUDY.validate_python(kept, context={"imports": False})
         except ValidationError as error:
@@ -211,6 +215,12 @@ def restore_study(folder: Path) -> Study:
         )
         if "versions" not in kept or not problem_is_stated:
             raise ValueError("it was written by another version")
+        for name in study.file.indicators:
+            if not INDICATORS[name].is_loaded:
+                raise ValueError(
+                    f"the indicator {name!r} is code, which folders do not run: run the study file "
+                    "again, or register the indicator as an entry point"
+                )
         return study
 
 

@@ -20,6 +20,7 @@ from botohe_moo.base.files import read_bytes
 from botohe_moo.base.messages import most_alike, quoted
 from botohe_moo.base.parameters import faults_in, raised_faults
 from botohe_moo.bounds.plain import check_boundable
+from botohe_moo.indicators import INDICATORS
 from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.formats.reading import is_file_name
 from botohe_moo.mission.loading import load_mission, mission_origin, relative_to
@@ -249,6 +250,12 @@ def _faults_together(
         if why := next(filter(None, reasons), None):
             place = ("algorithms", algorithm.family, "algorithm")
             yield place, f"{algorithm.algorithm!r}: {why}"
+    most, scale = missions[0].objectives.bounds, missions[0].own_objectives or missions[0].mission
+    for name in file.indicators:  # each is tried before anything runs
+        try:
+            INDICATORS[name](np.empty((0, len(most))), np.array([most]), scale)
+        except ValueError as error:
+            yield ("indicators",), f"{name}: {str(error).rstrip('.')}."
     if file.bounds:
         try:
             for mission in missions:

@@ -27,6 +27,8 @@ from botohe_moo.trails import TrailPlan
 OBJECTIVES = ("reward", "survivors")  # of a study without a problem of its own
 INDEX = "tables.json"  # the schema of each table, and the study that they were made of
 _FORMAT = 2  # of these files; 1 were Parquet files without an index
+# What is kept of indicators of modules, which a folder does not import.
+_DESCRIBED = ("label", "higher_is_better", "needs_reference", "long_label")
 _LARGE = ("trace", "fronts", "plans", "references", "bounds")  # these are compressed
 _LONGEST_REASON = 200  # characters
 _TEXT = pd.Series(["text"]).dtype  # pandas 3 has a type of its own for texts
@@ -308,7 +310,13 @@ def write_tables(
         described = {column: of._asdict() for column, of in columns.items()}
         digest = hashlib.sha256(data).hexdigest()
         index[name] = {"file": file, "sha256": digest, "columns": described}
+    of_modules = {
+        name: {key: getattr(INDICATORS[name], key) for key in _DESCRIBED}
+        for name in filter(is_path, manifest.get("indicators", ()))
+        if name not in INDICATORS
+    }
     content = {"format": _FORMAT, "study": dict(manifest), "tables": index}
+    content["indicators"] = of_modules
     files[INDEX] = f"{json.dumps(content, indent=1)}\n".encode()
     for file, data in files.items():
         replace_file(folder / file, data)
@@ -356,6 +364,8 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
             name: {column: Column(**of) for column, of in table["columns"].items()}
             for name, table in index["tables"].items()
         }
+        for name, known in index.get("indicators", {}).items():
+            INDICATORS.describe(name, **known)
         tables = {}
         for name in SCHEMAS:
             lacking = SCHEMAS.needed(name) - {*OBJECTIVES} - described.get(name, {}).keys()
