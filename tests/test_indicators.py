@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from botohe_moo.indicators import area_indicator, epsilon_indicator, igd_plus_indicator
 from botohe_moo.mission import Mission
-from botohe_moo.objectives import Objectives
+from botohe_moo.objectives import _TAKEN, Objectives
+from botohe_moo.study import SCHEMAS
 from tests.strategies import missions, plans
 
 
@@ -75,6 +76,11 @@ class TestByHand:
     def test_objectives_that_are_not(self, names, bounds, message):
         with pytest.raises(ValueError, match=message):
             Objectives(names, bounds, names)
+
+    def test_columns_that_are_taken_are_those_of_tables(self):
+        tables = ("fronts", "plans", "references", "bounds")
+        others = {column for table in tables for column in SCHEMAS[table]}
+        assert {*_TAKEN} == others - {"reward", "survivors"}
 
     @pytest.mark.parametrize("column", ["reward", "seed", "least survival", 3])
     def test_columns_of_objectives_that_tables_cannot_have(self, column):

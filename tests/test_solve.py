@@ -539,6 +539,9 @@ class TestReading:
     def test_whatever_was_written(self, drawn, seed, floor, budget, stopped):
         mission, plan = drawn
         plans = (plan,)
+        floor *= mission.robot_survival(plans).min()
+        longest = mission.trail_lengths(plans).max()
+        budget = None if budget is None else budget + longest
         written = Solution(
             mission=mission,
             plans=plans,
@@ -692,6 +695,7 @@ class TestOtherObjectives:
         [
             ("min_survival", 0.9, r"Plan \d+, robot \d: expected a survival of at least 0\.9"),
             ("area", 0.9, "found .*: plans are missing, or were changed"),
+            ("problem", None, "Plan 0: expected the objectives"),
             ("plans", None, "Plan 0: expected the objectives .*: the plans or the mission"),
         ],
     )
@@ -700,6 +704,9 @@ class TestOtherObjectives:
         path = tmp_path / "plans.json"
         content = json.loads(path.read_text())
         content["plans"][0]["reward"] += 0.5 * (value is None)
+        if key == "problem":  # nor do names of other objectives hide E[R]
+            content |= {"problem": None}
+            content["problem_objectives"]["names"] = ["a", "b", "c"]
         path.write_text(json.dumps(content | ({} if value is None else {key: value})))
         with pytest.raises(ValueError, match=message):
             read_solution(tmp_path)

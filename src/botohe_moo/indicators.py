@@ -200,7 +200,7 @@ class Indicator:
 
     @property
     def is_loaded(self) -> bool:
-        """Whether it can be computed: else only a folder of results tells of it."""
+        """Whether it can be computed; False where only a folder of results describes it."""
         return self.function is not _not_loaded
 
     @property
@@ -218,6 +218,7 @@ class Indicator:
         given = (points, reference, mission) if self.needs_reference else (points, mission)
         try:
             value = self.function(*given)
+            value = value.item() if hasattr(value, "item") else value
         except (Exception, SystemExit) as error:  # whatever another package's code may raise
             said = " ".join(f"{type(error).__name__}: {error}".split())
             raise ValueError(f"Indicator {self.label!r}: {said}") from error
@@ -247,7 +248,12 @@ class _Indicators(Registry):
 
     def describe(self, name: str, **known: Any) -> None:
         """Keep what tables say of an indicator that is named ``module:NAME``."""
-        _KNOWN.setdefault(name, Indicator(function=_not_loaded, **known))
+        if not self.find(name).is_loaded:
+            _KNOWN[name] = Indicator(function=_not_loaded, **known)
+
+    def known(self) -> list[Indicator]:
+        """List all that are registered, and those of modules that are known so far."""
+        return [*self.values(), *_KNOWN.values()]
 
     def _imported(self, name: str, makes: type | None = None) -> Any:
         """Import what a name stands for; a function of a front and a mission describes fronts."""
@@ -259,7 +265,7 @@ class _Indicators(Registry):
 
 
 def _not_loaded(*_: Any) -> float:
-    raise ValueError("folders of results run no code; `botohe study run FILE` makes their tables")
+    raise ValueError("code that a folder of results names is not run; `study run FILE` runs it")
 
 
 _KNOWN: dict[str, Indicator] = {}  # those of modules

@@ -14,7 +14,7 @@ from botohe_moo.mission.model import Mission, check_mission
 __all__ = ["Objectives"]
 
 _ROUNDING = 1e-9
-LEAST = 1e-12  # by which rounding may exceed a bound of 0, or fall below 0
+SLACK = 1e-12  # by which rounding may exceed a bound of 0, or fall below 0
 # Columns of the tables in which objectives stand.
 _TAKEN = ("run", "mission", "algorithm", "seed", "evaluations", "plan_id", "trails", "reference")
 
@@ -28,7 +28,8 @@ class Objectives:
     Parameters
     ----------
     names
-        What axes and reports call them, such as E[R].
+        What axes and reports call them. ``E[R]`` and ``E[S]`` are always expected reward and
+        survivors.
     bounds
         An upper bound of each, finite and not negative. Area, IGD+ and epsilon are computed from
         objectives divided by these.
@@ -39,7 +40,7 @@ class Objectives:
     ------
     ValueError
         If there are fewer than two objectives, if names, bounds and columns differ in number, if a
-        bound is negative or infinite, or if a column is not an identifier, stands twice or has a
+        bound is negative or infinite, or if a column is not an identifier, appears twice or has a
         name that tables need themselves.
 
     Examples
@@ -64,6 +65,8 @@ class Objectives:
             )
         bounds = [check_number("the bound of an objective", b, at_least=0) for b in self.bounds]
         object.__setattr__(self, "bounds", tuple(bounds))
+        if len(set(self.names)) < len(self.names):
+            raise ValueError(f"Expected different names of objectives, got {quoted(self.names)}.")
         for i, column in enumerate(self.columns):
             is_name = isinstance(column, str) and column.isidentifier()
             if not is_name or column in _TAKEN or column in self.columns[:i]:
@@ -82,9 +85,9 @@ class Objectives:
         return cls(("E[R]", "E[S]"), bounds, ("reward", "survivors"))
 
     @property
-    def most(self) -> FloatArray:
+    def bounds_with_slack(self) -> FloatArray:
         """The upper bounds, with room for rounding."""
-        return np.array(self.bounds) * (1.0 + _ROUNDING) + LEAST
+        return np.array(self.bounds) * (1.0 + _ROUNDING) + SLACK
 
     @property
     def is_plain(self) -> bool:
@@ -102,7 +105,7 @@ class Objectives:
             The points to convert.
         """
         values = check_objectives(name, given, self.names)
-        above = (values > self.most).any(axis=1)
+        above = (values > self.bounds_with_slack).any(axis=1)
         if above.any():
             most = zip(self.names, self.bounds, strict=True)
             expected = " and ".join(f"{each} <= {bound:g}" for each, bound in most)
@@ -143,7 +146,7 @@ def check_objectives(
     is_wrong = ~(values < np.inf).all(axis=1)
     if is_wrong.any():
         raise ValueError(f"Expected {name} without NaN and infinity, got {_row(values, is_wrong)}.")
-    is_negative = (values < 0).any(axis=1)
+    is_negative = (values < -SLACK).any(axis=1)
     if is_negative.any() and np.isfinite(values).all() and (values <= 0).all():
         raise ValueError(
             f"Expected {' and '.join(names)}, which are at least 0, got "

@@ -74,7 +74,8 @@ class Solution:
     plans
         The non-dominated plans, by descending expected reward.
     objectives
-        Their objectives (n_plans, n_objectives): E[R] and E[S], or those of ``problem``.
+        Their objectives (n_plans, n_objectives): E[R] and E[S], or those that
+        ``problem_objectives`` names.
     algorithm, parameters, seed
         The algorithm's name, its parameters as given, and the seed.
     evaluations
@@ -142,7 +143,8 @@ class Solution:
     @cached_property
     def expected(self) -> FloatArray:
         """E[R] and E[S] of the plans (n_plans, 2), also where the problem has other objectives."""
-        return self.objectives if self.problem is None else self.mission.evaluate(self.plans)
+        is_plain = self.problem_objectives.is_plain
+        return self.objectives if is_plain else self.mission.evaluate(self.plans)
 
     @property
     def table(self) -> pd.DataFrame:
@@ -412,10 +414,12 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
         raise ValueError(f"{where} does not match {path}: the mission was changed.")
     try:
         batch = _plans_of(record, mission)
-        own = record.problem_objectives or Objectives.of(mission)
+        own = (record.problem and record.problem_objectives) or Objectives.of(mission)
         objectives = _objectives_of(record, own.columns)
         # What else another problem computes is trusted: no code is run that a file names.
-        evaluated, plain = objectives.copy(), mission.evaluate(batch)
+        longest = math.inf if record.max_length is None else record.max_length
+        limits = mission.limits(record.min_survival, longest).loosened(CHECKING)
+        evaluated, plain = objectives.copy(), mission.check_limits(batch, limits)
         for i, name in enumerate(("E[R]", "E[S]")):
             if name in own.names:
                 evaluated[:, own.names.index(name)] = plain[:, i]
@@ -440,9 +444,6 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
         if not np.isclose(solution.area, record.area, rtol=1e-9):
             expected = f"expected plans of area {record.area:.6g}, found {solution.area:.6g}"
             raise ValueError(f"{expected}: plans are missing, or were changed.")
-        longest = math.inf if record.max_length is None else record.max_length
-        limits = mission.limits(record.min_survival, longest)
-        mission.check_limits(batch, limits.loosened(CHECKING))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return solution

@@ -231,7 +231,7 @@ def search(
         seconds=seconds,
         interrupted=algorithm.has_next(),
         moves=getattr(algorithm, "move_counts", {}),
-        problem=None if problem.is_plain else problem_path(type(problem)),
+        problem=None if type(problem) is BOTOHE else problem_path(type(problem)),
         problem_objectives=problem.objectives,
         **{**record, "algorithm": name},
         **startup,

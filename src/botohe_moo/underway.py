@@ -153,8 +153,8 @@ class Replan:
     @property
     def gain(self) -> float:
         """How much more the new plan is worth than the rest of the old one, as reward; >= 0."""
-        more = self.objectives - self.before
-        return max(0.0, float(more[0] + self.price * more[1]))
+        worths = (float(r + self.price * s) for r, s in (self.objectives, self.before))
+        return next(worths) - next(worths)
 
     def __str__(self) -> str:
         price = f"{price_text(self.price).capitalize()}."

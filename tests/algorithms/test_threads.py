@@ -7,12 +7,12 @@ from concurrent.futures import ProcessPoolExecutor
 import pytest
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm, solve
-from botohe_moo.algorithms.bo_aco import algorithm as colony
-from botohe_moo.algorithms.local_search import engine as islands
+from botohe_moo.algorithms.bo_aco import algorithm as bo_aco
+from botohe_moo.algorithms.local_search import engine
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
 from botohe_moo.base import runtime
 from botohe_moo.core import threads
-from botohe_moo.operators import variation as repair
+from botohe_moo.operators import variation
 from botohe_moo.study import run_study
 
 NAMES = [
@@ -27,10 +27,10 @@ ISLANDS = {"pareto-local-search": {"n_islands": 4}}
 @pytest.fixture(autouse=True)
 def shared(monkeypatch):
     """Work is shared from the first evaluations on; forked processes inherit this."""
-    monkeypatch.setattr(islands, "FIRST_ALONE", 200)
-    monkeypatch.setattr(islands, "N_MIGRANTS", 10)
-    monkeypatch.setattr(repair, "_MUCH", 0)
-    monkeypatch.setattr(colony, "_MUCH", 0)
+    monkeypatch.setattr(engine, "FIRST_ALONE", 200)
+    monkeypatch.setattr(engine, "N_MIGRANTS", 10)
+    monkeypatch.setattr(variation, "_MUCH", 0)
+    monkeypatch.setattr(bo_aco, "_MUCH", 0)
 
 
 @pytest.mark.slow

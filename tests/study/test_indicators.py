@@ -143,7 +143,7 @@ def test_no_folder_runs_it(tmp_path, monkeypatch):
     tables = read_study(tmp_path / "done")
     assert (INDICATORS[named].label, INDICATORS[named].needs_reference) == ("far", True)
     assert "far</th>" in report_page(tables)
-    with pytest.raises(StudyError, match=f"'{named}' is code, which folders do not run"):
+    with pytest.raises(StudyError, match=rf"done: the indicator '{named}' is code.*entry point\.$"):
         make_tables(tmp_path / "done")
     assert "code_of_a_study" not in sys.modules
 
@@ -163,7 +163,7 @@ def test_what_gives_no_number_is_refused_before_anything_runs(
     function, said, tmp_path, monkeypatch
 ):
     monkeypatch.setitem(INDICATORS.own, "odd", Indicator("odd %", function, None))
-    with pytest.raises(StudyError, match=f"indicators: odd: Indicator 'odd %': {said}"):
+    with pytest.raises(StudyError, match=f"indicators: Indicator 'odd %': {said}"):
         loaded(tmp_path)
 
 

@@ -176,8 +176,8 @@ class TestRefused:
             assert fault(of_problem(name)).startswith(f"problem: '{MADE}:{name}': {said}")
         missions = {"one": "toy", "two": {"mission": "toy", "robots": 3}}
         assert fault(of_problem("Changing", missions=missions)) == (
-            f"problem: '{MADE}:Changing': expected equal objectives of all missions; "
-            "those of 'one' and 'two' differ."
+            f"problem: '{MADE}:Changing': expected the same objectives for all missions; "
+            "'one' and 'two' differ."
         )
         assert "cannot be imported" in fault({**STUDY, "problem": "no_such_module:X"})
         assert "Expected problem to be a text" in fault({**STUDY, "problem": 3})

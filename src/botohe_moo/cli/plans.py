@@ -236,7 +236,7 @@ def replan(
     tell(
         paragraph(
             f"Rewards of {left.banked:.4g} were collected since the plan was made. {found} "
-            f"Expected from now on: "
+            "Expected from now on: "
             f"{reward:.4g} reward and {survivors:.4g} survivors."
         )
     )

@@ -192,7 +192,7 @@ _KEEPS = _has_place_to_keep()
 
 
 def compile_seconds() -> float:
-    """Return for how long this process has compiled kernels, or loaded them, in seconds."""
+    """Return for how many seconds this process has compiled or loaded kernels, in any thread."""
     return float(_clock.duration) if _clock.done else 0.0
 
 

@@ -392,7 +392,7 @@ def qgc_plans(
     if not mission.graph.graph.get("geographic"):
         raise ValueError(
             "Expected a mission whose positions are longitudes and latitudes (graph attribute "
-            f"geographic, or -m geographic=true), got metres: {mission.name!r}."
+            f"geographic, or -m geographic=true); {mission.name!r} does not say so."
         )
     files, places = {}, places_of(mission.graph.nodes)
     for robot, trail in enumerate(mission.labels(plan)):

@@ -493,8 +493,10 @@ class Mission:
         """
         return self._values(plans, strict=False).lengths
 
-    def check_limits(self, plans: Plans, limits: Limits) -> None:
-        """Refuse, by a PlanError that names one of them, robots that do not keep their limits.
+    def check_limits(self, plans: Plans, limits: Limits) -> FloatArray:
+        """Compute the objectives (n_plans, 2) of plans whose robots keep their limits.
+
+        A PlanError names a robot that does not.
 
         Parameters
         ----------
@@ -514,6 +516,7 @@ class Mission:
                     f"Plan {plan}, robot {robot}: expected {kept} {limit[robot]:g} in mission "
                     f"{quoted(self.name)}, got {found[plan, robot]:g}."
                 )
+        return values.objectives
 
     def evaluate_drafts(self, plans: Plans) -> tuple[FloatArray, FloatArray]:
         """Compute the objectives (n_plans, 2) of plans that need not be valid, and their faults.

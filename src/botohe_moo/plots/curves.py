@@ -19,11 +19,15 @@ Spent = Literal["evaluations", "seconds"]
 Band = Literal["quartiles", "sd", "range"]
 
 NAMES = {"evaluations": "evaluations", "seconds": "seconds of the algorithm's own time"}
-# The line and the edges of its band, of values in groups; seaborn's own take half a second a curve.
+# The line and the edges of its band, of values in groups: seaborn's take half a second a curve.
 _BANDS: dict[str, Callable[[Any], tuple[Any, Any, Any]]] = {
-    "quartiles": lambda of: (of.median(), of.quantile(0.25), of.quantile(0.75)),
-    "sd": lambda of: (of.mean(), of.mean() - of.std(), of.mean() + of.std()),
-    "range": lambda of: (of.median(), of.min(), of.max()),
+    "quartiles": lambda groups: (groups.median(), groups.quantile(0.25), groups.quantile(0.75)),
+    "sd": lambda groups: (
+        groups.mean(),
+        groups.mean() - groups.std(),
+        groups.mean() + groups.std(),
+    ),
+    "range": lambda groups: (groups.median(), groups.min(), groups.max()),
 }
 _N_POINTS = 200
 _COLOURS_ALONE = 6  # with more curves than this, colours alone are hard to follow

@@ -160,7 +160,8 @@ class Budget(_Entry):
     evaluations: Count | None = None
     """Trail plans to evaluate; no run evaluates more."""
     seconds: Seconds | None = None
-    """The algorithm's own time, without recording. The iteration in which it is up is the last."""
+    """The algorithm's own time, without compiling and recording. The iteration in which it
+    is up is the last."""
     grace_seconds: Annotated[float, Field(ge=0, le=1e9)] = 10.0
     """How long after the time is up a run is killed that does not come to the end of an
     iteration."""

@@ -217,9 +217,9 @@ def restore_study(folder: Path) -> Study:
             raise ValueError("it was written by another version")
         for name in study.file.indicators:
             if not INDICATORS[name].is_loaded:
-                raise ValueError(
-                    f"the indicator {name!r} is code, which folders do not run: run the study file "
-                    "again, or register the indicator as an entry point"
+                raise StudyError(
+                    f"{folder}: the indicator {name!r} is code, which folders do not run: run the "
+                    "study file again, or register the indicator as an entry point."
                 )
         return study
 

@@ -233,7 +233,7 @@ def _with_objectives(missions: Iterable[m.StudyMission], path: str) -> list[m.St
         first = judged[0].own_objectives if judged else None
         if first is not None and (first.names, first.columns) != (stated.names, stated.columns):
             pair = f"{judged[0].label!r} and {mission.label!r}"
-            raise ValueError(f"expected equal objectives of all missions; those of {pair} differ")
+            raise ValueError(f"expected the same objectives for all missions; {pair} differ")
         judged.append(replace(mission, own_objectives=stated))
     return judged
 
@@ -255,7 +255,7 @@ def _faults_together(
         try:
             INDICATORS[name](np.empty((0, len(most))), np.array([most]), scale)
         except ValueError as error:
-            yield ("indicators",), f"{name}: {str(error).rstrip('.')}."
+            yield ("indicators",), str(error)
     if file.bounds:
         try:
             for mission in missions:

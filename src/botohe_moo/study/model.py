@@ -22,7 +22,7 @@ from botohe_moo.base.registry import is_path, package_of
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.loading import library_name_of
 from botohe_moo.mission.model import Mission, numbers_digest
-from botohe_moo.objectives import LEAST, Objectives
+from botohe_moo.objectives import SLACK, Objectives
 from botohe_moo.problem import BOTOHE, find_problem, problem_path
 from botohe_moo.study.content import Budget, Recording, Seeds, StudyFile, canonical
 
@@ -468,7 +468,7 @@ def _algorithm_entry(algorithm: StudyAlgorithm) -> dict[str, Any]:
 def check_objectives(problem: BOTOHE, points: FloatArray) -> None:
     """Raise a ValueError if points are outside the bounds that a problem states."""
     stated = problem.objectives
-    outside = points[~((points >= -LEAST) & (points <= stated.most)).all(axis=1)]
+    outside = points[~((points >= -SLACK) & (points <= stated.bounds_with_slack)).all(axis=1)]
     if len(outside):
         kind = type(problem)
         raise ValueError(

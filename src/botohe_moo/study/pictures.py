@@ -15,11 +15,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from botohe_moo.indicators import INDICATORS, further_indicators
+from botohe_moo.indicators import INDICATORS
 from botohe_moo.plots import comparisons, curves, front
 from botohe_moo.plots.style import palette_of, save_plot
 from botohe_moo.study.tables import StudyTables
-from botohe_moo.study.words import level, main_indicator, reference_words, slug
+from botohe_moo.study.words import further_of, level, main_indicator, reference_words, slug
 
 FORMATS = ("png", "pdf", "svg")
 _SHARES = np.arange(50, 100) / 100  # of the reference front's area, as targets
@@ -170,7 +170,7 @@ class MissionPictures:
             yield kind, curves.plot_reached(trace, runs, shown, x=x, palette=self._palette), caption
 
     def _distances(self) -> Iterator[Picture]:
-        for value in further_indicators(self._tables.manifest["indicators"]):
+        for value in further_of(self._tables):
             rows = self._tables.trace.dropna(subset=value)
             if INDICATORS[value].is_distance and not rows.empty:
                 caption = _caption("distances", indicator=INDICATORS[value].label)

@@ -14,7 +14,7 @@ import pandas as pd
 
 from botohe_moo.base.files import replace_file
 from botohe_moo.base.messages import counted
-from botohe_moo.indicators import INDICATORS, further_indicators
+from botohe_moo.indicators import INDICATORS
 from botohe_moo.study import words
 from botohe_moo.study.pictures import ReportFigure, draw_figures
 from botohe_moo.study.statistics import best_first, effect_size
@@ -75,7 +75,7 @@ class ReportTable:
 
     def latex(self, between: str = "") -> str:
         """Return it as a ``tabular`` with booktabs, which every class can set."""
-        names = {known.label: known.latex for known in INDICATORS.values() if known.latex}
+        names = {known.label: known.latex for known in INDICATORS.known() if known.latex}
         sides = {str(name): "lr"[i >= self.texts] for i, name in enumerate(self.cells)}
         headings = [names.get(name) or _heading(name, side) for name, side in sides.items()]
         # Braces are doubled, as pandas formats labels.
@@ -105,8 +105,7 @@ def summary_table(tables: StudyTables) -> ReportTable:
     rows, n_seeds = tables.summary, len(tables.manifest["seeds"])
     of_all = [count(n) if n == n_seeds else f"{count(n)} of {count(n_seeds)}" for n in rows["n"]]
     lost = [f" ({count(n)} not done)" if n else "" for n in rows["n_not_done"]]
-    wanted = tables.manifest["indicators"]
-    names = [name for name in further_indicators(wanted) if name in wanted]
+    names = words.further_of(tables)
     further = {INDICATORS[name].label: rows[f"{name}_median"] for name in names}
     cells = {
         "algorithm": rows["algorithm"],

@@ -28,7 +28,7 @@ OBJECTIVES = ("reward", "survivors")  # of a study without a problem of its own
 INDEX = "tables.json"  # the schema of each table, and the study that they were made of
 _FORMAT = 2  # of these files; 1 were Parquet files without an index
 # What is kept of indicators of modules, which a folder does not import.
-_DESCRIBED = ("label", "higher_is_better", "needs_reference", "long_label")
+_DESCRIBED = ("label", "higher_is_better", "needs_reference", "long_label", "latex")
 _LARGE = ("trace", "fronts", "plans", "references", "bounds")  # these are compressed
 _LONGEST_REASON = 200  # characters
 _TEXT = pd.Series(["text"]).dtype  # pandas 3 has a type of its own for texts
@@ -364,8 +364,6 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
             name: {column: Column(**of) for column, of in table["columns"].items()}
             for name, table in index["tables"].items()
         }
-        for name, known in index.get("indicators", {}).items():
-            INDICATORS.describe(name, **known)
         tables = {}
         for name in SCHEMAS:
             lacking = SCHEMAS.needed(name) - {*OBJECTIVES} - described.get(name, {}).keys()
@@ -376,6 +374,8 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
             if hashlib.sha256(data).hexdigest() != index["tables"][name]["sha256"]:
                 raise ValueError("it was changed, or a process was killed that made tables")
             tables[name] = _parsed(data, described[name])
+        for name, known in index.get("indicators", {}).items():
+            INDICATORS.describe(name, **known)
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         reason = f"{error}".partition("\n")[0][:_LONGEST_REASON]
         raise StudyError(f"{path}: cannot be read ({reason}). {remedy}") from error

@@ -88,7 +88,7 @@ class Outcome:
     status: str  # done, infeasible (found no feasible plan), timeout (was killed) or failed
     stopped_by: str  # evaluations, seconds, itself, limit or error
     evaluations: int
-    seconds: float  # without recording
+    seconds: float  # without compiling and recording
     recording_seconds: float = 0.0
     records: tuple[Record, ...] = ()  # the last one has its plans
     error: str | None = None

@@ -120,6 +120,11 @@ def slug(label: str) -> str:
     return f"{plain}-{digest}" if plain else digest
 
 
+def further_of(tables: StudyTables) -> list[str]:
+    """Return the indicators that the study names beside the area and the size of the front."""
+    return [name for name in tables.manifest["indicators"] if name not in ("area", "front_size")]
+
+
 def main_indicator(comparisons: pd.DataFrame) -> str:
     """Return the indicator of the matrix and of ranks: the area, or the first one without it."""
     indicators = list(comparisons["indicator"].unique())

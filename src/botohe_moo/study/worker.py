@@ -18,6 +18,7 @@ from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numba.core import event
 
 from botohe_moo.study import task as t
 from botohe_moo.study.perform import perform, special_kernels, warm_up
@@ -33,6 +34,7 @@ def main() -> None:
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     threading.Thread(target=_end_with_parent, args=(connection.fileno(),), daemon=True).start()
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    event.register("numba:compiler_lock", _Paused())
     warm: set[tuple[str, str]] = set()
     with contextlib.suppress(EOFError, OSError):
         while True:
@@ -86,6 +88,20 @@ def perform_bound(task: t.BoundTask) -> "FrontBound | str":
         )
     except Exception as error:
         return " ".join("".join(traceback.format_exception_only(error)).split())
+
+
+class _Paused(event.Listener):
+    """Stops the clock of a run while numba compiles, which is not the algorithm's own time."""
+
+    def __init__(self) -> None:
+        self._left: list[float] = []  # seconds, once for each function within another
+
+    def on_start(self, _event: Any) -> None:
+        self._left.append(signal.setitimer(signal.ITIMER_REAL, 0.0)[0])
+
+    def on_end(self, _event: Any) -> None:
+        if left := self._left.pop():
+            signal.setitimer(signal.ITIMER_REAL, left)
 
 
 def _end_unless_within(seconds: float) -> None:

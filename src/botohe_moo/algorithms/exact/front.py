@@ -25,7 +25,7 @@ from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
 
-_ROWS = 1024  # that tables have room for at first
+_LABEL_ROWS = 1024  # that tables have room for at first
 
 
 def without_base_reward(world: World) -> World:
@@ -43,7 +43,7 @@ class TrailSearch:
     """
 
     def __init__(self, world: World) -> None:
-        self._search = labels.new_search(world, _ROWS)
+        self._search = labels.new_search(world, _LABEL_ROWS)
 
     @property
     def progress(self) -> Record:
