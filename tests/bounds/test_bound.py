@@ -69,6 +69,7 @@ def bounded_at_all_stages(mission, limits, seed, **options):
     return true, stages
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", seeds(20, 60))
 def test_no_plan_exceeds_the_bound_at_any_stage(no_front, short_search, seeds):
     tight = n_stages = 0
@@ -167,6 +168,7 @@ def test_the_museum_is_bounded_within_three_per_cent():
     assert {step.proof for step in bound.steps} == {"exact"}
 
 
+@pytest.mark.slow
 def test_the_speed_of_a_machine_does_not_decide_what_is_done_next(no_front, monkeypatch):
     """Time goes by whenever the clock is looked at; on the third machine it is over too early."""
     mission = load_mission("tunnel", nodes=14, robots=2, seed=1)

@@ -82,6 +82,7 @@ def stairs_alone(no_front, monkeypatch):
         monkeypatch.setattr(Schedule, work, lambda *_, **__: lambda *_: False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", seeds(20, 60))
 def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
     n_steps = n_tight = 0

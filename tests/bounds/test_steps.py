@@ -263,6 +263,7 @@ def test_rows_without_effect_are_left_out(monkeypatch):
     assert master.solve(pool, 0.3, math.inf)[0] == pytest.approx(fresh, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_steps_of_large_teams_are_rounded_upwards():
     """Two nodes: everybody goes there, and the same error is made in every factor."""
     robots, rng = 100, np.random.default_rng(1)

@@ -32,7 +32,6 @@ OF_PACKAGES = {
     "adding-an-operator",
 }
 PAGES = [*GUIDES, *sorted((DOCS / "reference").glob("*.md"))]
-SLOW = {"gallery", "under-way"}  # their functions have tests of their own
 TEXTS = [*PAGES, *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md"))]
 
 
@@ -40,12 +39,8 @@ def runs(page):
     return any(language in ("python", "console") for language, _ in blocks(page))
 
 
-def case(page):
-    marks = [pytest.mark.slow] if page.stem in SLOW else []
-    return pytest.param(page, marks=marks, id=page.stem)
-
-
-@pytest.mark.parametrize("page", [case(page) for page in PAGES if runs(page)])
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [*filter(runs, PAGES)], ids=lambda page: page.stem)
 def test_guides_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(pictures, "FORMATS", pictures.FORMATS[:1])

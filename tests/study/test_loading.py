@@ -686,6 +686,7 @@ class TestSchema:
             assert not SCHEMA.is_valid(changed(**changes)), changes
 
 
+@pytest.mark.slow
 def test_published_results_can_be_made_again():
     # In a fresh clone the folder holds small tables only, and still has to be known as the study's.
     compared = {}

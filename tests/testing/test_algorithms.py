@@ -22,12 +22,10 @@ PYMOOS = [
     "pymoo.algorithms.moo.age:AGEMOEA",
     "pymoo.algorithms.moo.nsga3:NSGA3",
 ]
-NAMES = [
-    *sorted(OURS - set(PYMOOS)),
-    *(pytest.param(name, marks=pytest.mark.slow) for name in PYMOOS),
-]
+NAMES = [*sorted(OURS - set(PYMOOS)), *PYMOOS]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", [*NAMES, broken.Plain, broken.AlikeAndSaysSo])
 def test_conforms(algorithm):
     assert [each for each in check_algorithm(algorithm) if each.status != "passed"] == []

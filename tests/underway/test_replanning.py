@@ -74,6 +74,7 @@ def test_a_robot_is_sent_on_where_another_was_lost():
     assert str(kept).endswith("What is left of the plan stays as it is.")
 
 
+@pytest.mark.slow
 def test_policies_meet_the_same_dangers():
     museum = load_mission("art_museum")
     solution = solve(museum, evaluations=3_000)

@@ -27,7 +27,11 @@ def soon(monkeypatch):
     monkeypatch.setattr(module, "N_MIGRANTS", 10)
 
 
-@pytest.fixture(scope="module", params=["art_museum", "drones_and_rovers", "art_museum_return"])
+WITH_KINDS, ON_RETURN = "drones_and_rovers", "art_museum_return"
+OTHERS = [pytest.param(name, marks=pytest.mark.slow) for name in (WITH_KINDS, ON_RETURN)]
+
+
+@pytest.fixture(scope="module", params=["art_museum", *OTHERS])
 def mission(request):
     return load_mission(request.param)
 
