@@ -24,7 +24,6 @@ from pymoo.optimize import minimize
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
 from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.local_search.kernels import children, recreate, search
-from botohe_moo.study import perform as performing
 from botohe_moo.study.loading import load_study
 from botohe_moo.study.perform import (
     BudgetSpentError,
@@ -32,9 +31,7 @@ from botohe_moo.study.perform import (
     metered,
     perform,
     record_counts,
-    special_kernels,
     verify,
-    warm_up,
 )
 from botohe_moo.study.pool import WorkerPool
 from botohe_moo.study.task import PATIENCE, Task
@@ -454,6 +451,12 @@ class TestPool:
         assert "claimed to bring" in outcome.error
         assert outcome.records == ()
 
+    def test_the_clock_stands_still_while_kernels_are_compiled(self, pool):
+        """Compiling takes 0.6 seconds here, and a run is killed after 0.25."""
+        budget = {"evaluations": 40, "seconds": 0.2, "grace_seconds": 0.05}
+        outcome = outcome_of(pool, make_task(f"{MADE}:Compiling", budget=budget))
+        assert (outcome.status, outcome.stopped_by) == ("done", "evaluations")
+
     def test_what_evaluates_nothing_any_more_is_killed_without_seconds_too(self, pool):
         task = make_task(f"{MADE}:NeverEnding", patience=0.5)
         outcome = outcome_of(pool, task)
@@ -509,49 +512,6 @@ class TestPool:
         other = replace(task.run.algorithm, origin=origin)
         outcome = outcome_of(pool, replace(task, run=replace(task.run, algorithm=other)))
         assert "the study from" in outcome.error
-
-
-class TestWarmUp:
-    """What is compiled before the clock starts."""
-
-    @pytest.mark.parametrize(
-        ("algorithm", "limits", "limited"),
-        [
-            ("greedy", {}, [False, False]),
-            ("greedy", {"min_survival": 0.2}, [True, False]),
-            ("greedy", {"max_length": 9.0}, [False, True]),
-            (f"{MADE}:Raising", {}, [False, False]),
-        ],
-    )
-    @pytest.mark.parametrize("name", ["art_museum", "art_museum_return"])
-    def test_a_small_mission_needs_the_same_kernels(
-        self, monkeypatch, name, algorithm, limits, limited
-    ):
-        task, runs = make_task(algorithm, mission={"mission": name, **limits}), []
-        monkeypatch.setattr(performing, "perform", lambda run, send: runs.append(run))
-        warm_up(task.run)
-        [run] = runs
-        assert len(run.mission.mission.nodes) == 5
-        assert (
-            special_kernels(run)
-            == special_kernels(task.run)
-            == (
-                name == "art_museum_return",
-                *limited,
-            )
-        )
-        assert run.algorithm.algorithm == ("greedy" if algorithm == "greedy" else "random")
-
-    def test_a_local_search_also_recreates(self, monkeypatch):
-        called = []
-
-        def recreate_counted(*given):
-            called.append(given)
-            return recreate.recreate(*given)
-
-        monkeypatch.setattr("botohe_moo.algorithms.local_search.engine.recreate", recreate_counted)
-        warm_up(make_task("pareto-local-search", mission="toy", evaluations=100_000).run)
-        assert called
 
 
 class TestVerification:

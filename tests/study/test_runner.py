@@ -20,7 +20,6 @@ from botohe_moo.study import tables as table_files
 from botohe_moo.study.folder import StudyFolder, restore_study
 from botohe_moo.study.loading import load_study
 from botohe_moo.study.model import StudyError
-from botohe_moo.study.perform import warm_up
 from botohe_moo.study.pool import WorkerPool
 from botohe_moo.study.tables import INDEX, SCHEMAS, as_table, write_tables
 
@@ -106,7 +105,6 @@ def done(tmp_path_factory):
         seeds=2,
         comparison={"control": "random"},
     )
-    warm_up(load_study(source).runs()[0])  # none of the seconds is for compiling
     with mock.patch.object(runner, "WorkerPool", WorkerPool):
         return run_study(source, tmp_path_factory.mktemp("study"), workers=2)
 

@@ -21,20 +21,11 @@ from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.base.types import FloatArray
 from botohe_moo.core.compile import compile_seconds
 from botohe_moo.core.ready import kernels
-from botohe_moo.mission.loading import load_mission
-from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.study.content import Budget
 from botohe_moo.study.model import Run, check_objectives
 from botohe_moo.study.task import Outcome, Record, failure
 from botohe_moo.trails import PlanBatch
-
-# A run that only compiles kernels, and limits that do not limit its plans. Evaluations in kernels
-# are fast, and after so many a local search has called all of its kernels.
-_WARM_UP_EVALUATIONS = 250
-_WARM_UP_IN_KERNELS = 6_000
-_WARM_UP_SURVIVAL = 1e-9
-_WARM_UP_LENGTH = 1e9
 
 
 class BudgetSpentError(Exception):
@@ -287,41 +278,3 @@ def _own_objectives(problem: BOTOHE, plans: PlanBatch) -> FloatArray:
             f"{G[plan]}"
         )
     return -problem.checked("F", F, len(plans))
-
-
-def warm_up(run: Run) -> None:
-    """Compile, or load from the cache, the kernels of a run, so that this time is not the run's.
-
-    Other packages' algorithms and problems are not called: they may have side effects.
-    """
-    mission, algorithm = run.mission, run.algorithm
-    made = make_algorithm(algorithm.algorithm, **algorithm.parameters)
-    in_kernels = getattr(made, "evaluates_in_kernels", False)
-    toy, (has_returns, has_floors, has_budgets) = load_mission("toy"), special_kernels(run)
-    if has_returns:
-        toy = Mission(toy.graph, base=toy.base, pays="return")
-    small = replace(
-        mission,
-        mission=toy,
-        min_survival=_WARM_UP_SURVIVAL if has_floors else 0.0,
-        max_length=_WARM_UP_LENGTH if has_budgets else None,
-        budget=Budget(evaluations=_WARM_UP_IN_KERNELS if in_kernels else _WARM_UP_EVALUATIONS),
-    )
-    trusted = replace(algorithm, origin={**algorithm.origin, "problem": None})
-    if not _is_ours(made):
-        trusted = replace(trusted, algorithm="random", parameters={})
-    perform(replace(run, mission=small, algorithm=trusted), lambda _: None)
-    if (n := len(mission.objectives)) != 2:  # their archives have a kernel of their own
-        with kernels("compiled"):
-            archive = PlanArchive(toy.robots, n_objectives=n)
-            archive.insert(toy.batch([toy.stay_home()]), np.zeros((1, n)))
-
-
-def special_kernels(run: Run) -> tuple[bool, bool, bool]:
-    """Return whether rewards count on return, and there are survival floors and travel budgets.
-
-    Each needs further kernels.
-    """
-    own = run.mission
-    limits = own.mission.limits(own.min_survival, own.longest)
-    return own.mission.has_returns, limits.has_floors, limits.has_budgets

@@ -21,7 +21,7 @@ import numpy as np
 from numba.core import event
 
 from botohe_moo.study import task as t
-from botohe_moo.study.perform import perform, special_kernels, warm_up
+from botohe_moo.study.perform import perform
 
 if TYPE_CHECKING:
     from botohe_moo.bounds import FrontBound
@@ -35,7 +35,6 @@ def main() -> None:
     threading.Thread(target=_end_with_parent, args=(connection.fileno(),), daemon=True).start()
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     event.register("numba:compiler_lock", _Paused())
-    warm: set[tuple[str, str]] = set()
     with contextlib.suppress(EOFError, OSError):
         while True:
             connection.send(("ready", None))
@@ -43,22 +42,17 @@ def main() -> None:
             if isinstance(task, t.BoundTask):
                 result: Any = perform_bound(task)
             else:
-                result = _run(task, warm, connection)
+                result = _run(task, connection)
             _end_unless_within(math.inf)
             connection.send(("end", result))
 
 
-def _run(task: t.Task, warm: set[tuple[str, str]], connection: Connection) -> t.Outcome:
+def _run(task: t.Task, connection: Connection) -> t.Outcome:
     """Perform a run, and send its records; a run that takes too long ends the process."""
     _end_unless_within(t.MOST_SECONDS_TO_START)
     run = task.run
     if mismatch := t.code_mismatch({"version": run.setting["version"]}, [run.algorithm]):
         return t.failure(f"the worker {mismatch}")
-    with contextlib.suppress(Exception):  # the run will raise and report it
-        key = run.algorithm.algorithm, repr((run.algorithm.parameters, special_kernels(run)))
-        if key not in warm:
-            warm.add(key)
-            warm_up(run)
     began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     connection.send(("begin", (began, t.environment())))
     # Algorithms have generators of their own. One that draws from a global generator nevertheless
