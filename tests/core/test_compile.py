@@ -6,6 +6,7 @@ import importlib.util
 import os
 import pwd
 import sys
+import time
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +15,7 @@ import numba
 import numpy as np
 import pytest
 from numba import config
+from numba.core import event
 from numba.core.cpu import CPUTargetOptions
 
 import botohe_moo
@@ -21,7 +23,7 @@ from botohe_moo.algorithms.local_search.kernels import recreate
 from botohe_moo.base.types import FloatArray
 from botohe_moo.core import compile as decorators
 from botohe_moo.core import world
-from botohe_moo.core.compile import _PRIVATE, array_maker, helper, is_kept, kernel, shared
+from botohe_moo.core.compile import _PRIVATE, array_maker, helper, is_kept, kernel, own_time, shared
 
 SOURCES = sorted(Path(botohe_moo.__file__).parent.rglob("*.py"))
 MOST_PARAMETERS, MOST_LINES = 8, 80
@@ -260,3 +262,14 @@ def test_nothing_is_kept_where_users_stand(monkeypatch, writable, home, named, k
     monkeypatch.setattr(pwd, "getpwuid", unknown)
     monkeypatch.setattr(os, "access", lambda *_: writable)
     assert decorators._has_place_to_keep() is keeps
+
+
+def test_own_time_stands_still_while_anything_is_compiled():
+    began, own = time.perf_counter(), own_time()
+    with event.trigger_event("numba:compiler_lock"):
+        stopped = own_time()
+        time.sleep(0.05)
+        with event.trigger_event("numba:compiler_lock"):  # of a helper, or in another thread
+            assert own_time() == stopped
+    assert stopped <= own_time()
+    assert own_time() - own <= time.perf_counter() - began - 0.05

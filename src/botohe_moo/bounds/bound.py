@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import math
 from collections.abc import Callable
 from typing import Annotated, Any
 
@@ -15,22 +13,17 @@ from botohe_moo.base.messages import quoted
 from botohe_moo.base.parameters import NotNegative, Positive, Probability, TravelBudget, checked
 from botohe_moo.bounds.clock import Clock
 from botohe_moo.bounds.front_bound import FrontBound
-from botohe_moo.bounds.kernels.trails import find_trails
 from botohe_moo.bounds.plain import check_boundable, relaxed_to_plain
 from botohe_moo.bounds.proof import Proof
 from botohe_moo.bounds.schedule import Schedule
 from botohe_moo.bounds.turns import Turns
 from botohe_moo.core.ready import kernels
-from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.objectives import check_objectives
 
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 1024.0
 MOST_ROBOTS = 5_000
-# To compile kernels: the bound of the first mission is its true front, that of the second soon has
-# this gap. A travel budget, also one that limits nothing, has kernels of its own.
-_SMALL, _LARGER, _GAP, _LOOSE_LENGTH = "toy", "power_plant", 0.5, 1e9
 
 
 @kernels("compiled")
@@ -126,34 +119,16 @@ def bound_front(
     if not mission.is_plain:
         relaxation = relaxed_to_plain(mission, world.limits)
         world = relaxation.world
-    has_budget = world.limits.has_budgets
-    _compile(_SMALL, has_budget)
     clock, turns = Clock(time_limit, n_threads), Turns(n_threads)
     how: Any = {"seed": seed, "memory": memory_limit, "clock": clock, "turns": turns}
     proof = Proof(relaxation, world, bounded=mission, **how)
     proof.bound().check("front", known)
     proof.known.add(known)
     try:
-        if not proof.find_front():
-            with clock.stopped():
-                _compile(_LARGER, has_budget)
-            if proof.prepare():
-                Schedule(proof, gap=gap, callback=callback).run()
+        if not proof.find_front() and proof.prepare():
+            Schedule(proof, gap=gap, callback=callback).run()
     except KeyboardInterrupt:
         pass
     bound = proof.bound()
     bound.check("front", known)
     return bound
-
-
-@functools.cache
-def _compile(name: str, has_budget: bool) -> None:
-    """Compile the kernels that bounds of a mission need, or load them, so that it is not timed."""
-    if not hasattr(find_trails, "stats"):
-        return  # numba is told to compile nothing
-    mission = load_mission(name)
-    world = mission.limited(0.0, _LOOSE_LENGTH if has_budget else math.inf)
-    clock, turns = Clock(TIME_LIMIT), Turns(1)
-    proof = Proof(mission, world, seed=1, memory=MEMORY_LIMIT, clock=clock, turns=turns)
-    if not proof.find_front() and proof.prepare():
-        Schedule(proof, gap=_GAP, callback=None).run()

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+
+from botohe_moo.core.compile import own_time
 
 
 class Clock:
@@ -17,7 +16,7 @@ class Clock:
 
     def __init__(self, seconds: float, n_threads: int = 1) -> None:
         self.seconds, self._n_threads = seconds, n_threads
-        self._began = time.monotonic()
+        self._began = own_time()
         self._is_ended = False
         self.now = 0.0  # work that is done, of all threads as if they worked side by side
 
@@ -25,19 +24,10 @@ class Clock:
         """Count the work of one thread."""
         self.now += seconds / self._n_threads
 
-    @contextmanager
-    def stopped(self) -> Iterator[None]:
-        """Let what is done meanwhile take no time."""
-        began = time.monotonic()
-        try:
-            yield
-        finally:
-            self._began += time.monotonic() - began
-
     @property
     def elapsed(self) -> float:
-        """Seconds since the beginning."""
-        return time.monotonic() - self._began
+        """Seconds since the beginning, without those of compiling."""
+        return own_time() - self._began
 
     @property
     def left(self) -> float:

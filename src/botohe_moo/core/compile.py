@@ -12,6 +12,7 @@ import hashlib
 import os
 import re
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable
@@ -191,9 +192,33 @@ def _has_place_to_keep() -> bool:
 _KEEPS = _has_place_to_keep()
 
 
-def compile_seconds() -> float:
-    """Return for how many seconds this process has compiled or loaded kernels, in any thread."""
-    return float(_clock.duration) if _clock.done else 0.0
+class _Clock(event.Listener):
+    """A clock that stands still while any thread compiles kernels, or loads them."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._depth, self._since, self._spent = 0, 0.0, 0.0
+
+    def on_start(self, _event: Any) -> None:
+        with self._lock:
+            if not self._depth:
+                self._since = time.perf_counter()
+            self._depth += 1
+
+    def on_end(self, _event: Any) -> None:
+        with self._lock:
+            self._depth -= 1
+            if not self._depth:
+                self._spent += time.perf_counter() - self._since
+
+    def now(self) -> float:
+        with self._lock:
+            return (self._since if self._depth else time.perf_counter()) - self._spent
+
+
+def own_time() -> float:
+    """Return a time in seconds, that of a clock which stands still while kernels are compiled."""
+    return _clock.now()
 
 
 class _Compiling(event.Listener):
@@ -259,7 +284,7 @@ def _leave_helpers_to_kernels(compiling: _Compiling) -> None:
 
 _compiling = _Compiling()
 event.register("numba:compile", _compiling)
-_clock = event.TimingListener()
+_clock = _Clock()
 event.register("numba:compiler_lock", _clock)
 if numba.version_info.short == (0, 68):  # other versions compile for longer, with the same results
     _leave_helpers_to_kernels(_compiling)

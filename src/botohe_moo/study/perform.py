@@ -4,7 +4,6 @@ import bisect
 import functools
 import math
 import sys
-import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +18,7 @@ from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.genetic.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.base.types import FloatArray
-from botohe_moo.core.compile import compile_seconds
+from botohe_moo.core.compile import own_time
 from botohe_moo.core.ready import kernels
 from botohe_moo.problem import BOTOHE
 from botohe_moo.study.content import Budget
@@ -128,13 +127,11 @@ class Recorder:
         self._counts = record_counts(evaluations=budget.evaluations, **recording.model_dump())
         self._next = self._counts[0]
         self.recording_seconds = 0.0
-        self._compiled = compile_seconds()
-        self._started = time.perf_counter()
+        self._started = own_time()
 
     def elapsed(self) -> float:
         """Return the algorithm's own time so far, in seconds: without recording and compiling."""
-        spent = time.perf_counter() - self._started
-        return spent - self.recording_seconds - (compile_seconds() - self._compiled)
+        return own_time() - self._started - self.recording_seconds
 
     def watch(self, evaluations: int) -> None:
         """Record the front if a record is due at this number of evaluations."""
@@ -145,7 +142,7 @@ class Recorder:
 
     def record(self, evaluations: int, seconds: float, *, with_plans: bool) -> None:
         """Send a record of the front, if it has any points, with or without its plans."""
-        began, compiled = time.perf_counter(), compile_seconds()
+        began = own_time()
         archive = self._archive()
         if len(archive):
             objectives = archive.objectives
@@ -153,8 +150,7 @@ class Recorder:
             ties = len(objectives) - len(distinct)
             plans = (archive.plans, objectives.copy()) if with_plans else None
             self._send(Record(evaluations, seconds, distinct, ties, plans))
-        spent = time.perf_counter() - began
-        self.recording_seconds += spent - (compile_seconds() - compiled)
+        self.recording_seconds += own_time() - began
 
 
 @kernels("compiled")

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Annotated, TypeAlias
 
 import numpy as np
@@ -17,11 +16,11 @@ from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.base.messages import counted, quoted
 from botohe_moo.base.parameters import Positive, Probability, TravelBudget, checked
 from botohe_moo.base.types import FloatArray, Record
+from botohe_moo.core.compile import own_time
 from botohe_moo.core.evaluate import evaluate, new_values
 from botohe_moo.core.ordered import best_reward, grow_front, insert, new_front, read_front
 from botohe_moo.core.ready import kernels
 from botohe_moo.core.world import CHECKING, World, read_only
-from botohe_moo.mission.loading import load_mission
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -213,16 +212,6 @@ def exact_front(
     return search.plans
 
 
-@cache
-def _compile_kernels(has_budget: bool) -> None:
-    """Search a small mission: the time limit is not for compiling, which takes long."""
-    toy = load_mission("toy")
-    world = toy.limited(max_length=1e9 if has_budget else math.inf)  # a budget that limits nothing
-    search = FrontSearch(toy, world, time_limit=1e9, memory_limit=1e9)
-    while search.plans is None:
-        search._advance()
-
-
 class FrontSearch:
     """The search for the true front, a portion at a time; ``plans`` is the front at the end.
 
@@ -248,16 +237,12 @@ class FrontSearch:
     @kernels("compiled")
     def advance(self) -> None:
         """Do a portion of the work; raise a TooLargeError as :func:`exact_front` does."""
-        _compile_kernels(self.world.limits.has_budgets)
-        self._advance()
-
-    def _advance(self) -> None:
-        begun = time.perf_counter()
+        begun = own_time()
         if self._choices is None:
             self._advance_trails()
         else:
             self._advance_teams(self._choices)
-        self._spent += time.perf_counter() - begun
+        self._spent += own_time() - begun
         if self.plans is None and self._spent > self.time_limit:
             raise self._limit_error(f"time_limit = {self.time_limit:g} seconds")
 
