@@ -769,12 +769,21 @@ class TestChoose:
         names = ["graph.geojson", "robot_0.json", "robot_1.json"]
         assert ended.out.splitlines()[-3:] == [f"wrote robots/nav2/{name}" for name in names]
         assert names_in(tmp_path / "robots" / "nav2") == names
-        fly = ["choose", solved[1], "--plan", 2, "--out", "site.plan"]
+
+    def test_files_for_what_flies_and_dives(self, botohe, refused, solved, tmp_path):
+        """Only on earth: positions of the toy may as well be metres."""
+        path = shutil.copytree(solved[1], tmp_path / "solved") / "mission.json"
+        said = refused("choose", "solved", "--plan", 2, "--out", "site.plan", "--altitude", 30)
+        assert "-m geographic=true); 'toy' does not say so." in flat(said)
+        content = json.loads(path.read_text())
+        content["graph"]["geographic"] = True
+        path.write_text(json.dumps(content))
+        fly = ["choose", "solved", "--plan", 2, "--out", "site.plan"]
         ended = botohe(*fly, "--altitude", 30)
         assert ended.out.splitlines()[-1] == "wrote site-1.plan"
         said = refused(*fly)
         assert said == "botohe: Expected altitude (of a multicopter, in metres) > 0, got None.\n"
-        dive = ["choose", solved[1], "--plan", 2, "--out", "sea.plan", "--vehicle", "submarine"]
+        dive = ["choose", "solved", "--plan", 2, "--out", "sea.plan", "--vehicle", "submarine"]
         botohe(*dive, "--altitude", -4)
         sea = json.loads((tmp_path / "sea-1.plan").read_text())["mission"]
         assert (sea["vehicleType"], sea["items"][0]["Altitude"]) == (12, -4)

@@ -265,7 +265,7 @@ def test_positions_that_may_be_metres():
     graph = harbour().graph.copy()
     del graph.graph["geographic"]
     mission = Mission(graph, robots=2)
-    with pytest.raises(ValueError, match=r"positions are longitudes .*'harbour' does not say so"):
+    with pytest.raises(ValueError, match=r"positions are longitudes .*'mission' does not say so"):
         qgc_plans(mission, around(mission), altitude=3)
 
 

@@ -67,7 +67,7 @@ def choose(
     with failing():
         from botohe_moo.decide.choosing import taken
         from botohe_moo.decide.fronts import check_row
-        from botohe_moo.decide.plan_files import check_plan_path
+        from botohe_moo.decide.plan_files import check_geographic, check_plan_path
         from botohe_moo.solution import FILES
 
         ways = {"wishes": wish, "--toward": toward, "--plan": plan}
@@ -83,6 +83,8 @@ def choose(
             if out.resolve() in ((folder / name).resolve() for name in FILES):
                 raise ValueError(f"{out}: a file of the solution itself; give another name.")
         solution = bm.read_solution(folder)
+        if out is not None and out.suffix.lower() == ".plan":
+            check_geographic(solution.mission)
         if toward is not None:
             choice = solution.toward(reward=toward[0], survivors=toward[1])
         elif wish:

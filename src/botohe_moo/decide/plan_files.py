@@ -338,6 +338,15 @@ def _altitude(vehicle: str, altitude: float | None) -> float:
     return check_number(f"altitude (of a {vehicle}, in metres)", altitude, **allowed)
 
 
+def check_geographic(mission: Mission) -> None:
+    """Refuse a mission whose positions are not said to be longitudes and latitudes."""
+    if not mission.graph.graph.get("geographic"):
+        raise ValueError(
+            "Expected a mission whose positions are longitudes and latitudes (graph attribute "
+            f"geographic, or -m geographic=true); {mission.name!r} does not say so."
+        )
+
+
 def qgc_plans(
     mission: Mission, plan: TrailPlan, *, altitude: float | None = None, vehicle: str = MULTICOPTER
 ) -> dict[int, str]:
@@ -389,11 +398,7 @@ def qgc_plans(
     """
     height = _altitude(vehicle, altitude)
     check_mission(mission).evaluate([plan])
-    if not mission.graph.graph.get("geographic"):
-        raise ValueError(
-            "Expected a mission whose positions are longitudes and latitudes (graph attribute "
-            f"geographic, or -m geographic=true); {mission.name!r} does not say so."
-        )
+    check_geographic(mission)
     files, places = {}, places_of(mission.graph.nodes)
     for robot, trail in enumerate(mission.labels(plan)):
         home, *stops = (_on_earth(node, places.get(node)) for node in trail)
