@@ -1,17 +1,16 @@
 """What factories can be given, and what is wrong with what they are given."""
 
-import enum
 import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated, Any, Literal, Optional
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import BaseModel, BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field
 
 from botohe_moo.base.messages import ParameterError
 from botohe_moo.base.parameters import (
@@ -153,7 +152,7 @@ class TestTypes:
     def test_texts(self):
         for hint, text in [
             (Few, "int"),
-            (Optional[Share], "float | None"),  # noqa: UP045
+            (Share | None, "float | None"),
             (Mapping[str, Positive] | str, "Mapping[str, float] | str"),
             (Literal["a", 1], "Literal['a', 1]"),
             (tuple[int, ...], "tuple[int, ...]"),
@@ -405,72 +404,3 @@ class TestResults:
             found = plain_value(value)
             assert found == plain
             assert type(found) is type(plain)
-
-
-class Knot(enum.Enum):
-    BOWLINE = "bowline"
-    REEF = "reef"
-
-
-class Climb(BaseModel):
-    n: int = Field(2, ge=1, le=5, description="How often.")
-    share: float = Field(gt=0, lt=1)
-    knot: Knot = Knot.REEF
-    sizes: tuple[int, ...] = ()
-    notes: list[str] = []
-
-    @field_validator("share", mode="before")
-    @classmethod
-    def _percent(cls, value):
-        return float(value[:-1]) / 100 if isinstance(value, str) else value
-
-    @model_validator(mode="after")
-    def _fits(self):
-        if self.n == 5 and self.share > 0.5:
-            raise ValueError("expected share <= 0.5 where n is 5")
-        return self
-
-
-class ByModel:
-    Parameters = Climb
-
-    def __init__(self, **values):
-        self.values = values
-
-
-class TestModels:
-    """A pydantic model states the parameters, and checks and converts their values."""
-
-    def test_what_is_stated(self):
-        n, share, knot, _, notes = accepted_parameters(ByModel)
-        assert (n.default, n.annotation, n.range) == (2, "int", "in [1, 5]")
-        assert n.description == "How often."
-        assert (share.required, share.range) == (True, "in (0, 1)")
-        assert knot.annotation == "Literal['bowline', 'reef']"
-        assert (notes.name, notes.default, notes.plain) == ("notes", [], True)
-
-    def test_values_are_converted(self):
-        accepted = accepted_parameters(ByModel)
-        given = {"share": "25%", "knot": "bowline", "sizes": [1, 2], "notes": ["x"]}
-        assert call_factory("Climb", ByModel, accepted, given).values == {
-            "n": 2,
-            "share": 0.25,
-            "knot": Knot.BOWLINE,
-            "sizes": (1, 2),
-            "notes": ["x"],
-        }
-        assert plain_value(Knot.BOWLINE) == "bowline"
-
-    @pytest.mark.parametrize(
-        ("given", "said"),
-        [
-            ({"n": 0, "share": 2}, "Expected n >= 1, got 0. Expected share < 1, got 2."),
-            ({"n": 5, "share": 0.6}, "expected share <= 0.5 where n is 5."),
-            ({"share": 0.5, "sizes": [1, "x"]}, "Expected sizes[1] to be an integer, got 'x'."),
-            ({"n": 1}, "missing a required parameter 'share'."),
-        ],
-    )
-    def test_faults(self, given, said):
-        with pytest.raises(ParameterError) as caught:
-            call_factory("Climb", ByModel, accepted_parameters(ByModel), given)
-        assert str(caught.value) == f"Climb: {said}"

@@ -38,9 +38,8 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     -----
     Packages register algorithms in the entry-point group ``botohe_moo.algorithms``: callables
     that return a pymoo algorithm. They state their parameters by a typed signature, with ranges as
-    in ``Annotated[float, Field(gt=0)]``, or by a pydantic model, their attribute ``Parameters``,
-    which checks and converts values before they are handed over as keywords. Only parameters that
-    are stated can be given: ``**kwargs`` would swallow every misspelt name.
+    in ``Annotated[float, Field(gt=0)]``. Only parameters that are stated can be given:
+    ``**kwargs`` would swallow every misspelt name.
 
     ``module:Class`` names one that is not registered: a class derived from pymoo's ``Algorithm``,
     or a function whose annotation says that it returns one. Nothing else is called, but importing

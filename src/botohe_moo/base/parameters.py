@@ -1,6 +1,5 @@
 """Typed parameters: what a factory states, their check by pydantic, and its errors in words."""
 
-import enum
 import functools
 import inspect
 import os
@@ -130,12 +129,11 @@ class Parameter:
 def accepted_parameters(factory: Factory, *, hidden: Collection[str] = ()) -> tuple[Parameter, ...]:
     """List the parameters that a factory takes by name: a function, a class or a class method.
 
-    A pydantic model, the attribute ``Parameters``, states them instead of the signature. A class
-    method that takes any keywords, such as :meth:`BOACO.journal`, states what it changes, and its
-    class the rest. The names in ``hidden`` cannot be given, and neither can names that are not
-    stated, even to a factory that takes any.
+    A class method that takes any keywords, such as :meth:`BOACO.journal`, states what it changes,
+    and its class the rest. The names in ``hidden`` cannot be given, and neither can names that are
+    not stated, even to a factory that takes any.
     """
-    stated = {p.name: p for p in signature_parameters(_model_of(factory) or factory)}
+    stated = {p.name: p for p in signature_parameters(factory)}
     owner = getattr(factory, "__self__", None)
     if isinstance(owner, type) and takes_any_name(factory):
         for parameter in accepted_parameters(owner):
@@ -144,11 +142,6 @@ def accepted_parameters(factory: Factory, *, hidden: Collection[str] = ()) -> tu
             described = parameter.description or known.description
             stated[parameter.name] = replace(known, description=described)
     return tuple(p for name, p in stated.items() if name not in hidden)
-
-
-def _model_of(factory: Factory) -> type[BaseModel] | None:
-    model = getattr(factory, "Parameters", None)
-    return model if isinstance(model, type) and issubclass(model, BaseModel) else None
 
 
 def takes_any_name(factory: Factory) -> bool:
@@ -168,10 +161,8 @@ def signature_parameters(function: Factory) -> Iterator[Parameter]:
         text = annotation if isinstance(annotation, str) else ""
         if hint is not Any or annotation is Any:
             text = type_text(hint)
-        fields = getattr(function, "model_fields", {})  # of a pydantic model
-        field = fields.get(stated.name) or FieldInfo.from_annotation(hint)
-        description = described.get(stated.name) or field.description or ""
-        yield Parameter(stated.name, stated.default, hint, text, description)
+        description = described.get(stated.name) or FieldInfo.from_annotation(hint).description
+        yield Parameter(stated.name, stated.default, hint, text, description or "")
 
 
 def _signature(function: Factory) -> inspect.Signature:
@@ -258,23 +249,13 @@ def _bound_text(bound: Any) -> str:
 
 
 def type_text(hint: Any) -> str:
-    """Write a type as in source, without its ``Annotated`` constraints."""
-    origin, args = get_origin(hint), get_args(hint)
-    if origin is Annotated:
-        return type_text(args[0])
-    if isinstance(hint, type) and issubclass(hint, enum.Enum):
-        origin, args = Literal, tuple(member.value for member in hint)
-    if origin is Literal:
-        return f"Literal[{', '.join(map(repr, args))}]"
-    if isinstance(hint, list):  # the arguments of a Callable
-        return f"[{', '.join(map(type_text, hint))}]"
-    if hint in (None, type(None), ...):
-        return "..." if hint is ... else "None"
-    inner = [type_text(part) for part in args]
-    if origin in UNIONS:
-        return " | ".join(inner)
-    name = getattr(origin or hint, "__name__", None) or str(hint)
-    return f"{name}[{', '.join(inner)}]" if inner else name
+    """Write a type as in source, without its ``Annotated`` constraints and names of modules."""
+    holder: Any = types.SimpleNamespace(__annotations__={"it": hint})
+    bare = typing.get_type_hints(holder)["it"]
+    if get_origin(bare) in UNIONS:
+        return " | ".join(map(type_text, get_args(bare)))
+    text = inspect.formatannotation(bare).replace("NoneType", "None")
+    return re.sub(r"[\w.]+\.(?=[A-Za-z_])", "", text)
 
 
 def is_scalar(hint: Any) -> bool:
@@ -296,8 +277,6 @@ def plain_number(value: Any) -> Any:
 
 def plain_value(value: Any) -> Any:
     """Write a value as a text file would hold it; ``NotImplemented`` for what none can hold."""
-    if isinstance(value, enum.Enum):
-        value = value.value
     if isinstance(value, os.PathLike):
         value = os.fspath(value)
     if isinstance(value, list | tuple):
@@ -492,7 +471,6 @@ def call_factory(
     factory has not returned what is ``wanted``. Messages begin with ``source``, and list the names
     in ``also`` as known. A FaultsError of the factory is not changed.
     """
-    model = _model_of(factory)
     known = {*also, *(parameter.name for parameter in accepted)}
     faults: list[Fault] = [
         (str(name), m.unknown_parameter(name, known)) for name in values if name not in known
@@ -501,13 +479,8 @@ def call_factory(
         name, value = parameter.name, values.get(parameter.name, parameter.default)
         if value is _EMPTY:
             faults.append((name, f"missing a required parameter {name!r}."))
-        elif value is not parameter.default and model is None:
+        elif value is not parameter.default:
             faults += [(name, said) for said in parameter.checked(value)[1]]
-    if model and not faults:
-        try:
-            values = dict(model(**values))
-        except ValidationError as invalid:
-            faults = [(str(way[0]) if way else None, s) for way, s in faults_in(values, invalid)]
     if faults:
         raise m.ParameterError(" ".join(s for _, s in faults), faults[0][0], faults, source)
     try:
