@@ -137,8 +137,9 @@ state-of-the-art: $(READY)
 
 paper: $(READY)
 	$(BIN)/botohe study run experiments/paper.yaml
+	$(BIN)/botohe study run experiments/annealing.yaml
 	$(BIN)/botohe study report results/paper
-	$(BIN)/python -m benchmarks.paper results/paper
+	$(BIN)/python -m benchmarks paper
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache dist .coverage .coverage.* results/demo results/bench \

@@ -9,20 +9,17 @@ import numpy as np
 import pandas as pd
 from pymoo.optimize import minimize
 
-from benchmarks.measure import best, in_process
+from benchmarks.measure import in_process
 from benchmarks.memory import peak_resident
 from botohe_moo import BOTOHE, Mission
-from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.local_search.algorithm import ParetoLocalSearch
 
 ROBOTS = 30
 SIZES = (10_000, 100_000, 1_000_000)
-BATCH = 100
-REPETITIONS = 5
 # A hundred times the plans: a step through the whole front would cost a hundred times as much.
 AT_MOST = 5
 
-COLUMNS = ("us_per_evaluation", "us_per_entry", "longest_generation_ms", "peak_mib", "absorb_ms")
+COLUMNS = ("us_per_evaluation", "us_per_entry", "longest_generation_ms", "peak_mib")
 
 
 def even_star(robots: int) -> Mission:
@@ -48,7 +45,6 @@ def run(out: Path) -> bool:
     table.insert(0, "plans", SIZES)
     table.to_csv(out / "fronts.csv", index=False)
     print(f"ParetoLocalSearch(), {ROBOTS} robots; the front's second half of each size")
-    print(f"insert: what a PlanArchive of that size needs for {BATCH} plans that enter")
     print(table.to_string(index=False))
     costs = table.set_index("plans")["us_per_entry"]
     times = costs[max(SIZES)] / costs[min(SIZES)]
@@ -61,14 +57,7 @@ def _measure() -> list[float]:
     minimize(BOTOHE(even_star(3)), ParetoLocalSearch(), ("n_eval", 300), seed=1)  # compiles
     algorithm = ParetoLocalSearch()
     algorithm.setup(BOTOHE(even_star(ROBOTS)), termination=("n_gen", sys.maxsize), seed=1)
-    rows = [_grow(algorithm, size) for size in SIZES]
-    _grow(algorithm, max(SIZES) + BATCH * (REPETITIONS + 1))
-    _insert(algorithm.archive, BATCH)  # compiles
-    return [
-        field
-        for row, size in zip(rows, SIZES, strict=True)
-        for field in (*row, _insert(algorithm.archive, size))
-    ]
+    return [field for size in SIZES for field in _grow(algorithm, size)]
 
 
 def _grow(algorithm: ParetoLocalSearch, size: int) -> list[float]:
@@ -91,23 +80,6 @@ def _grow(algorithm: ParetoLocalSearch, size: int) -> list[float]:
         1e3 * max(seconds),
         peak_resident(),
     ]
-
-
-def _insert(front: PlanArchive, size: int) -> float:
-    """Give the milliseconds in which an archive of so many plans takes in a batch that enters."""
-    plans, values = front.plans, front.objectives
-    order = np.random.default_rng(0).permutation(len(plans))
-    archive = PlanArchive(ROBOTS)
-    held = np.sort(order[:size])
-    archive.insert(plans.take(held), values[held].copy())
-    times = []
-    for repetition in range(REPETITIONS):
-        new = np.sort(order[size + BATCH * repetition :][:BATCH])
-        batch, objectives = plans.take(new), values[new].copy()
-        started = time.perf_counter()
-        archive.insert(batch, objectives)
-        times.append(1e3 * (time.perf_counter() - started))
-    return best(times)
 
 
 if __name__ == "__main__":

@@ -5,10 +5,6 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-import matplotlib.pyplot as plt
-import pandas as pd
-import seaborn as sns
-
 from botohe_moo import FrontBound, TrailPlan, bound_front, load_mission, solve
 from botohe_moo.base.runtime import n_cpus
 from botohe_moo.library import (
@@ -19,7 +15,6 @@ from botohe_moo.library import (
     library_names,
     library_table,
 )
-from botohe_moo.mission.loading import ENTRIES
 
 FINDER = "the developers of botohe-moo"
 # Evaluations, and seeds. Fronts differ by seed, so that many short runs add to few long ones.
@@ -35,20 +30,6 @@ def run(folder: Path) -> bool:
     faults = check_library(folder=folder)
     print(faults or "all plans were evaluated again")
     return not faults
-
-
-def ranks(folder: Path) -> bool:
-    """Draw the average ranks of algorithms by family of missions, in the study of algorithms."""
-    summary = pd.read_csv(folder / "summary.csv")
-    families = summary["mission"].map({name: entry.family for name, entry in ENTRIES.items()})
-    table = summary.assign(family=families).pivot_table("rank", "family", "algorithm", sort=False)
-    figure, ax = plt.subplots(figsize=(8.5, 4), layout="constrained")
-    sns.heatmap(table, annot=True, fmt=".1f", cmap="crest_r", cbar=False, ax=ax)
-    ax.set(xlabel="", ylabel="")
-    ax.tick_params(axis="x", rotation=30)
-    figure.savefig(folder / "ranks.png", dpi=110)
-    print(table.round(1).to_string())
-    return True
 
 
 def searched(folder: Path) -> None:

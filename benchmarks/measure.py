@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import numpy as np
-
 from botohe_moo import BOACO
 from botohe_moo.algorithms import archive as archive_module
 from botohe_moo.algorithms.bo_aco import kernels as ant_kernels
@@ -63,15 +61,3 @@ def in_process(module: str, *arguments: object) -> list[str]:
     command = [sys.executable, "-m", module, *map(str, arguments)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return done.stdout.splitlines()[-1].split()
-
-
-def best(values: list[float]) -> float:
-    """Give the least of repeated measurements: what disturbs a machine only ever adds time."""
-    return float(np.min(values))
-
-
-def standard_error(values: list[float], others: list[float]) -> float:
-    """Give the standard error of the difference between the means of two samples; nan of one."""
-    if values is others:
-        return float("nan")
-    return float(np.sqrt(sum(np.var(one, ddof=1) / len(one) for one in (values, others))))

@@ -1,6 +1,6 @@
 """One search of a terrain, in a process of its own: how long, how much memory, how good.
 
-``benchmarks.large`` starts it; it imports nothing that a search does without.
+``benchmarks.growth`` starts it; it imports nothing that a search does without.
 """
 
 import sys
@@ -32,16 +32,13 @@ COLUMNS = (
     "area",
     "front",
     "nodes_a_plan",
-    "imports_mib",
     "before_mib",
     "peak_mib",
-    "result_mib",
 )
 
 
 def measure(nodes: int, robots: int, name: str, seconds: float) -> Iterable[float]:
     """Search for so long; give what ``COLUMNS`` names."""
-    imports = peak_resident()
     minimize(BOTOHE(load_mission("toy")), ALGORITHMS[name](), ("n_eval", 300), seed=1)  # compiles
     problem = BOTOHE(load_mission("terrain", nodes=nodes, robots=robots, seed=0))
     mission, algorithm = problem.mission, ALGORITHMS[name]()
@@ -63,7 +60,6 @@ def measure(nodes: int, robots: int, name: str, seconds: float) -> Iterable[floa
                 fronts[mark] = algorithm.archive.objectives
     peak = peak_resident()
 
-    assert algorithm.opt is not None  # makes the plans of the front
     lengths = len(algorithm.archive.plans.nodes) / len(algorithm.archive)
     return (
         mission.world.graph.n_arcs,
@@ -74,10 +70,8 @@ def measure(nodes: int, robots: int, name: str, seconds: float) -> Iterable[floa
         *(area_indicator(front, mission) for front in fronts.values()),
         len(algorithm.archive),
         lengths,
-        imports,
         before,
         peak,
-        peak_resident(),
     )
 
 

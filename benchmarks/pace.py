@@ -48,9 +48,9 @@ from botohe_moo.algorithms import RandomTrailSampling
 name, parameters, robots, algorithm, evaluations, variant, seeds = json.loads(sys.argv[1])
 mission = load_mission(name, **parameters)
 mission = mission.with_robots(robots) if robots else mission
-if variant == "return" and hasattr(mission, "kinds"):
+if variant == "return":
     mission = Mission(mission.graph, base=mission.base, robots=mission.robots, pays="return")
-elif variant == "kinds" and hasattr(mission, "kinds"):
+elif variant == "kinds":
     counts = [(mission.robots + k) // 3 for k in range(3)]
     kinds = [{"name": str(k), "robots": n} for k, n in enumerate(counts) if n]
     mission = Mission(mission.graph, base=mission.base, kinds=kinds)

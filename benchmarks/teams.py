@@ -1,14 +1,10 @@
 """What it costs to plan as if robots were alike, or as if rewards counted on arrival.
 
-``python -m benchmarks teams`` keeps table and picture; ``python -m benchmarks.teams EVALUATIONS
-SEEDS`` searches as long, and with as many seeds, as said, and prints the table.
-
 Plans made for the simpler mission are evaluated in the true one: where there are kinds, with every
 assignment of their trails to the robots, of which those are left out that a robot cannot take.
 """
 
 import math
-import sys
 from collections.abc import Iterator
 from functools import cache
 from itertools import groupby, permutations
@@ -75,7 +71,6 @@ def measured(evaluations: int, n_seeds: int) -> pd.DataFrame:
         for case, wanted in zip(_cases(name), WANTED[name], strict=True):
             for mission in (case.plain, case.ignoring, case.mission):
                 _search(mission, 300, 1)  # compiles
-            print(name, case.scenario, case.planned_as, sep=", ", file=sys.stderr, flush=True)
             rows.append({"mission": name, **_measure(case, wanted, evaluations, n_seeds)})
     rounded = {"area": 5, "area_ignoring": 5, "gain_percent": 2, "standard_error": 2, "slower": 2}
     table = pd.DataFrame(rows).round({**rounded, "seconds": 2, "seconds_plain": 2})
@@ -210,7 +205,3 @@ def _plot(path: Path) -> None:
     save_figure(fig, path, dpi=DPI)
     plt.close(fig)
     print(path)
-
-
-if __name__ == "__main__":
-    measured(int(sys.argv[1]), int(sys.argv[2]))
