@@ -16,6 +16,7 @@ from botohe_moo.mission.loading import ENTRIES
 from botohe_moo.study import pictures
 from botohe_moo.testing import algorithms, missions
 from botohe_moo.testing.rules import rules_of, said_by
+from docs import architecture
 from tests.docs.guides import DOCS, GUIDES, NOTEBOOKS, ROOT, blocks, links, printed_by, words
 
 # Read from top to bottom in one session; every block of the others stands alone.
@@ -109,6 +110,10 @@ def test_the_gallery_shows_what_its_code_draws():
         target.name for target in links(DOCS / "gallery.md") if target.parent.name == "gallery"
     }
     assert drawn == shown == {path.name for path in kept.glob("*.png")}
+
+
+def test_the_drawing_shows_the_imports():
+    assert architecture.drawn() == architecture.arrows(architecture.rooms())
 
 
 def table(frame):
