@@ -7,6 +7,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
+from benchmarks import made
 from typer.testing import CliRunner
 
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES
@@ -110,6 +111,11 @@ def test_the_gallery_shows_what_its_code_draws():
         target.name for target in links(DOCS / "gallery.md") if target.parent.name == "gallery"
     }
     assert drawn == shown == {path.name for path in kept.glob("*.png")}
+
+
+def test_every_result_has_its_command():
+    results = ROOT / "results"
+    assert {*made.folders(results)} - made.commands(results).keys() == set()
 
 
 def test_the_drawing_shows_the_imports():
