@@ -28,7 +28,7 @@ _MOST_IDLE = 1_000
 
 
 def can_be_made(check: Check) -> None:
-    """Without arguments, a new algorithm is made at each call.
+    """Each call without arguments makes a new algorithm.
 
     Let it be called without arguments, and return a new pymoo Algorithm each time.
     """
@@ -46,7 +46,7 @@ def runs_end(check: Check) -> None:
 
 
 def parameters_stated(check: Check) -> None:
-    """All parameters are in the signature, with their types.
+    """The signature states all parameters with their types.
 
     State each parameter in the signature, by name, with its type and its default.
     """
@@ -55,7 +55,7 @@ def parameters_stated(check: Check) -> None:
 
 
 def valid_plans(check: Check) -> None:
-    """The result holds valid plans, and the objectives that the problem computes of them.
+    """The result holds valid plans, with the objectives that the problem computes for them.
 
     Put TrailPlans into X, made with the mission's arcs alone, and leave F as it is evaluated.
     """
@@ -64,7 +64,7 @@ def valid_plans(check: Check) -> None:
 
 
 def own_objectives(check: Check) -> None:
-    """Another objective, by a subclass of BOTOHE, is used, or the problem is refused by name.
+    """The run uses the objectives of a subclass of BOTOHE, or refuses that class by name.
 
     Evaluate by the problem that `setup` is given; if that cannot be, raise a TypeError in `setup`
     that names the problem's class.
@@ -75,7 +75,7 @@ def own_objectives(check: Check) -> None:
 
 
 def front_of_all_evaluated(check: Check) -> None:
-    """The result is the front of all plans that were evaluated; none is lost on the way.
+    """The result is the front of all evaluated plans.
 
     Keep all non-dominated plans of all generations: ArchiveAlgorithm has an archive.
     """
@@ -95,7 +95,7 @@ def front_of_all_evaluated(check: Check) -> None:
 
 
 def exact_budget(check: Check) -> None:
-    """Budgets are spent to the last evaluation, and not beyond, unless it ends by itself.
+    """A run spends its budget exactly, unless it ends by itself.
 
     Evaluate no more plans than the termination still allows, and as many.
     """
@@ -110,7 +110,7 @@ def exact_budget(check: Check) -> None:
 
 
 def true_budget(check: Check) -> None:
-    """Every plan that is evaluated is counted.
+    """Every evaluated plan counts against the budget.
 
     Evaluate plans by `self.evaluator.eval(self.problem, population)` alone: it counts them.
     """
@@ -153,7 +153,7 @@ def other_seed_other_front(check: Check) -> None:
 
 
 def resumes_when_pickled(check: Check) -> None:
-    """A run that is pickled on its way, and unpickled, ends bit for bit as one that is not.
+    """A run that is pickled half-way and resumed gives the same result, bit for bit.
 
     Hold nothing that cannot be pickled, such as lambdas, generators and open files, and leave
     nothing out that the run needs.
@@ -166,7 +166,7 @@ def resumes_when_pickled(check: Check) -> None:
 
 
 def one_way_mission(check: Check) -> None:
-    """Missions whose arcs have no reverse are planned, and robots leave the base.
+    """Robots collect rewards even if all arcs are one-way.
 
     Lead trails along the mission's arcs, in their direction, and home over unused ones.
     """
@@ -175,7 +175,7 @@ def one_way_mission(check: Check) -> None:
 
 
 def one_robot(check: Check) -> None:
-    """A team of one robot is planned.
+    """A team of one robot collects rewards.
 
     Do not take for granted that there are two robots.
     """
@@ -184,7 +184,7 @@ def one_robot(check: Check) -> None:
 
 
 def survival_floor(check: Check) -> None:
-    """A survival floor is kept, also one that nothing but staying home satisfies.
+    """Plans keep a survival floor, even if all robots must stay at base.
 
     Compare CV first: `result.X` holds feasible plans alone, and is None where there are none.
     """
@@ -193,7 +193,7 @@ def survival_floor(check: Check) -> None:
 
 
 def travel_budget(check: Check) -> None:
-    """A travel budget is kept.
+    """Plans keep a travel budget.
 
     Compare CV first: `result.X` holds feasible plans alone, and is None where there are none.
     """
@@ -202,7 +202,7 @@ def travel_budget(check: Check) -> None:
 
 
 def kinds(check: Check) -> None:
-    """Each kind of robots keeps its start, end and limits, unless `supports` says it cannot.
+    """Each kind of robots keeps its start, end and limits, unless `supports` refuses kinds.
 
     Plan with `problem.world`, in which each kind has nodes of its own, from `team.start` to
     `team.end`; or let `supports(mission)` be `mission.is_plain`.

@@ -14,7 +14,7 @@ from botohe_moo.testing.rules import Check, expect
 
 
 def can_be_made(check: Check) -> None:
-    """Without arguments, a mission is made.
+    """A call without arguments makes a mission.
 
     Let it be called without arguments, and return a Mission.
     """
@@ -23,7 +23,7 @@ def can_be_made(check: Check) -> None:
 
 
 def parameters_stated(check: Check) -> None:
-    """All parameters are in the signature, with their types.
+    """The signature states all parameters with their types.
 
     State each parameter in the signature, by name, with its type and its default.
     """
@@ -43,7 +43,7 @@ def same_twice(check: Check) -> None:
 
 
 def file_round_trip(check: Check) -> None:
-    """The mission is the same when it is saved and read again.
+    """The mission is the same after it is saved and read again.
 
     Give nodes labels that are texts, integers, or tuples of these, and plain attributes.
     """
@@ -66,7 +66,7 @@ def can_be_pickled(check: Check) -> None:
 
 
 def something_to_gain(check: Check) -> None:
-    """A robot that leaves its start can collect a reward and come home.
+    """A robot can leave its start, collect a reward and come home.
 
     Let an arc leave the base from which ways lead on to a reward, and home.
     """
