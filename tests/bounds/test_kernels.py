@@ -18,8 +18,7 @@ from botohe_moo.bounds.kernels.trails import (
     find_trails,
     new_depths,
 )
-from botohe_moo.bounds.memory import Remembered
-from botohe_moo.bounds.net import new_net, pieces_of
+from botohe_moo.bounds.net import Remembered, new_net, pieces_of
 from tests import twins
 from tests.examples import examples
 from tests.strategies import missions

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import load_mission
 from botohe_moo.bounds import stairs as module
-from botohe_moo.bounds.envelopes import add_stairs, falling, least_total
+from botohe_moo.bounds.front_bound import add_stairs, falling, least_total
 from botohe_moo.bounds.schedule import Schedule
 from botohe_moo.bounds.stairs import StairsMaster, TeamStairs
 from tests.bounds.test_bound import bounded_at_all_stages, random_mission

@@ -16,17 +16,14 @@ from botohe_moo.bounds import lines as lines_module
 from botohe_moo.bounds import master as master_module
 from botohe_moo.bounds import proof as proof_module
 from botohe_moo.bounds import steps as steps_module
-from botohe_moo.bounds.clock import Clock
-from botohe_moo.bounds.envelopes import add_stairs, least_total, stairs_of
-from botohe_moo.bounds.front_bound import FrontBound
+from botohe_moo.bounds.front_bound import FrontBound, Line, Step, add_stairs, least_total, stairs_of
 from botohe_moo.bounds.lines import N_STEPS, Lines
 from botohe_moo.bounds.master import Master
 from botohe_moo.bounds.proof import Proof
-from botohe_moo.bounds.record import Line, Step
 from botohe_moo.bounds.schedule import Schedule
 from botohe_moo.bounds.steps import Steps
 from botohe_moo.bounds.targets import Known, LineTargets, StepTargets
-from botohe_moo.bounds.turns import Turns
+from botohe_moo.bounds.turns import Clock, Turns
 from tests import twins
 from tests.bounds.test_bound import random_mission
 from tests.examples import seeds

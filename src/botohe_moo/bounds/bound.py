@@ -11,12 +11,11 @@ from pydantic import Field
 from botohe_moo.algorithms.exact.front import MemoryLimit
 from botohe_moo.base.messages import quoted
 from botohe_moo.base.parameters import NotNegative, Positive, Probability, TravelBudget, checked
-from botohe_moo.bounds.clock import Clock
 from botohe_moo.bounds.front_bound import FrontBound
 from botohe_moo.bounds.plain import check_boundable, relaxed_to_plain
 from botohe_moo.bounds.proof import Proof
 from botohe_moo.bounds.schedule import Schedule
-from botohe_moo.bounds.turns import Turns
+from botohe_moo.bounds.turns import Clock, Turns
 from botohe_moo.core.ready import kernels
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.objectives import check_objectives

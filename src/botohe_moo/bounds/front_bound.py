@@ -1,4 +1,4 @@
-"""A bound on a front: what no plan whatsoever exceeds."""
+"""A bound on a front, what it is made of, and its files."""
 
 from __future__ import annotations
 
@@ -6,20 +6,188 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import BaseModel, ConfigDict, FiniteFloat, PositiveInt, ValidationError
 
-from botohe_moo.base.files import replace_file
+from botohe_moo.base.files import read_bytes, replace_file
 from botohe_moo.base.messages import quoted
-from botohe_moo.base.types import FloatArray
-from botohe_moo.bounds.envelopes import lower_envelope
+from botohe_moo.base.parameters import NotNegative, Probability
+from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.plain import fewest_moving
-from botohe_moo.bounds.record import FORMAT, BoundRecord, Line, Step, read_record
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, check_mission, numbers_digest
 from botohe_moo.objectives import check_objectives
+
+FORMAT: Literal["botohe-front-bound-1"] = "botohe-front-bound-1"
+
+LineProof = Literal["everything", "relaxed", "exact"]
+
+
+class Line(NamedTuple):
+    """E[R] ≤ most − mu · x, where ``n_robots`` move whose survivals sum to x or more.
+
+    Attributes
+    ----------
+    n_robots
+        How many robots move, 1 or more.
+    most, mu
+        Where the line begins, and by how much it falls for each robot that survives.
+    proof
+        ``"everything"`` (each node is reached along the safest way), ``"relaxed"`` (no relaxed
+        trail is worth more than the line says) or ``"exact"`` (no trail is).
+    """
+
+    n_robots: PositiveInt
+    most: FiniteFloat
+    mu: NotNegative
+    proof: LineProof
+
+
+class Step(NamedTuple):
+    """E[R] ≤ most, where ``n_robots`` move whose survivals sum to ``least`` or more.
+
+    Attributes
+    ----------
+    n_robots
+        How many robots move, 1 or more.
+    most, least
+        The E[R] that is not exceeded, and where the step begins.
+    proof
+        ``"front"`` (it follows from the true front) or ``"exact"`` (no team of trails collects
+        more).
+    """
+
+    n_robots: PositiveInt
+    most: FiniteFloat
+    least: NotNegative
+    proof: Literal["front", "exact"]
+
+
+class BoundRecord(BaseModel):
+    """A bound as it is in files."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+    format: Literal["botohe-front-bound-1"]
+    mission_digest: str
+    lines: tuple[Line, ...]
+    steps: tuple[Step, ...]
+    most_survival: Probability
+    min_survival: Probability
+    max_length: NotNegative | None
+    seconds: NotNegative
+    notes: tuple[str, ...]
+    version: str | None = None  # of this package, which proved it; not in earlier versions' files
+
+
+def read_record(path: Path, mission: Mission) -> BoundRecord:
+    """Read the bound of a mission; an OSError or a ValueError names the file."""
+    try:
+        record = BoundRecord.model_validate_json(read_bytes(path))
+    except ValidationError as error:
+        fault = error.errors()[0]
+        where = ".".join(map(str, fault["loc"])) or "the whole"
+        found = "" if fault["type"] == "missing" else f", found {quoted(fault['input'])}"
+        raise ValueError(f"{path} is not a bound: {where}: {fault['msg']}{found}.") from None
+    if record.mission_digest != numbers_digest(mission):
+        raise ValueError(f"{path} bounds another mission than {mission.name!r}.")
+    numbers = set(range(1, mission.robots + 1))
+    with_lines = {line.n_robots for line in record.lines}
+    with_steps = {step.n_robots for step in record.steps}
+    for what, moving in (("lines", with_lines), ("steps", with_steps)):
+        if not moving <= numbers or (what == "lines" and moving != numbers):
+            raise ValueError(
+                f"{path} is not a bound: expected {what} for 1 to {mission.robots} robots that "
+                f"move, found {what} for {sorted(moving)}."
+            )
+    return record
+
+
+EDGE = 1e-12  # survivals this much below a step count as on it, relative
+
+
+def lower_hull(x: FloatArray, y: FloatArray) -> OffsetArray:
+    """Return the corners of the largest convex function below all points, by ascending x.
+
+    Andrew, "Another efficient algorithm for convex hulls in two dimensions", Information Processing
+    Letters 9(5), 1979; scipy's refuses points on one line.
+    """
+    corners: list[int] = []
+    for i in np.lexsort((y, x)).tolist():
+        if corners and x[i] == x[corners[-1]]:
+            continue
+        while len(corners) > 1:
+            one, last = corners[-2:]
+            if (y[last] - y[one]) * (x[i] - x[one]) < (y[i] - y[one]) * (x[last] - x[one]):
+                break
+            corners.pop()
+        corners.append(i)
+    return np.array(corners, np.int64)
+
+
+def convex_below(values: FloatArray) -> FloatArray:
+    """Return the largest convex function on a grid that is nowhere above values, at least 0."""
+    levels = np.arange(len(values), dtype=float)
+    corners = lower_hull(levels, values)
+    envelope: FloatArray = np.maximum(np.interp(levels, corners, values[corners]), 0.0)
+    return envelope
+
+
+def lower_envelope(most: ArrayLike, mu: ArrayLike) -> OffsetArray:
+    """Return which lines ``most`` − ``mu`` · x are the lowest at some x ≥ 0, by ascending mu."""
+    # So that products do not overflow.
+    y, x = (np.asarray(each) / (np.max(each) or 1.0) for each in (most, mu))
+    corners = lower_hull(x, y)
+    # Of lines with the least ``most``, the last one is the lowest.
+    lowest: Any = np.flatnonzero(y[corners] == y[corners].min())[-1]
+    return corners[lowest:]
+
+
+def stairs_of(values: FloatArray, survival: FloatArray, width: float, n_steps: int) -> FloatArray:
+    """Return the stairs of trails (n_steps), −inf where none survives as well."""
+    stairs = np.full(n_steps, -np.inf)
+    steps = np.minimum((survival / width * (1 + EDGE)).astype(np.int64), n_steps - 1)
+    np.maximum.at(stairs, steps, values)
+    return falling(stairs)
+
+
+def last_steps(stairs: FloatArray) -> OffsetArray:
+    """Return the last step of each height."""
+    falls = np.append(stairs[1:] < stairs[:-1], True)
+    return np.flatnonzero(falls & np.isfinite(stairs))
+
+
+def falling(stairs: FloatArray) -> FloatArray:
+    """Raise each step to the highest of those after it, so that stairs never rise."""
+    raised: FloatArray = np.maximum.accumulate(stairs[::-1])[::-1]
+    return raised
+
+
+def least_total(x: FloatArray | float, width: float, n_trails: int) -> OffsetArray:
+    """Return the least sum of steps of ``n_trails`` trails whose survivals sum to ``x`` or more."""
+    totals: OffsetArray = np.floor(np.divide(x, width) * (1 - EDGE)).astype(np.int64)
+    return np.maximum(totals - n_trails + 1, 0)
+
+
+def add_stairs(stairs: FloatArray, n_trails: int) -> FloatArray:
+    """Return the most that ``n_trails`` trails are worth together, by the sum of their steps."""
+    most = np.zeros(1)
+    for _ in range(n_trails):
+        most = add_two(stairs, most)
+    return most
+
+
+def add_two(stairs: FloatArray, others: FloatArray) -> FloatArray:
+    """Return the most that a trail and others are worth together, by the sum of their steps."""
+    after = np.full(len(others) + len(stairs) - 1, -np.inf)
+    for step in last_steps(stairs).tolist():
+        reached = after[step : step + len(others)]
+        np.maximum(reached, others + stairs[step], out=reached)
+    return falling(after)
+
 
 _ROUNDING = 1e-12  # survivors are lowered by this share: they are sums of rounded products
 _TIE = 1e-9  # plans above the bound by this share are on it: their sums have other orders

@@ -8,13 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from botohe_moo.base.types import FloatArray
-from botohe_moo.bounds.envelopes import lower_envelope, stairs_of
+from botohe_moo.bounds.front_bound import Line, LineProof, lower_envelope, stairs_of
 from botohe_moo.bounds.kernels.states import Worth
 from botohe_moo.bounds.kernels.trails import Stairs
-from botohe_moo.bounds.master import Master
-from botohe_moo.bounds.pool import Pool
+from botohe_moo.bounds.master import Master, Pool
 from botohe_moo.bounds.prices import SECONDS_A_GAIN, PricedTeam, Prices
-from botohe_moo.bounds.record import Line, LineProof
 from botohe_moo.bounds.relaxation import Ahead, BoundLines, Relaxation
 
 # As in ``proof``, these constants were chosen by experiment, and every line is valid whatever they

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray
-from botohe_moo.bounds.envelopes import convex_below
+from botohe_moo.bounds.front_bound import convex_below
 from botohe_moo.bounds.kernels.states import Net
 
 _EPSILON = float(np.finfo(float).eps)

@@ -9,21 +9,18 @@ import numpy as np
 
 from botohe_moo.algorithms.exact.front import FrontSearch, TooLargeError
 from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
-from botohe_moo.bounds.clock import Clock
-from botohe_moo.bounds.front_bound import FrontBound
+from botohe_moo.bounds.front_bound import FrontBound, Step
 from botohe_moo.bounds.kernels.states import Net
 from botohe_moo.bounds.lines import LEVELS, Lines
-from botohe_moo.bounds.memory import Remembered
-from botohe_moo.bounds.net import arcs_by_ends, new_net
+from botohe_moo.bounds.master import Pool
+from botohe_moo.bounds.net import Remembered, arcs_by_ends, new_net
 from botohe_moo.bounds.plain import NOTE
-from botohe_moo.bounds.pool import Pool
 from botohe_moo.bounds.prices import most_levels
-from botohe_moo.bounds.record import Step
 from botohe_moo.bounds.relaxation import Relaxation
 from botohe_moo.bounds.stairs import MOST_MOVING, TeamStairs
 from botohe_moo.bounds.steps import Steps
 from botohe_moo.bounds.targets import Known
-from botohe_moo.bounds.turns import Turns
+from botohe_moo.bounds.turns import Clock, Turns
 from botohe_moo.core.world import CHECKING, World
 from botohe_moo.mission.model import Mission
 

@@ -9,7 +9,6 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray
-from botohe_moo.bounds.clock import Clock
 from botohe_moo.bounds.kernels.relaxed import follow, relax
 from botohe_moo.bounds.kernels.states import Net, States, Worth, find_states
 from botohe_moo.bounds.kernels.trails import (
@@ -19,8 +18,8 @@ from botohe_moo.bounds.kernels.trails import (
     find_trails,
     new_depths,
 )
-from botohe_moo.bounds.memory import RelaxedTrail, Remembered
-from botohe_moo.bounds.turns import Turns
+from botohe_moo.bounds.net import RelaxedTrail, Remembered
+from botohe_moo.bounds.turns import Clock, Turns
 
 _SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
 _EPSILON = float(np.finfo(float).eps)

@@ -11,12 +11,11 @@ import numpy as np
 
 from botohe_moo.algorithms.exact.teams import choose_teams, new_choices
 from botohe_moo.base.types import FloatArray, OffsetArray
-from botohe_moo.bounds.envelopes import EDGE, add_stairs, falling, last_steps, least_total
+from botohe_moo.bounds.front_bound import EDGE, Step, add_stairs, falling, last_steps, least_total
 from botohe_moo.bounds.kernels.states import ROUNDING
 from botohe_moo.bounds.kernels.trails import Stairs, follow_trails
 from botohe_moo.bounds.lines import LEAST_MU, LEVELS, N_STEPS, Lines
 from botohe_moo.bounds.prices import Prices
-from botohe_moo.bounds.record import Step
 from botohe_moo.bounds.relaxation import MOST_LINES, Ahead
 from botohe_moo.core.ordered import best_reward, insert, new_front
 
