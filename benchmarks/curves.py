@@ -11,7 +11,7 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
 from botohe_moo.plots import save_plot
-from botohe_moo.plots.panels import log_axis
+from botohe_moo.plots.shared import log_axis
 from botohe_moo.plots.style import colours, new_axes, theme
 
 SEEDS = (1, 2, 3, 4)

@@ -9,8 +9,8 @@ import pandas as pd
 import seaborn as sns
 from matplotlib.axes import Axes
 
-from botohe_moo.plots import panels as shared
-from botohe_moo.plots.panels import check_table, chosen_algorithms
+from botohe_moo.plots import shared
+from botohe_moo.plots.shared import check_table, chosen_algorithms
 from botohe_moo.plots.style import INK, Palette, new_axes, palette_of, theme
 
 _GOLDEN = (5**0.5 - 1) / 2  # its multiples spread evenly, whatever their number
@@ -86,7 +86,7 @@ def plot_areas(
         ax.set(xlabel="area of the final front (normalised hypervolume)", ylabel="")
         ax.set_title(title or "")
         if bound is not None:
-            shared.draw_bound([ax], bound, "x")
+            shared.draw_bound(ax, bound, "x")
             shared.add_legend_beside(ax)
     return ax
 

@@ -22,7 +22,7 @@ from botohe_moo.plots import canvas as maps
 from botohe_moo.plots import site as where
 from botohe_moo.plots import style as look
 from botohe_moo.plots.canvas import Canvas, colour_by_value, open_axes, robot_styles
-from botohe_moo.plots.panels import check_table
+from botohe_moo.plots.shared import check_table
 from botohe_moo.plots.style import objectives_text, title_above
 from botohe_moo.trails import TrailPlan
 

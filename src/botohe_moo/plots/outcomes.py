@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle
-from string import ascii_uppercase
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
@@ -21,13 +20,13 @@ from botohe_moo.decide.wishes import Candidates
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots import style as look
 from botohe_moo.plots.front import staircase
-from botohe_moo.plots.panels import DASHES
 from botohe_moo.plots.style import Palette, objectives_text, title_above
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:
     from botohe_moo.underway import PolicyOutcomes
 
+_DASHES = ("-", "--", ":", "-.")
 _FEW = 12  # most bars whose heights are written above them
 _SPREAD = 0.7  # of the distance between two numbers of survivors, for the clouds of all policies
 
@@ -53,7 +52,7 @@ def plot_outcomes(
     *plans
         One plan or several, valid for it.
     names
-        What the plans are called, all different. Default: ``plan A``, ``plan B``, ...
+        What the plans are called, all different. Default: ``plan 0``, ``plan 1``, ...
     palette
         Colours as seaborn takes them, or a colour for each name. Default: as in
         :func:`plot_curves`.
@@ -94,9 +93,8 @@ def plot_outcomes(
     if not plans:
         raise ValueError("Expected at least one plan, got none.")
     if names is None:
-        letters = [ascii_uppercase[i % 26] + f"{i // 26 or ''}" for i in range(len(plans))]
-        names = [f"plan {letter}" for letter in letters]
-    elif isinstance(names, str) or len({*names}) != len(plans):
+        names = [f"plan {i}" for i in range(len(plans))]
+    if len({*names}) != len(plans):
         raise ValueError(f"Expected {len(plans)} different names, one a plan, got {names!r}.")
     judged = Candidates(mission, plans)
     colours = look.palette_of(map(str, names), palette)
@@ -108,7 +106,7 @@ def plot_outcomes(
         for i, (name, colour) in enumerate(colours.items()):
             reward, alive = (judged.distribution(what, i) for what in ("reward", "survivors"))
             source = f"; R from {reward.n_samples:,} simulated missions" if reward.n_samples else ""
-            line: look.Style = {"color": colour, "linestyle": DASHES[i % len(DASHES)]}
+            line: look.Style = {"color": colour, "linestyle": _DASHES[i % len(_DASHES)]}
             line["label"] = f"{name}: {objectives_text(reward.mean, alive.mean)}{source}"
             beyond = {"x": reward.values, "weights": reward.probabilities, "complementary": True}
             sns.ecdfplot(**beyond, **line, linewidth=2, ax=left)
