@@ -12,7 +12,7 @@ from botohe_moo.base.messages import check_choice
 from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import INDICATORS, TIE, further_indicators
 from botohe_moo.plots import shared
-from botohe_moo.plots.shared import check_bound, check_table, chosen_algorithms, log_axis
+from botohe_moo.plots.shared import check_table, chosen_algorithms, log_axis
 from botohe_moo.plots.style import Palette, new_axes, theme
 
 Spent = Literal["evaluations", "seconds"]
@@ -88,7 +88,6 @@ def plot_curves(
     """
     if bound is not None and value != "area":
         raise ValueError(f"Expected no bound, which is of areas, with {value}, got {bound}.")
-    check_bound(bound)
     check_choice("band", band, _BANDS)
     steps = progress(trace, x=x, value=value, algorithms=algorithms)
     steps[value] = steps[value].where(steps[value].abs() > TIE, 0.0)
@@ -99,7 +98,7 @@ def plot_curves(
     ends = {label: middle[label].iloc[-1] for label in chosen}
     styles = shared.line_styles(chosen, palette)
     with theme():
-        ax = ax or new_axes(7.5, 4.0)
+        ax = ax or new_axes(7.5, max(4.0, 0.42 * len(chosen)))
         for label in sorted(chosen, key=lambda label: -ends[label]):
             line, style = middle[label], styles[label]
             # Markers are at other places on each curve.
@@ -214,7 +213,7 @@ def plot_reached(
     styles = shared.line_styles(spent, palette)
     labels = sorted(spent, key=lambda label: -np.isfinite(spent[label]).mean())
     with theme():
-        ax = ax or new_axes(7.5, 4.0)
+        ax = ax or new_axes(7.5, max(4.0, 0.42 * len(labels)))
         for label in labels:
             # What is never reached lies beyond the edge, since seaborn leaves out the infinite.
             within = np.clip(spent[label], low, 2 * high)

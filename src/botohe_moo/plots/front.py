@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -185,8 +184,6 @@ def _shade_gap(
 ) -> None:
     """Shade what lies between a front, whose corners are given, and a bound."""
     more = f"at most {100 * gap:.2f} % more area"
-    if math.isinf(gap):
-        more = f"area at most {bound.area:.4f}"
     highest = staircase(bound.points)
     # Back along the front, so that what it dominates is left out.
     between = np.concatenate([highest, corners[::-1]])
@@ -268,7 +265,7 @@ def plot_fronts(
     looks: look.Style = {"markevery": (1, 2), "markersize": 4, "linewidth": 1.2}
     looks |= {"markeredgecolor": "white", "markeredgewidth": 0.3}
     with look.theme():
-        ax = ax or look.new_axes(7.5, 4.0)
+        ax = ax or look.new_axes(7.5, max(4.0, 0.42 * len(fronts)))
         for label, style in shared.line_styles(fronts, palette).items():
             front = fronts[label][seeds[label]]
             style["label"] += f" (seed {seeds[label]})" + ("" if len(front) else ": no plans")
@@ -323,7 +320,7 @@ def plot_attainment(
     """
     fronts = final_fronts(plans, runs, algorithms)
     with look.theme():
-        ax = ax or look.new_axes(7.5, 4.0)
+        ax = ax or look.new_axes(7.5, max(4.0, 0.42 * len(fronts)))
         for label, style in shared.line_styles(fronts, palette).items():
             runs_of = list(fronts[label].values())
             few, half, most = (staircase(attainment_surface(runs_of, p))[:-1] for p in (25, 50, 75))
@@ -417,7 +414,7 @@ def plot_attainment_difference(
             line: look.Style = {"color": look.INK, "linewidth": 1.0}
             keys += ax.plot(*reach.T, **line, label="any run of both")
             keys += ax.plot(*half.T, **line, linestyle="--", label="half of its runs")
-            ax.set(xlim=(0, None), ylim=(0, None), xlabel=OBJECTIVES[0])
+            ax.set(xlim=(0, 1.05 * most[0]), ylim=(0, 1.05 * most[1]), xlabel=OBJECTIVES[0])
             name = shared.wrapped([label])[0]
             ax.set_title(f"{name} reaches more often", fontweight="normal")
             ax.legend(handles=keys, **legend)

@@ -59,17 +59,12 @@ def line_styles(labels: Iterable[str], palette: Palette | None) -> dict[str, dic
 
 
 def finish(ax: Axes, title: str | None, x: str, y: str) -> Axes:
-    """Write the title, the names of both axes, and the legend."""
+    """Write the title, the names of both axes, and right of them the legend, if there is one."""
     ax.set(xlabel=x, ylabel=y, title=title or "")
-    add_legend_beside(ax)
-    return ax
-
-
-def add_legend_beside(ax: Axes) -> None:
-    """Put the legend right of ``ax``, if something there has a name."""
     handles, names = ax.get_legend_handles_labels()
     if handles:
         ax.legend(handles, wrapped(names), loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return ax
 
 
 def log_axis(ax: Axes, which: Literal["x", "y"] = "x") -> None:
@@ -86,19 +81,13 @@ def log_axis(ax: Axes, which: Literal["x", "y"] = "x") -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def check_bound(bound: float | None) -> None:
-    """Refuse what is no area."""
-    if bound is not None:
-        check_number("bound", bound, at_least=0, at_most=1)
-
-
 def draw_bound(ax: Axes, bound: float | None, which: Literal["x", "y"]) -> None:
     """Draw a dashed line at the area ``bound``, which the axis then reaches.
 
     A line that would more than double the areas that are shown is left out.
     """
     low, high = (ax.xaxis if which == "x" else ax.yaxis).get_view_interval()
-    if bound is not None and bound <= 2 * high - low:
+    if bound is not None and check_number("bound", bound, at_least=0, at_most=1) <= 2 * high - low:
         draw = ax.axvline if which == "x" else ax.axhline
         label = f"no front exceeds {bound:.4f}"
         draw(bound, color=MUTED, ls="--", lw=1.0, zorder=1, label=label)
