@@ -147,14 +147,14 @@ def plot_ranks(
     colours = palette_of(labels, palette)
     with theme():
         ax = ax or new_axes(8.5, 0.9 + 0.16 * len(labels))
-        for depth, group in enumerate(joined, start=1):
-            bar: dict[str, Any] = {"color": "k", "linewidth": 2, "zorder": 3}
-            ax.plot([group.min(), group.max()], [-depth, -depth], **bar)
+        spans = sorted((group.min(), group.max()) for group in joined)
+        for depth, span in enumerate(spans, start=1):
+            ax.plot(span, [-depth, -depth], "k", linewidth=2, zorder=3)
         half = (len(average) + 1) // 2
         sides = [("right", average[:half], average.iloc[0] - 0.01)]
         sides.append(("left", average[half:][::-1], average.iloc[-1] + 0.01))
         for side, names, x in sides:
-            for y, (label, rank) in enumerate(names.items(), start=len(joined) + 1):
+            for y, (label, rank) in enumerate(names.items(), start=len(spans) + 1):
                 colour = colours[str(label)]
                 said = f"{label}  ({rank:.2f})" if side == "right" else f"({rank:.2f})  {label}"
                 ax.plot([x, rank, rank], [-y, -y, 0], color=colour)
