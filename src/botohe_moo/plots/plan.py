@@ -30,7 +30,7 @@ from botohe_moo.trails import Plans, TrailPlan
 if TYPE_CHECKING:
     from botohe_moo.underway import Replan
 
-_MAX_MAPS = 24
+_MAXwideS = 24
 _GROUND = "#c9c9c9"
 
 # In points:
@@ -41,12 +41,10 @@ _ROBOTS = 7.0  # height of names of robots
 _NEAR = 1.5  # how far the names of many nodes may be from them
 
 # In inches:
-_MAP = 4.8  # width of a map
 _NAME = 0.5  # height of the name below each map
 _ABOVE = 0.8  # height of the title over all maps
 _BESIDE = 0.9  # width of the numbers left of a front, and of the key right of all maps
 
-_SPOTS = 60  # most places that are tried for a robot's name
 _LINE = 14  # most letters in a line of numbers beside a node
 _SHAPE = 1.2  # the preferred width of a figure, divided by its height
 
@@ -111,7 +109,7 @@ def plot_plan(
     behind = where.read_background(background, mission)
     with look.theme():
         if ax is None:
-            robots = shown.leaving[:_MAX_MAPS]
+            robots = shown.leaving[:_MAXwideS]
             # Between more than three, the map of all robots is larger: trails share its arcs.
             axes = _open_sheet(
                 mission, len(robots), 2 if len(robots) == 2 or len(robots) > 3 else 1
@@ -349,7 +347,7 @@ class _PlanMap:
         stops = np.cumsum([len(trail) - 1 for trail in self.trails])
         for style, passages in zip(self.styles, np.split(self.points, stops[:-1]), strict=True):
             on = passages[:, 4:13:2].reshape(-1, 2)
-            spots = on[:: len(on) // _SPOTS + 1]
+            spots = on[:: len(on) // 60 + 1]  # of many, some 60 are tried
             width, height = text_size(style.name, _ROBOTS)
             at = self.space.place(self.space.in_points(spots), width + 4, height + 2)
             if at is not None:
@@ -362,12 +360,15 @@ class _PlanMap:
 
 def _open_sheet(mission: Mission, n_small: int, span: int) -> list[Axes]:
     """Open a figure with large axes, ``span`` times as wide and high as the maps beside them."""
-    _, half = maps.frame_of(where.node_positions(mission))
-    high = _MAP * half[1] / half[0] + _NAME
+    xy = where.node_positions(mission)
+    _, half = maps.frame_of(xy)
+    # Maps are the wider the closer most nodes are to each other, in inches.
+    wide = float(np.clip(0.56 * half[0] / max(maps.crowding(xy), 1e-9), 4.4, 6.4))
+    high = wide * half[1] / half[0] + _NAME
     cells = n_small + span**2
-    n_columns = int(np.clip(np.ceil((cells * _SHAPE * high / _MAP) ** 0.5), span, n_small + span))
+    n_columns = int(np.clip(np.ceil((cells * _SHAPE * high / wide) ** 0.5), span, n_small + span))
     n_rows = max(span, -(-cells // n_columns))
-    width, height = n_columns * _MAP + 2 * _BESIDE, n_rows * high + _ABOVE
+    width, height = n_columns * wide + 2 * _BESIDE, n_rows * high + _ABOVE
     fig = plt.figure(figsize=(width, height))
     space = {"left": _BESIDE / width, "right": 1 - _BESIDE / width, "wspace": 0.04}
     space |= {
