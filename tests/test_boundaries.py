@@ -20,7 +20,6 @@ TAKE_A_MISSION = {
     "reward_distribution": lambda m: outcomes.reward_distribution(m, PLAN),
     "simulate": lambda m: outcomes.simulate(m, PLAN, 3),
     "survivors_distribution": lambda m: outcomes.survivors_distribution(m, PLAN),
-    "after_losses": lambda m: d.after_losses(m, [PLAN]),
     "choose": lambda m: d.choose(m, [PLAN], "reward >= 1"),
     "compare": lambda m: d.compare(m, PLAN, PLAN),
     "knees": lambda m: d.knees(m, POINTS),

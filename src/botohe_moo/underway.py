@@ -9,7 +9,6 @@ import re
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -51,9 +50,8 @@ POLICIES = {
     "static": "the plan stays as it is",
     "losses": "the plan is made anew after each loss",
     "arrivals": "the plan is made anew whenever robots get to a node",
-    "one by one": "robots go one after another, that with most hops first; the plan is made anew "
-    "when one is home or lost",
-    "shortest first": "as one by one, but that with fewest hops goes first",
+    "one by one": "robots go one after another, that with most hops first",
+    "shortest first": "robots go one after another, that with fewest hops first",
 }
 _ORDERS = {"one by one": max, "shortest first": min}  # which trail goes next
 _EVALUATIONS_OF_A_PRICE = 2_000
@@ -348,8 +346,7 @@ class PlayedMission:
     def __str__(self) -> str:
         losses = [loss for step in self.steps for loss in self._losses(step, "")]
         replans = sum(step.replan is not None for step in self.steps)
-        times = "once" if replans == 1 else f"{replans:,} times"
-        anew = f" The plan is made anew {times}." if replans else ""
+        anew = f" The plan is made anew {counted(replans, 'time')}." if replans else ""
         lost = f"Lost: {', '.join(losses)}." if losses else "No robot is lost."
         return f"{lost}{anew} {self._end()}"
 
@@ -368,22 +365,15 @@ class PlayedMission:
         """
         import pandas as pd
 
-        columns = ("reward_before", "survivors_before", "reward_after", "survivors_after")
+        columns = ["step", "reward", "robots", "lost", "replanned"]
+        columns += ["reward_before", "survivors_before", "reward_after", "survivors_after"]
         rows = []
         for number, step in enumerate(self.steps):
-            new = step.replan
+            robots, new = self.mission.robots - len(step.lost), step.replan
+            row = [number, step.reward, robots, len(self._losses(step)), new is not None]
             expected = [math.nan] * 4 if new is None else [*new.before, *new.objectives]
-            rows.append(
-                {
-                    "step": number,
-                    "reward": step.reward,
-                    "robots": self.mission.robots - len(step.lost),
-                    "lost": len(self._losses(step)),
-                    "replanned": new is not None,
-                    **dict(zip(columns, expected, strict=True)),
-                }
-            )
-        return pd.DataFrame(rows)
+            rows.append([*row, *expected])
+        return pd.DataFrame(rows, columns=columns)
 
     def _sentences(self, number: int) -> Iterator[str]:
         step = self.steps[number]
@@ -409,12 +399,9 @@ class PlayedMission:
         lost = [int(event.robot) for event in step.events if event.what == "lost"]
         ways = {robot: map(label_text, step.trails[robot][-2:]) for robot in lost}
         return [
-            f"{self._name(robot)} {verb}between {' and '.join(way)}" for robot, way in ways.items()
+            f"{self.mission.kind_of[robot].name} {robot} {verb}between {' and '.join(way)}"
+            for robot, way in ways.items()
         ]
-
-    def _name(self, robot: int) -> str:
-        several = len(self.mission.kinds) > 1
-        return f"{self.mission.kind_of[robot].name if several else 'robot'} {robot}"
 
     def _end(self) -> str:
         team = counted(self.mission.robots, "robot")
@@ -425,18 +412,6 @@ class PlayedMission:
 def _expected(objectives: Iterable[float]) -> str:
     reward, survivors = map(short_text, objectives)
     return f"{reward} reward and {survivors} survivors"
-
-
-class _Played(NamedTuple):
-    """The outcome of a mission; ``seconds`` is what its replans took.
-
-    Where a share is not 1, the reward is an expectation.
-    """
-
-    reward: float
-    survivors: int
-    replans: int
-    seconds: float
 
 
 def play_mission(
@@ -482,9 +457,8 @@ def play_mission(
     limits, steps = (min_survival, max_length), list[PlayedStep]()
     start = _start(mission, plan, [policy], price, seed, evaluations, *limits)
     end = start.play(policy, number, steps)
-    return PlayedMission(
-        mission, plan, policy, start.price, seed, number, tuple(steps), end.reward, end.survivors
-    )
+    outcome = float(end["reward"]), int(end["survivors"])
+    return PlayedMission(mission, plan, policy, start.price, seed, number, tuple(steps), *outcome)
 
 
 def _start(
@@ -518,12 +492,17 @@ class _Start(NamedTuple):
     def play_all(self, policies: Sequence[str], number: int) -> list[dict[str, object]]:
         """Play a mission, by its number among those of the seed, under each policy."""
         return [
-            {"policy": policy, "mission": number, **self.play(policy, number)._asdict()}
+            {"policy": policy, "mission": number, **self.play(policy, number)}
             for policy in policies
         ]
 
-    def play(self, policy: str, number: int, steps: list[PlayedStep] | None = None) -> _Played:
-        """Play a mission under a policy; add what happens to ``steps``."""
+    def play(
+        self, policy: str, number: int, steps: list[PlayedStep] | None = None
+    ) -> dict[str, float]:
+        """Play a mission under a policy, return its outcome, and add what happens to ``steps``.
+
+        Where a share is not 1, the reward is an expectation.
+        """
         mission, robots = self.mission, self.robots
         generator = np.random.default_rng([self.seed, number])
         dangers = generator.random((mission.robots, len(mission.graph.edges)))
@@ -549,7 +528,9 @@ class _Start(NamedTuple):
             if steps is not None:
                 steps.append(_step(mission, robots, events, new))
         survivors = sum(robot.state != "lost" for robot in robots)
-        return _Played(u.settle_rewards(mission, robots).banked, survivors, replans, seconds)
+        reward = u.settle_rewards(mission, robots).banked
+        outcome = {"reward": reward, "survivors": survivors}
+        return outcome | {"replans": replans, "seconds": seconds}
 
 
 def _moved(mission: Mission, robot: RobotState, dangers: FloatArray) -> Event:
@@ -652,9 +633,8 @@ class PolicyOutcomes:
         return pd.DataFrame(rows)
 
     def __str__(self) -> str:
-        return (
-            f"{price_text(self.price).capitalize()}.\n{self.table.round(4).to_string(index=False)}"
-        )
+        table = self.table.round(4).to_string(index=False)
+        return f"{price_text(self.price).capitalize()}.\n{table}"
 
 
 def simulate_policy(
@@ -726,14 +706,12 @@ def simulate_policy(
     workers = check_integer("workers", workers, at_least=1)
     start = _start(mission, plan, names, price, seed, evaluations, min_survival, max_length)
     play, numbers = partial(start.play_all, names), range(missions)
-    with ExitStack() as stack:
-        results: Iterable[list[dict[str, object]]] = map(play, numbers)
-        if workers > 1 and missions > _AT_ONCE:
-            context = multiprocessing.get_context("spawn")
-            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=context))
-            results = pool.map(play, numbers, chunksize=_AT_ONCE)
-        rows = []
-        for n_played, found in enumerate(results, start=1):
+    rows = []
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        # The pool starts no process before it has something to do.
+        spread = partial(pool.map, chunksize=_AT_ONCE) if workers > 1 else map
+        for n_played, found in enumerate(spread(play, numbers), start=1):
             rows += found
             if progress is not None:
                 progress(n_played)

@@ -45,7 +45,6 @@ def test_equal_trails_are_matched_though_others_have_the_same_arcs():
 
 def test_nodes_gained_and_lost():
     found = compare(MISSION, trips(MISSION, "a", "b"), trips(MISSION, "c", "a"))
-    assert (found.gained, found.lost) == (("c",), ("b",))
     assert (found.reward, found.survivors) == (pytest.approx(-0.8), pytest.approx(0.1))
     assert found.sentences == (
         "The second plan has 0.8 less reward and 0.1 more survivors.",
@@ -60,7 +59,6 @@ def test_nodes_gained_and_lost():
 
 def test_more_redundancy_and_one_robot_less_at_home():
     found = compare(MISSION, trips(MISSION, "b"), trips(MISSION, "b", "b"))
-    assert (found.gained, found.lost) == ((), ())
     assert found.sentences == (
         "The second plan has 0.18 more reward and 0.1 fewer survivors.",
         "Robot 1 (robot 1 in the second plan): survival 1 -> 0.9; also visits b.",
@@ -95,20 +93,18 @@ def test_a_safer_way_to_the_same_nodes():
     assert compare(mission, cliff, around).sentences[1] == (
         f"{robot}: survival 0.405; another trail to the same nodes."
     )
-    assert found.gained == found.lost == ()
 
 
 def test_labels_and_long_lists():
     labels = ["north hall", 7, *"bcdefghij"]
     mission = star(dict.fromkeys(labels, (1, 0.5)), robots=11)
     found = compare(mission, trips(mission), trips(mission, *labels))
-    assert found.gained == tuple(labels)
     [*_, last] = found.sentences
     assert last.endswith("also visits j.")
     there_and_on = ["dock", *(stop for label in labels for stop in (label, "dock"))]
     alone = mission.plan([there_and_on, *[["dock"]] * 10])
     [_, said] = compare(mission, trips(mission), alone).sentences
-    assert said.endswith('also visits "north hall", 7, b, c, d, e, f, g and 3 more.')
+    assert said.endswith('also visits "north hall", 7, b, c, d, e, f, g, h, i, j.')
 
 
 def arcs_apart(first, second):
@@ -136,15 +132,3 @@ def test_what_holds_for_all(front):
 
     matched = [change.other_robot for change in found.table.itertuples()]
     assert total(matched) == pytest.approx(min(map(total, permutations(robots))))
-    visited = [set().union(*map(set, plan)) for plan in trails]
-    assert set(found.gained) == visited[1] - visited[0]  # the nodes' labels are their indices
-    assert set(found.lost) == visited[0] - visited[1]
-
-
-def test_survivals_that_differ_are_written_so_that_they_do():
-    arcs = [("dock", "far", 0.9), ("dock", "near", 1.0), ("near", "far", 0.900001)]
-    mission = both_ways(arcs, robots=1)
-    there = mission.plan([["dock", "far", "near", "dock"]])
-    back = mission.plan([["dock", "near", "far", "near", "dock"]])
-    [*_, said] = compare(mission, there, back).sentences
-    assert "survival 0.810001 -> 0.810002;" in said

@@ -4,14 +4,13 @@ from itertools import combinations
 
 import networkx as nx
 import numpy as np
-import pandas as pd
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission
-from botohe_moo.decide import after_losses, hazards, robustness, worst_case
-from tests.decide.made import LEAVES, MISSION, NAMES, PLANS, star, trips
+from botohe_moo.decide import hazards, robustness, worst_case
+from tests.decide.made import MISSION, NAMES, PLANS, star, trips
 from tests.decide.test_choosing import fronts
 
 COLUMNS = [
@@ -92,60 +91,34 @@ class TestRobustness:
             robustness(MISSION, PLANS, factors=[1, 0])
 
 
-class TestAfterLosses:
+class TestWorstCase:
     def test_the_worst_loss_of_one(self):
-        table = after_losses(MISSION, PLANS, 1).set_index(pd.Index(NAMES))
-        assert list(table.columns) == ["plan_id", "reward", "reward_left", "lost"]
         # Without the robot to a, AB and AC keep b 1.8 and c 1; AA keeps 2, BC c, BB 1.8, C nothing.
-        left = {"AB": 1.8, "AC": 1, "AA": 2, "BC": 1, "BB": 1.8, "C": 0}
-        assert table["reward_left"].to_dict() == pytest.approx(left)
-        assert table.loc["AB", "lost"] == (0,)
-        assert table.loc["AA", "lost"] == (0,)  # of equal ones the first
-        assert table.loc["BC", "lost"] == (0,)
+        left = [1.8, 1, 2, 1, 1.8, 0]
+        assert worst_case(MISSION, PLANS, 1).tolist() == pytest.approx(left)
 
     def test_of_none_and_of_all(self):
-        none, all_ = after_losses(MISSION, PLANS, 0), after_losses(MISSION, PLANS, 2)
-        assert none["reward_left"].tolist() == pytest.approx(none["reward"].tolist())
-        assert none["lost"].tolist() == [()] * 6
-        assert all_["reward_left"].tolist() == [0] * 6
-        assert all_["lost"].tolist() == [(0, 1)] * 6
+        rewards = MISSION.evaluate(PLANS)[:, 0].tolist()
+        assert worst_case(MISSION, PLANS, 0).tolist() == pytest.approx(rewards)
+        assert worst_case(MISSION, PLANS, 2).tolist() == [0] * 6
 
     @given(fronts(max_plans=3), st.data())
     def test_brute_force(self, front, data):
         mission, plans = front
         alpha = data.draw(st.integers(0, mission.robots - 1))
-        table = after_losses(mission, plans, alpha)
+        worst = worst_case(mission, plans, alpha)
         rest = mission.with_robots(mission.robots - alpha)
-        for plan, left, lost in zip(plans, table["reward_left"], table["lost"], strict=True):
-            found = {}
+        for plan, left in zip(plans, worst, strict=True):
+            found = []
             for gone in combinations(range(mission.robots), alpha):
                 trails = [trail for k, trail in enumerate(plan.trails) if k not in gone]
-                found[gone] = rest.evaluate([rest.plan(trails)])[0, 0]
-            assert left == pytest.approx(min(found.values()))
-            assert found[lost] == pytest.approx(left)
+                found.append(rest.evaluate([rest.plan(trails)])[0, 0])
+            assert left == pytest.approx(min(found))
 
-    @given(fronts(max_plans=3), st.data())
-    def test_bounds_of_large_teams(self, front, data):
-        """What is bounded where there are too many sets is never more than the worst case."""
-        mission, plans = front
-        assume(mission.robots > 1)
-        losses = data.draw(st.integers(1, mission.robots - 1))
-        exact = worst_case(mission, plans, losses)
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(hazards, "_MAX_SETS", 0)
-            bound = worst_case(mission, plans, losses)
-            assert after_losses(mission, plans, losses)["lost"].tolist() == [None] * len(plans)
-        assert (bound <= exact + 1e-9).all()
-        assert (bound >= -1e-9).all()
-
-    def test_each_of_the_three_bounds(self):
-        """By hand: of 40 robots 6 are lost, in one of 3.8 million sets."""
-        mission = star({**LEAVES, **dict.fromkeys(range(30), (1, 1.0))}, robots=40)
-        alike = trips(mission, *"a" * 10)  # the worst at each node: 4 of 10 are left
-        apart = trips(mission, *range(30))  # the sum: 6 of 30 nodes are lost
-        in_sixes = trips(mission, *"aaaaaa", *"bbbbbb", *"cccccc")  # one alone, to b
-        worst = [mission.evaluate([trips(mission, *"a" * 4)])[0, 0], 24, 1.8]
-        assert worst_case(mission, [alike, apart, in_sixes], 6) == pytest.approx(worst)
+    def test_too_many_sets(self):
+        mission = star(robots=40)
+        with pytest.raises(ValueError, match=r"at most 1,000,000 sets .* 3,838,380: 6 of 40"):
+            worst_case(mission, [mission.stay_home()], 6)
 
     def test_losses_out_of_range(self):
         with pytest.raises(ValueError, match=r"^Expected losses <= 2, got 3\.$"):

@@ -45,8 +45,10 @@ def test_json():
         "robots": 2,
         "reward": pytest.approx(3.8),
         "survivors": pytest.approx(1.4),
+        "robot_kinds": ["robot", "robot"],
         "robot_survival": [0.5, 0.9],
         "trail_lengths": [2.0, 2.0],
+        "robot_rewards": pytest.approx([2.0, 1.8]),
         "trails": [["dock", "a", "dock"], ["dock", "b", "dock"]],
     }
 
@@ -70,13 +72,13 @@ def test_all_plans_are_read_back_with_equal_objectives(drawn):
 def test_csv():
     mission = starred(**{**PLACES, "b": None})
     assert plan_csv(mission, trips(mission, "a", "b")).splitlines() == [
-        "robot,step,node,x,y",
-        "0,0,dock,0.0,0.0",
-        "0,1,a,1.0,2.5",
-        "0,2,dock,0.0,0.0",
-        "1,0,dock,0.0,0.0",
-        "1,1,b,,",
-        "1,2,dock,0.0,0.0",
+        "robot,kind,step,node,x,y",
+        "0,robot,0,dock,0.0,0.0",
+        "0,robot,1,a,1.0,2.5",
+        "0,robot,2,dock,0.0,0.0",
+        "1,robot,0,dock,0.0,0.0",
+        "1,robot,1,b,,",
+        "1,robot,2,dock,0.0,0.0",
     ]
 
 
@@ -96,22 +98,23 @@ def test_geojson():
         (feature["geometry"]["type"], feature["geometry"]["coordinates"], feature["properties"])
         for feature in content["features"]
     ]
+    own = [
+        {"robot": 0, "kind": "robot", "survival": 0.5, "length": 2, "reward": 2},
+        {"robot": 1, "kind": "robot", "survival": 1, "length": 0, "reward": 0},
+    ]
+    out = ["dock", "a", "dock"]
     assert shapes == [
-        (
-            "LineString",
-            [[0, 0], [1, 2.5], [0, 0]],
-            {"robot": 0, "survival": 0.5, "nodes": ["dock", "a", "dock"]},
-        ),
-        ("Point", [0, 0], {"robot": 1, "survival": 1, "nodes": ["dock"]}),
-        ("Point", [0, 0], {"node": "dock", "reward": 0, "reached": 1}),
-        ("Point", [1, 2.5], {"node": "a", "reward": 4, "reached": 0.5}),
+        ("LineString", [[0, 0], [1, 2.5], [0, 0]], {**own[0], "nodes": out}),
+        ("Point", [0, 0], {**own[1], "nodes": ["dock"]}),
+        ("Point", [0, 0], {"node": "dock", "reward": 0, "reached": 1, "collected": 1}),
+        ("Point", [1, 2.5], {"node": "a", "reward": 4, "reached": 0.5, "collected": 0.5}),
     ]
 
 
 def test_geojson_needs_the_places_that_are_visited():
     mission = starred(**{**PLACES, "b": None})
     plan_geojson(mission, trips(mission, "a"))
-    expected = r"^Node 'b': expected pos \[x, y\] for GeoJSON, found none; a \.csv or \.json"
+    expected = r"^Node 'b': expected pos \[x, y\] for GeoJSON, found none"
     with pytest.raises(ValueError, match=expected):
         plan_geojson(mission, trips(mission, "b"))
 
@@ -294,6 +297,7 @@ def test_a_file_for_each_robot_that_leaves(tmp_path):
     assert sorted(tmp_path.iterdir()) == list(written)
     alone = harbour(robots=1)
     [path] = write_plan(alone, around(alone), tmp_path / "alone.PLAN", altitude=30)
+    assert path.name == "alone-0.PLAN"
     assert path.read_text() == qgc_plans(alone, around(alone), altitude=30)[0]
     with pytest.raises(ValueError, match=r"expected a robot that leaves where it starts"):
         write_plan(mission, mission.stay_home(), tmp_path / "none.plan", altitude=30)
@@ -354,7 +358,7 @@ def test_altitudes_and_vehicles_that_are_refused(tmp_path, given, fault):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("place", "found"), [(None, "none"), ((200, 3), r"\[200.0, 3.0\]")])
+@pytest.mark.parametrize(("place", "found"), [(None, "None"), ((200, 3), r"\(200.0, 3.0\)")])
 def test_places_that_are_not_on_earth(place, found):
     graph = harbour().graph.copy()
     graph.nodes["pier"]["pos"] = place

@@ -43,24 +43,18 @@ def test_nothing_is_drawn_where_the_map_is_transparent(tmp_path, recwarn, more):
     assert not recwarn.list
 
 
-def test_walls_stay_where_cells_are_joined(tmp_path):
-    pixels = np.full((3, 5), 255)
-    pixels[0, 4] = pixels[2, 1] = 0
-    path = write_map(tmp_path, pixels)
-    found = read_background(path, TOY, most_cells=3)
-    assert found.shares.tolist() == [[0, 0, 1], [1, 0, 0]]
-    # What is joined begins at the upper left; the last cells reach beyond the map.
-    assert found.extent == (-1, 2, -2.5, -0.5)
-
-
 def test_all_maps_of_a_plan_have_it_and_show_no_more_than_without(tmp_path):
     path = write_map(tmp_path, np.zeros((40, 40)))
     plan = TOY.plan([[1, 2, 4, 2, 1], [1, 2, 1]])
-    for draw in (plot_mission, plot_plan):
-        bare, ax = draw(TOY, plan), draw(TOY, plan, background=path)
+    pictures = {
+        1: lambda **options: plot_mission(TOY, **options),
+        3: lambda **options: plot_plan(TOY, plan, **options),
+    }
+    for n_maps, draw in pictures.items():
+        bare, ax = draw(), draw(background=path)
         assert (ax.get_xlim(), ax.get_ylim()) == (bare.get_xlim(), bare.get_ylim())
         maps = [one for one in ax.figure.axes if one.get_legend() or one is ax]
-        assert len(maps) == (1 if draw is plot_mission else 3)
+        assert len(maps) == n_maps
         for one in maps:
             (image,) = one.images
             assert tuple(image.get_extent()) == (-1, 19, -2, 18)
@@ -68,8 +62,7 @@ def test_all_maps_of_a_plan_have_it_and_show_no_more_than_without(tmp_path):
     assert not bare.images
 
 
-@pytest.mark.parametrize("draw", [plot_mission, plot_plan])
-def test_it_needs_positions_and_a_map(tmp_path, draw):
+def test_it_needs_positions_and_a_map(tmp_path):
     graph = TOY.graph.copy()
     del graph.nodes[2]["pos"]
     bare = Mission(graph)
@@ -78,6 +71,8 @@ def test_it_needs_positions_and_a_map(tmp_path, draw):
         r"positions for the background .*map.yaml, but the places .*: 1 of 5 nodes have no position"
     )
     with pytest.raises(ValueError, match=said):
-        draw(bare, bare.stay_home(), background=path)
+        plot_mission(bare, background=path)
+    with pytest.raises(ValueError, match=said):
+        plot_plan(bare, bare.stay_home(), background=path)
     with pytest.raises(MissionError, match=r"none.yaml: no such file"):
-        draw(TOY, TOY.stay_home(), background=tmp_path / "none.yaml")
+        plot_mission(TOY, background=tmp_path / "none.yaml")

@@ -126,19 +126,16 @@ class TestChoices:
         rows = {*representatives(mission, plans, 2), *(mark.index for mark in marks)}
         expected = mission.evaluate(plans)
         order = sorted(rows, key=lambda row: -expected[row, 0])
-        assert plan_names(ax) == [f"plan {row}" for row in order]
+        names = {row: [m.name for m in marks if m.index == row] for row in order}
+        said = {row: f": {', '.join(found)}" if found else "" for row, found in names.items()}
+        assert plan_names(ax) == [f"plan {row}{of_row}" for row, of_row in said.items()]
         _, *maps = maps_of(ax)
         for row, own in zip(order, maps, strict=True):
             assert arcs_drawn(mission, own) == arcs_of(*plans[row].trails)
             reward, survivors = expected[row]
             assert map_name(own).startswith(f"plan {row}")
             assert f": E[R] = {reward:.2f}, E[S] = {survivors:.2f}; " in map_name(own)
-            assert map_name(own).endswith("at base")
-        assert legend_texts(ax) == [f"{mark.name}: plan {mark.index}" for mark in marks]
-        for mark, sign in zip(
-            marks, [line for line in ax.lines if ": plan" in line.get_label()], strict=True
-        ):
-            assert sign.get_xydata().tolist() == [[mark.reward, mark.survivors]]
+            assert "staying at 1: " in map_name(own)
         assert words(ax).endswith("numbered: the knee, and 2 representatives")
 
 
@@ -166,6 +163,6 @@ class TestUnderWay:
             "what is left of the plan",
             "the new plan",
         ]
-        assert "R1 stays at base" in map_name(old)
+        assert "staying at 1: R1" in map_name(old)
         assert old.get_xlim() == new.get_xlim()
         assert not old.axison

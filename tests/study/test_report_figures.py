@@ -142,10 +142,3 @@ class TestTwoParameterGrids:
         ):
             frame = pd.DataFrame(rows, columns=["algorithm", "name", "p", "q"]).assign(family="F")
             assert two_parameter_grids(frame) == {}
-
-    def test_values_that_are_no_numbers_stand_as_in_the_file(self):
-        rows = [(f"F (p={p}, q={q})", "x", p, q) for p in ("slow", "fast") for q in (2, 1)]
-        frame = pd.DataFrame(rows, columns=["algorithm", "name", "p", "q"]).assign(family="F")
-        (grid,) = two_parameter_grids(frame).values()
-        assert list(grid.index) == ["slow", "fast"]
-        assert list(grid.columns) == [1, 2]

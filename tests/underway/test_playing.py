@@ -78,7 +78,7 @@ class TestByHand:
         )
         assert str(PLAYED) == (
             "Lost: robot 0 between base and lab, robot 1 between lab and base. "
-            "The plan is made anew once. The mission ends with 11 reward and 0 of 2 robots."
+            "The plan is made anew 1 time. The mission ends with 11 reward and 0 of 2 robots."
         )
         kept = play_mission(MISSION, PLAN, price=100, number=NUMBER)
         assert kept.sentences[1].endswith(

@@ -12,13 +12,11 @@ if TYPE_CHECKING:
     from botohe_moo.decide.choosing import compare as compare
     from botohe_moo.decide.choosing import toward as toward
     from botohe_moo.decide.fronts import Mark as Mark
-    from botohe_moo.decide.fronts import Neighbours as Neighbours
     from botohe_moo.decide.fronts import TradeOff as TradeOff
     from botohe_moo.decide.fronts import knees as knees
     from botohe_moo.decide.fronts import neighbours as neighbours
     from botohe_moo.decide.fronts import representatives as representatives
     from botohe_moo.decide.fronts import survivor_price as survivor_price
-    from botohe_moo.decide.hazards import after_losses as after_losses
     from botohe_moo.decide.hazards import robustness as robustness
     from botohe_moo.decide.hazards import worst_case as worst_case
     from botohe_moo.decide.plan_files import nav2_files as nav2_files

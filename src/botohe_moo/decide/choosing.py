@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo.base.numbers import difference_text
-from botohe_moo.decide.fronts import arc_counts, distances
-from botohe_moo.decide.wishes import label_text
+from botohe_moo.base.messages import check_choice, check_number
+from botohe_moo.base.numbers import difference_text, price_text, short_text
+from botohe_moo.decide import fronts
+from botohe_moo.decide import wishes as w
+from botohe_moo.decide.fronts import TradeOff, arc_counts, distances
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.trails import TrailPlan
+from botohe_moo.trails import Plans, TrailPlan
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-from botohe_moo.base.messages import check_choice, check_number
-from botohe_moo.base.numbers import price_text, short_text
-from botohe_moo.decide import fronts
-from botohe_moo.decide.fronts import Neighbours
-from botohe_moo.decide.wishes import QUANTITIES, Candidates, Quantity, Wish, parse_wishes
-from botohe_moo.trails import Plans
 
 
 @dataclass(frozen=True)
@@ -48,7 +42,7 @@ class Miss:
     reward >= 5 by 1.76 (it has 3.24)
     """
 
-    wish: Wish
+    wish: w.Wish
     value: float
     by: float
 
@@ -69,7 +63,7 @@ class Choice:
     why
         Why this one, in a sentence.
     cost
-        What it costs beside its neighbours on the front.
+        The differences to its :func:`neighbours` on the front.
     price
         The price of a survivor at this plan, as :func:`survivor_price` computes it.
     met
@@ -95,10 +89,10 @@ class Choice:
     reward: float
     survivors: float
     why: str
-    cost: Neighbours
+    cost: tuple[TradeOff, ...]
     price: float
     met: bool
-    wishes: tuple[Wish, ...]
+    wishes: tuple[w.Wish, ...]
     missed: tuple[Miss, ...]
 
     def __str__(self) -> str:
@@ -109,11 +103,14 @@ class Choice:
     def costs(self) -> tuple[str, ...]:
         """What it costs beside its neighbours, and what a survivor costs, in sentences."""
         price = [f"{price_text(self.price).capitalize()}."] if self.price else []
-        return (str(self.cost), *price)
+        beside = f"Beside it on the front, {'; '.join(map(str, self.cost))}."
+        if not self.cost:
+            beside = "No plan of the front has more reward or more survivors."
+        return (beside, *price)
 
 
 def choose(
-    mission: Mission, plans: Plans, *wishes: str | Wish, most: Quantity | None = None
+    mission: Mission, plans: Plans, *wishes: str | w.Wish, most: w.Quantity | None = None
 ) -> Choice:
     """Choose the plan of most expected reward among those that meet all wishes.
 
@@ -166,22 +163,24 @@ def choose(
     >>> choice = choose(toy, plans, "survivors >= 1.6")
     >>> print(choice.why)
     The best among these plans (3): plan 2 has the most reward with survivors >= 1.6 (1.656).
-    >>> print(choice.cost)
+    >>> print(choice.costs[0])
     Beside it on the front, plan 0 has 0.3439 more survivors for 4.14 less reward.
     """
-    return best(Candidates(mission, plans), wishes, most)
+    return best(w.Candidates(mission, plans), wishes, most)
 
 
-def best(front: Candidates, wishes: Iterable[str | Wish], most: Quantity | None = None) -> Choice:
+def best(
+    front: w.Candidates, wishes: Iterable[str | w.Wish], most: w.Quantity | None = None
+) -> Choice:
     """Choose one of the candidates; see :func:`choose`."""
-    wanted = parse_wishes(front.mission, wishes)
+    wanted = w.parse_wishes(front.mission, wishes)
     if most is None:
-        of_reward = all((w.form, w.quantity) == ("expected", "reward") for w in wanted)
+        of_reward = all((of.form, of.quantity) == ("expected", "reward") for of in wanted)
         most = "survivors" if of_reward else "reward"
-    check_choice("most", most, QUANTITIES)
-    first = QUANTITIES.index(most)
+    check_choice("most", most, w.QUANTITIES)
+    first = w.QUANTITIES.index(most)
     order = np.lexsort((-front.objectives[:, 1 - first], -front.objectives[:, first])).tolist()
-    quickest_first = sorted(wanted, key=lambda wish: wish.of_rewards)
+    quickest_first = sorted(wanted, key=lambda wish: wish.form in ("chance", "tail mean"))
     n_plans = f"these plans ({len(front)})"
     meeting = (i for i in order if not any(front.missing(wish, i) for wish in quickest_first))
     if (chosen := next(meeting, None)) is not None:
@@ -192,14 +191,12 @@ def best(front: Candidates, wishes: Iterable[str | Wish], most: Quantity | None 
         shortfalls = np.array([[front.missing(wish, i) for wish in wanted] for i in order])
         shortfalls /= [front.span(wish) for wish in wanted]
         chosen = order[int(shortfalls.max(axis=1).argmin())]
-        beyond = dict.fromkeys(filter(None, map(front.beyond, wanted)))
-        no_plan = "; no plan can, because the mission has " if beyond else ""
+        missed = " and ".join(map(str, _missed(front, chosen, wanted)))
         why = (
-            f"None of {n_plans} has {' and '.join(map(str, wanted))}{no_plan}"
-            f"{' and '.join(beyond)}. Plan {chosen} comes nearest: it misses "
-            f"{' and '.join(map(str, _missed(front, chosen, wanted)))}."
+            f"None of {n_plans} has {' and '.join(map(str, wanted))}. "
+            f"Plan {chosen} comes nearest: it misses {missed}."
         )
-    return _choice(front, chosen, why + front.simulation_note(wanted), wanted)
+    return _choice(front, chosen, why + front.simulation_note(), wanted)
 
 
 def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -> Choice:
@@ -241,10 +238,10 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
     (2, False)
     """
     wanted = (
-        Wish("expected", check_number("reward", reward, at_least=0), "reward"),
-        Wish("expected", check_number("survivors", survivors, at_least=0), "survivors"),
+        w.Wish("expected", check_number("reward", reward, at_least=0), "reward"),
+        w.Wish("expected", check_number("survivors", survivors, at_least=0), "survivors"),
     )
-    front = Candidates(mission, plans)
+    front = w.Candidates(mission, plans)
     reference = np.array([wish.at_least for wish in wanted])
     beyond = (front.objectives - reference) / fronts.scales(mission)
     least = beyond.min(axis=1)
@@ -259,17 +256,17 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
 
 def taken(mission: Mission, plans: Plans, index: int) -> Choice:
     """Take the plan of a row, from 0, and say what it costs beside its neighbours."""
-    front = Candidates(mission, plans)
+    front = w.Candidates(mission, plans)
     index = fronts.check_row("index", index, len(front))
     return _choice(front, index, f"Taken by its number from these plans ({len(front)}).", ())
 
 
-def _missed(front: Candidates, i: int, wishes: tuple[Wish, ...]) -> tuple[Miss, ...]:
+def _missed(front: w.Candidates, i: int, wishes: tuple[w.Wish, ...]) -> tuple[Miss, ...]:
     lacking = [(wish, front.missing(wish, i)) for wish in wishes]
     return tuple(Miss(wish, front.value(wish, i), by) for wish, by in lacking if by)
 
 
-def _choice(front: Candidates, i: int, why: str, wishes: tuple[Wish, ...]) -> Choice:
+def _choice(front: w.Candidates, i: int, why: str, wishes: tuple[w.Wish, ...]) -> Choice:
     missed = _missed(front, i, wishes)
     reward, survivors = front.objectives[i].tolist()
     return Choice(
@@ -286,9 +283,6 @@ def _choice(front: Candidates, i: int, why: str, wishes: tuple[Wish, ...]) -> Ch
     )
 
 
-_SHOWN = 8  # nodes in a sentence
-
-
 @dataclass(frozen=True, eq=False)
 class Difference:
     """The difference of two plans; ``str`` describes it, a line for each robot that changes.
@@ -297,8 +291,6 @@ class Difference:
     ----------
     reward, survivors
         How much more E[R] and E[S] the second plan has; below 0 if it has less.
-    gained, lost
-        Nodes that only the second, or only the first plan visits.
     table
         A row for each robot of the first plan: ``robot`` and ``other_robot``, the one that it is
         matched with in the second, from 0; the name of their ``kind``; ``survival`` and
@@ -312,8 +304,8 @@ class Difference:
     >>> from botohe_moo.decide import Difference, compare
     >>> toy = load_mission("toy")
     >>> found = compare(toy, toy.plan([[1, 2, 1], [1]]), toy.plan([[1, 2, 4, 2, 1], [1]]))
-    >>> round(found.reward, 2), found.gained
-    (3.24, (4,))
+    >>> round(found.reward, 2)
+    3.24
     >>> found.table[["robot", "survival", "other_survival", "gained"]].round(3)
        robot  survival  other_survival gained
     0      0     0.656           0.656   (4,)
@@ -322,8 +314,6 @@ class Difference:
 
     reward: float
     survivors: float
-    gained: tuple[Hashable, ...]
-    lost: tuple[Hashable, ...]
     table: pd.DataFrame
 
     @property
@@ -334,17 +324,16 @@ class Difference:
         reward = difference_text(self.reward, "reward")
         survivors = difference_text(self.survivors, "survivors")
         lines = [f"The second plan has {reward} and {survivors}."]
-        several = len(set(self.table["kind"])) > 1
         changed: Iterable[Any] = self.table[~self.table["same"]].itertuples()
         for change in changed:
-            kind = f"{change.kind}, " if several else ""
-            before, after = _apart(change.survival, change.other_survival)
+            before, after = map(short_text, (change.survival, change.other_survival))
             parts = [f"survival {before} -> {after}" if before != after else f"survival {before}"]
-            parts += [f"also visits {_named(change.gained)}"] if change.gained else []
-            parts += [f"no longer visits {_named(change.lost)}"] if change.lost else []
+            visits = {"also visits": change.gained, "no longer visits": change.lost}
+            for words, nodes in visits.items():
+                parts += [f"{words} {', '.join(map(w.label_text, nodes))}"] if nodes else []
             parts += [] if change.gained or change.lost else ["another trail to the same nodes"]
             then = f"robot {change.other_robot} in the second plan"
-            lines.append(f"Robot {change.robot} ({kind}{then}): {'; '.join(parts)}.")
+            lines.append(f"Robot {change.robot} ({then}): {'; '.join(parts)}.")
         return tuple(lines)
 
     def __str__(self) -> str:
@@ -403,9 +392,7 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
         "lost": [in_order(own - others[k]) for own, k in zip(ours, matched, strict=True)],
         "same": [first.trails[i] == second.trails[k] for i, k in enumerate(matched)],
     }
-    visited, other_visited = set().union(*ours), set().union(*others)
-    gained, lost = in_order(other_visited - visited), in_order(visited - other_visited)
-    return Difference(reward, survivors, gained, lost, pd.DataFrame(columns))
+    return Difference(reward, survivors, pd.DataFrame(columns))
 
 
 def _matched(mission: Mission, first: TrailPlan, second: TrailPlan) -> list[int]:
@@ -421,19 +408,3 @@ def _matched(mission: Mission, first: TrailPlan, second: TrailPlan) -> list[int]
     apart[kinds[:, None] != kinds] = np.inf
     matched: list[int] = linear_sum_assignment(apart)[1].tolist()
     return matched
-
-
-def _apart(one: float, other: float) -> tuple[str, str]:
-    """Write two probabilities with as many digits as tell them apart, at least four."""
-    differ = abs(one - other) > 1e-9
-    digits = 4
-    while differ and digits < 12 and f"{one:.{digits}g}" == f"{other:.{digits}g}":
-        digits += 1
-    return f"{one:.{digits}g}", f"{other if differ else one:.{digits}g}"
-
-
-def _named(nodes: Sequence[Hashable]) -> str:
-    shown = [label_text(node) for node in nodes[:_SHOWN]]
-    if len(nodes) > _SHOWN:
-        shown.append(f"{len(nodes) - _SHOWN} more")
-    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from botohe_moo import objectives
-from botohe_moo.base.messages import check_integer, quoted
+from botohe_moo.base.messages import check_integer
 from botohe_moo.base.numbers import difference_text, short_text
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.mission.model import Mission, check_mission
@@ -64,10 +65,7 @@ def front_rows(objectives: FloatArray) -> OffsetArray:
 
 def check_row(name: str, row: object, n_plans: int) -> int:
     """Check the index of a plan, counted from 0."""
-    number = check_integer(name, row, at_least=0)
-    if number >= n_plans:
-        raise ValueError(f"Expected {name} among the {n_plans} plans from 0, got {quoted(row)}.")
-    return number
+    return check_integer(name, row, at_least=0, at_most=n_plans - 1)
 
 
 def survivor_price(mission: Mission, plans: PlansOrObjectives, index: int) -> float:
@@ -126,7 +124,7 @@ def _is_below(point: FloatArray, one: FloatArray, other: FloatArray) -> bool:
 
 @dataclass(frozen=True)
 class TradeOff:
-    """The difference between a plan and another one of the front.
+    """The difference between a plan and another one of the front; ``str`` says it.
 
     Attributes
     ----------
@@ -141,7 +139,7 @@ class TradeOff:
     >>> from botohe_moo.decide import TradeOff, neighbours
     >>> toy = load_mission("toy")
     >>> front = [[8, 0], [7, 1], [4, 1.5], [0, 2]]  # E[R] and E[S] of four plans
-    >>> neighbours(toy, front, 1).safer == TradeOff(index=2, reward=-3.0, survivors=0.5)
+    >>> neighbours(toy, front, 1)[1] == TradeOff(index=2, reward=-3.0, survivors=0.5)
     True
     """
 
@@ -149,43 +147,18 @@ class TradeOff:
     reward: float
     survivors: float
 
-
-class Neighbours(NamedTuple):
-    """What a plan costs beside its neighbours on the front; ``str`` says it.
-
-    Attributes
-    ----------
-    richer, safer
-        The differences to the plans with the next larger reward, and with the next larger number
-        of survivors; None if there is none.
-
-    Examples
-    --------
-    >>> from botohe_moo import load_mission
-    >>> from botohe_moo.decide import Neighbours, neighbours
-    >>> toy = load_mission("toy")
-    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
-    >>> print(neighbours(toy, front, 0))
-    Beside it on the front, plan 1 has 1 more survivors for 1 less reward.
-    """
-
-    richer: TradeOff | None
-    safer: TradeOff | None
-
     def __str__(self) -> str:
-        parts = []
-        for step in dict.fromkeys(step for step in self if step is not None):
-            both = [difference_text(step.reward, "reward")]
-            both.insert(step is self.richer, difference_text(step.survivors, "survivors"))
-            word = "for" if step.reward * step.survivors < 0 else "and"
-            parts.append(f"plan {step.index} has {both[0]} {word} {both[1]}")
-        if not parts:
-            return "No plan of the front has more reward or more survivors."
-        return f"Beside it on the front, {'; '.join(parts)}."
+        both = [difference_text(self.reward, "reward")]
+        both.insert(self.reward > 0, difference_text(self.survivors, "survivors"))
+        word = "for" if self.reward * self.survivors < 0 else "and"
+        return f"plan {self.index} has {both[0]} {word} {both[1]}"
 
 
-def neighbours(mission: Mission, plans: PlansOrObjectives, index: int) -> Neighbours:
+def neighbours(mission: Mission, plans: PlansOrObjectives, index: int) -> tuple[TradeOff, ...]:
     """Find the plans beside a plan on the front, and the differences to them.
+
+    They are the plan with the next larger reward, and that with the next larger number of
+    survivors, where there are such plans.
 
     Parameters
     ----------
@@ -198,21 +171,17 @@ def neighbours(mission: Mission, plans: PlansOrObjectives, index: int) -> Neighb
     >>> from botohe_moo.decide import neighbours
     >>> toy = load_mission("toy")
     >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
-    >>> neighbours(toy, front, 0).richer is None  # nothing has more reward
-    True
+    >>> print(*neighbours(toy, front, 0))  # nothing has more reward
+    plan 1 has 1 more survivors for 1 less reward
     """
     objectives = objectives_of(mission, plans)
     index = check_row("index", index, len(objectives))
     rows = front_rows(objectives)  # by descending reward
     gain = (objectives[rows] - objectives[index]) / scales(mission)
-    richer, safer = rows[gain[:, 0] > SLACK], rows[gain[:, 1] > SLACK]
-
-    def towards(row: int) -> TradeOff:
-        return TradeOff(int(row), *(objectives[row] - objectives[index]).tolist())
-
-    return Neighbours(
-        towards(richer[-1]) if len(richer) else None, towards(safer[0]) if len(safer) else None
-    )
+    found = [*rows[gain[:, 0] > SLACK][-1:], *rows[gain[:, 1] > SLACK][:1]]
+    differences = objectives[found] - objectives[index]
+    pairs = zip(found, differences.tolist(), strict=True)
+    return tuple(dict.fromkeys(TradeOff(int(row), *both) for row, both in pairs))
 
 
 @dataclass(frozen=True)
@@ -315,17 +284,14 @@ def front_table(
     shown: Sequence[int] = rows
     if n_plans > _ROWS and not all_plans:
         marked = {0, n_plans - 1, knee}
-        batch = mission.batch(plans)
-        shown = sorted(marked.union(representing(mission, batch, objectives, _ROWS - len(marked))))
+        shown = sorted(marked.union(representatives(mission, plans, _ROWS - len(marked))))
     prices = survivor_prices(objectives, objectives[:, 1])
-    table = [("plan_id", "reward", "survivors", "price of a survivor")]
+    lines = ["plan_id      reward  survivors  price of a survivor"]
     for row in shown:
         reward, survivors = objectives[row].tolist()
-        table.append((str(row), f"{reward:.4f}", f"{survivors:.4f}", short_text(prices[row])))
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    lines = ["  ".join(map(str.rjust, line, widths)) for line in table]
-    if n_plans > 2:
-        lines[1 + list(shown).index(knee)] += "  knee"
+        mark = "  knee" if row == knee and n_plans > 2 else ""
+        price = short_text(prices[row])
+        lines.append(f"{row:>7}  {reward:>10.4f}  {survivors:>9.4f}  {price:>19}{mark}")
     return "\n".join(lines), len(shown)
 
 
@@ -335,10 +301,8 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     The front, by descending reward, is cut into ``k`` segments of equal length, in objectives
     divided by the total reward and the number of robots. Each is represented by its medoid, the
     plan with the smallest sum of distances to the others. The distance of two plans is
-    ``1 − |A ∩ B| / |A ∪ B|`` of the multisets of their arcs. For segments without a plan, those
-    plans of the front are added, one after another, that are farthest from all selected ones. Plans
-    that are dominated, or equal another in both objectives, are only added if the front has fewer
-    than ``k`` plans.
+    ``1 − |A ∩ B| / |A ∪ B|`` of the multisets of their arcs. A segment without a plan has no
+    representative.
 
     Parameters
     ----------
@@ -347,7 +311,7 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     plans
         Its plans, in any order.
     k
-        How many, at least 1; of fewer plans all are returned.
+        How many segments, at least 1.
 
     Returns
     -------
@@ -373,17 +337,9 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     """
     k = check_integer("k", k, at_least=1)
     batch = check_mission(mission).batch(plans)
-    return representing(mission, batch, objectives_of(mission, batch), k)
-
-
-def representing(
-    mission: Mission, batch: PlanBatch, objectives: FloatArray, k: int
-) -> tuple[int, ...]:
-    """Select ``k`` rows as :func:`representatives` does, of plans whose objectives are known."""
+    objectives = objectives_of(mission, batch)
     rows = front_rows(objectives)
-    dominated = np.setdiff1d(np.arange(len(batch)), rows)
-    order = np.append(rows, dominated)
-    counts = arc_counts(batch.take(order), per_robot=False)
+    counts = arc_counts(batch.take(rows), per_robot=False)
     points = objectives[rows] / scales(mission)
     way = np.append(0.0, np.hypot(*np.diff(points, axis=0).T).cumsum())
     segments = np.minimum((way / (way[-1] or 1.0) * k).astype(np.int64), k - 1)
@@ -391,15 +347,8 @@ def representing(
     for segment in np.unique(segments):
         members = np.flatnonzero(segments == segment)
         apart = distances(counts[members], counts[members])
-        chosen.append(int(members[apart.sum(axis=1).argmin()]))
-    for end in (len(rows), len(order)):  # dominated ones only if the front has too few
-        while len(chosen) < min(k, end):
-            nearest = distances(counts[:end], counts[chosen]).min(axis=1)
-            nearest[chosen] = -1
-            chosen.append(int(nearest.argmax()))
-    found = order[chosen]
-    by_reward = np.lexsort((objectives[found, 1], -objectives[found, 0]))
-    return tuple(found[by_reward].tolist())
+        chosen.append(int(rows[members[apart.sum(axis=1).argmin()]]))
+    return tuple(chosen)
 
 
 def arc_counts(batch: PlanBatch, *, per_robot: bool) -> FloatArray:
@@ -417,11 +366,5 @@ def arc_counts(batch: PlanBatch, *, per_robot: bool) -> FloatArray:
 
 def distances(ours: FloatArray, others: FloatArray) -> FloatArray:
     """Compute 1 − |A ∩ B| / |A ∪ B| of multisets (n, n_arcs) and (m, n_arcs), in [0, 1] (n, m)."""
-    most = int(max(ours.max(initial=0), others.max(initial=0)))
-    # Of multisets: how many are in both at least once, twice, and so on.
-    levels = range(1, most + 1)
-    shared = sum((1.0 * (ours >= n) @ (others >= n).T for n in levels), np.zeros(()))
-    union = ours.sum(axis=1)[:, None] + others.sum(axis=1) - shared
-    apart = union - shared
-    found: FloatArray = np.divide(apart, union, out=np.zeros_like(apart), where=union > 0)
-    return found
+    apart = np.nan_to_num(cdist(ours, others, "braycurtis"))  # Σ |a - b| / Σ (a + b)
+    return np.asarray(2 * apart / (1 + apart))

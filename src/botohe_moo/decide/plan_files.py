@@ -11,11 +11,12 @@ import io
 import json
 import math
 import os
-from collections.abc import Hashable, Sequence
-from itertools import accumulate, pairwise
-from operator import mul
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from botohe_moo import outcomes
 from botohe_moo.base import files as f
@@ -32,30 +33,11 @@ if TYPE_CHECKING:
 # The MAV_TYPE that QGroundControl writes for each class of vehicles.
 VEHICLES = {"multicopter": 2, "fixed-wing": 1, "vtol": 20, "rover": 10, "boat": 11, "submarine": 12}
 MULTICOPTER = "multicopter"
+# Altitudes, which are above 0 for vehicles that fly.
 _ALTITUDES: dict[str, dict[str, float]] = {"rover": {}, "boat": {}, "submarine": {"at_most": 0.0}}
-_FLIES = {"above": 0.0}  # the altitude of all others
-_QGC = {  # QGroundControl's defaults; its format of plans, version 1, with missions of version 2
-    "fileType": "Plan",
-    "version": 1,
-    "groundStation": "QGroundControl",
-    "geoFence": {"circles": [], "polygons": [], "version": 2},
-    "rallyPoints": {"points": [], "version": 2},
-}
-_QGC_MISSION = {
-    "version": 2,
-    "firmwareType": 12,  # PX4
-    "globalPlanAltitudeMode": 1,  # heights above where the vehicle starts
-    "cruiseSpeed": 15,
-    "hoverSpeed": 5,
-}
-_QGC_ITEM = {
-    "type": "SimpleItem",
-    "command": 16,  # MAV_CMD_NAV_WAYPOINT
-    "frame": 3,  # MAV_FRAME_GLOBAL_RELATIVE_ALT
-    "AltitudeMode": 1,
-    "AMSLAltAboveTerrain": None,
-    "autoContinue": True,
-}
+# QGroundControl's defaults; its format of plans is version 1, missions are version 2, for PX4 (12).
+# Waypoints (MAV_CMD_NAV_WAYPOINT, 16) have heights above the start (MAV_FRAME_GLOBAL_RELATIVE_ALT).
+_QGC = json.loads(Path(__file__).with_name("qgroundcontrol.json").read_text("utf-8"))
 
 
 def robot_table(mission: Mission, plan: TrailPlan) -> pd.DataFrame:
@@ -98,18 +80,12 @@ def _robot_columns(mission: Mission, plan: TrailPlan) -> dict[str, Sequence[Any]
     }
 
 
-def _further_columns(mission: Mission) -> list[str]:
-    """Return what is written of each robot only if there are kinds, or rewards on return."""
-    return [] if mission.is_plain else ["kind", "length", "reward"][len(mission.kinds) == 1 :]
-
-
 def plan_json(mission: Mission, plan: TrailPlan) -> str:
     """Write a plan as JSON; ``mission.plan(json.loads(text)["trails"])`` gives an equal one.
 
     Keys are ``mission`` (its name), ``robots``, ``reward`` (E[R]), ``survivors`` (E[S]),
-    ``robot_survival``, ``trail_lengths`` and ``trails`` (node labels), of each robot. With several
-    kinds of robots, or rewards on return, also ``robot_kinds`` (names) and ``robot_rewards``, the
-    E[R] of each robot alone.
+    and of each robot ``robot_kinds`` (names), ``robot_survival``, ``trail_lengths``,
+    ``robot_rewards`` (the E[R] of each alone) and ``trails`` (node labels).
 
     Parameters
     ----------
@@ -141,20 +117,20 @@ def plan_json(mission: Mission, plan: TrailPlan) -> str:
         "robots": mission.robots,
         "reward": reward,
         "survivors": survivors,
+        "robot_kinds": robots["kind"],
         "robot_survival": robots["survival"],
         "trail_lengths": robots["length"],
-        **{f"robot_{of}s": robots[of] for of in _further_columns(mission) if of != "length"},
+        "robot_rewards": robots["reward"],
         "trails": [[*map(plain_label, trail)] for trail in mission.labels(plan)],
     }
     return _json_text(content)
 
 
 def plan_csv(mission: Mission, plan: TrailPlan) -> str:
-    """Write the waypoints of a plan as CSV: ``robot``, ``step``, ``node``, ``x``, ``y``.
+    """Write the waypoints of a plan as CSV: ``robot``, ``kind``, ``step``, ``node``, ``x``, ``y``.
 
     Robots and steps count from 0; step 0 is where a robot starts. Labels that are not text are
-    written as JSON. ``x`` and ``y`` are empty for nodes without a position. With several kinds of
-    robots there is also the column ``kind``.
+    written as JSON. ``x`` and ``y`` are empty for nodes without a position.
 
     Parameters
     ----------
@@ -168,26 +144,24 @@ def plan_csv(mission: Mission, plan: TrailPlan) -> str:
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
     >>> print(*plan_csv(toy, plan).splitlines()[:3], sep=chr(10))
-    robot,step,node,x,y
-    0,0,1,0.0,0.5
-    0,1,2,0.5,1.0
+    robot,kind,step,node,x,y
+    0,robot,0,1,0.0,0.5
+    0,robot,1,2,0.5,1.0
     """
     check_mission(mission).evaluate([plan])
     places = places_of(mission.graph.nodes)
     text = io.StringIO(newline="")
     # The writer quotes what its end of a line has: with both signs, either of them in a label.
     writer = csv.writer(text, lineterminator="\r\n")
-    several = len(mission.kinds) > 1
-    writer.writerow(["robot", "step", "node", "x", "y", *["kind"][:several]])
+    writer.writerow(["robot", "kind", "step", "node", "x", "y"])
     for robot, trail in enumerate(mission.labels(plan)):
-        kind = [mission.kind_of[robot].name][:several]
+        kind = mission.kind_of[robot].name
         for step, node in enumerate(trail):
-            writer.writerow([robot, step, _cell(node), *places.get(node, ("", "")), *kind])
+            label = (
+                node if isinstance(node, str) else json.dumps(plain_label(node), ensure_ascii=False)
+            )
+            writer.writerow([robot, kind, step, label, *places.get(node, ("", ""))])
     return text.getvalue()
-
-
-def _cell(node: Hashable) -> str:
-    return node if isinstance(node, str) else json.dumps(plain_label(node), ensure_ascii=False)
 
 
 def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
@@ -195,10 +169,8 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
 
     Coordinates are the nodes' ``pos`` as they are; maps of the world take them for longitude and
     latitude (RFC 7946). A robot that stays at base has a point instead of a line. Lines have the
-    properties ``robot``, ``survival`` and ``nodes``, points ``node``, ``reward`` and ``reached``,
-    the probability that some robot reaches the node. With several kinds of robots, or rewards on
-    return, lines also have ``kind``, ``length`` and ``reward``, the E[R] of the robot alone, and
-    points ``collected``, the probability that the node's reward is collected.
+    columns of :func:`robot_table` and ``nodes``, points ``node``, ``reward``, ``reached``, the
+    probability that some robot reaches the node, and ``collected``, that its reward is collected.
 
     Parameters
     ----------
@@ -217,26 +189,22 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
     ['LineString', 'Point', 'Point', 'Point', 'Point']
     """
     robots = _robot_columns(mission, plan)
-    chances = {"reached": outcomes.reach_probabilities(mission, plan)}
-    if not mission.is_plain:
-        chances["collected"] = outcomes.collect_probabilities(mission, plan)
-    by_team = {name: outcomes.team_reach(found).tolist() for name, found in chances.items()}
+    chances = outcomes.reach_probabilities, outcomes.collect_probabilities
+    reached, collected = (outcomes.team_reach(of(mission, plan)).tolist() for of in chances)
     places, trails = places_of(mission.graph.nodes), mission.labels(plan)
     visited = sorted({node for trail in trails for node in trail}, key=mission.index)
     if missing := [node for node in visited if node not in places]:
-        expected = f"Node {missing[0]!r}: expected pos [x, y] for GeoJSON"
-        raise ValueError(f"{expected}, found none; a .csv or .json file needs no positions.")
+        raise ValueError(f"Node {missing[0]!r}: expected pos [x, y] for GeoJSON, found none.")
     features = []
     for robot, trail in enumerate(trails):
         line = [places[node] for node in trail]
         shape, at = ("LineString", line) if len(line) > 1 else ("Point", line[0])
-        known = {"robot": robot, "survival": robots["survival"][robot]}
-        known |= {"nodes": [*map(plain_label, trail)]}
-        known |= {name: robots[name][robot] for name in _further_columns(mission)}
-        features.append(_feature(shape, at, known))
+        known = {name: column[robot] for name, column in robots.items()}
+        features.append(_feature(shape, at, known | {"nodes": [*map(plain_label, trail)]}))
     for node in visited:
-        known = {"node": plain_label(node), "reward": float(mission.graph.nodes[node]["reward"])}
-        known |= {name: values[mission.index(node)] for name, values in by_team.items()}
+        i, pays = mission.index(node), float(mission.graph.nodes[node]["reward"])
+        known = {"node": plain_label(node), "reward": pays}
+        known |= {"reached": reached[i], "collected": collected[i]}
         features.append(_feature("Point", places[node], known))
     return _json_text({"type": "FeatureCollection", "features": features})
 
@@ -301,7 +269,7 @@ def nav2_files(mission: Mission, plan: TrailPlan) -> dict[str, str]:
     survival = dict(zip(ends, graph.survival.tolist(), strict=True))
     for robot, (nodes, trail) in enumerate(zip(mission.labels(plan), plan.trails, strict=True)):
         start, *stops = _stops(mission, nodes)
-        alive = accumulate((survival[arc] for arc in pairwise(trail)), mul)
+        alive = np.cumprod([survival[arc] for arc in pairwise(trail)]).tolist()
         legs = [
             {"edge": edges[ends], "start": ends[0], "goal": ends[1], "survival": chance, **stop}
             for ends, chance, stop in zip(
@@ -332,7 +300,7 @@ def _stops(mission: Mission, nodes: Sequence[Any]) -> list[dict[str, Any]]:
 def _altitude(vehicle: str, altitude: float | None) -> float:
     """Return a checked altitude of waypoints, by default 0 for vehicles that stay on a surface."""
     check_choice("vehicle", vehicle, VEHICLES)
-    allowed = _ALTITUDES.get(vehicle, _FLIES)
+    allowed = _ALTITUDES.get(vehicle, {"above": 0.0})
     if altitude is None and not allowed:
         return 0.0
     return check_number(f"altitude (of a {vehicle}, in metres)", altitude, **allowed)
@@ -403,21 +371,25 @@ def qgc_plans(
     for robot, trail in enumerate(mission.labels(plan)):
         home, *stops = (_on_earth(node, places.get(node)) for node in trail)
         items = [
-            {**_QGC_ITEM, "params": [0, 0, 0, None, *at, height], "Altitude": height, "doJumpId": i}
+            {
+                **_QGC["item"],
+                "params": [0, 0, 0, None, *at, height],
+                "Altitude": height,
+                "doJumpId": i,
+            }
             for i, at in enumerate(stops, 1)
         ]
         own = {"vehicleType": VEHICLES[vehicle], "plannedHomePosition": [*home, 0], "items": items}
         if items:
-            files[robot] = _json_text({**_QGC, "mission": {**_QGC_MISSION, **own}})
+            files[robot] = _json_text({**_QGC["plan"], "mission": {**_QGC["mission"], **own}})
     return files
 
 
 def _on_earth(node: Any, place: tuple[float, float] | None) -> list[float]:
     """Return latitude and longitude."""
     if place is None or abs(place[0]) > 180 or abs(place[1]) > 90:
-        found = "none" if place is None else quoted([*place])
-        expected = f"Node {quoted(node)}: expected pos [longitude, latitude] in degrees"
-        raise ValueError(f"{expected}, found {found}.")
+        expected = "expected pos [longitude, latitude] in degrees"
+        raise ValueError(f"Node {quoted(node)}: {expected}, found {place}.")
     return [place[1], place[0]]
 
 
@@ -440,8 +412,8 @@ def write_plan(
         As for :func:`plan_json`.
     path
         Ends in ``.json``, ``.csv``, ``.geojson`` or ``.plan``, or has no suffix: then it is a
-        folder, which is made, for the files of :func:`nav2_files`. A ``.plan`` is for one robot: of
-        a team, ``site-0.plan`` and so on are written for ``site.plan``, but for robots that stay.
+        folder, which is made, for the files of :func:`nav2_files`. A ``.plan`` is for one robot:
+        ``site-0.plan`` and so on are written for ``site.plan``, but for robots that stay.
     altitude, vehicle
         Height of waypoints in a ``.plan``, and for which vehicle it is, as for :func:`qgc_plans`;
         for it alone.
@@ -469,7 +441,7 @@ def write_plan(
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
     >>> [file] = write_plan(toy, plan, "plan.csv")
     >>> file.read_text().splitlines()[:2]
-    ['robot,step,node,x,y', '0,0,1,0.0,0.5']
+    ['robot,kind,step,node,x,y', '0,robot,0,1,0.0,0.5']
     >>> [file.name for file in write_plan(toy, plan, "nav2")]
     ['graph.geojson', 'robot_0.json', 'robot_1.json']
     """
@@ -482,7 +454,6 @@ def write_plan(
         if not plans:
             raise ValueError(f"{path}: expected a robot that leaves where it starts, found none.")
         texts = {path.with_name(f"{path.stem}-{i}{path.suffix}"): plans[i] for i in plans}
-        texts = texts if mission.robots > 1 else {path: plans[0]}
         beside = {*path.parent.glob(f"{glob.escape(path.stem)}-[0-9]*{path.suffix}")}
     elif suffix:
         texts = {path: _TEXTS[suffix](mission, plan)}

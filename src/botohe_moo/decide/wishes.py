@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import ast
 import json
+import math
 import re
 from collections.abc import Callable, Container, Hashable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 from botohe_moo import outcomes as o
 from botohe_moo.base import messages as checks
-from botohe_moo.base.messages import counted, quoted
+from botohe_moo.base.messages import quoted
 from botohe_moo.base.numbers import exact_text
 from botohe_moo.decide.fronts import SLACK
-from botohe_moo.decide.hazards import worst_losses
+from botohe_moo.decide.hazards import worst_loss
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.rules import read_label
@@ -29,31 +30,19 @@ SEED = 1
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 _QUOTED = r"\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.)*'"
-_KIND = rf"(?P<kind>{_QUOTED}|(?!reach\s)[\w.-]+)\s+(?=survivors)"  # not a node of that label
-_LISTED = rf"[(\[](?:{_QUOTED}|[^\"'])*?[)\]]"  # texts inside may look like the end of a wish
+_SUBJECT = rf"(?:(?P<kind>{_QUOTED}|[\w.-]+) (?=survivors))?(?P<quantity>reward|survivors)\b"
 _PLAIN_LABEL = re.compile(r"(?!(?:True|False)\Z)[^\W\d]\w*")
 
-
-class _Part(NamedTuple):
-    """A part of a wish: how it is written, read and written again, and a number's range."""
-
-    pattern: str
-    read: Callable[[str], Any] = float
-    write: Callable[[Any], str] = exact_text
-    limits: dict[str, float] | None = None
-
-
-_PARTS = {
-    "subject": _Part(rf"(?:{_KIND})?(?P<quantity>reward|survivors)", write=str),
-    "quantity": _Part("", str.lower),
-    "value": _Part(rf"(?P<value>{_NUMBER})", limits={"at_least": 0}),
-    "alpha": _Part(rf"(?P<alpha>{_NUMBER})", limits={"above": 0, "at_most": 1}),
-    "losses": _Part(r"(?P<losses>\d+)\s+loss(?:es)?", int, lambda n: f"{n} loss{'es' * (n != 1)}"),
-    # A label without quotes ends at the first level that ends its wish.
-    "node": _Part(rf"(?P<node>{_QUOTED}|{_LISTED}|\S.*?)", write=lambda label: label_text(label)),
-    "at_least": _Part(rf"(?P<at_least>{_NUMBER})", limits={"at_least": 0}),
+# How each form is written, before its level. A label without quotes ends where its wish does.
+_PATTERNS = {
+    "every robot": r"every robot",
+    "reach": rf"reach (?P<node>{_QUOTED}|\S.*?)",
+    "worst case": r"worst case of (?P<losses>\d+) loss(?:es)?",
+    "chance": rf"P_\(_{_SUBJECT}_>=_(?P<value>{_NUMBER})_\)",
+    "tail mean": rf"CVaR_\(_{_SUBJECT}_,_(?P<alpha>{_NUMBER})_\)",
+    "expected": _SUBJECT,
 }
-_FORMS = {
+_TEXTS = {
     "expected": "{subject} >= {at_least}",
     "chance": "P({subject} >= {value}) >= {at_least}",
     "tail mean": "CVaR({subject}, {alpha}) >= {at_least}",
@@ -61,34 +50,33 @@ _FORMS = {
     "every robot": "every robot >= {at_least}",
     "reach": "reach {node} >= {at_least}",
 }
+_READERS: dict[str, Callable[[str], Any]] = {"quantity": str.lower, "losses": int}  # else floats
 _PROBABILITIES = ("chance", "every robot", "reach")  # whose level is one
 _EXAMPLE = {"subject": "reward", "value": 5, "alpha": 0.1, "losses": "1 loss", "node": "NODE"}
 FORMS = tuple(
     text.format(**_EXAMPLE, at_least=0.8 if form in _PROBABILITIES else 5)
-    for form, text in _FORMS.items()
+    for form, text in _TEXTS.items()
 )
 
 
-def _pattern(text: str) -> re.Pattern[str]:
-    """Compile a form; blanks may stand between its tokens. A wish ends with ``and`` or the text."""
-    pattern = r"\s*"
-    for token in re.findall(r"{\w+}|\w+|>=|\S", text):
-        if token in ("(", ",", ")", ">="):
-            token = "(?:>=|≥)" if token == ">=" else re.escape(token)
-        else:
-            token = rf"{token}\b" if token.isalpha() else _PARTS[token[1:-1]].pattern
-        pattern += rf"{token}\s*"
-    return re.compile(rf"{pattern}(?:(?<=\s)and\s+(?=\S)|\Z)", re.IGNORECASE | re.DOTALL)
+def _compiled(pattern: str) -> re.Pattern[str]:
+    """Compile a form, with ``_`` for blanks that may be there, and its level.
+
+    A wish ends with the text, or with ``and`` and more.
+    """
+    whole = rf"_{pattern}_>=_(?P<at_least>{_NUMBER})_(?:(?<=\s)and\s+(?=\S)|\Z)"
+    whole = re.sub("_(?!least)", r"\\s*", whole).replace(" ", r"\s+").replace(">=", "(?:>=|≥)")
+    return re.compile(whole, re.IGNORECASE | re.DOTALL)
 
 
-_PATTERNS = {form: _pattern(text) for form, text in _FORMS.items()}
+_COMPILED = {form: _compiled(pattern) for form, pattern in _PATTERNS.items()}
 
 
 @dataclass(frozen=True, repr=False)
 class Wish:
     """A lower limit on a quantity of a plan; ``str`` writes it as planners do.
 
-    Most are written as texts, which :func:`parse_wishes` reads.
+    Most are written as texts, which :func:`parse_wishes` reads. It also checks their parts.
 
     Parameters
     ----------
@@ -110,11 +98,6 @@ class Wish:
     node
         The label of the node to ``"reach"``.
 
-    Raises
-    ------
-    ValueError
-        If a part of the form is missing or out of its range.
-
     Examples
     --------
     >>> from botohe_moo.decide import Wish
@@ -133,43 +116,13 @@ class Wish:
     losses: Any = None
     node: Hashable = None
 
-    def __post_init__(self) -> None:
-        checks.check_choice("form", self.form, _FORMS)
-        parts = _PATTERNS[self.form].groupindex
-        if "quantity" in parts:
-            checks.check_choice("quantity", self.quantity, QUANTITIES)
-        if self.kind is not None and self.quantity != "survivors":
-            expected = "no kind of robots for the reward"
-            raise checks.ParameterError(f"Expected {expected}, got {quoted(self.kind)}.", "kind")
-        if "losses" in parts:
-            losses = checks.check_integer("losses", self.losses, at_least=0)
-            object.__setattr__(self, "losses", losses)
-        for name in parts:
-            if name in _PARTS and (limits := _PARTS[name].limits):
-                if name == "at_least" and self.is_probability:
-                    limits = {**limits, "at_most": 1}
-                number = checks.check_number(name, getattr(self, name), **limits)
-                object.__setattr__(self, name, number)
-
-    @property
-    def is_probability(self) -> bool:
-        """Whether its level is a probability."""
-        return self.form in _PROBABILITIES
-
-    @property
-    def of_rewards(self) -> bool:
-        """Whether it is judged by the distribution of the reward."""
-        return self.form in ("chance", "tail mean") and self.quantity == "reward"
-
-    @property
-    def subject(self) -> str:
-        """The quantity, with the kind of robots that count."""
-        return f"{'' if self.kind is None else f'{label_text(self.kind)} '}{self.quantity}"
-
     def __str__(self) -> str:
-        written = re.findall(r"{(\w+)}", _FORMS[self.form])
-        parts = {name: _PARTS[name].write(getattr(self, name)) for name in written}
-        return _FORMS[self.form].format(**parts)
+        kind = "" if self.kind is None else f"{label_text(self.kind)} "
+        losses = "1 loss" if self.losses == 1 else f"{self.losses} losses"
+        numbers = {name: getattr(self, name) for name in ("value", "alpha", "at_least")}
+        texts = {name: exact_text(of) for name, of in numbers.items() if of is not None}
+        texts |= {"subject": f"{kind}{self.quantity}", "losses": losses}
+        return _TEXTS[self.form].format(**texts, node=label_text(self.node))
 
     def __repr__(self) -> str:
         return f"<Wish: {self}>"
@@ -229,9 +182,9 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
         elif isinstance(wish, Wish):
             found.append(_known(mission, wish))
         else:
-            raise _not_a_wish(mission, wish)
+            raise _not_a_wish(wish)
     if not found:
-        raise _not_a_wish(mission, "")
+        raise _not_a_wish("")
     return tuple(found)
 
 
@@ -239,14 +192,14 @@ def _parsed(mission: Mission, text: str) -> Iterator[Wish]:
     known = {"kind": [kind.name for kind in mission.kinds], "node": mission.graph}
     start = 0
     while start < len(text) or not start:
-        matches = ((form, pattern.match(text, start)) for form, pattern in _PATTERNS.items())
+        matches = ((form, pattern.match(text, start)) for form, pattern in _COMPILED.items())
         form, found = next((pair for pair in matches if pair[1]), ("", None))
         if found is None:
-            raise _not_a_wish(mission, text[start:])
+            raise _not_a_wish(text[start:])
         given: dict[str, Any] = {name: part for name, part in found.groupdict().items() if part}
         for name, part in given.items():
-            meant = _meant(part, known[name]) if name in known else _PARTS[name].read(part)
-            given[name] = meant
+            read = _READERS.get(name, float)
+            given[name] = _meant(part, known[name]) if name in known else read(part)
         try:
             yield _known(mission, Wish(form, **given))
         except ValueError as error:
@@ -265,14 +218,22 @@ def _meant(text: str, known: Container[Any]) -> Hashable:
 
 
 def _known(mission: Mission, wish: Wish) -> Wish:
-    """Return a wish of which the mission has the node, the kind, and so many robots."""
+    """Return a wish whose numbers are in range, and whose node or kind the mission has."""
+    checks.check_choice("form", wish.form, _TEXTS)
+    most = 1.0 if wish.form in _PROBABILITIES else math.inf
+    checks.check_number("at_least", wish.at_least, at_least=0, at_most=most)
+    match wish.form:
+        case "chance":
+            checks.check_number("value", wish.value, at_least=0)
+        case "tail mean":
+            checks.check_number("alpha", wish.alpha, above=0, at_most=1)
+        case "worst case":
+            checks.check_integer("losses", wish.losses, at_least=0, at_most=mission.robots)
+        case "reach" if wish.node not in mission.graph:
+            raise _unknown(mission, "node", wish.node, mission.nodes)
     kinds = [kind.name for kind in mission.kinds]
-    if wish.form == "reach" and wish.node not in mission.graph:
-        raise _unknown(mission, "node", wish.node, mission.nodes)
-    if wish.kind is not None and wish.kind not in kinds:
-        raise _unknown(mission, "kind of robots", wish.kind, kinds)
-    if wish.form == "worst case":
-        checks.check_integer("losses", wish.losses, at_least=0, at_most=mission.robots)
+    if wish.kind is not None and (wish.kind not in kinds or wish.quantity != "survivors"):
+        raise _unknown(mission, f"{wish.quantity} of kind", wish.kind, kinds)
     return wish
 
 
@@ -289,13 +250,11 @@ def _unknown(mission: Mission, what: str, label: object, known: Iterable[object]
     return ValueError(f"mission {mission.name!r} has no {what} {quoted(label)}{near}.")
 
 
-def _not_a_wish(mission: Mission, found: object) -> ValueError:
-    hint = " Write 80 % as 0.8." if "%" in str(found) else ""
-    kind = label_text(mission.kinds[0].name)
-    of_kind = f", or {kind} survivors," if len(mission.kinds) > 1 else ""
+def _not_a_wish(found: object) -> ValueError:
     return ValueError(
         f"Expected a wish, got {quoted(found)}. Wishes are {'; '.join(FORMS)}; the first three "
-        f"may have survivors{of_kind} in place of reward. Join several by ' and '.{hint}"
+        "may have survivors, or survivors of a kind, in place of reward. Join several by ' and '. "
+        "Write 80 % as 0.8."
     )
 
 
@@ -320,7 +279,7 @@ class Candidates:
         mission, plan = self.mission, self.plans[i]
         match wish.form:
             case "expected" if wish.kind is None:
-                return float(self.objectives[i, QUANTITIES.index(wish.subject)])
+                return float(self.objectives[i, QUANTITIES.index(wish.quantity)])
             case "expected":
                 counts = [of.name == wish.kind for of in mission.kind_of]
                 return float(self._survival[i, counts].sum())
@@ -330,7 +289,7 @@ class Candidates:
             case "tail mean":
                 return self.distribution(wish.quantity, i, wish.kind).cvar(wish.alpha)
             case "worst case":
-                return worst_losses(mission, plan, wish.losses)[0]
+                return worst_loss(mission, plan, wish.losses)
             case "every robot":
                 return float(self._survival[i].min())
         reached = o.team_reach(o.reach_probabilities(mission, plan))
@@ -343,28 +302,15 @@ class Candidates:
 
     def span(self, wish: Wish) -> float:
         """Return the range of what a plan can have, by which shortfalls are scaled."""
-        return 1.0 if wish.is_probability else self._most(wish) or 1.0
-
-    def beyond(self, wish: Wish) -> str | None:
-        """Write what the mission has, if a wish needs more than any plan can have; else None."""
-        needed, most = wish.value if wish.form == "chance" else wish.at_least, self._most(wish)
-        can_be_met = wish.form in ("every robot", "reach") or wish.at_least <= SLACK
-        if can_be_met or needed <= most + SLACK * (most or 1.0):
-            return None
+        if wish.form in _PROBABILITIES:
+            return 1.0
         if wish.quantity != "survivors":
-            return f"a total reward of {exact_text(most)}"
-        of_kind = "" if wish.kind is None else f" of kind {quoted(wish.kind)}"
-        return counted(int(most), "robot") + of_kind
-
-    def _most(self, wish: Wish) -> float:
-        if wish.quantity != "survivors":
-            return self.mission.total_reward
+            return self.mission.total_reward or 1.0
         return float(sum(k.robots for k in self.mission.kinds if wish.kind in (None, k.name)))
 
-    def simulation_note(self, wishes: Iterable[Wish]) -> str:
-        """Write a sentence if rewards by which these wishes are judged had to be simulated."""
-        exact = all(found.exact for found in self._rewards.values())
-        if exact or not any(wish.of_rewards for wish in wishes):
+    def simulation_note(self) -> str:
+        """Write a sentence if some rewards had to be simulated."""
+        if all(found.exact for found in self._rewards.values()):
             return ""
         how = f"were simulated with {N_SAMPLES:,} missions"
         return f" Some rewards {how}, because their exact distributions take too long."

@@ -7,13 +7,12 @@ import io
 import math
 import os
 import re
-from collections import Counter
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any
-from unicodedata import bidirectional
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 from PIL import Image
 
@@ -22,7 +21,7 @@ from botohe_moo.base.messages import counted, quoted
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.decide import Choice
 from botohe_moo.decide.choosing import best
-from botohe_moo.decide.wishes import N_SAMPLES, Candidates, Wish, label_text
+from botohe_moo.decide.wishes import N_SAMPLES, Candidates, Wish
 from botohe_moo.mission.model import Mission
 from botohe_moo.outcomes import Distribution, collect_probabilities, reach_probabilities, team_reach
 from botohe_moo.plots import site as maps
@@ -33,36 +32,15 @@ if TYPE_CHECKING:
     from botohe_moo.solution import Solution
 
 DIGITS = 3  # of the largest number of a kind; the same number of decimals for probabilities
-_MAX_BINS = 12
+_MAX_BINS = 12  # and one beyond the largest reward
 # Not in a wish, which says what someone asked for.
 _NUMBER = re.compile(r'"(?:[^"\\]|\\.)*"|(?<![\w.])(?<!= )(?P<number>\d+\.\d+(?:e[+-]\d+)?)(?!\w)')
 LITTLE, NEARLY = 1001, 1002  # codes of probabilities that would round to 0 and to 1
 
 
-def shown_names(nodes: Sequence[Hashable]) -> list[str]:
-    """Return names to show: texts as they are, in quotes where 1 and "1" are both there."""
-    names = [str(node) for node in nodes]
-    counts = Counter(names)
-    return [
-        label_text(node) if counts[name] > 1 or not name.strip() else name
-        for node, name in zip(nodes, names, strict=True)
-    ]
-
-
-def sentence_writer(nodes: Sequence[Hashable]) -> Callable[[str], str]:
-    """Return a function that writes a sentence as the page shows it.
-
-    Its numbers have three digits, except in wishes, and labels written from right to left are
-    isolated.
-    """
-    labels = [
-        label
-        for label in map(label_text, nodes)
-        if any(bidirectional(letter) in ("R", "AL") for letter in label)
-    ]
-    longest_first = sorted(map(re.escape, labels), key=len, reverse=True)
-    pattern = re.compile("|".join(longest_first) or "(?!)")
-    return lambda text: pattern.sub("\u2068\\g<0>\u2069", _NUMBER.sub(_shortened, text))
+def sentence(text: str) -> str:
+    """Write a sentence as the page shows it: its numbers have three digits, except in wishes."""
+    return _NUMBER.sub(_shortened, text)
 
 
 def _shortened(found: re.Match[str]) -> str:
@@ -88,19 +66,6 @@ def number_texts(values: Iterable[float], digits: int = DIGITS) -> list[str]:
     return [f"{float(text):.{decimals}f}" for text in texts]
 
 
-def objective_texts(objectives: FloatArray) -> list[list[str]]:
-    """Write objectives (n, 2) of a front as columns: with a fourth digit if neighbours need it.
-
-    >>> objective_texts(np.array([[1.0, 2.0], [2.001, 1.5]]))
-    [['1', '2'], ['2.0', '1.5']]
-    """
-    for digits in (DIGITS, DIGITS + 1):
-        columns = [number_texts(column.tolist(), digits) for column in objectives.T]
-        if all(one != other for one, other in pairwise(zip(*columns, strict=True))):
-            break
-    return columns
-
-
 def probability_codes(values: ArrayLike) -> list[int]:
     """Round probabilities to thousandths; 1001 is above 0 but rounds to it, 1002 the same below 1.
 
@@ -120,19 +85,16 @@ def _probability_code(value: float) -> int:
 
 
 def bin_edges(largest: float) -> FloatArray:
-    """Cut rewards from 0 to beyond the largest into at most 12 bins of a round width.
+    """Cut rewards from 0 to beyond the largest into at most 13 bins of a round width.
 
     >>> bin_edges(13.07).tolist()
     [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0]
     """
-    if largest <= 0:
-        return np.array([0.0, 1.0])
-    power = math.floor(math.log10(largest)) - 1
-    widths = (factor * 10.0**power for factor in (1, 2, 5, 10, 20))
-    width = next(w for w in widths if largest < w * _MAX_BINS * (1 - 1e-9))
-    n_bins = math.floor(largest / width * (1 + 1e-9)) + 1
-    # Rounded, so that edges are the decimal numbers that they are written as.
-    return np.array([round(i * width, max(0, 2 - power)) for i in range(n_bins + 1)])
+    ticks = MaxNLocator(_MAX_BINS, steps=[1, 2, 5, 10]).tick_values(0.0, largest or 1.0)
+    edges = np.asarray(ticks)
+    if edges[-1] <= largest * (1 + 1e-9):
+        edges = np.append(edges, edges[-1] + edges[1])
+    return edges
 
 
 def bin_codes(distribution: Distribution, edges: FloatArray) -> list[int]:
@@ -155,23 +117,21 @@ def page_data(
     max_plans: int = MAX_PLANS,
 ) -> dict[str, Any]:
     """Compute the data of the page; plans are in order of ascending reward."""
-    if not all(hasattr(front, name) for name in ("mission", "plans", "objectives")):
+    if not hasattr(front, "plans"):
         raise TypeError(f"Expected a Solution, got {quoted(front)}.")
-    if isinstance(wishes, str | Wish | Choice):
-        wishes = [wishes]
     mission, n_plans = front.mission, len(front.plans)
     if not n_plans:
         raise ValueError("Expected at least one plan to explore, got none.")
     candidates = Candidates(mission, front.plans)
     choices = [_chosen(candidates, wish) for wish in wishes]
-    marks = list(_marks(front, choices))
+    marks = [(kind, row, *map(sentence, texts)) for kind, row, *texts in _marks(front, choices)]
     expected = front.expected
     order = np.lexsort((-expected[:, 1], expected[:, 0]))
-    kept = {row for _, row, *_ in marks}.union(*map(_named, choices))
+    kept = {row for _, row, *_ in marks}
+    kept |= {beside.index for choice in choices for beside in choice.cost}
     kept_places = np.flatnonzero(np.isin(order, list(kept))).tolist()
     rows = order[thinned(expected[order], kept_places, max_plans)].tolist()
     place = {row: i for i, row in enumerate(rows)}
-    write = sentence_writer(mission.nodes)
     marked = sorted({place[row] for _, row, *_ in marks})
     plans = [front.plans[row] for row in rows]
     # Differences in words between neighbours and between marked plans: all pairs are too many.
@@ -196,10 +156,10 @@ def page_data(
         "files": _files(mission, dict(zip(rows, plans, strict=True)), set(marked)),
         "ids": rows,
         "marks": [
-            {"kind": kind, "plan": place[row], "name": write(name), "text": [*map(write, text)]}
+            {"kind": kind, "plan": place[row], "name": name, "text": text}
             for kind, row, name, *text in marks
         ],
-        "words": {f"{i}-{j}": tuple(map(write, said)) for (i, j), said in words.items()},
+        "words": {f"{i}-{j}": tuple(map(sentence, said)) for (i, j), said in words.items()},
     }
 
 
@@ -276,7 +236,8 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
     )
     if mission.is_plain:  # it is what is reached
         collected = []
-    written = objective_texts(objectives)
+    # With one digit more than other numbers, since neighbours differ little.
+    written = [number_texts(column, DIGITS + 1) for column in objectives.T.tolist()]
     decimals = len(written[0][0].partition(".")[2])
     facts: dict[str, Callable[[Distribution], float]] = {
         # Not 0.1 itself: the largest reward that is reached so often.
@@ -312,11 +273,6 @@ def _chosen(candidates: Candidates, wish: str | Wish | Choice) -> Choice:
     return found
 
 
-def _named(choice: Choice) -> set[int]:
-    """Return the rows of the plans that the sentences about a choice name."""
-    return {step.index for step in choice.cost if step is not None}
-
-
 def _marks(front: Solution, choices: Iterable[Choice]) -> Iterator[tuple[Any, ...]]:
     """Yield the plans that are marked: the kind of mark, row, name, and sentences on why."""
     mission, objectives = front.mission, front.expected
@@ -336,7 +292,7 @@ def site_data(mission: Mission) -> dict[str, Any]:
     """Return nodes, their places on the map, and arcs."""
     site = maps.Site(mission)
     return {
-        "names": shown_names(mission.nodes),
+        "names": [*map(str, mission.nodes)],
         "base": site.base,
         "rewards": mission.rewards.tolist(),
         "reward_texts": number_texts(mission.rewards.tolist()),
@@ -344,14 +300,10 @@ def site_data(mission: Mission) -> dict[str, Any]:
         "placing": "".join(f"{note[0].upper()}{note[1:]}." for note in maps.layout_notes(mission)),
         "arcs": [site.tail.tolist(), site.head.tolist(), probability_codes(site.safest)],
         # For what is drawn along trails; each is exact to what a picture can show.
-        "arc_lengths": _seven_digits(site.length),
-        "arc_survival": [*map(_seven_digits, site.survival)],
+        "arc_lengths": np.round(site.length, 7).tolist(),
+        "arc_survival": np.round(site.survival, 7).tolist(),
         **_kinds(mission, site),
     }
-
-
-def _seven_digits(values: FloatArray) -> list[float]:
-    return [float(f"{value:.7g}") for value in values]
 
 
 def picture_data(background: Background | None) -> dict[str, Any] | None:
@@ -374,8 +326,6 @@ def _kinds(mission: Mission, site: Site) -> dict[str, Any]:
     several = len(names) > 1
     arcs, nodes = only_some(site.survival > 0), only_some(site.collects)
     notes = maps.place_notes(site)
-    if arcs or nodes:
-        notes.append("what not all kinds can take or collect has the colours of those that can")
     return {
         "kinds": names if several else [],
         "kind_of": [names.index(kind.name) for kind in mission.kind_of] if several else [],

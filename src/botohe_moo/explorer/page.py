@@ -19,14 +19,7 @@ from botohe_moo.base.files import check_file, check_suffix, replace_file
 from botohe_moo.base.numbers import price_text
 from botohe_moo.decide import Choice
 from botohe_moo.decide.wishes import Wish
-from botohe_moo.explorer.data import (
-    LITTLE,
-    number_texts,
-    page_data,
-    probability_codes,
-    sentence_writer,
-    site_data,
-)
+from botohe_moo.explorer import data as d
 from botohe_moo.mission.model import Mission
 from botohe_moo.underway import POLICIES, PlayedMission, PlayedStep
 
@@ -98,23 +91,22 @@ def replay_page(played: PlayedMission) -> str:
 def replay_data(played: PlayedMission) -> dict[str, Any]:
     """Compute the data of the page; its plans are those of the steps."""
     mission, steps = played.mission, played.steps
-    write = sentence_writer(mission.nodes)
     number = {trail: i for i, trail in enumerate(dict.fromkeys(t for s in steps for t in s.trails))}
     plans = [[number[trail] for trail in step.trails] for step in steps]
     price = price_text(played.price)
     return {
-        "about": write(
+        "about": d.sentence(
             f"Mission {played.number} of seed {played.seed}: {POLICIES[played.policy]}; {price}"
         ),
         "robots": mission.robots,
-        **site_data(mission),
+        **d.site_data(mission),
         "trails": [[mission.index(node) for node in trail] for trail in number],
         "plans": plans,
         "at": [step.at for step in steps],
         "lost": [step.lost for step in steps],
         "reached": [_codes(mission, step) for step in steps],
-        "banked": number_texts(step.reward for step in steps),
-        "said": [write(text) for text in played.sentences],
+        "banked": d.number_texts(step.reward for step in steps),
+        "said": [*map(d.sentence, played.sentences)],
         "told": [
             i
             for i in range(1, len(steps))
@@ -135,8 +127,8 @@ def _codes(mission: Mission, step: PlayedStep) -> list[int]:
     shares = [
         step.collected.get(node, 0.0) / pays for node, pays in zip(nodes, rewards, strict=True)
     ]
-    codes = zip(nodes, probability_codes(shares), strict=True)
-    return [(code or LITTLE) if node in visited else 0 for node, code in codes]
+    codes = zip(nodes, d.probability_codes(shares), strict=True)
+    return [(code or d.LITTLE) if node in visited else 0 for node, code in codes]
 
 
 SCRIPTS = ("data", "state", "front", "room", "map", "site", "strips", "tables", "files", "main")
@@ -229,7 +221,7 @@ def explorer_page(
     >>> page[:15]
     '<!DOCTYPE html>'
     """
-    return render(front.mission.title, page_data(front, wishes, background=background))
+    return render(front.mission.title, d.page_data(front, wishes, background=background))
 
 
 def render(
@@ -276,7 +268,7 @@ def notebook_frame(front: Solution) -> str:
 
     Fronts of more than 100 plans are thinned.
     """
-    data = page_data(front, max_plans=_NOTEBOOK_PLANS)
+    data = d.page_data(front, max_plans=_NOTEBOOK_PLANS)
     page = html.escape(render(front.mission.title, data))
     return (
         f'<iframe srcdoc="{page}" sandbox="allow-scripts allow-downloads" title="explorer" '

@@ -1,7 +1,7 @@
 """Maps of missions: axes of a known scale, nodes, arcs, trails, what kinds can do, and names."""
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -21,7 +21,7 @@ from botohe_moo.base.messages import counted
 from botohe_moo.base.types import BoolArray, FloatArray, IntArray
 from botohe_moo.mission.model import Mission
 from botohe_moo.plots import style as look
-from botohe_moo.plots.site import Background, Site, node_positions, only_some, robot_names
+from botohe_moo.plots.site import Background, Site, node_positions, only_some
 from botohe_moo.plots.style import Space
 
 # Maps behind the graph are not to be darker than arcs, and white is to stay as it is.
@@ -78,13 +78,9 @@ def open_axes(mission: Mission, ax: Axes | None, background: Background | None =
     return ax
 
 
-def add_colour_bar(ax: Axes, colours: ScalarMappable, label: str, slot: int | None = None) -> None:
-    """Put a colour bar right of ``ax``, as part of it: in the upper half (``slot`` 0) or the lower.
-
-    Without a ``slot`` it takes both.
-    """
-    low, height = (0.1, 0.8) if slot is None else (0.55 - 0.53 * slot, 0.43)
-    bar = ax.inset_axes((1.02, low, 0.022, height))
+def add_colour_bar(ax: Axes, colours: ScalarMappable, label: str, slot: int) -> None:
+    """Put a colour bar right of ``ax``, as part of it: in the upper half (``slot`` 0) or lower."""
+    bar = ax.inset_axes((1.02, 0.55 - 0.53 * slot, 0.022, 0.43))
     drawn = ax.figure.colorbar(colours, cax=bar, label=label)
     drawn.outline.set_visible(False)
     bar.yaxis.label.set_parse_math(True)  # the theme does not, for the sake of users' texts
@@ -140,7 +136,7 @@ def robot_styles(mission: Mission) -> list[RobotStyle]:
     inks: list[look.Colour] = []
     numbers: list[int] = []
     if len(mission.kinds) > 1:
-        names = robot_names(mission)
+        names = [f"{kind.name} {i}" for i, kind in enumerate(mission.kind_of)]
         for ink, kind in zip(kind_inks(mission), mission.kinds, strict=True):
             inks += [ink] * kind.robots
             numbers += range(kind.robots)
@@ -197,15 +193,15 @@ class Canvas:
         self.ax.add_collection(lines, autolim=False)
 
     def draw_arrows(
-        self, tail: IntArray, head: IntArray, colours: FloatArray, widths: FloatArray, **style: Any
+        self, tail: IntArray, head: IntArray, colours: FloatArray, widths: FloatArray
     ) -> None:
         """Draw one arrow per arc, bowed to its right so that both directions are seen."""
         points = self.curves(tail, head, bowed=True)
-        self.draw_lines(points, colors=colours, linewidths=widths, label="_arrows", **style)
+        self.draw_lines(points, colors=colours, linewidths=widths, zorder=1, label="_arrows")
         sizes = np.minimum(2.4 + 2.4 * widths, 1.1 * self.radius + widths)
         at, along = points[:, _STEPS.size // 2], self.xy[head] - self.xy[tail]
         # The quadratic curve runs parallel to its chord half-way.
-        self.draw_heads(at, along, sizes, facecolors=colours, label="_heads", **style)
+        self.draw_heads(at, along, sizes, facecolors=colours, zorder=1, label="_heads")
 
     def draw_heads(
         self, at: FloatArray, towards: FloatArray, sizes: FloatArray, **style: Any
@@ -254,7 +250,11 @@ class Canvas:
             return
         inks, half = kind_inks(self.mission), max(_TRIANGLE * self.radius, 6.5)
         for kind, (start, end) in zip(site.kinds, site.ends, strict=True):
-            rim = {"marker": _marker(kind), "edgecolor": inks[kind], "linewidths": 1.4}
+            rim = {
+                "marker": _MARKERS[kind % len(_MARKERS)],
+                "edgecolor": inks[kind],
+                "linewidths": 1.4,
+            }
             self.mark([start], half, zorder=1.6, facecolor=inks[kind], label="_start", **rim)
             if end != start:
                 self.mark([end], half, zorder=1.5, facecolor="white", label="_end", **rim)
@@ -304,34 +304,23 @@ class Canvas:
             at = self.xy[node]
             if not space.write_inside(at, text, fills[node]):
                 missing += not (reach and space.write_beside(at, text, size, reach=reach))
-        some = "some" if missing < len(texts) else "the"
-        return [f"no room for {some} {what}"] if missing else []
+        return [f"no room for some {what}"] if missing else []
 
-    def draw_trails(
-        self,
-        trails: Trails,
-        styles: Sequence[RobotStyle],
-        *,
-        bowed: Collection[tuple[int, int]] = frozenset(),
-    ) -> FloatArray:
+    def draw_trails(self, trails: Trails, styles: Sequence[RobotStyle]) -> FloatArray:
         """Draw trails on the right-hand side of their arcs, side by side, with arrowheads.
 
-        Arcs are straight lines, but those in ``bowed``, pairs of node indices, bow to their right.
         Returns the points of each passage (n_passages, n_points, 2), in the order of the trails.
         """
         passages = _passages(trails)
         if not passages:
             return np.empty((0, 0, 2))
         robot, tail, head, lane = np.array(passages, dtype=np.int32).T
-        bows = np.array([passage[1:3] in bowed for passage in passages])
         # The lanes of an arc should fit under the nodes at its ends, as long as they stay legible.
         gap = float(np.clip(self.radius / (lane.max() + 0.5), 1.9, 3.2))
         width = 0.75 * gap
-        points = self.curves(tail, head, bows)
-        along = points[:, -1] - points[:, 0]
+        points = shifted(self.curves(tail, head, bowed=False), (lane + 0.5) * gap / self.scale)
+        along = self.xy[head] - self.xy[tail]
         length = np.maximum(np.hypot(*along.T), 1e-12) * self.scale
-        # A bow keeps clear of the opposite arc by itself.
-        points = shifted(points, (lane + np.where(bows, 0.0, 0.5)) * gap / self.scale)
         ink = np.array([style.colour for style in styles])[robot]
         # How far the robot of each passage has walked before it; robots are in order.
         walked = np.cumsum(length) - length
@@ -342,19 +331,15 @@ class Canvas:
         self.draw_lines(points, colors="white", linewidths=width + 1.2, zorder=2, label="_casing")
         style: look.Style = {"colors": ink, "linewidths": width, "linestyles": lines}
         self.draw_lines(points, **style, zorder=3, label="_trails")
-        # Arrowheads of opposite and neighbouring lanes must not lie side by side.
-        free = length - 2 * self.radius
-        sizes = np.minimum(np.clip(1.3 * self.radius, 5.5, 8.0), free / 2.2)
-        ahead = 0.6 * sizes + np.where(free > 5 * sizes, 1.1 * sizes * (lane % 2), 0.0)
-        some = (sizes <= 3.0) & ((walked + length) // _APART > walked // _APART)
-        sizes[some], ahead[some] = 6.0, 0.0
-        shown = np.flatnonzero(sizes > 3.0)
-        step = (0.5 + ahead[shown] / length[shown]) * (points.shape[1] - 1)
-        before = step.astype(int)
-        start, end = points[shown, before], points[shown, before + 1]
-        at = start + (end - start) * (step - before)[:, None]
+        sizes = np.minimum(np.clip(1.3 * self.radius, 5.5, 8.0), (length - 2 * self.radius) / 2.2)
+        # Of arcs that are too short for an arrowhead each, some have one.
+        is_short = sizes <= 3.0
+        sizes[is_short] = 6.0
+        shown = ~is_short | ((walked + length) // _APART > walked // _APART)
+        # Beyond the middle, so that those of opposite and neighbouring lanes do not meet.
+        at = points[np.arange(len(points)), _STEPS.size // 2 + 1 + 2 * (lane % 2)]
         heads: look.Style = {"facecolors": ink[shown], "zorder": 3, "label": "_trail heads"}
-        self.draw_heads(at, end - start, sizes[shown], **heads)
+        self.draw_heads(at[shown], along[shown], sizes[shown], **heads)
         return points
 
 
@@ -382,9 +367,11 @@ def place_handles(mission: Mission, site: Site) -> list[Artist]:
     inks = kind_inks(mission)
     if site.has_ends:
         for kind, ends in zip(site.kinds, site.ends, strict=True):
-            team = _team_text(mission, kind, *ends)
+            start, end = (mission.nodes[node] for node in ends)
+            way = f"at {start}" if start == end else f"from {start} to {end}"
+            team = f"{mission.kinds[kind].name}: {mission.kinds[kind].robots} {way}"
             fill = {"markerfacecolor": inks[kind], "markersize": 8}
-            handles.append(mark(team, _marker(kind), inks[kind], 1, **fill))
+            handles.append(mark(team, _MARKERS[kind % len(_MARKERS)], inks[kind], 1, **fill))
     if len(site.depots):
         handles.append(mark("depot", "s", look.INK, 0.8))
     if len(site.returning) and not site.all_return:
@@ -394,18 +381,6 @@ def place_handles(mission: Mission, site: Site) -> list[Artist]:
     for kinds in {**only_some(site.survival > 0), **only_some(site.collects)}:
         names = " and ".join(mission.kinds[kind].name for kind in kinds)
         shade = [look.tint(inks[kind], _STRENGTH) for kind in kinds]
-        hatch: look.Style = {"hatch": "||", "edgecolor": shade[1]} if len(kinds) > 1 else {}
-        handles.append(Patch(facecolor=shade[0], label=f"only {names}", **hatch))
+        colours: look.Style = {"facecolor": shade[0], "edgecolor": shade[-1], "linewidth": 2}
+        handles.append(Patch(label=f"only {names}", **colours))
     return handles
-
-
-def _team_text(mission: Mission, kind: int, start: int, end: int) -> str:
-    of_kind, first, last = mission.kinds[kind], mission.nodes[start], mission.nodes[end]
-    who = f"{of_kind.robots} {of_kind.name}"
-    if len(mission.kinds) == 1:
-        who = counted(of_kind.robots, "robot")
-    return f"{who} at {first}" if start == end else f"{who} from {first} to {last}"
-
-
-def _marker(kind: int) -> str:
-    return _MARKERS[kind % len(_MARKERS)]

@@ -1,6 +1,6 @@
 """Pictures that compare algorithms at the end of their runs: areas, ranks, medians, shortfalls."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import networkx as nx
@@ -9,8 +9,8 @@ import pandas as pd
 import seaborn as sns
 from matplotlib.axes import Axes
 
-from botohe_moo.plots import panels as shared
-from botohe_moo.plots.panels import check_table, chosen_algorithms
+from botohe_moo.plots import shared
+from botohe_moo.plots.shared import check_table, chosen_algorithms
 from botohe_moo.plots.style import INK, Palette, new_axes, palette_of, theme
 
 _GOLDEN = (5**0.5 - 1) / 2  # its multiples spread evenly, whatever their number
@@ -61,7 +61,6 @@ def plot_areas(
     ... )
     >>> save_plot(plot_areas(runs, summary), "areas.png")
     """
-    shared.check_bound(bound)
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "status", "area"), algorithms)
     interval = ["area_median", "area_low", "area_high"]
     chosen_algorithms("summary", summary, ("algorithm", *interval), labels)
@@ -83,11 +82,8 @@ def plot_areas(
         ax.tick_params(axis="y", length=0)
         ax.set_yticks(range(len(labels)), shared.wrapped(labels))
         ax.locator_params(axis="x", nbins=7)  # areas that differ little have long numbers
-        ax.set(xlabel="area of the final front (normalised hypervolume)", ylabel="")
-        ax.set_title(title or "")
-        if bound is not None:
-            shared.draw_bound([ax], bound, "x")
-            shared.add_legend_beside(ax)
+        shared.draw_bound(ax, bound, "x")
+        shared.finish(ax, title, "area of the final front (normalised hypervolume)", "")
     return ax
 
 
@@ -151,12 +147,14 @@ def plot_ranks(
     colours = palette_of(labels, palette)
     with theme():
         ax = ax or new_axes(8.5, 0.9 + 0.16 * len(labels))
-        depth = _draw_bars(ax, sorted((group.min(), group.max()) for group in joined))
+        spans = sorted((group.min(), group.max()) for group in joined)
+        for depth, span in enumerate(spans, start=1):
+            ax.plot(span, [-depth, -depth], "k", linewidth=2, zorder=3)
         half = (len(average) + 1) // 2
         sides = [("right", average[:half], average.iloc[0] - 0.01)]
         sides.append(("left", average[half:][::-1], average.iloc[-1] + 0.01))
         for side, names, x in sides:
-            for y, (label, rank) in enumerate(names.items(), start=depth + 1):
+            for y, (label, rank) in enumerate(names.items(), start=len(spans) + 1):
                 colour = colours[str(label)]
                 said = f"{label}  ({rank:.2f})" if side == "right" else f"({rank:.2f})  {label}"
                 ax.plot([x, rank, rank], [-y, -y, 0], color=colour)
@@ -171,16 +169,6 @@ def plot_ranks(
         ax.set_xlim(1, len(labels))
         ax.set_title(title or "", pad=24)
     return ax
-
-
-def _draw_bars(ax: Axes, spans: Iterable[tuple[float, float]]) -> int:
-    """Draw bars below each other, where they would overlap; return how many lines these are."""
-    lines: list[float] = []  # where the last bar of each line ends
-    for low, high in spans:
-        line = next((i for i, end in enumerate(lines) if end < low), len(lines))
-        lines[line : line + 1] = [high]
-        ax.plot([low, high], [-line - 1] * 2, color="k", linewidth=2, zorder=3)
-    return len(lines)
 
 
 def overruled(posthoc: pd.DataFrame) -> bool:
@@ -305,8 +293,7 @@ def plot_shortfalls(
         ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         ax.set_ylim(len(names) - 0.5, -0.5)
         ax.tick_params(axis="y", length=0)
-        ax.set(xlabel=meaning, ylabel="", title=title or "")
-        shared.add_legend_beside(ax)
+        shared.finish(ax, title, meaning, "")
     return ax
 
 
@@ -314,8 +301,7 @@ def two_parameter_grids(algorithms: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Find families of algorithms in which exactly two parameters vary, and nothing else does.
 
     Returns for each family the algorithms' labels: a row for each value of the first parameter, a
-    column for each of the second, in ascending order, or in that of ``algorithms``, the study's
-    table, if they are not numbers; missing where there is no such algorithm.
+    column for each of the second, in ascending order; missing where there is no such algorithm.
     """
     parameters = [column for column in algorithms.columns if column not in _NO_PARAMETERS]
     grids = {}
@@ -324,13 +310,6 @@ def two_parameter_grids(algorithms: pd.DataFrame) -> dict[str, pd.DataFrame]:
         varying = [name for name in parameters if len(set(shown[name])) > 1]
         if len(varying) != 2 or len(set(rows["name"])) > 1 or shown.duplicated(varying).any():
             continue
-        labels = rows["algorithm"].set_axis(pd.MultiIndex.from_frame(shown[varying])).unstack()  # noqa: PD010
-        index, columns = (_ordered(shown[name]) for name in varying)
-        grids[str(family)] = labels.reindex(index=index, columns=columns)
+        by_values = pd.MultiIndex.from_frame(shown[varying])
+        grids[str(family)] = rows["algorithm"].set_axis(by_values).unstack()  # noqa: PD010
     return grids
-
-
-def _ordered(values: Iterable[Any]) -> list[Any]:
-    found = list(dict.fromkeys(values))
-    numbers = all(isinstance(value, int | float | np.number) for value in found)
-    return sorted(found) if numbers else found

@@ -1,7 +1,7 @@
 """Pictures of runs over time: how areas grow or distances shrink, and targets that are reached."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -11,26 +11,17 @@ from matplotlib.axes import Axes
 from botohe_moo.base.messages import check_choice
 from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import INDICATORS, TIE, further_indicators
-from botohe_moo.plots import panels as shared
-from botohe_moo.plots.panels import check_bound, check_table, chosen_algorithms, log_axis
-from botohe_moo.plots.style import Palette, theme
+from botohe_moo.plots import shared
+from botohe_moo.plots.shared import check_table, chosen_algorithms, log_axis
+from botohe_moo.plots.style import Palette, new_axes, theme
 
 Spent = Literal["evaluations", "seconds"]
-Band = Literal["quartiles", "sd", "range"]
+Band = Literal["quartiles", "range"]
 
 NAMES = {"evaluations": "evaluations", "seconds": "seconds of the algorithm's own time"}
-# The line and the edges of its band, of values in groups: seaborn's take half a second a curve.
-_BANDS: dict[str, Callable[[Any], tuple[Any, Any, Any]]] = {
-    "quartiles": lambda groups: (groups.median(), groups.quantile(0.25), groups.quantile(0.75)),
-    "sd": lambda groups: (
-        groups.mean(),
-        groups.mean() - groups.std(),
-        groups.mean() + groups.std(),
-    ),
-    "range": lambda groups: (groups.median(), groups.min(), groups.max()),
-}
+# Quantiles of the line and of the edges of its band.
+_BANDS = {"quartiles": (0.5, 0.25, 0.75), "range": (0.5, 0.0, 1.0)}
 _N_POINTS = 200
-_COLOURS_ALONE = 6  # with more curves than this, colours alone are hard to follow
 
 
 def plot_curves(
@@ -50,8 +41,7 @@ def plot_curves(
     Between two records a run's area is that of the last one, nothing is interpolated. A run that
     ended keeps its last area. A curve begins where all runs of its algorithm have a record. The
     legend lists the algorithms as their curves end, the highest first. The axes of areas begin
-    where the upper half of what the curves reach does. From twelve algorithms on each has a panel
-    of its own, with all others in grey; the axes of the first one are returned.
+    where the upper half of what the curves reach does.
 
     Parameters
     ----------
@@ -70,16 +60,15 @@ def plot_curves(
         Colours as seaborn takes them: the name of a palette, a list, or a colour for each label.
         Default: the colours of the theme that is set, or of seaborn's "colorblind".
     band
-        ``quartiles``: median, between a quarter and three quarters of the runs; ``sd``: mean plus
-        and minus one standard deviation; ``range``: median, smallest to largest. An algorithm with
-        one run has no band.
+        Around the median: ``quartiles``, between a quarter and three quarters of the runs, or
+        ``range``, from the smallest to the largest. An algorithm with one run has no band.
     bound
         An area that no front exceeds, such as ``FrontBound.area``: a dashed line, unless it is too
         far from what is shown. Only where ``value`` is ``area``.
     title
         Title of the picture. Default: none.
     ax
-        Axes to draw on, for all algorithms. A figure will be created if not given.
+        Axes to draw on. A figure will be created if not given.
 
     Raises
     ------
@@ -99,43 +88,34 @@ def plot_curves(
     """
     if bound is not None and value != "area":
         raise ValueError(f"Expected no bound, which is of areas, with {value}, got {bound}.")
-    check_bound(bound)
     check_choice("band", band, _BANDS)
     steps = progress(trace, x=x, value=value, algorithms=algorithms)
     steps[value] = steps[value].where(steps[value].abs() > TIE, 0.0)
     of_runs = steps.groupby(["algorithm", x], observed=True)[value]
-    middle, low, high = _BANDS[band](of_runs)
+    middle, low, high = (of_runs.quantile(share) for share in _BANDS[band])
     known = middle.index.unique("algorithm")
     chosen = [a for a in chosen_algorithms("trace", trace, (), algorithms) if a in known]
     ends = {label: middle[label].iloc[-1] for label in chosen}
     styles = shared.line_styles(chosen, palette)
-    labels = sorted(chosen, key=lambda label: -ends[label])
     with theme():
-        axes = shared.axes_of(labels, ax)
-        marked = len(set(axes.values())) == 1 and len(labels) > _COLOURS_ALONE
-        for label in labels:
+        ax = ax or new_axes(7.5, max(4.0, 0.42 * len(chosen)))
+        for label in sorted(chosen, key=lambda label: -ends[label]):
             line, style = middle[label], styles[label]
-            n_points = len(line)
-            if marked or n_points == 1:
-                # Markers are at other places on each curve.
-                style["markevery"] = (5 * chosen.index(label) % min(40, n_points), 40)
-            else:
-                style["marker"] = None
-            style |= {"drawstyle": "steps-post", "estimator": None, "legend": False}
-            sns.lineplot(line, **style, ax=axes[label])
+            # Markers are at other places on each curve.
+            style["markevery"] = (5 * chosen.index(label) % min(40, len(line)), 40)
+            ax.step(line.index, line, where="post", **style)
             shade = {"step": "post", "color": style["color"], "alpha": 0.2, "linewidth": 0}
-            axes[label].fill_between(line.index, low[label], high[label], **shade)
-        first = axes[labels[0]]
-        log_axis(first)
+            ax.fill_between(line.index, low[label], high[label], **shade)
+        log_axis(ax)
         if value == "area":
             # Where curves end has to be seen, and at least the upper half of the way there.
             worst, best = min(ends.values()), max(ends.values())
-            bottom, top = first.get_ylim()
-            first.set_ylim(max(bottom, min(2 * worst - best, 0.5 * best)), top)
-            shared.draw_bound(dict.fromkeys(axes.values()), bound, "y")
+            bottom, top = ax.get_ylim()
+            ax.set_ylim(max(bottom, min(2 * worst - best, 0.5 * best)), top)
+            shared.draw_bound(ax, bound, "y")
         elif (steps[value] > 0).any():
-            log_axis(first, "y")
-        return shared.finish(axes, title, NAMES[x], INDICATORS[value].in_words)
+            log_axis(ax, "y")
+        return shared.finish(ax, title, NAMES[x], INDICATORS[value].in_words)
 
 
 def progress(
@@ -199,7 +179,7 @@ def plot_reached(
     x
         What the horizontal, logarithmic axis shows.
     algorithms, palette, title, ax
-        As in :func:`plot_curves`, with panels from twelve algorithms on.
+        As in :func:`plot_curves`.
 
     Raises
     ------
@@ -233,14 +213,14 @@ def plot_reached(
     styles = shared.line_styles(spent, palette)
     labels = sorted(spent, key=lambda label: -np.isfinite(spent[label]).mean())
     with theme():
-        axes = shared.axes_of(labels, ax)
+        ax = ax or new_axes(7.5, max(4.0, 0.42 * len(labels)))
         for label in labels:
             # What is never reached lies beyond the edge, since seaborn leaves out the infinite.
             within = np.clip(spent[label], low, 2 * high)
-            sns.ecdfplot(x=within, ax=axes[label], **{**styles[label], "marker": None})
-        axes[labels[0]].set(xlim=(low, high * 1.01), ylim=(-0.02, 1.02))
-        log_axis(axes[labels[0]])
-        return shared.finish(axes, title, NAMES[x], "share of runs × targets reached")
+            sns.ecdfplot(x=within, ax=ax, markevery=0.15, **styles[label])
+        ax.set(xlim=(low, high * 1.01), ylim=(-0.02, 1.02))
+        log_axis(ax)
+        return shared.finish(ax, title, NAMES[x], "share of runs × targets reached")
 
 
 def first_reached(

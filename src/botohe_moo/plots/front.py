@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import moocore
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
+from matplotlib.colors import ListedColormap
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
-from botohe_moo.base.messages import counted, quoted
+from botohe_moo.base.messages import counted
 from botohe_moo.base.types import FloatArray
 from botohe_moo.decide.fronts import check_objectives, check_row, front_rows
 from botohe_moo.indicators import area_indicator
-from botohe_moo.mission.model import Mission, check_mission, numbers_digest
+from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.objectives import Objectives
-from botohe_moo.plots import panels as shared
+from botohe_moo.plots import shared
 from botohe_moo.plots import style as look
 from botohe_moo.plots.style import Space, title_above
 
@@ -34,8 +35,7 @@ _STAIRS = "_stairs"  # label by which the fronts on axes are counted
 _CROWD = 150  # points; the rims of more would cover other points
 _RING = 5.5  # points: radius of the rings around highlighted plans
 _SHADES = 5  # of differences; more are hard to distinguish
-_MANY = 1_500  # rectangles; more are drawn as an image in vector files, too
-_MAX_STEPS = 120  # of differences; more would take half a minute
+_CELLS = 500  # of an image of differences, in each direction
 
 
 def plot_front(
@@ -77,7 +77,7 @@ def plot_front(
     Raises
     ------
     TypeError
-        If ``mission`` is not a Mission, or ``bound`` not a FrontBound.
+        If ``mission`` is not a Mission.
     ValueError
         If ``objectives`` has another shape or is not finite, ``highlight`` names no row of it, or
         ``bound`` is of another mission, or a plan lies above it.
@@ -94,7 +94,12 @@ def plot_front(
     points = check_objectives(points.reshape(-1, 2) if points.shape == (0,) else points)
     chosen = _rows(highlight, len(points))
     if bound is not None:
-        mission = _mission_of(bound, mission)
+        mission = bound.mission if mission is None else mission
+        if numbers_digest(mission) != numbers_digest(bound.mission):
+            found = f"{bound.mission.name!r} with {bound.mission.team}"
+            raise ValueError(
+                f"Expected a bound of the mission {mission.name!r}, got one of {found}."
+            )
         bound.check("objectives", points)
     corners, summary = staircase(points), front_summary(points, mission)
     with look.theme():
@@ -135,20 +140,6 @@ def staircase(objectives: FloatArray) -> FloatArray:
     right = np.concatenate([[0.0], np.repeat(reward, 2), [0.0]])
     up = np.concatenate([np.repeat(survivors, 2), [0.0, 0.0]])
     return np.column_stack([right, up])
-
-
-def _mission_of(bound: FrontBound, mission: Mission | None) -> Mission:
-    """Return the mission of a bound; a TypeError or ValueError if it does not fit ``mission``."""
-    from botohe_moo.bounds import FrontBound  # late: few pictures have a bound
-
-    if not isinstance(bound, FrontBound):
-        raise TypeError(f"Expected bound to be a FrontBound, got {quoted(bound)}.")
-    if mission is None:
-        return bound.mission
-    if numbers_digest(check_mission(mission)) != numbers_digest(bound.mission):
-        wanted, found = (f"{one.name!r} with {one.team}" for one in (mission, bound.mission))
-        raise ValueError(f"Expected a bound of the mission {wanted}, got one of {found}.")
-    return mission
 
 
 def _rows(
@@ -193,8 +184,6 @@ def _shade_gap(
 ) -> None:
     """Shade what lies between a front, whose corners are given, and a bound."""
     more = f"at most {100 * gap:.2f} % more area"
-    if math.isinf(gap):
-        more = f"area at most {bound.area:.4f}"
     highest = staircase(bound.points)
     # Back along the front, so that what it dominates is left out.
     between = np.concatenate([highest, corners[::-1]])
@@ -244,7 +233,7 @@ def plot_fronts(
     bound
         Points that plans do not exceed, as in a study's bounds, in the same columns; a dashed line.
     algorithms, palette, title, ax
-        As in :func:`plot_curves`, with panels from twelve algorithms on.
+        As in :func:`plot_curves`.
 
     Raises
     ------
@@ -276,17 +265,17 @@ def plot_fronts(
     looks: look.Style = {"markevery": (1, 2), "markersize": 4, "linewidth": 1.2}
     looks |= {"markeredgecolor": "white", "markeredgewidth": 0.3}
     with look.theme():
-        axes = shared.axes_of(list(fronts), ax)
+        ax = ax or look.new_axes(7.5, max(4.0, 0.42 * len(fronts)))
         for label, style in shared.line_styles(fronts, palette).items():
             front = fronts[label][seeds[label]]
             style["label"] += f" (seed {seeds[label]})" + ("" if len(front) else ": no plans")
-            axes[label].plot(*staircase(front)[:-1].T, **style, **looks)
-        for panel in dict.fromkeys(axes.values()):
-            for points, style in further:
-                if points is not None:
-                    corners = staircase(points[["reward", "survivors"]].to_numpy(float))[:-1]
-                    panel.plot(*corners.T, **style)
-        return shared.finish(axes, title, *OBJECTIVES, xlim=(0, None), ylim=(0, None))
+            ax.plot(*staircase(front)[:-1].T, **style, **looks)
+        for points, style in further:
+            if points is not None:
+                corners = staircase(points[["reward", "survivors"]].to_numpy(float))[:-1]
+                ax.plot(*corners.T, **style)
+        ax.set(xlim=(0, None), ylim=(0, None))
+        return shared.finish(ax, title, *OBJECTIVES)
 
 
 def plot_attainment(
@@ -308,7 +297,7 @@ def plot_attainment(
     plans, runs
         As in :func:`plot_fronts`.
     algorithms, palette, title, ax
-        As in :func:`plot_curves`, with panels from twelve algorithms on.
+        As in :func:`plot_curves`.
 
     Raises
     ------
@@ -331,16 +320,17 @@ def plot_attainment(
     """
     fronts = final_fronts(plans, runs, algorithms)
     with look.theme():
-        axes = shared.axes_of(list(fronts), ax)
+        ax = ax or look.new_axes(7.5, max(4.0, 0.42 * len(fronts)))
         for label, style in shared.line_styles(fronts, palette).items():
             runs_of = list(fronts[label].values())
             few, half, most = (staircase(attainment_surface(runs_of, p))[:-1] for p in (25, 50, 75))
             # Markers are not plans: a few are enough to tell the lines apart.
-            axes[label].plot(*half.T, markevery=max(1, len(half) // 8), markersize=5, **style)
+            ax.plot(*half.T, markevery=max(1, len(half) // 8), markersize=5, **style)
             if len(runs_of) > 1:
                 band = np.concatenate([few, most[::-1]])
-                axes[label].fill(*band.T, color=style["color"], alpha=0.2, linewidth=0)
-        return shared.finish(axes, title, *OBJECTIVES, xlim=(0, None), ylim=(0, None))
+                ax.fill(*band.T, color=style["color"], alpha=0.2, linewidth=0)
+        ax.set(xlim=(0, None), ylim=(0, None))
+        return shared.finish(ax, title, *OBJECTIVES)
 
 
 def plot_attainment_difference(
@@ -396,8 +386,11 @@ def plot_attainment_difference(
     fronts = final_fronts(plans, runs, [algorithm, other])
     colours = look.palette_of(fronts, palette)
     mine, theirs = (list(fronts[label].values()) for label in (algorithm, other))
-    rectangles, difference = attainment_difference(mine, theirs)
     reach = staircase(attainment_surface([*mine, *theirs], 0))[:-1]
+    most = np.where(reach.max(axis=0) > 0, reach.max(axis=0), 1.0)
+    # The middles of the cells of an image.
+    grid = (np.arange(_CELLS) + 0.5) / _CELLS * most[:, None]
+    difference = attainment(mine, *grid) - attainment(theirs, *grid)
     legend: look.Style = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}
     legend |= {"columnspacing": 1.2, "fontsize": "small", "title": "share of its runs, ahead by"}
     with look.theme():
@@ -408,19 +401,23 @@ def plot_attainment_difference(
         sides = ((left, algorithm, mine, difference), (right, other, theirs, -difference))
         for ax, label, found, ahead in sides:
             shades = sns.light_palette(colours[label], _SHADES + 1)[1:]
-            for level, shade in enumerate(shades, start=1):
-                # Each step includes its upper end: a difference of 1/5 is in the first.
-                shown = np.ceil(ahead * _SHADES - 1e-9) == level
-                step = f"{100 * (level - 1) // _SHADES}–{100 * level // _SHADES} %"
-                _shade(ax, rectangles[shown], shade, step)
+            # Each step includes its upper end: a difference of 1/5 is in the first.
+            steps = np.ceil(ahead * _SHADES - 1e-9)
+            image: look.Style = {"extent": (0.0, most[0], 0.0, most[1]), "aspect": "auto"}
+            image |= {"origin": "lower", "vmin": 1, "vmax": _SHADES, "zorder": 1}
+            ax.imshow(np.ma.masked_less(steps, 1), ListedColormap(shades), **image)
+            keys: list[Artist] = [
+                Patch(color=shade, label=f"{100 * i // _SHADES}–{100 * (i + 1) // _SHADES} %")
+                for i, shade in enumerate(shades)
+            ]
             half = staircase(attainment_surface(found, 50))[:-1]
             line: look.Style = {"color": look.INK, "linewidth": 1.0}
-            ax.plot(*reach.T, **line, label="any run of both")
-            ax.plot(*half.T, **line, linestyle="--", label="half of its runs")
-            ax.set(xlim=(0, None), ylim=(0, None), xlabel=OBJECTIVES[0])
+            keys += ax.plot(*reach.T, **line, label="any run of both")
+            keys += ax.plot(*half.T, **line, linestyle="--", label="half of its runs")
+            ax.set(xlim=(0, 1.05 * most[0]), ylim=(0, 1.05 * most[1]), xlabel=OBJECTIVES[0])
             name = shared.wrapped([label])[0]
             ax.set_title(f"{name} reaches more often", fontweight="normal")
-            ax.legend(**legend)
+            ax.legend(handles=keys, **legend)
         left.set_ylabel(OBJECTIVES[1])
         if title:
             left.figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
@@ -514,52 +511,21 @@ def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArr
     Fonseca, Guerreiro, López-Ibáñez and Paquete, "On the computation of the empirical attainment
     function", EMO 2011.
     """
-    sets = _sets(fronts)
-    surface = moocore.eaf(-sets[:, :2], sets[:, 2], percentiles=[percent])
+    # Moocore does not take empty sets.
+    points = [front if len(front) else np.zeros((1, 2)) for front in fronts]
+    run = np.repeat(np.arange(len(points)), [len(front) for front in points])
+    surface = moocore.eaf(-np.concatenate(points), run, percentiles=[percent])
     return np.asarray(-surface[:, :2] + 0.0)  # no negative zeros
 
 
-def attainment_difference(
-    fronts: Iterable[FloatArray], others: Iterable[FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Return rectangles (n, 4) that runs reach unequally often, and the differences (n,).
-
-    Rectangles are left, bottom, right and top, and do not overlap. A difference, in [-1, 1], is the
-    share of the first runs that reach the inside, less that of the others. If the numbers of runs
-    have no common multiple up to 120, it is off by up to one run's share.
-    """
-    fronts, others = list(fronts), list(others)
-    pooled = [*fronts, *others]
-    if np.array_equal(attainment_surface(pooled, 0), attainment_surface(pooled, 100)):
-        return np.empty((0, 4)), np.empty(0)  # all runs reach the same, which moocore cannot say
-    # Moocore gives whole steps, at most half as many as there are runs: with equally many runs
-    # of both, all differences are whole.
-    steps = math.lcm(len(fronts), len(others))
-    if 0 < steps <= _MAX_STEPS:
-        fronts, others = fronts * (steps // len(fronts)), others * (steps // len(others))
-    else:
-        steps = len(pooled) // 2
-    found = moocore.eafdiff(
-        _sets(fronts), _sets(others), intervals=steps, maximise=True, rectangles=True
-    )
-    corners = np.maximum(found[:, :4], 0.0)  # unbounded ones reach to the axes
-    low = np.minimum(corners[:, :2], corners[:, 2:])
-    high = np.maximum(corners[:, :2], corners[:, 2:])
-    real = (low < high).all(axis=1) & (found[:, 4] != 0)
-    return np.hstack([low, high])[real], found[real, 4] / steps
-
-
-def _sets(fronts: Iterable[FloatArray]) -> FloatArray:
-    """Return points of all runs with the number of their run; moocore does not take empty sets."""
-    points = [front if len(front) else np.zeros((1, 2)) for front in fronts]
-    numbers = np.repeat(np.arange(len(points), dtype=float), list(map(len, points)))
-    return np.column_stack([np.concatenate(points), numbers])
-
-
-def _shade(ax: Axes, rectangles: FloatArray, shade: look.Colour, name: str) -> None:
-    """Fill rectangles (n, 4): left, bottom, right and top; name them in the legend."""
-    left, low, right, top = rectangles.T
-    corners = np.stack([left, low, right, low, right, top, left, top], axis=1).reshape(-1, 4, 2)
-    # Edges of the same colour hide the seams between neighbours.
-    style: look.Style = {"color": [shade], "linewidths": 0.3, "zorder": 1, "label": name}
-    ax.add_collection(PolyCollection(list(corners), rasterized=len(corners) > _MANY, **style))
+def attainment(
+    fronts: Sequence[FloatArray], rewards: FloatArray, survivors: FloatArray
+) -> FloatArray:
+    """Return the share of runs that reach each point of a grid (n_survivors, n_rewards)."""
+    reached = np.zeros((len(survivors), len(rewards)))
+    for front in fronts:
+        by_reward = front[np.argsort(front[:, 0])]
+        # The most survivors with at least the reward of each plan; none with more than the largest.
+        best = np.append(np.maximum.accumulate(by_reward[::-1, 1])[::-1], 0.0)
+        reached += survivors[:, None] <= best[np.searchsorted(by_reward[:, 0], rewards)]
+    return reached / len(fronts)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import cycle
-from string import ascii_uppercase
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
@@ -21,14 +19,14 @@ from botohe_moo.decide.wishes import Candidates
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots import style as look
 from botohe_moo.plots.front import staircase
-from botohe_moo.plots.panels import DASHES
+from botohe_moo.plots.shared import line_styles
 from botohe_moo.plots.style import Palette, objectives_text, title_above
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:
     from botohe_moo.underway import PolicyOutcomes
 
-_FEW = 12  # most bars whose heights are written above them
+_DASHES = ("-", "--", ":", "-.")
 _SPREAD = 0.7  # of the distance between two numbers of survivors, for the clouds of all policies
 
 
@@ -53,7 +51,7 @@ def plot_outcomes(
     *plans
         One plan or several, valid for it.
     names
-        What the plans are called, all different. Default: ``plan A``, ``plan B``, ...
+        What the plans are called, all different. Default: ``plan 0``, ``plan 1``, ...
     palette
         Colours as seaborn takes them, or a colour for each name. Default: as in
         :func:`plot_curves`.
@@ -94,9 +92,8 @@ def plot_outcomes(
     if not plans:
         raise ValueError("Expected at least one plan, got none.")
     if names is None:
-        letters = [ascii_uppercase[i % 26] + f"{i // 26 or ''}" for i in range(len(plans))]
-        names = [f"plan {letter}" for letter in letters]
-    elif isinstance(names, str) or len({*names}) != len(plans):
+        names = [f"plan {i}" for i in range(len(plans))]
+    if len({*names}) != len(plans):
         raise ValueError(f"Expected {len(plans)} different names, one a plan, got {names!r}.")
     judged = Candidates(mission, plans)
     colours = look.palette_of(map(str, names), palette)
@@ -108,7 +105,7 @@ def plot_outcomes(
         for i, (name, colour) in enumerate(colours.items()):
             reward, alive = (judged.distribution(what, i) for what in ("reward", "survivors"))
             source = f"; R from {reward.n_samples:,} simulated missions" if reward.n_samples else ""
-            line: look.Style = {"color": colour, "linestyle": DASHES[i % len(DASHES)]}
+            line: look.Style = {"color": colour, "linestyle": _DASHES[i % len(_DASHES)]}
             line["label"] = f"{name}: {objectives_text(reward.mean, alive.mean)}{source}"
             beyond = {"x": reward.values, "weights": reward.probabilities, "complementary": True}
             sns.ecdfplot(**beyond, **line, linewidth=2, ax=left)
@@ -120,10 +117,6 @@ def plot_outcomes(
         columns: look.Style = {"hue": "plan", "palette": colours, "saturation": 1.0}
         columns |= {"native_scale": True, "legend": False}
         sns.barplot(pd.DataFrame(bars), x="number", y="probability", **columns, ax=right)
-        if len(bars) <= _FEW:
-            texts: Any = {"fmt": lambda p: f"{p:.2f}" if p >= 0.005 else "", "fontsize": "small"}
-            for drawn in right.containers:
-                right.bar_label(drawn, padding=2, **texts)  # type: ignore[arg-type]
         left.set(xlim=(0.0, mission.total_reward or 1.0), ylim=(0.0, 1.02))
         left.set(xlabel="team reward R", ylabel="probability of at least R")
         right.set(xlabel="number of survivors S", ylabel="probability of exactly S")
@@ -178,16 +171,14 @@ def plot_policies(
         jitter = np.random.default_rng(0).uniform(-0.4, 0.4, outcomes.played["mission"].nunique())
         cloud: look.Style = {"s": 5, "alpha": 0.25, "linewidths": 0, "zorder": 1}
         mean: look.Style = {"markersize": 9, "markeredgecolor": look.INK, "ecolor": look.INK}
-        inks, markers = look.colours(len(table)), cycle(look.MARKERS)
-        for i, (policy, ink, marker) in enumerate(zip(table.index, inks, markers, strict=False)):
+        for i, (policy, style) in enumerate(line_styles(table.index, None).items()):
             row, played = table.loc[policy], outcomes.played[outcomes.played["policy"] == policy]
             band = (i - (len(table) - 1) / 2 + jitter) * width
-            ax.scatter(played["reward"], played["survivors"] + band, color=ink, **cloud)
+            ax.scatter(played["reward"], played["survivors"] + band, color=style["color"], **cloud)
             gained = f": {row['gain']:+.2f} ± {row['gain_se']:.2f}" if policy != "static" else ""
-            reward, survivors = played["reward"].sem(), played["survivors"].sem()
-            errors: look.Style = {"xerr": 2 * reward, "yerr": 2 * survivors, "color": ink}
-            errors |= {"marker": marker, "zorder": 3, "label": f"{policy}{gained}"}
-            ax.errorbar(row["reward"], row["survivors"], **errors, **mean)
+            reward, survivors = played[["reward", "survivors"]].sem()
+            style |= {"xerr": 2 * reward, "yerr": 2 * survivors, "label": f"{policy}{gained}"}
+            ax.errorbar(row["reward"], row["survivors"], **style, **mean, zorder=3)
         ax.set(xlabel="team reward R", ylabel="number of survivors S, a band for each policy")
         ax.set_xlim(-0.02 * mission.total_reward, 1.02 * mission.total_reward or 1.0)
         ax.set(ylim=(-0.5, mission.robots + 0.5), yticks=range(mission.robots + 1))

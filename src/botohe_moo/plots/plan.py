@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING
 
@@ -11,13 +11,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize, to_rgba
+from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
-from matplotlib.transforms import Bbox
 
 from botohe_moo.base.numbers import probability_text
 from botohe_moo.base.types import FloatArray
-from botohe_moo.decide import Mark, knees, representatives
+from botohe_moo.decide import knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots import canvas as maps
@@ -31,34 +30,23 @@ from botohe_moo.trails import Plans, TrailPlan
 if TYPE_CHECKING:
     from botohe_moo.underway import Replan
 
-_MAX_MAPS = 24
-# The marker of each mark, its size and colour, and a letter that looks like it. The white star can
-# be seen on the diamond, too.
-_SIGNS = {
-    "farthest from the chord": ("D", 7.0, look.INK, "◆"),
-    "largest product": ("*", 7.5, "white", "☆"),
-}
+_MAXwideS = 24
 _GROUND = "#c9c9c9"
 
 # In points:
 _SMALLEST = 1.6  # least radius of a node on a trail
-_LEGIBLE = 2.2  # least radius of a node for arcs off the trails to be drawn
-_DOTS = 1.5  # least distance between nodes for those off the trails to be drawn
+_LEGIBLE = 2.2  # least radius of a node for what is off the trails to be drawn
 _NUMBERS = 6.5  # height of numbers beside nodes
 _ROBOTS = 7.0  # height of names of robots
 _NEAR = 1.5  # how far the names of many nodes may be from them
-_ROOM = 20.0  # distance between most nodes at which numbers have room
 
 # In inches:
-_NAME = 0.34  # height of the name over each map
+_NAME = 0.5  # height of the name below each map
 _ABOVE = 0.8  # height of the title over all maps
-_RIGHT = 0.95  # width of the key right of all maps
-_GAP = 0.15  # between maps
+_BESIDE = 0.9  # width of the numbers left of a front, and of the key right of all maps
 
-_SPOTS = 60  # most places that are tried for a robot's name on a part of its trail
 _LINE = 14  # most letters in a line of numbers beside a node
-_SHAPE = 1.4  # the preferred width of a figure, divided by its height
-_EMPTY = 0.25  # what a place costs when the shape is chosen, so that few stay empty
+_SHAPE = 1.2  # the preferred width of a figure, divided by its height
 
 
 def plot_plan(
@@ -77,8 +65,8 @@ def plot_plan(
     that both directions are seen. Robots, R0, R1, ... in the order of the plan, differ in colour,
     dash and label; kinds of robots differ in colour, and the robots of a kind in dash and label. A
     triangle marks where a kind starts, a hollow one where it ends, and depots are squares. What
-    would be too small to see is not drawn, and the line under the title says so: arcs off the
-    trails of large missions, and names and numbers without room.
+    would be too small to see is not drawn, and the line under the title says so: nodes and arcs
+    off the trails of large missions, and names and numbers without room.
 
     Parameters
     ----------
@@ -90,8 +78,7 @@ def plot_plan(
         File of a map of the site, YAML as for ROS's map server, to draw faintly behind each map.
         Its origin and resolution are in the units of ``pos``.
     title
-        Name of the picture; what follows a line break is paler. Default: the mission's title, and
-        the plan's objectives.
+        Name of the picture. Default: the mission's title.
     ax
         Axes for the map of all robots, which is then the only one, with a legend below. By default
         a figure with all maps will be created, of at most 24 robots that leave their place.
@@ -120,32 +107,31 @@ def plot_plan(
     """
     shown = DrawnPlan(mission, plan)
     behind = where.read_background(background, mission)
-    if title is None:
-        title = f"{mission.title}\n{shown.objectives}"
     with look.theme():
-        if ax is not None:
-            open_axes(mission, ax, behind)
-            _add_reach_bar(ax)
-            shown.add_legend(ax)
-            title_above(ax, title, "; ".join([*shown.staying, *shown.draw_team(ax), *shown.marks]))
-            return ax
-        robots = shown.leaving[:_MAX_MAPS]
-        # Between more than three, the map of all robots is larger: trails share its arcs.
-        span = 2 if len(robots) == 2 or len(robots) > 3 else 1
-        widest, room = 6.4 if len(robots) < 4 else 5.2, _name_room(mission) / span
-        first, *others = _open_sheet(mission, len(robots), span, widest=widest, room=room)
-        for one in (first, *others):
+        if ax is None:
+            robots = shown.leaving[:_MAXwideS]
+            # Between more than three, the map of all robots is larger: trails share its arcs.
+            axes = _open_sheet(
+                mission, len(robots), 2 if len(robots) == 2 or len(robots) > 3 else 1
+            )
+        else:
+            robots, axes = [], [ax]
+        for one in axes:
             open_axes(mission, one, behind)
-        _add_reach_bar(first, *others)
-        notes = [*shown.staying, *shown.draw_team(first), *shown.marks]
-        _name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
+        _add_reach_bar(axes)
+        first, *others = axes
+        if robots:
+            _name_map(first, "all robots")
+        else:
+            shown.add_legend(first)
+        notes = [shown.objectives, *shown.staying, *shown.draw_team(first), *shown.marks]
         for small, robot in zip(others, robots, strict=True):
             shown.draw_robot(small, robot)
         if robots:
-            notes.insert(0, "numbers: order of visit")
-        if len(robots) < len(shown.leaving):
+            notes.insert(1, "numbers: order of visit")
+        if 0 < len(robots) < len(shown.leaving):
             notes.append(f"maps of {len(robots)} of the {len(shown.leaving)} robots that leave")
-        _title_sheet(first, title, notes)
+        title_above(first, mission.title if title is None else title, "; ".join(notes))
     return first
 
 
@@ -154,9 +140,9 @@ def plot_choices(
 ) -> Axes:
     """Draw a front with its knee and ``k`` representatives, and a map of each of them.
 
-    Plans have the numbers of their rows in ``plans``, from 0. A diamond marks the plan that is
-    farthest from the chord of the front, a star that of the largest E[R] times E[S]: marks, not
-    verdicts. On the maps nodes are the darker the more likely any robot reaches them.
+    Plans have the numbers of their rows in ``plans``, from 0. Named are the plan that is farthest
+    from the chord of the front, and that of the largest E[R] times E[S]. On the maps nodes are the
+    darker the more likely any robot reaches them.
 
     Parameters
     ----------
@@ -200,37 +186,20 @@ def plot_choices(
     notes = [front_summary(objectives, mission)]
     if len(batch) > 1:
         notes.append(f"numbered: the knee, and {len(chosen)} representatives")
+    names = {row: ", ".join(mark.name for mark in marks if mark.index == row) for row in rows}
     with look.theme():
         others: list[Axes] = []
         if ax is None:
             ax, *others = _open_sheet(mission, len(rows), 2)
-            _add_reach_bar(*others)
-            # Inches for the names and numbers of its axes.
-            inner = np.array([0.75, 0.6]) * ax.figure.figure.dpi / ax.figure.bbox.size
-            place = ax.get_position()
-            ax.set_position(Bbox(np.array([place.min + inner, place.max])))
-        plot_front(objectives, mission, highlight=rows, ax=ax)
-        for mark in marks:
-            _draw_mark(ax, mark)
-        ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
+            _add_reach_bar(others)
+        plot_front(objectives, mission, highlight=names, ax=ax)
         for row, small in zip(rows, others, strict=False):  # no maps beside given axes
             shown = DrawnPlan(mission, batch[row])
             open_axes(mission, small)
             notes += [*shown.draw_team(small), *shown.marks]
-            signs = "".join(_SIGNS[mark.name][-1] for mark in marks if mark.index == row)
-            parts = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.staying]
-            _name_map(small, "; ".join(parts))
+            _name_map(small, "; ".join([f"plan {row}: {shown.objectives}", *shown.staying]))
         title_above(ax, mission.title if title is None else title, "; ".join(dict.fromkeys(notes)))
     return ax
-
-
-def _draw_mark(ax: Axes, mark: Mark) -> None:
-    """Draw the sign of a mark at its plan, and explain it in the legend."""
-    marker, size, fill, _ = _SIGNS[mark.name]
-    style: look.Style = {"marker": marker, "markersize": size, "markerfacecolor": fill}
-    style |= {"linestyle": "none", "markeredgecolor": look.INK, "markeredgewidth": 0.8}
-    label = f"{mark.name}: plan {mark.index}"
-    ax.plot([mark.reward], [mark.survivors], **style, clip_on=False, zorder=5, label=label)
 
 
 def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
@@ -244,7 +213,7 @@ def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
     found
         What :func:`botohe_moo.replan` returns.
     title
-        Name of the picture; default: the mission's title, and what changes.
+        Name of the picture; default: the mission's title.
 
     Returns
     -------
@@ -260,23 +229,21 @@ def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
     >>> found = replan(toy, plan, [Event("lost", 0, 4)], price=1)
     >>> save_plot(plot_replan(found), "replan.png")
     """
-    mission, notes = found.left.mission, []
+    mission, notes = found.left.mission, [str(found)]
     with look.theme():
-        old, new = _open_sheet(mission, 1, 1, widest=6.4, room=_name_room(mission))
-        _add_reach_bar(old, new)
-        sides = {
-            "what is left of the plan": (old, found.left.plan),
-            "the new plan": (new, found.plan),
-        }
-        for words, (ax, plan) in sides.items():
+        axes = _open_sheet(mission, 1, 1)
+        _add_reach_bar(axes)
+        sides = {"what is left of the plan": found.left.plan, "the new plan": found.plan}
+        for ax, (words, plan) in zip(axes, sides.items(), strict=True):
             shown = DrawnPlan(mission, plan)
             named = zip(shown.styles, found.left.robots, strict=True)
             shown.styles = [style._replace(name=f"R{robot}") for style, robot in named]
             open_axes(mission, ax)
             notes += [*shown.draw_team(ax), *shown.marks]
             _name_map(ax, "; ".join([f"{words}: {shown.objectives}", *shown.staying]))
-        _title_sheet(old, f"{mission.title}\n{found}" if title is None else title, notes)
-    return old
+        words = "; ".join(dict.fromkeys(notes))
+        title_above(axes[0], mission.title if title is None else title, words)
+    return axes[0]
 
 
 class DrawnPlan:
@@ -294,18 +261,12 @@ class DrawnPlan:
 
     @property
     def staying(self) -> list[str]:
-        """Write which robots stay where they start, if any."""
-        home: dict[str, list[str]] = {}
+        """Write which robots stay where they start."""
+        home: dict[Hashable, list[str]] = {}
         for style, trail in zip(self.styles, self.trails, strict=True):
             if len(trail) == 1:
-                home.setdefault(where.place_name(self.mission, trail[0]), []).append(style.name)
-        notes = []
-        for place, names in home.items():
-            who = f"{', '.join(names)} stay{'s' if len(names) == 1 else ''}"
-            if len(names) == self.mission.robots > 1:
-                who = f"all {len(names)} robots stay"
-            notes.append(f"{who} at {place}")
-        return notes
+                home.setdefault(self.mission.nodes[trail[0]], []).append(style.name)
+        return [f"staying at {place}: {', '.join(names)}" for place, names in home.items()]
 
     def draw_team(self, ax: Axes) -> list[str]:
         """Draw all trails, and return notes on the map."""
@@ -325,9 +286,7 @@ class DrawnPlan:
         """Add a legend of the robots' lines below a map."""
         handles = [self.styles[robot].key(self._survives(robot)) for robot in self.leaving]
         place: look.Style = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.01)}
-        place |= {"borderaxespad": 0.0, "columnspacing": 1.2, "fontsize": 9.0}
-        if len(self.mission.kinds) > 1:  # for dashes
-            place["handlelength"] = 2.4
+        place |= {"borderaxespad": 0.0, "columnspacing": 1.2, "fontsize": 9.0, "handlelength": 2.4}
         if handles:
             ax.legend(handles=handles, ncols=min(3, len(handles)), **place)
 
@@ -349,16 +308,13 @@ class _PlanMap:
         self.fills, self.notes = np.asarray(look.REACH(reach)), where.layout_notes(self.mission)
         self.is_legible = canvas.radius >= _LEGIBLE
         if self.is_legible:
-            away, edge = 0.8 * canvas.radius, look.MUTED
-            if _draw_ground(canvas):
-                self.notes.append("grey arrows: one way only")
+            ground = canvas.curves(plan.site.tail, plan.site.head, bowed=False)
+            canvas.draw_lines(ground, colors=_GROUND, linewidths=0.9, zorder=1, label="_ground")
         else:
-            away, edge = 0.25 * canvas.spacing if canvas.spacing >= _DOTS else 0.0, _GROUND
-            self.fills[reach == 0] = to_rgba(edge)
-            missing = "arcs" if away else "nodes and arcs"
-            self.notes.append(f"{missing} off the trails are too small to draw")
+            self.notes.append("nodes and arcs off the trails are too small to draw")
         self.points = canvas.draw_trails(self.trails, self.styles)  # (n_passages, n_points, 2)
-        edges = [look.INK if there else edge for there in reach > 0]
+        edges = [look.INK if there else look.MUTED for there in reach > 0]
+        away = 0.8 * canvas.radius if self.is_legible else 0.0
         canvas.draw_nodes(self.fills, np.where(reach > 0, canvas.radius, away), edges)
         shown = canvas.xy[(reach > 0) | self.is_legible]
         self.space = Space(ax, shown, canvas.radius, self.points[:, ::2])
@@ -387,102 +343,55 @@ class _PlanMap:
         return self.canvas.label_nodes(self.space, longest_first, self.fills, **options)
 
     def name_robots(self) -> None:
-        """Write the names of robots on their trails, up to three times on long ones."""
+        """Write the name of each robot on its trail, where there is room."""
         stops = np.cumsum([len(trail) - 1 for trail in self.trails])
-        parts = np.split(self.points, stops[:-1])
-        for style, passages in zip(self.styles, parts, strict=True):
-            for part in np.array_split(passages, min(3, -(-len(passages) // 8)) or 1):
-                if len(part):
-                    self._name_robot(style, part)
-
-    def _name_robot(self, style: RobotStyle, passages: FloatArray) -> None:
-        """Write a robot's name on one of these passages, or else right beside one."""
-        width, height = text_size(style.name, _ROBOTS)
-        on = passages[:, 4:13:2].reshape(-1, 2)
-        on = on[:: -(-len(on) // _SPOTS)]
-        aside = (width / 2 + 5) / self.canvas.scale * np.array([(0, 0), (1, 0), (-1, 0), (0, 1)])
-        at = (on + aside[:, None]).reshape(-1, 2)
-        costs = np.where(np.arange(len(at)) < len(on), 0.0, 1e6)
-        best = self.space.place(self.space.in_points(at), width + 4, height + 2, costs)
-        if best is not None:
-            box = {"boxstyle": "round,pad=0.18", "fc": "white", "ec": style.colour}
-            text: look.Style = {"fontsize": _ROBOTS, "fontweight": "bold", "label": "_robot"}
-            text |= {"ha": "center", "va": "center_baseline", "bbox": box, "zorder": 7}
-            x, y = at[best]
-            self.canvas.ax.text(x, y, style.name, **text)
+        for style, passages in zip(self.styles, np.split(self.points, stops[:-1]), strict=True):
+            on = passages[:, 4:13:2].reshape(-1, 2)
+            spots = on[:: len(on) // 60 + 1]  # of many, some 60 are tried
+            width, height = text_size(style.name, _ROBOTS)
+            at = self.space.place(self.space.in_points(spots), width + 4, height + 2)
+            if at is not None:
+                box = {"boxstyle": "round,pad=0.18", "fc": "white", "ec": style.colour}
+                text: look.Style = {"fontsize": _ROBOTS, "fontweight": "bold", "label": "_robot"}
+                text |= {"ha": "center", "va": "center_baseline", "bbox": box, "zorder": 7}
+                x, y = spots[at]
+                self.canvas.ax.text(x, y, style.name, **text)
 
 
-def _draw_ground(canvas: Canvas) -> bool:
-    """Draw arcs in grey: lines that can be walked both ways, and arrows, if any, for one way."""
-    site = canvas.site
-    points = canvas.curves(site.tail, site.head, bowed=False)
-    both = points[(site.reverse >= 0) & (site.tail < site.head)]
-    once = points[site.reverse < 0]
-    for lines, name in ((both, "both ways"), (once, "one way")):
-        canvas.draw_lines(lines, colors=_GROUND, linewidths=0.9, zorder=1, label=f"_{name}")
-    if len(once):
-        # Before the middle, where the arrowheads of trails are.
-        at, towards = once[:, once.shape[1] // 3], once[:, -1] - once[:, 0]
-        heads: look.Style = {"facecolors": [look.MUTED], "zorder": 1, "label": "_ways"}
-        canvas.draw_heads(at, towards, np.full(len(once), 6.0), **heads)
-    return len(once) > 0
-
-
-def _open_sheet(
-    mission: Mission, n_small: int, span: int, *, widest: float = 5.2, room: float = 0.0
-) -> list[Axes]:
-    """Open a figure with large axes, ``span`` times as wide and high as the maps beside them.
-
-    On the small maps most nodes are ``room`` points apart, or as far as numbers need, unless a map
-    would be wider than ``widest`` inches.
-    """
+def _open_sheet(mission: Mission, n_small: int, span: int) -> list[Axes]:
+    """Open a figure with large axes, ``span`` times as wide and high as the maps beside them."""
     xy = where.node_positions(mission)
     _, half = maps.frame_of(xy)
-    # In points, on a map an inch wide; nodes may lie on each other.
-    spacing = max(72 * maps.crowding(xy) / (2 * half[0]), 1e-9)
-    inner = float(np.clip(max(room, _ROOM) / spacing, 4.2, widest))
-    wide, high = inner + _GAP, inner * half[1] / half[0] + _NAME
+    # Maps are the wider the closer most nodes are to each other, in inches.
+    wide = float(np.clip(0.56 * half[0] / max(maps.crowding(xy), 1e-9), 4.4, 6.4))
+    high = wide * half[1] / half[0] + _NAME
     cells = n_small + span**2
-
-    columns = np.arange(span, cells + 1)
-    rows = np.maximum(span, -(-cells // columns))
-    cost = abs(np.log(wide * columns / (high * rows) / _SHAPE)) + _EMPTY * columns * rows
-    n_columns, n_rows = int(columns[cost.argmin()]), int(rows[cost.argmin()])
-    width, height = n_columns * wide + _RIGHT, _ABOVE + n_rows * high
+    n_columns = int(np.clip(np.ceil((cells * _SHAPE * high / wide) ** 0.5), span, n_small + span))
+    n_rows = max(span, -(-cells // n_columns))
+    width, height = n_columns * wide + 2 * _BESIDE, n_rows * high + _ABOVE
     fig = plt.figure(figsize=(width, height))
-    # Every cell has a name above it, so the highest ones begin below that.
-    space = {"left": 0.1 / width, "right": 1 - (_RIGHT + _GAP - 0.1) / width}
-    space |= {"bottom": 0.1 / height, "top": 1 - (_ABOVE + _NAME - 0.1) / height}
-    space |= {"wspace": _GAP / inner, "hspace": _NAME / (high - _NAME)}
+    space = {"left": _BESIDE / width, "right": 1 - _BESIDE / width, "wspace": 0.04}
+    space |= {
+        "bottom": _NAME / height,
+        "top": 1 - _ABOVE / height,
+        "hspace": _NAME / (high - _NAME),
+    }
     grid = fig.add_gridspec(n_rows, n_columns, **space)
-    places = [(i, j) for i, j in np.ndindex(n_rows, n_columns) if max(i, j) >= span][:n_small]
-    cells_of_maps = [grid[:span, :span], *(grid[place] for place in places)]
+    places = [place for place in np.ndindex(n_rows, n_columns) if max(place) >= span]
+    cells_of_maps = [grid[:span, :span], *(grid[place] for place in places[:n_small])]
     return [fig.add_subplot(cell) for cell in cells_of_maps]
 
 
-def _title_sheet(first: Axes, title: str, notes: Sequence[str]) -> None:
-    """Write title and notes, each once, above all maps."""
-    width = first.figure.figure.get_figwidth() - _RIGHT
-    title_above(first, title, "; ".join(dict.fromkeys(notes)), width=width, lift=72 * _NAME)
-
-
-def _add_reach_bar(*axes: Axes) -> None:
+def _add_reach_bar(axes: Sequence[Axes]) -> None:
     """Put the key of the nodes' shades right of the highest of the rightmost maps."""
     ax = max(axes, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1))
     shades = ScalarMappable(Normalize(0, 1), look.REACH)
-    maps.add_colour_bar(ax, shades, "probability of being reached")
+    maps.add_colour_bar(ax, shades, "probability of being reached", 0)
 
 
 def _name_map(ax: Axes, text: str, style: RobotStyle | None = None) -> None:
-    """Name a map above its upper left corner, with the line of its robot."""
+    """Name a map below its lower left corner, with the line of its robot."""
     key = Line2D([], [], linestyle="none", label=text) if style is None else style.key(text)
-    place: look.Style = {"borderaxespad": 0.1, "borderpad": 0.2, "fontsize": 9.5}
-    place |= {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False}
     line, gap = (0.0, 0.0) if style is None else (2.4, 0.8)
-    ax.legend(handles=[key], handlelength=line, handletextpad=gap, **place)
-
-
-def _name_room(mission: Mission) -> float:
-    """Return the points between nodes at which most of their names have room."""
-    widths = [text_size(str(node), maps.NAMES)[0] for node in mission.nodes]
-    return float(np.percentile(widths, 80)) + 4.0
+    place: look.Style = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "fontsize": 9.5}
+    ax.legend(handles=[key], handlelength=line, handletextpad=gap, borderaxespad=0.1, **place)

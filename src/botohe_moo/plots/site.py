@@ -17,16 +17,12 @@ from botohe_moo.mission.model import Mission
 ALL_RETURN = "all rewards count on return"
 
 _MAX_KAMADA_KAWAI = 60  # its cost grows with the square of the nodes
-_MOST_CELLS = 1000  # along each side of a map; of larger maps several cells become one
 
 
 def node_positions(mission: Mission) -> FloatArray:
-    """Return places (n_nodes, 2): attributes ``pos``, or a reproducible layout if any lacks one.
-
-    There is also a layout where all nodes are at one place.
-    """
+    """Return places (n_nodes, 2): attributes ``pos``, or a reproducible layout if any lacks one."""
     given, graph = places_of(mission.graph.nodes), mission.graph
-    if not layout_notes(mission) and len(given) == len(graph):
+    if len(given) == len(graph):
         return np.array([given[node] for node in mission.nodes])
     ties: nx.Graph[Any] = nx.Graph(graph.edges)
     ties.add_nodes_from(graph)
@@ -41,15 +37,11 @@ def node_positions(mission: Mission) -> FloatArray:
 
 def layout_notes(mission: Mission) -> list[str]:
     """Write that places on the map are made up, and why; nothing if they are the positions."""
-    places, n_nodes = places_of(mission.graph.nodes), len(mission.nodes)
-    n_without = n_nodes - len(places)
-    if n_nodes == 1 or (not n_without and len({*places.values()}) > 1):
+    n_nodes = len(mission.nodes)
+    n_without = n_nodes - len(places_of(mission.graph.nodes))
+    if n_nodes == 1 or not n_without:
         return []
-    why = "all nodes have the same position"
-    if not places:
-        why = "the mission has no positions"
-    elif n_without:
-        why = f"{n_without} of {n_nodes} nodes have no position"
+    why = f"{n_without} of {n_nodes} nodes have no position"
     return [f"the places of the nodes on this map are made up: {why}"]
 
 
@@ -60,9 +52,7 @@ class Background(NamedTuple):
     extent: tuple[float, float, float, float]  # left, right, bottom and top, in units of ``pos``
 
 
-def read_background(
-    path: str | os.PathLike[str] | None, mission: Mission, *, most_cells: int = _MOST_CELLS
-) -> Background | None:
+def read_background(path: str | os.PathLike[str] | None, mission: Mission) -> Background | None:
     """Read a map of a site; a ValueError says that its nodes lack positions, or what is wrong."""
     if path is None:
         return None
@@ -70,14 +60,9 @@ def read_background(
         expected = f"nodes with positions for the background {os.fspath(path)}"
         raise ValueError(f"Expected {expected}, but {notes[0]}.")
     raster = read_raster(path, modes=MODES)
-    shares, (left, bottom) = raster.values, raster.origin
-    top = bottom + len(shares) * raster.resolution
-    n_joined = -(-max(shares.shape) // most_cells)
-    # The darkest of the cells that become one: walls are thin.
-    for axis, n_cells in enumerate(shares.shape):
-        shares = np.maximum.reduceat(shares, np.arange(0, n_cells, n_joined), axis=axis)
-    height, width = np.multiply(shares.shape, n_joined * raster.resolution).tolist()
-    return Background(shares, (left, left + width, top - height, top))
+    left, bottom = raster.origin
+    height, width = (n_cells * raster.resolution for n_cells in raster.values.shape)
+    return Background(raster.values, (left, left + width, bottom, bottom + height))
 
 
 class Site:
@@ -173,14 +158,3 @@ def place_notes(site: Site) -> list[str]:
         returning: len(site.returning),
     }
     return [note for note, is_there in notes.items() if is_there]
-
-
-def robot_names(mission: Mission) -> list[str]:
-    """Return what each robot is called: "robot 0", or if there are several kinds, "drone 0"."""
-    several = len(mission.kinds) > 1
-    return [f"{kind.name if several else 'robot'} {i}" for i, kind in enumerate(mission.kind_of)]
-
-
-def place_name(mission: Mission, node: int) -> str:
-    """Return how to call the node where a robot stays."""
-    return "base" if mission.nodes[node] == mission.base else str(mission.nodes[node])

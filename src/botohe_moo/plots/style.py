@@ -22,7 +22,7 @@ from matplotlib.textpath import text_to_path
 from botohe_moo.base.files import check_suffix, replace_file
 from botohe_moo.base.types import FloatArray
 
-_WORDS, _SUBTITLE = "_words", "_subtitle"
+_WORDS = "_words"
 _SIDES = np.array([(1, 0), (1, 1), (1, -1), (0, 1), (0, -1), (-1, 1), (-1, -1), (-1, 0)])
 
 # In points:
@@ -33,34 +33,21 @@ _LEAST = 5.8  # least height of letters in a mark
 _PAD = 1.5  # left and right of texts
 
 
-def title_above(
-    ax: Axes, title: str | None, words: str, *, width: float | None = None, lift: float = 0.0
-) -> None:
-    """Write a title above a picture and pale ``words`` below it, or write them anew.
-
-    What follows a line break in the title is pale, too. Lines are broken at ``width`` inches, by
-    default those of ``ax``; all is lifted by ``lift`` points.
-    """
-    for text in [text for text in ax.texts if text.get_label() in (_WORDS, _SUBTITLE)]:
+def title_above(ax: Axes, title: str | None, words: str) -> None:
+    """Write a title above a picture and pale ``words`` below it, or write them anew."""
+    for text in [text for text in ax.texts if text.get_label() == _WORDS]:
         text.remove()
-    if width is None:
-        width = ax.get_window_extent().width / ax.figure.figure.dpi
-    head, _, rest = (title or "").partition("\n")
-    at = 7.0 + lift
-    for pale, size, name in ((words, 9.5, _WORDS), (rest, 10.0, _SUBTITLE)):
-        if pale:
-            lines = _broken(pale, width, size)
-            look: Style = {"fontsize": size, "color": "0.4", "label": name}
-            look |= {"xycoords": "axes fraction", "textcoords": "offset points"}
-            ax.annotate("\n".join(lines), (0, 1), (0, at), **look)
-            at += 1.25 * size * len(lines) + 1.5
-    head = "\n".join(_broken(head, width, 12.0))
-    ax.set_title(head, loc="left", fontsize=12, fontweight="bold", pad=at + 1.5)
-
-
-def _broken(text: str, width: float, size: float) -> list[str]:
-    """Break a text in letters of ``size`` points into lines of ``width`` inches."""
-    return textwrap.wrap(text, max(8, int(width * 72 / (0.56 * size))))
+    width = ax.get_window_extent().width / ax.figure.figure.dpi * 72
+    head, pale = (
+        textwrap.wrap(text, max(8, int(width / (0.56 * size))))
+        for text, size in ((title or "", 12.0), (words, 9.5))
+    )
+    if pale:
+        look: Style = {"fontsize": 9.5, "color": "0.4", "label": _WORDS}
+        look |= {"xycoords": "axes fraction", "textcoords": "offset points"}
+        ax.annotate("\n".join(pale), (0, 1), (0, 7), **look)
+    bold: Style = {"loc": "left", "fontsize": 12, "fontweight": "bold"}
+    ax.set_title("\n".join(head), pad=8.5 + 12.5 * len(pale), **bold)
 
 
 def objectives_text(reward: float, survivors: float) -> str:
@@ -96,20 +83,25 @@ class Space:
         return np.asarray(self.ax.transData.transform(xy)) * 72 / self.ax.figure.figure.dpi
 
     def place(
-        self, centres: FloatArray, width: float, height: float, costs: FloatArray
+        self, centres: FloatArray, width: float, height: float, costs: FloatArray | float = 0.0
     ) -> int | None:
         """Take room for a box at one of ``centres`` (n, 2), and return which; None without room.
 
         The box covers the fewest points of lines, plus ``costs`` (n); of equal places the first.
         """
+        if not len(centres):
+            return None
         half = np.array([width / 2 + _PAD, height / 2])
         low, high = centres - half, centres + half
         free = ((low >= self._frame[0]) & (high <= self._frame[1])).all(axis=1)
         if self.boxes:
             boxes = np.array(self.boxes)[:, None]
             free &= ((low >= boxes[..., 2:]) | (high <= boxes[..., :2])).any(axis=2).all(axis=0)
-        around = low.min(axis=0) - self.radius, high.max(axis=0) + self.radius
-        marks, lines = (_within(points, *around) for points in (self.marks, self.lines))
+        lowest, highest = low.min(axis=0) - self.radius, high.max(axis=0) + self.radius
+        marks, lines = (
+            points[((points > lowest) & (points < highest)).all(axis=1)]
+            for points in (self.marks, self.lines)
+        )
         free &= _gaps(centres, half, marks).min(axis=1, initial=np.inf) >= self.radius
         if not free.any():
             return None
@@ -144,8 +136,8 @@ class Space:
         distance = _gaps(offsets, half, np.zeros((1, 2)))[:, 0]
         tied = distance > self.radius + _LEADER
         others = _gaps(mark + offsets, half, self.marks[(self.marks != mark).any(axis=1)])
-        clear = tied | (others.min(axis=1, initial=np.inf) > distance + _FARTHER)
-        best = self.place(mark + offsets, width, height, np.where(clear, 0.0, 1e6))
+        nearer = others.min(axis=1, initial=np.inf) < distance + _FARTHER
+        best = self.place(mark + offsets, width, height, 1e6 * (nearer & ~tied))
         if best is None:
             return False
         look: Style = {
@@ -168,11 +160,6 @@ def _gaps(centres: FloatArray, half: FloatArray, points: FloatArray) -> FloatArr
     """Compute how far points (m, 2) are from boxes around centres (n, 2), as (n, m)."""
     beyond = (np.abs(points - centres[:, None]) - half).clip(min=0.0)
     return np.asarray(np.hypot(beyond[..., 0], beyond[..., 1]))
-
-
-def _within(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Return the points (n, 2) in a box."""
-    return np.asarray(points[((points > low) & (points < high)).all(axis=1)])
 
 
 Colour = tuple[float, float, float]
