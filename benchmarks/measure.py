@@ -15,7 +15,7 @@ from botohe_moo.core import evaluate as evaluate_module
 KERNELS = {
     "construct": (ant_kernels, "construct"),
     "evaluate": (evaluate_module, "evaluate"),
-    "insert": (archive_module, "insert"),
+    "keep_front": (archive_module, "keep_front"),
     "learn": (ant_kernels, "learn"),
 }
 

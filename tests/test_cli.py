@@ -252,10 +252,7 @@ class TestSolve:
         ended = botohe("solve", "toy", "-n", 9, "-o", "out", code=code)
         assert ended.status == 1
         assert re.search(r"area 0\.\d{4}, \d+ plans on the front\ndrawing\n$", ended.out)
-        assert ended.err == (
-            "botohe: front.png cannot be drawn (RuntimeError: No such glyph.). "
-            "The tables are in out.\n"
-        )
+        assert "RuntimeError: No such glyph." in ended.err
         assert names_in(tmp_path / "out") == ["front.csv", "mission.json", "plans.json"]
 
     @pytest.mark.slow
@@ -572,12 +569,12 @@ class TestBadOptions:
     @pytest.mark.slow
     def test_too_much_for_the_memory(self, botohe, tmp_path):
         code = """
-            import botohe_moo.solving
+            import botohe_moo
 
             def search(*args, **kwargs):
                 raise MemoryError("Unable to allocate 7.1 PiB.")
 
-            botohe_moo.solving.search = search
+            botohe_moo.solve = search
         """
         ended = botohe("solve", "toy", "--out", "out", code=code)
         assert ended.status == 1

@@ -239,7 +239,7 @@ def solved(tmp_path_factory):
     """A solution, and the bytes of its files."""
     folder = tmp_path_factory.mktemp("solved")
     solution = solve("toy", "greedy", evaluations=100)
-    solution._write_tables(folder)
+    solution.write(folder)
     return solution, {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 

@@ -330,7 +330,7 @@ class TestTravelBudget:
         for problem in (BOTOHE(toy), BOTOHE(toy, max_length=math.inf)):
             assert (problem.n_ieq_constr, problem.max_length) == (0, None)
             for limits in (problem.limits, problem.world.limits):
-                assert (limits.bind, limits.has_budgets, limits.has_floors) == (False, False, False)
+                assert (limits.has_budgets, limits.has_floors) == (False, False)
                 assert np.isinf(limits.budgets).all()
         lifted = BOTOHE(there_and_back(3, max_length=2.5), max_length=math.inf)
         assert (lifted.n_ieq_constr, lifted.max_length) == (0, None)

@@ -40,8 +40,7 @@ from botohe_moo import (
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES
 from botohe_moo.base.runtime import hold_signals
 from botohe_moo.problem import LeastSurvival
-from botohe_moo.solution import PictureError, Solution
-from botohe_moo.solving import RefusalError
+from botohe_moo.solution import Solution
 from tests.examples import examples
 from tests.strategies import missions_with_plans
 
@@ -225,16 +224,8 @@ class TestSearch:
             def _setup(self, problem, **_):
                 raise ValueError("Expected at most 3 nodes, got 5.")
 
-        with pytest.raises(RefusalError, match=r"^Algorithm 'Picky': Expected at most 3 nodes"):
+        with pytest.raises(ValueError, match=r"^Algorithm 'Picky': Expected at most 3 nodes"):
             solve(toy, Picky())
-
-    def test_an_algorithm_does_not_end_the_process(self, toy):
-        class Leaving(BOACO):
-            def _advance(self, **_):
-                sys.exit(5)
-
-        with pytest.raises(RuntimeError, match=r"^Algorithm 'Leaving' called sys\.exit\(5\)\.$"):
-            solve(toy, Leaving())
 
 
 class Given(Algorithm):
@@ -378,13 +369,8 @@ class TestDescription:
             "      0  3.2400     1.6561                9.421",
             "      1  0.0000     2.0000                9.421",
         ]
-        assert "by hand, seed 1: spent 2 evaluations in 0.5 s (4 a second)" in text
+        assert "by hand, seed 1: spent 2 evaluations in 0.5 s" in text
         assert text.endswith("area 0.2683, 2 plans on the front")  # 3.24 · 1.6561 / 20
-        slow = {"evaluations": 500, "seconds": 9.0, "startup_seconds": 8.0}
-        text = solution_of(toy, [[[1], [1]]], **slow, startup_evaluations=100).describe()
-        assert "spent 500 evaluations in 1.0 s (400 a second), after 8.0 s to start" in text
-        text = solution_of(toy, [[[1], [1]]], **slow, startup_evaluations=500).describe()
-        assert "spent 500 evaluations in 1.0 s, after 8.0 s to start" in text
         assert solution_of(toy, [[[1], [1]]]).describe().endswith("1 plan on the front")
 
     def test_of_a_long_front(self, toy):
@@ -477,10 +463,8 @@ class TestWriting:
         monkeypatch.setattr(plots, "save_plot", save)
         for name in FILES:
             (tmp_path / name).write_text("of an earlier search")
-        with pytest.raises(PictureError) as caught:
+        with pytest.raises(RuntimeError, match="No such glyph"):
             solution.write(tmp_path)
-        assert str(caught.value) == "mission.png cannot be drawn (RuntimeError: No such glyph.)."
-        assert caught.value.__cause__ is error
         assert names_in(tmp_path) == ["front.csv", "front.png", "mission.json", "plans.json"]
         assert (tmp_path / "plans.json").read_text() == solution.to_json()
         assert (tmp_path / "front.png").read_bytes().startswith(b"\x89PNG")
@@ -520,7 +504,7 @@ def parts(solution):
 
 class TestReading:
     def test_what_was_written(self, solution, tmp_path):
-        solution._write_tables(tmp_path)
+        solution.write(tmp_path)
         again = read_solution(str(tmp_path))
         assert parts(again) == parts(solution)
         assert again.table.equals(solution.table)
@@ -558,7 +542,7 @@ class TestReading:
             moves={"graft": {"tried": 7, "entered": 2}},
         )
         with tempfile.TemporaryDirectory() as folder:
-            written._write_tables(Path(folder))
+            written.write(Path(folder))
             assert parts(read_solution(folder)) == parts(written)
 
     @pytest.mark.parametrize(
@@ -576,7 +560,7 @@ class TestReading:
             graph.add_edge(tail, head, survival=0.9)
         mission = Mission(graph, base="dock", robots=1, name="pier")
         written = solution_of(mission, [[[*labels, "dock"]], [["dock"]]])
-        written._write_tables(tmp_path)
+        written.write(tmp_path)
         assert parts(read_solution(tmp_path, mission=mission)) == parts(written)
         if needs_mission:
             return
@@ -588,9 +572,9 @@ class TestReading:
         assert tuple(read) == written.plans
 
     def test_a_folder_without_its_mission(self, toy, solution, tmp_path):
-        solution._write_tables(tmp_path)
+        solution.write(tmp_path)
         (tmp_path / "mission.json").unlink()
-        missing = r"mission\.json: no such file\. Solve the mission again, or put back"
+        missing = r"mission\.json: no such file"
         with pytest.raises(ValueError, match=missing):
             read_solution(tmp_path)
         assert parts(read_solution(tmp_path, mission=toy)) == parts(solution)
@@ -598,7 +582,7 @@ class TestReading:
             read_solution(tmp_path, mission=toy.with_robots(3))
 
     def test_a_mission_that_changed_is_named(self, solution, tmp_path):
-        solution._write_tables(tmp_path)
+        solution.write(tmp_path)
         path = tmp_path / "mission.json"
         head, key, tail = path.read_text().rpartition('"survival": ')
         path.write_text(f"{head}{key}0.5{tail[tail.index('}') :]}")
@@ -606,7 +590,6 @@ class TestReading:
             read_solution(tmp_path)
         expected = f"{path} does not match {tmp_path / 'plans.json'}: "
         assert str(caught.value).startswith(expected)
-        assert "Solve the mission again" in str(caught.value)
 
     @pytest.mark.parametrize(
         ("damage", "fault"),
@@ -619,13 +602,13 @@ class TestReading:
             ),
             (
                 ('"reward": ', '"reward": 9, "x": '),
-                r"Plan 0: expected the objectives .*: the plans .* Solve the mission again",
+                r"Plan 0: expected the objectives .*: the plans or the mission",
             ),
-            (("     1,", "     77,"), r"Plan 0: Robot 0, position 0: .* no node 77"),
+            (("     1,", "     77,"), r"Robot 0, position 0: .* no node 77"),
         ],
     )
     def test_damage_is_named(self, solution, tmp_path, damage, fault):
-        solution._write_tables(tmp_path)
+        solution.write(tmp_path)
         path = tmp_path / "plans.json"
         if damage is None:
             path.unlink()
@@ -644,7 +627,7 @@ class TestReading:
         """What takes long is done once for a front, whatever the number of its plans."""
         mission = pair(*labels)
         found = solution_of(mission, [[[labels[0], labels[1], labels[0]]]] * 300)
-        found._write_tables(tmp_path)
+        found.write(tmp_path)
         calls = Counter()
 
         def counting(owner, name):
@@ -656,10 +639,10 @@ class TestReading:
         counting(Mission, "plan")
         counting(np, "isclose")
         assert parts(read_solution(tmp_path)) == parts(found)
-        assert calls == {"_values": 1, "isclose": 2}
+        assert calls == {"_values": 1, "isclose": 1}
 
     def test_a_source_that_names_code_is_not_run(self, solution, tmp_path):
-        solution._write_tables(tmp_path)
+        solution.write(tmp_path)
         path = tmp_path / "plans.json"
         content = json.loads(path.read_text()) | {
             "mission_source": {"name_or_path": "antigravity:x"}
@@ -694,7 +677,6 @@ class TestOtherObjectives:
         ("key", "value", "message"),
         [
             ("min_survival", 0.9, r"Plan \d+, robot \d: expected a survival of at least 0\.9"),
-            ("area", 0.9, "found .*: plans are missing, or were changed"),
             ("problem", None, "Plan 0: expected the objectives"),
             ("plans", None, "Plan 0: expected the objectives .*: the plans or the mission"),
         ],
@@ -715,7 +697,7 @@ class TestOtherObjectives:
         solve("toy", "nsga2", problem=LeastSurvival, evaluations=100).write(tmp_path)
         path = tmp_path / "plans.json"
         path.write_text(path.read_text().replace('"least_survival": ', '"most_survival": ', 1))
-        with pytest.raises(ValueError, match=r"plans\.0: expected least_survival, found none"):
+        with pytest.raises(ValueError, match=r"Plan 0: expected the objectives .* got .*nan"):
             read_solution(tmp_path)
 
     @pytest.mark.parametrize(

@@ -216,7 +216,7 @@ class Ant:
         attractions = [self.attraction(arc, trail, unreached, robot) for arc in free + loop]
         floor = self.rule.exploration * sum(attractions) / len(attractions) ** 2
         weights = dict(zip(free + loop, [a + floor for a in attractions], strict=True))
-        if self.limits.bind or not self.mission.balanced:
+        if self.limits.has_floors or self.limits.has_budgets or not self.mission.balanced:
             home = [arc for arc in free if self.leads_back(used | {arc}, arc[1], robot)]
             weights = {arc: weights[arc] for arc in home + loop}
         total = sum(weights.values())

@@ -7,7 +7,7 @@ import io
 import json
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -35,9 +35,8 @@ from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
 
-__all__ = ["PictureError", "Solution", "read_solution"]
+__all__ = ["Solution", "read_solution"]
 
 TABLES = ("front.csv", "plans.json", "mission.json")
 FRONT_PICTURE = "front.png"
@@ -45,22 +44,6 @@ PAGE = "explorer.html"
 BOUND = "bound.json"
 FILES = (*TABLES, FRONT_PICTURE, "mission.png", PAGE, BOUND)
 _SHOWN = 10  # rows of a table of a front of other objectives, at most
-_LONG_START = 0.5  # seconds; with everything loaded and compiled, a search starts in milliseconds
-
-
-class PictureError(ValueError):
-    """A picture cannot be drawn; names it and the reason.
-
-    Examples
-    --------
-    >>> from botohe_moo import solve
-    >>> from botohe_moo.solution import PictureError
-    >>> solution = solve("toy", "greedy", evaluations=100)
-    >>> try:
-    ...     files = solution.write("found")
-    ... except PictureError as error:
-    ...     print(error)  # the tables are there all the same
-    """
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,12 +64,9 @@ class Solution:
     evaluations
         Number of trail plans that were evaluated.
     seconds
-        How long the search took; None if the solution was read from files.
+        How long the search took, with what was compiled; None if the solution was read from files.
     interrupted
         Whether the search was stopped before its budget was spent.
-    startup_seconds, startup_evaluations
-        The part of both until the first iteration was done. From the command line it includes the
-        time to import libraries, and for a large mission on a new machine that to compile kernels.
     moves
         What each move of a local search brought: children ``tried``, and plans that ``entered`` the
         front. Empty for other algorithms.
@@ -122,8 +102,6 @@ class Solution:
     evaluations: int
     seconds: float | None
     interrupted: bool
-    startup_seconds: float = 0.0
-    startup_evaluations: int = 0
     moves: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
     min_survival: float = 0.0
@@ -187,10 +165,6 @@ class Solution:
         """Select ``k`` plans, by their rows; see :func:`botohe_moo.decide.representatives`."""
         return fronts.representatives(self.mission, self.plans, k)
 
-    def rows(self) -> list[tuple[int | float, ...]]:
-        """Return the rows of ``table`` as plain numbers."""
-        return [(i, *values) for i, values in enumerate(self.objectives.tolist())]
-
     def __repr__(self) -> str:
         return (
             f"<Solution of {self.mission.name!r} by {self.algorithm}, seed {self.seed}: "
@@ -208,42 +182,26 @@ class Solution:
             front = self.mission, self.plans, self.objectives
             table, n_rows = fronts.front_table(*front, all_plans=all_plans)
         else:
-            rows = np.arange(len(self.plans))
-            if len(rows) > _SHOWN and not all_plans:
-                rows = np.linspace(0, len(rows) - 1, _SHOWN).round().astype(int)
-            shown = self.table.iloc[rows].round(3).to_string(index=False)
-            table, n_rows = shown if self.plans else "no plans", len(rows)
+            n_rows = len(self.plans) if all_plans else min(_SHOWN, len(self.plans))
+            table = self.table.round(3).to_string(index=False, max_rows=n_rows)
         some = f"; the table shows {n_rows}" if n_rows < len(self.plans) else ""
-        start = self.startup_seconds if self.startup_seconds >= _LONG_START else 0.0
-        took, started = "", ""
-        if self.seconds is not None:
-            seconds = self.seconds - start
-            evaluated = self.evaluations - (self.startup_evaluations if start else 0)
-            pace = f" ({evaluated / seconds:,.0f} a second)" if evaluated and seconds > 0 else ""
-            took = f" in {seconds:.1f} s{pace}"
-            started = f", after {start:.1f} s to start" if start else ""
+        took = "" if self.seconds is None else f" in {self.seconds:.1f} s"
         stopped = "stopped after" if self.interrupted else "spent"
         return (
             f"{table}\n\n"
             f"{self.algorithm}, seed {self.seed}: {stopped} {self.evaluations:,} evaluations"
-            f"{took}{started}\n"
+            f"{took}\n"
             f"area {self.area:.4f}, {counted(len(self.plans), 'plan')} on the front{some}"
         )
 
-    def explore(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        wishes: Iterable[str | Wish | choosing.Choice] = (),
-        background: str | os.PathLike[str] | None = None,
-    ) -> Path:
+    def explore(self, path: str | os.PathLike[str], **options: Any) -> Path:
         """Write a page on which to walk along the front, look at its plans and compare them.
 
-        See :func:`botohe_moo.explorer.explore`.
+        See :func:`botohe_moo.explorer.explore`, which takes the same options.
         """
         from botohe_moo.explorer import explore
 
-        return explore(self, path, wishes=wishes, background=background)
+        return explore(self, path, **options)
 
     def _repr_html_(self) -> str | None:
         """Show the page of ``explore``, of 100 plans at most, in a notebook; None without plans."""
@@ -256,12 +214,11 @@ class Solution:
 
         What JSON cannot hold is written as its ``repr``.
         """
-        columns, own = ("plan_id", *self.problem_objectives.columns), {}
-        if self.problem is not None:
-            own = {"problem": self.problem, "problem_objectives": self.problem_objectives}
+        columns = "plan_id", *self.problem_objectives.columns
         content = {
             "mission": self.mission.name,
-            **own,
+            "problem": self.problem,
+            "problem_objectives": self.problem_objectives,
             "mission_source": self.source,
             "mission_digest": numbers_digest(self.mission),
             "robots": self.mission.robots,
@@ -278,47 +235,34 @@ class Solution:
             "version": version("botohe-moo"),
             "plans": [
                 {**dict(zip(columns, row, strict=True)), "trails": self.mission.labels(plan)}
-                for row, plan in zip(self.rows(), self.plans, strict=True)
+                for row, plan in zip(self._rows(), self.plans, strict=True)
             ],
         }
         return _as_json(content, indent=1) + "\n"
 
-    def write(
-        self, folder: str | os.PathLike[str], *, before_pictures: Callable[[], object] | None = None
-    ) -> list[Path]:
+    def _rows(self) -> list[tuple[float, ...]]:
+        return [(i, *values) for i, values in enumerate(self.objectives.tolist())]
+
+    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write ``front.csv``, ``plans.json``, ``mission.json``, ``front.png`` and ``mission.png``.
 
-        Each file appears complete, or not at all. If a picture fails, the tables are there: they
-        may have cost hours. ``mission.json`` is left out if JSON cannot hold the mission.
-        ``explorer.html`` and ``bound.json`` of an earlier solution are removed.
+        Each file appears complete, or not at all. Pictures come last: if one fails, the tables are
+        there. ``mission.json`` is left out if JSON cannot hold the mission. ``explorer.html`` and
+        ``bound.json`` of an earlier solution are removed.
 
         Parameters
         ----------
         folder
             Folder to write to; made if it does not exist. An OSError is raised if it cannot be
-            written to, and a PictureError if a picture cannot be drawn.
-        before_pictures
-            Called when the tables are written, before pictures are drawn.
+            written to.
         """
+        from botohe_moo.plots import plot_front, plot_mission, plot_pairs, save_plot
+
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        self._write_tables(folder)
-        if before_pictures is not None:
-            before_pictures()
-        from botohe_moo.plots import plot_front, plot_mission, plot_pairs
-
-        if self.problem is None:
-            draw_picture(folder / FRONT_PICTURE, plot_front, self.objectives, self.mission)
-        else:
-            draw_picture(folder / FRONT_PICTURE, plot_pairs, self.table, self.problem_objectives)
-        draw_picture(folder / "mission.png", plot_mission, self.mission)
-        return [folder / name for name in FILES if (folder / name).exists()]
-
-    def _write_tables(self, folder: Path) -> None:
-        """Write the tables, and remove the other files of an earlier search."""
-        front = io.StringIO()  # not by pandas, whose import a printed front should not wait for
+        front = io.StringIO()  # not by pandas, whose import would take a second
         csv.writer(front, lineterminator="\n").writerows(
-            [("plan_id", *self.problem_objectives.columns), *self.rows()]
+            [("plan_id", *self.problem_objectives.columns), *self._rows()]
         )
         tables = {"front.csv": front.getvalue().encode(), "plans.json": self.to_json().encode()}
         with suppress(ValueError):
@@ -328,22 +272,12 @@ class Solution:
                 replace_file(folder / name, tables[name])
             else:
                 (folder / name).unlink(missing_ok=True)
-
-
-def draw_picture(path: Path, plot: Callable[..., Axes], *shown: Any, **options: Any) -> None:
-    """Draw a picture to a file; an OSError if that fails, a PictureError if the picture does."""
-    from botohe_moo.plots import save_plot
-
-    try:
-        save_plot(plot(*shown, **options), path)
-    except OSError:
-        raise
-    except Exception as error:  # fonts may fail on what a mission's texts hold
-        reason = f"{type(error).__name__}: {str(error).strip()}".partition("\n")[0]
-        raise PictureError(f"{path.name} cannot be drawn ({reason}).") from error
-
-
-_REMEDY = "Solve the mission again, or put back what was written."
+        if self.problem is None:
+            save_plot(plot_front(self.objectives, self.mission), folder / FRONT_PICTURE)
+        else:
+            save_plot(plot_pairs(self.table, self.problem_objectives), folder / FRONT_PICTURE)
+        save_plot(plot_mission(self.mission), folder / "mission.png")
+        return [folder / name for name in FILES if (folder / name).exists()]
 
 
 class _Plan(BaseModel, strict=True, extra="allow"):
@@ -360,11 +294,10 @@ class _Record(BaseModel, strict=True):
     evaluations: NonNegativeInt
     interrupted: bool
     moves: dict[str, dict[str, NonNegativeInt]] = Field(default_factory=dict)
-    area: FiniteFloat
     mission_source: dict[str, Any]
     mission_digest: str
-    problem: str | None = None
-    problem_objectives: Objectives | None = None
+    problem: str | None
+    problem_objectives: Objectives
     plans: list[_Plan]
 
 
@@ -388,7 +321,7 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
     ValueError
         If there is no solution in the folder, a file is missing or is not what ``write`` wrote, the
         mission has changed since, a plan is not one of the mission's, or the objectives are not
-        those of the plans. It names the folder or file, the fault and the remedy.
+        those of the plans. It names the file and the fault.
 
     Examples
     --------
@@ -397,25 +330,18 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
     >>> read_solution("found")
     <Solution of 'toy' by greedy, seed 1: 4 plans, area 0.6087, 4 evaluations>
     """
-    try:
-        return _read(Path(folder), mission)
-    except ValueError as error:
-        raise ValueError(f"{str(error).removesuffix('.')}. {_REMEDY}") from None
-
-
-def _read(folder: Path, mission: Mission | None) -> Solution:
-    path, source = folder / "plans.json", folder / "mission.json"
-    if mission is None:
-        mission, where = read_mission(source), str(source)
-    else:
-        where = f"mission {mission.name!r}"
+    path, source = Path(folder, "plans.json"), Path(folder, "mission.json")
+    where = str(source) if mission is None else f"mission {mission.name!r}"
+    mission = read_mission(source) if mission is None else mission
     record = validated(Source(path).data, _Record, source=str(path))
     if record.mission_digest != numbers_digest(mission):
         raise ValueError(f"{where} does not match {path}: the mission was changed.")
+    own = record.problem_objectives if record.problem else Objectives.of(mission)
     try:
         batch = _plans_of(record, mission)
-        own = (record.problem and record.problem_objectives) or Objectives.of(mission)
-        objectives = _objectives_of(record, own.columns)
+        objectives = np.full((len(batch), len(own.columns)), math.nan)
+        for i, plan in enumerate(record.plans):
+            objectives[i] = [plan.__pydantic_extra__.get(name, math.nan) for name in own.columns]
         # What else another problem computes is trusted: no code is run that a file names.
         longest = math.inf if record.max_length is None else record.max_length
         limits = mission.limits(record.min_survival, longest).loosened(CHECKING)
@@ -430,55 +356,36 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
                 f"Plan {i}: expected the objectives {evaluated[i].tolist()} of its trails, got "
                 f"{objectives[i].tolist()}: the plans or the mission were changed."
             )
-        solution = Solution(
-            mission=mission,
-            plans=tuple(batch),
-            objectives=objectives,
-            seconds=None,
-            source=record.mission_source,
-            problem_objectives=own,
-            **record.model_dump(
-                exclude={"plans", "mission_source", "mission_digest", "area", "problem_objectives"}
-            ),
-        )
-        if not np.isclose(solution.area, record.area, rtol=1e-9):
-            expected = f"expected plans of area {record.area:.6g}, found {solution.area:.6g}"
-            raise ValueError(f"{expected}: plans are missing, or were changed.")
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    return solution
-
-
-def _objectives_of(record: _Record, columns: Sequence[str]) -> FloatArray:
-    """Return the objectives of a file's plans."""
-    values = np.empty((len(record.plans), len(columns)))
-    for i, plan in enumerate(record.plans):
-        given = plan.__pydantic_extra__
-        if missing := [column for column in columns if column not in given]:
-            raise ValueError(f"plans.{i}: expected {missing[0]}, found none.")
-        values[i] = [given[column] for column in columns]
-    return values
+    return Solution(
+        mission=mission,
+        plans=tuple(batch),
+        objectives=objectives,
+        seconds=None,
+        source=record.mission_source,
+        problem_objectives=own,
+        **record.model_dump(
+            exclude={"plans", "mission_source", "mission_digest", "problem_objectives"}
+        ),
+    )
 
 
 def _plans_of(record: _Record, mission: Mission) -> PlanBatch:
     """Return the plans of a file, in one pass: a front may have millions of nodes on its trails."""
-    read = [json.loads(_as_json(node)) for node in mission.nodes]  # as JSON gives them back
-    indices = {read_label(label): index for index, label in enumerate(read)}
-    has_lists = any(isinstance(label, list) for label in read)  # which cannot be keys
-    index_of = (lambda label: indices[read_label(label)]) if has_lists else indices.__getitem__
-    plans: list[Sequence[Sequence[int]]] = []
+    index_of = {
+        read_label(json.loads(_as_json(node))): i for i, node in enumerate(mission.nodes)
+    }  # by the labels as JSON gives them back
+    plans = []
     for i, plan in enumerate(record.plans):
-        trails: Sequence[Sequence[int]]
         try:
-            trails = [[*map(index_of, trail)] for trail in plan.trails]
-            if len(trails) != mission.robots:
-                raise KeyError
-        except (KeyError, TypeError, ValueError):  # something is wrong, and `plan` says what
-            try:
-                trails = mission.trails(mission.plan(plan.trails))
-            except ValueError as error:
-                raise ValueError(f"Plan {i}: {error}") from None
-        plans.append(trails)
+            plans.append([[index_of[read_label(v)] for v in trail] for trail in plan.trails])
+        except (KeyError, TypeError, ValueError):  # `plan` says which label is unknown
+            mission.plan(plan.trails)
+            raise
+        if len(plan.trails) != mission.robots:
+            expected = f"expected {mission.robots} trails"
+            raise ValueError(f"Plan {i}: {expected}, got {len(plan.trails)}.")
     return mission.pack(plans)
 
 

@@ -24,27 +24,12 @@ from botohe_moo.problem import BOTOHE, find_problem, problem_path
 from botohe_moo.solution import Solution
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["RefusalError", "solve"]
+__all__ = ["solve"]
 
 N_ISLANDS = 8  # of a search that nobody has told how many
 
 Progress = Callable[[int, Callable[[], float]], None]
 """Takes the evaluations so far, and a function that computes the area of what was found."""
-
-
-class RefusalError(ValueError):
-    """The algorithm cannot search this mission; says why.
-
-    Examples
-    --------
-    >>> from botohe_moo import solve
-    >>> from botohe_moo.solving import RefusalError
-    >>> try:
-    ...     solve("art_museum", "exact", memory_limit=1)
-    ... except RefusalError as error:
-    ...     print(str(error)[:39])
-    Algorithm 'exact': Mission 'art_museum'
-    """
 
 
 def solve(
@@ -122,6 +107,8 @@ def solve(
     >>> solution.mission.labels(solution.plans[3])
     ((1,), (1,))
     """
+    evaluations = check_integer("evaluations", evaluations, at_least=1)
+    seed = check_integer("seed", seed, at_least=0)
     source: dict[str, Any] = {}
     if not isinstance(algorithm, str | Algorithm):
         expected = "algorithm: expected a name, or an algorithm of pymoo's such as BOACO()"
@@ -129,7 +116,8 @@ def solve(
     if not isinstance(mission, Mission):
         path, mission = mission, load_mission(mission)
         source = {"name_or_path": os.fspath(path)}
-    name = None
+    kind, name = find_problem(problem), type(algorithm).__name__
+    searched = kind(mission, min_survival=min_survival, max_length=max_length)
     given = {"n_islands": n_islands, "n_threads": n_threads}
     parameters |= {key: value for key, value in given.items() if value is not None}
     if isinstance(algorithm, str):
@@ -137,16 +125,44 @@ def solve(
     elif parameters:
         raise ValueError(
             f"Expected parameters only for an algorithm that is given by its name, got "
-            f"{', '.join(parameters)} for {type(algorithm).__name__}."
+            f"{', '.join(parameters)} for {name}."
         )
-    return search(
-        find_problem(problem)(mission, min_survival=min_survival, max_length=max_length),
-        algorithm,
-        evaluations=evaluations,
+    started = time.perf_counter()
+    if algorithm.is_initialized:
+        raise ValueError(f"Expected an algorithm that has not run yet, got {name!r} after a run.")
+    try:
+        algorithm.setup(searched, termination=("n_eval", evaluations), seed=seed)
+    except (AssertionError, TypeError, ValueError) as error:  # pymoo asserts what it demands
+        raise ValueError(f"Algorithm {name!r}: {error}") from error
+
+    def area() -> float:
+        return area_indicator(_front(algorithm)[0], searched.objectives)
+
+    with hold_signals(signal.SIGINT, handled=True) if stop is None else nullcontext(stop) as stop:
+        going_on = True
+        while going_on:  # at least once, so that something is found however soon it is stopped
+            algorithm.next()
+            going_on = algorithm.has_next() and not stop.is_set()
+            if progress is not None:
+                progress(algorithm.evaluator.n_eval, area)
+    seconds = time.perf_counter() - started
+    objectives, plans = _front(algorithm)
+    return Solution(
+        mission=mission,
+        plans=plans,
+        objectives=objectives,
+        algorithm=name,
+        parameters=parameters,
         seed=seed,
-        record={"algorithm": name, "parameters": parameters, "source": source},
-        progress=progress,
-        stop=stop,
+        source=source,
+        min_survival=searched.min_survival,
+        max_length=searched.max_length,
+        evaluations=algorithm.evaluator.n_eval,
+        seconds=seconds,
+        interrupted=algorithm.has_next(),
+        moves=getattr(algorithm, "move_counts", {}),
+        problem=None if kind is BOTOHE else problem_path(kind),
+        problem_objectives=searched.objectives,
     )
 
 
@@ -162,80 +178,6 @@ def make_for_this_machine(
     stated = {"n_islands": N_ISLANDS, **parameters} if "n_islands" in known else dict(parameters)
     threads = {"n_threads": min(n_cpus(), MOST_THREADS)} if "n_threads" in known else {}
     return make_algorithm(name, **{**threads, **stated}), stated
-
-
-def search(
-    problem: BOTOHE,
-    algorithm: Algorithm,
-    *,
-    evaluations: int,
-    seed: int,
-    record: Mapping[str, Any],
-    progress: Progress | None = None,
-    stop: threading.Event | None = None,
-    started: float | None = None,
-) -> Solution:
-    """Run an algorithm on a problem; see :func:`solve`.
-
-    ``record`` is what the solution says about its origin: the name of the algorithm, its parameters
-    and the mission's source. ``started`` is the time (``time.perf_counter()``) from which seconds
-    are counted, by default that of the call. A RefusalError says why the algorithm cannot search
-    this mission.
-    """
-    started = time.perf_counter() if started is None else started
-    evaluations = check_integer("evaluations", evaluations, at_least=1)
-    seed = check_integer("seed", seed, at_least=0)
-    name = record.get("algorithm") or type(algorithm).__name__
-    mission = problem.mission
-    if algorithm.is_initialized:
-        raise ValueError(f"Expected an algorithm that has not run yet, got {name!r} after a run.")
-    try:
-        algorithm.setup(problem, termination=("n_eval", evaluations), seed=seed)
-    except (AssertionError, TypeError, ValueError) as error:  # pymoo asserts what it demands
-        raise RefusalError(f"Algorithm {name!r}: {error}") from error
-
-    def area() -> float:
-        return area_indicator(_front(algorithm)[0], problem.objectives)
-
-    startup: dict[str, Any] = {}
-    with hold_signals(signal.SIGINT, handled=True) if stop is None else nullcontext(stop) as stop:
-        going_on = True
-        while going_on:  # at least once, so that something is found however soon it is stopped
-            try:
-                algorithm.next()
-            except ValueError as error:
-                from botohe_moo.algorithms.exact.front import TooLargeError  # loads kernels
-
-                if not isinstance(error, TooLargeError):
-                    raise
-                raise RefusalError(f"Algorithm {name!r}: {error}") from error
-            except SystemExit as error:  # of another package's operator
-                raise RuntimeError(f"Algorithm {name!r} called sys.exit({error}).") from error
-            startup = startup or {
-                "startup_seconds": time.perf_counter() - started,
-                "startup_evaluations": algorithm.evaluator.n_eval,
-            }
-            going_on = algorithm.has_next() and not stop.is_set()
-            if progress is not None:
-                progress(algorithm.evaluator.n_eval, area)
-    seconds = time.perf_counter() - started
-    objectives, plans = _front(algorithm)
-    return Solution(
-        mission=mission,
-        plans=plans,
-        objectives=objectives,
-        seed=seed,
-        min_survival=problem.min_survival,
-        max_length=problem.max_length,
-        evaluations=algorithm.evaluator.n_eval,
-        seconds=seconds,
-        interrupted=algorithm.has_next(),
-        moves=getattr(algorithm, "move_counts", {}),
-        problem=None if type(problem) is BOTOHE else problem_path(type(problem)),
-        problem_objectives=problem.objectives,
-        **{**record, "algorithm": name},
-        **startup,
-    )
 
 
 def _front(algorithm: Algorithm) -> tuple[FloatArray, tuple[TrailPlan, ...]]:

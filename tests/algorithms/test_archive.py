@@ -5,20 +5,12 @@ from collections import Counter
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from numba import njit
 
 from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.base import PopulationArchive
-from botohe_moo.core import archive as kernels
+from botohe_moo.core.walk import plan_hashes
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests.examples import examples
-
-plan_hash = njit(kernels.plan_hash)
-
-
-def as_batch(batch):
-    return kernels.Batch(np.zeros((len(batch), 2)), batch.nodes, batch.offsets)
-
 
 # Plans whose objectives are small integers, so that ties and repetitions abound; the last two
 # are one plan with its robots in two orders, the two before are {A, A, B} and {A, B, B}.
@@ -121,7 +113,7 @@ def test_individuals_stay_the_same_as_long_as_their_plans_do(data):
 
 def test_hash_knows_multisets():
     batch = PlanBatch.from_plans(PLANS, 3)
-    hashes = [plan_hash(as_batch(batch), 3, i) for i in range(len(PLANS))]
+    hashes = plan_hashes(*batch.arrays, 3).tolist()
     assert hashes[-1] == hashes[-2]
     assert len(set(hashes)) == len(PLANS) - 1
 
@@ -133,7 +125,7 @@ def test_hashes_of_many_short_plans_differ():
         for _ in range(20_000)
     }
     batch = PlanBatch.from_plans(plans, 2)
-    hashes = {int(plan_hash(as_batch(batch), 2, i)) for i in range(len(batch))}
+    hashes = set(plan_hashes(*batch.arrays, 2).tolist())
     assert len(hashes) == len(plans)
 
 

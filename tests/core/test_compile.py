@@ -3,8 +3,7 @@
 import ast
 import gc
 import importlib.util
-import os
-import pwd
+import re
 import sys
 import time
 from itertools import chain
@@ -19,10 +18,8 @@ from numba.core import event
 from numba.core.cpu import CPUTargetOptions
 
 import botohe_moo
-from botohe_moo.algorithms.local_search.kernels import recreate
 from botohe_moo.base.types import FloatArray
 from botohe_moo.core import compile as decorators
-from botohe_moo.core import world
 from botohe_moo.core.compile import _PRIVATE, array_maker, helper, is_kept, kernel, own_time, shared
 
 SOURCES = sorted(Path(botohe_moo.__file__).parent.rglob("*.py"))
@@ -152,8 +149,7 @@ class TestMachineCodeOnDisk:
                 "from botohe_moo.core.compile import kernel\n\n\n"
                 f"@kernel\ndef add(x):\n    return x + {number}\n"
             )
-            for cached in (decorators._sources, decorators._digest):
-                cached.cache_clear()
+            decorators._digest.cache_clear()
             spec = importlib.util.spec_from_file_location("adding", path)
             module = importlib.util.module_from_spec(spec)
             monkeypatch.setitem(sys.modules, "adding", module)
@@ -180,28 +176,6 @@ class TestMachineCodeOnDisk:
         assert len(others) == len(files) == 2
         assert not others & files  # that of other sources is of no use
 
-    @pytest.mark.parametrize("kind", ["nbi", "nbc"])
-    @pytest.mark.parametrize("content", [b"", b"no code", "cut off"])
-    def test_where_it_is_damaged_it_is_made_again(self, loaded, tmp_path, kind, content):
-        assert loaded(1)(2) == 3
-        [path] = (tmp_path / "__pycache__").glob(f"*.{kind}")
-        whole = path.read_bytes()
-        path.write_bytes(whole[: len(whole) // 2] if content == "cut off" else content)
-        with pytest.warns(UserWarning, match=r"\.nbi: damaged; this kernel is compiled again"):
-            assert loaded(1)(2) == 3
-        again = loaded(1)
-        assert again(2) == 3
-        assert sum(again.stats.cache_hits.values()) == 1
-
-    @pytest.mark.parametrize("content", [b"", b"no code"])
-    def test_where_the_index_is_damaged_nothing_is_kept(self, loaded, tmp_path, content):
-        assert loaded(1)(2) == 3
-        [path] = (tmp_path / "__pycache__").glob("*.nbi")
-        path.write_bytes(content)
-        with pytest.warns(UserWarning, match="damaged"):
-            assert not is_kept(loaded(1), (numba.int64,))
-        assert not is_kept(loaded(1), (numba.int64,))  # which has been said
-
     def test_where_it_is_still_being_written_it_is_not_there(self, loaded, tmp_path):
         assert loaded(1)(2) == 3
         [path] = (tmp_path / "__pycache__").glob("*.nbc")  # which numba writes after the index
@@ -212,56 +186,22 @@ class TestMachineCodeOnDisk:
         assert not is_kept(numba.njit(lambda: 1), ())
 
 
-def test_sources_of_a_kernel_are_all_that_it_is_compiled_from():
-    found = decorators._sources(recreate.__name__)
-    assert {recreate.__file__, world.__file__, decorators.__file__} <= found
-    assert not any(path.endswith(("engine.py", "model.py")) for path in found)
-
-
-@pytest.mark.parametrize(
-    "imports",
-    [
-        "from botohe_moo.core.world import Graph",
-        "from botohe_moo.core import world",
-        "from botohe_moo.core import rng, world",
-        "from botohe_moo.core import world as w",
-        "from botohe_moo.core import (\n    rng,\n    world as w,\n)",
-    ],
+KERNELS = re.compile(
+    r"^from botohe_moo\.core\.(compile|ready) import .*\b(kernel|at_once|helper|inlined)\b",
+    re.M,
 )
-def test_sources_of_a_kernel_are_found_however_they_are_imported(tmp_path, monkeypatch, imports):
-    path = tmp_path / "importing.py"
-    path.write_text(f"import math\n\n{imports}\n\nfound = math.pi\n")
-    spec = importlib.util.spec_from_file_location("importing", path)
-    monkeypatch.setitem(sys.modules, "importing", importlib.util.module_from_spec(spec))
-    decorators._sources.cache_clear()
-    # ``world`` imports ``compile``
-    assert {str(path), world.__file__, decorators.__file__} <= decorators._sources("importing")
+IMPORTED = re.compile(r"^from botohe_moo\.([\w.]+) import", re.M)
 
 
-@pytest.mark.parametrize(
-    ("writable", "home", "named", "keeps"),
-    [
-        (True, None, {}, True),
-        (False, None, {"NUMBA_CACHE_DIR": "/cache"}, True),
-        (False, None, {"NUMBA_CACHE_DIR": ""}, False),
-        (False, None, {"XDG_CACHE_HOME": "/cache"}, True),
-        (False, "/home/me", {"XDG_CACHE_HOME": ""}, False),
-        (False, "/home/me", {"XDG_CACHE_HOME": "cache"}, False),
-        (False, "/home/me", {}, True),
-        (False, None, {}, False),
-    ],
-)
-def test_nothing_is_kept_where_users_stand(monkeypatch, writable, home, named, keeps):
-    def unknown(_):
-        raise KeyError("no such user")
-
-    for name in ("HOME", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
-        monkeypatch.delenv(name, raising=False)
-    for name, value in (named | ({"HOME": home} if home else {})).items():
-        monkeypatch.setenv(name, value)
-    monkeypatch.setattr(pwd, "getpwuid", unknown)
-    monkeypatch.setattr(os, "access", lambda *_: writable)
-    assert decorators._has_place_to_keep() is keeps
+def test_kernels_import_only_the_core_and_their_own_folder():
+    root, found = Path(botohe_moo.__file__).parent, []
+    for path in SOURCES:
+        if KERNELS.search(text := path.read_text("utf-8")):
+            own = ".".join(path.parent.relative_to(root).parts)
+            found.append(path)
+            for imported in IMPORTED.findall(text):
+                assert imported.startswith(("base.", "core", own)), path
+    assert len(found) > 20
 
 
 def test_own_time_stands_still_while_anything_is_compiled():

@@ -130,11 +130,10 @@ class TestMerging:
     @pytest.mark.parametrize(
         ("finder", "fault"),
         [
-            (("27.11.2026", "Ada", "by hand"), "Expected a date .* got '27.11.2026'"),
-            (("20261127", "Ada", "by hand"), "Expected a date such as 2026-11-27"),
+            (("27.11.2026", "Ada", "by hand"), "Invalid isoformat string: '27.11.2026'"),
             (("2026-06-31", "Ada", "by hand"), "day is out of range"),
-            (("2026-11-27", " ", "by hand"), "Expected a line that says who found the plans"),
-            (("2026-11-27", "Ada", ""), "Expected a line that says by what, got ''"),
+            (("2026-11-27", " ", "by hand"), "Expected a line that says who, or by what, got ' '"),
+            (("2026-11-27", "Ada", ""), "Expected a line that says who, or by what, got ''"),
             (("2026-11-27", "A\nda", "by hand"), "Expected a line that says who"),
             (("2026-11-27", "A\udcffda", "by hand"), "Expected a line that says who"),
         ],
@@ -164,8 +163,6 @@ class TestFiles:
             front = BestKnown(TOY).merged([FAR, NEAR, HOME], ADA)
             content = json.loads(front.to_bytes())
             change(content)
-            if content["area"] == pytest.approx(front.area):  # as whoever changes a plan would say
-                content["area"] = area_indicator([plan[:2] for plan in content["plans"]], TOY)
             path = tmp_path / "toy.front.json"
             path.write_text(json.dumps(content))
             BestKnown.read(path, TOY).check()
@@ -180,8 +177,10 @@ class TestFiles:
         [
             (lambda c: c.update(mission_digest="0" * 16), "that of another mission, '0{16}'"),
             (lambda c: c.update(format="botohe-front-2"), "format"),
-            (lambda c: c.update(area=0.4), "expected the area 0.3497"),
-            (lambda c: c.update(area=1.0, plans=[[1e308, 1.0, 0, [0, 0]]]), r"toy.front.json: Exp"),
+            (
+                lambda c: c.update(area=1.0, plans=[[1e308, 1.0, 0, [0, 0]]]),
+                "Plan 0: expected the objectives",
+            ),
             (lambda c: c.pop("finders"), "finders"),
             (lambda c: c["plans"][0].__setitem__(0, 9.5), "Plan 0: expected the objectives"),
             (lambda c: c["plans"][2].__setitem__(1, 1.9), "Plan 2: expected the objectives"),
@@ -191,24 +190,23 @@ class TestFiles:
             ),
             (
                 lambda c: c["plans"][0][3].reverse(),
-                "with the trails of robots that are alike sorted",
+                "with sorted trails",
             ),
-            (lambda c: c["plans"].reverse(), "Expected plans by descending reward"),
+            (lambda c: c["plans"].reverse(), "Expected non-dominated plans by descending reward"),
             (lambda c: c["plans"].append(c["plans"][-1]), "each once"),
-            (lambda c: c["plans"][0].__setitem__(3, [0]), "expected 2 trails in each plan"),
             (
                 lambda c: c["plans"][0].__setitem__(3, [0, 9]),
-                "a plan has a node, a trail or a finder",
+                "no such node, trail or finder",
             ),
             (lambda c: c["plans"][0].__setitem__(3, [0, -1]), r"plans\[0\]\[3\]\[1\]"),
-            (lambda c: c["plans"][0].__setitem__(2, 1), "a plan has a node, a trail or a finder"),
+            (lambda c: c["plans"][0].__setitem__(2, 1), "no such node, trail or finder"),
             (
                 lambda c: c["trails"][1].__setitem__(1, "x"),
-                "a plan has a node, a trail or a finder that is not there",
+                "no such node, trail or finder",
             ),
             (lambda c: c["trails"][1].pop(), "expected the trail to end at base 1, got 3"),
             (lambda c: c["trails"].__setitem__(1, []), "trails.1"),
-            (lambda c: c["finders"][0].__setitem__(0, "today"), "Expected a date"),
+            (lambda c: c["finders"][0].__setitem__(0, "today"), "Invalid isoformat string"),
             (lambda c: c["finders"][0].append("more"), "finders.0"),
         ],
     )
@@ -221,7 +219,7 @@ class TestFiles:
             content["trails"].append([1, 3, 2, 1])
             content["plans"].insert(1, [0.9, 1.6561, 0, [0, len(content["trails"]) - 1]])
 
-        with pytest.raises(ValueError, match="Expected plans by descending reward, none dominated"):
+        with pytest.raises(ValueError, match="Expected non-dominated plans"):
             changed(add_worse)
 
     @pytest.mark.parametrize("content", [b"", b"[1]", b"{", b"\xff\xfe", b'{"format": NaN}'])

@@ -196,8 +196,8 @@ class Overstating(ArchiveAlgorithm):
     def _advance(self, **_):
         if not self.evaluator.n_eval:
             sample(self, 20)
-            arrays = self.archive.arrays
-            self.archive._arrays = arrays._replace(objectives=arrays.objectives * 1.5)
+            front = self.archive.front
+            self.archive._front = front._replace(objectives=front.objectives * 1.5)
             return
         time.sleep(3600)
 

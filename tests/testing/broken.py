@@ -224,12 +224,6 @@ class Reckless(Walks):
         return RandomTrailSampling().sample_batch(free, n, self.random_state)
 
 
-class Idle(Walks):
-    """Waits for a better time to evaluate."""
-
-    def _advance(self, **_): ...
-
-
 class Plain(Algorithm):
     """Not of this package's kind, and fine: all that it evaluates is its population."""
 

@@ -6,7 +6,7 @@ import networkx as nx
 import pytest
 
 from botohe_moo import Mission, load_mission
-from botohe_moo.testing import check_mission, missions, parametrize_with_checks
+from botohe_moo.testing import check_plugin, missions, parametrize_with_checks
 from botohe_moo.testing.rules import rules_of
 
 RULES = [rule.__name__ for rule in rules_of(missions)]
@@ -27,7 +27,7 @@ RULES = [rule.__name__ for rule in rules_of(missions)]
     ],
 )
 def test_conforms(name):
-    assert [each for each in check_mission(name) if each.status != "passed"] == []
+    assert [each for each in check_plugin(name) if each.status != "passed"] == []
 
 
 def fork(*, seed: int = 0, robots: int = 2) -> Mission:
@@ -43,7 +43,7 @@ def test_what_says_that_it_makes_a_mission_is_checked_as_one(check):
     assert check.rule in RULES
 
 
-def nothing():
+def nothing() -> Mission:
     return None
 
 
@@ -90,14 +90,14 @@ BROKEN = {
 
 
 def test_a_fork_conforms():
-    assert {result.status for result in check_mission(fork)} == {"passed"}
+    assert {result.status for result in check_plugin(fork)} == {"passed"}
     assert load_mission("tests.testing.test_missions:fork", seed=3).total_reward == 6.0
 
 
 @pytest.mark.parametrize("mission", BROKEN, ids=lambda mission: mission.__name__)
 def test_each_fails_for_its_reason(mission):
     said, rules = BROKEN[mission]
-    failed = {r.rule: r.message for r in check_mission(mission) if r.status == "failed"}
+    failed = {r.rule: r.message for r in check_plugin(mission) if r.status == "failed"}
     assert failed.keys() <= rules
     assert min(rules, key=RULES.index) in failed or len(rules) > 1
     assert any(said in message for message in failed.values())

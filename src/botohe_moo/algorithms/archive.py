@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import moocore
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.core.archive import Archive, Batch, first_plans, insert, new_archive, plan_hashes
+from botohe_moo.core.walk import keep_front, plan_hashes
 from botohe_moo.trails import PlanBatch
+
+
+class Archive(NamedTuple):
+    """Non-dominated plans by descending objectives."""
+
+    objectives: FloatArray  # (n_plans, n_objectives)
+    hashes: SeedArray  # of each plan's multiset of trails (n_plans)
+    ids: OffsetArray  # a number that no other plan ever gets (n_plans)
+    plans: PlanBatch
 
 
 class PlanArchive:
@@ -18,34 +29,30 @@ class PlanArchive:
     """
 
     def __init__(self, n_robots: int, *, max_ties: int = 1_000, n_objectives: int = 2) -> None:
-        self.n_robots = n_robots
         self.max_ties = max_ties
-        self._arrays = new_archive(0, 0, n_robots, n_objectives)
+        nothing = np.empty(0, np.uint64), np.empty(0, np.int64), PlanBatch.from_plans([], n_robots)
+        self._front = Archive(np.empty((0, n_objectives)), *nothing)
         self._next_id = 0
 
     def __len__(self) -> int:
-        return len(self._arrays.ids)
+        return len(self._front.ids)
 
     @property
     def objectives(self) -> FloatArray:
         """The objectives of each plan, to be maximised (n, n_objectives); read-only."""
-        view = self._arrays.objectives.view()
+        view = self._front.objectives.view()
         view.flags.writeable = False
         return view
 
     @property
-    def arrays(self) -> Archive:
-        """The arrays that kernels take; not to be changed."""
-        return self._arrays
+    def front(self) -> Archive:
+        """The arrays themselves; not to be changed."""
+        return self._front
 
     @property
     def plans(self) -> PlanBatch:
-        """A copy of the plans, in the order of ``objectives``."""
-        return self._plans.take(np.arange(len(self)))
-
-    @property
-    def _plans(self) -> PlanBatch:
-        return PlanBatch._wrap(self.arrays.nodes, self.arrays.offsets, self.n_robots)
+        """The plans, in the order of ``objectives``."""
+        return self.front.plans
 
     @property
     def version(self) -> int:
@@ -55,46 +62,30 @@ class PlanArchive:
     def insert(self, batch: PlanBatch, objectives: FloatArray) -> OffsetArray:
         """Insert evaluated plans, with their objectives, that the archive does not dominate.
 
-        Returns the indices of the batch's own Pareto set.
+        Returns the indices of the batch's own Pareto set, by descending objectives.
         """
-        old, new, n_robots = self._arrays, Batch(objectives, *batch.arrays), self.n_robots
-        if objectives.shape[1] != 2:
-            return self._insert_many(batch, new)
-        order, hashes = np.lexsort(-objectives.T[::-1]), np.empty(len(batch), np.uint64)
-        room = new_archive(len(self) + len(batch), len(old.nodes) + len(new.nodes), n_robots)
-        n_members, n, n_new = insert(old, new, order, hashes, self.max_ties, self.version, room)
-        if n_new:
-            self._arrays, self._next_id = first_plans(room, n, n_robots), self.version + len(batch)
-        return order[:n_members]
-
-    def _insert_many(self, batch: PlanBatch, new: Batch) -> OffsetArray:
-        """Insert plans with other than two objectives."""
-        old, n_old = self._arrays, len(self)
-        hashes = plan_hashes(new, self.n_robots)
-        members = _pareto_rows(new.objectives, hashes)
-        if not len(members):
-            return members
-        objectives = np.concatenate([old.objectives, new.objectives])
-        hashes = np.concatenate([old.hashes, hashes])
-        rows = _pareto_rows(objectives, hashes)
-        # Plans with equal objectives come one after another, and stay in their order.
-        rows = rows[np.lexsort(-objectives[rows].T[::-1])]
-        place, is_first = np.arange(len(rows)), np.ones(len(rows), bool)
-        is_first[1:] = (objectives[rows[1:]] != objectives[rows[:-1]]).any(axis=1)
-        n_ties = place - np.maximum.accumulate(np.where(is_first, place, 0))
-        rows = rows[n_ties < self.max_ties]
+        old, n_old = self._front, len(self)
+        hashes = plan_hashes(*batch.arrays, batch.n_robots)
+        members = _pareto_rows(objectives, hashes, len(batch))
+        objectives = np.concatenate([old.objectives, objectives[members]])
+        hashes = np.concatenate([old.hashes, hashes[members]])
+        rows = _pareto_rows(objectives, hashes, self.max_ties)
         if (rows >= n_old).any():
-            ids = np.append(old.ids, self.version + np.arange(len(batch)))
-            kept = PlanBatch.concatenate([self._plans, batch]).take(rows)
-            self._arrays = Archive(objectives[rows], hashes[rows], ids[rows], *kept.arrays)
+            ids = np.append(old.ids, self._next_id + members)
+            plans = PlanBatch.concatenate([old.plans, batch.take(members)]).take(rows)
+            self._front = Archive(objectives[rows], hashes[rows], ids[rows], plans)
             self._next_id += len(batch)
         return members
 
 
-def _pareto_rows(objectives: FloatArray, hashes: SeedArray) -> OffsetArray:
-    """Return the rows of the Pareto set, each plan once; objectives that are NaN are left out."""
-    rows = np.flatnonzero(np.isfinite(objectives).all(axis=1))
-    rows = rows[moocore.is_nondominated(objectives[rows], maximise=True, keep_weakly=True)]
-    _, first = np.unique(hashes[rows], return_index=True)
-    pareto: OffsetArray = rows[np.sort(first)]
-    return pareto
+def _pareto_rows(objectives: FloatArray, hashes: SeedArray, max_ties: int) -> OffsetArray:
+    """Return the rows of the Pareto set by descending objectives, each plan once.
+
+    Plans with equal objectives stay in their order; objectives that are NaN are left out.
+    """
+    order = np.lexsort(-objectives.T[::-1])
+    if objectives.shape[1] > 2:
+        order = order[np.isfinite(objectives[order]).all(axis=1)]
+        nondominated = moocore.is_nondominated(objectives[order], maximise=True, keep_weakly=True)
+        order = order[nondominated]
+    return order[: keep_front(objectives, hashes, order, max_ties)]

@@ -61,7 +61,7 @@ class PopulationArchive(PlanArchive):
         """
         first, members = self.version, super().insert(batch, objectives)
         if individuals is not None:
-            ids = self.arrays.ids
+            ids = self.front.ids
             self._individuals |= {i: individuals[i - first] for i in ids[ids >= first].tolist()}
         return members
 
@@ -76,7 +76,7 @@ class PopulationArchive(PlanArchive):
             constraints = [None] * len(plans) if not self._constrain else self._constrain(plans)
             self._individuals = {
                 key: known.get(key) or _individual(plans[i], objectives[i], constraints[i])
-                for i, key in enumerate(self.arrays.ids.tolist())
+                for i, key in enumerate(self.front.ids.tolist())
             }
             self._population = Population.create(*self._individuals.values())
             self._made = self.version

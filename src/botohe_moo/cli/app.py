@@ -121,11 +121,9 @@ def check(name: str, *, parameter: list[str] | None = None, json: bool = False) 
     with failing():
         parameters = common.read_parameters(parameter)
         from botohe_moo import testing
-        from botohe_moo.testing.checking import kind_of
 
-        of_kind = testing.check_mission if kind_of(name) == "mission" else testing.check_algorithm
         with contextlib.redirect_stdout(sys.stderr):  # what an algorithm prints is not a result
-            results = of_kind(name, parameters)
+            results = testing.check_plugin(name, parameters)
     if json:
         tell(dumps([asdict(result) for result in results], indent=2))
     else:
@@ -135,7 +133,7 @@ def check(name: str, *, parameter: list[str] | None = None, json: bool = False) 
 
 
 def _tell_results(results: list[CheckResult]) -> None:
-    rows = ((each.rule, each.status, f"{each.seconds:.1f} s") for each in results)
+    rows = ((each.rule, each.status) for each in results)
     tell(common.table(rows, n_texts=2))
     for result in results:
         if result.status == "failed":

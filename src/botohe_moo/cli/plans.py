@@ -115,9 +115,7 @@ def _write_plan(
     """Write a plan, or draw it, as the suffix of the path says."""
     if path.suffix.lower() not in common.PICTURES:
         return decide.write_plan(mission, plan, path, altitude=altitude, vehicle=vehicle)
-    from botohe_moo.solution import draw_picture
-
-    draw_picture(path, plots.plot_plan, mission, plan)
+    plots.save_plot(plots.plot_plan(mission, plan), path)
     return (path,)
 
 
@@ -253,8 +251,6 @@ def replan(
 
 def _write_rest(found: underway.Replan, out: Path, evaluations: int, seed: int) -> None:
     """Write the rest of a mission as the solution of a search."""
-    from botohe_moo.solution import draw_picture
-
     rest = bm.Solution(
         mission=found.left.mission,
         plans=found.plans,
@@ -267,7 +263,7 @@ def _write_rest(found: underway.Replan, out: Path, evaluations: int, seed: int) 
         interrupted=False,
     )
     paths = rest.write(out)
-    draw_picture(out / REPLAN_PICTURE, plots.plot_replan, found)
+    plots.save_plot(plots.plot_replan(found), out / REPLAN_PICTURE)
     for path in (*paths, out / REPLAN_PICTURE):
         tell(f"wrote {path}")
     row, where = found.plans.index(found.plan), shlex.quote(str(out))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import shlex
-import time
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from typing import Annotated, Any
@@ -19,7 +19,6 @@ from botohe_moo.cli import common
 from botohe_moo.cli.common import FAILED, brief, fail, failing, stoppable, tell
 from botohe_moo.cli.plans import tell_choice
 
-_STARTED = time.perf_counter()
 _STOP_SEARCH = "stopping; what was found will be written. Press Ctrl-C again to break off."
 _STOP_PROOF = "stopping; what is proved will be shown. Press Ctrl-C again to break off."
 _ROWS = 8  # of the table of a bound
@@ -70,13 +69,12 @@ def solve(
         from botohe_moo.bounds.plain import check_boundable
         from botohe_moo.mission.formats.reading import stem_of
         from botohe_moo.problem import find_problem
-        from botohe_moo.solution import PictureError
         from botohe_moo.solving import make_for_this_machine
 
         parameters = common.read_parameters(parameter)
         loaded = bm.load_mission(mission, **options)
         wishes = decide.parse_wishes(loaded, choose) if choose else ()
-        built, parameters = make_for_this_machine(algorithm, parameters)
+        make_for_this_machine(algorithm, parameters)
         kind = bm.BOTOHE if problem is None else find_problem(problem)
         searched = kind(loaded, min_survival=min_survival, max_length=max_length)
         if certify is not None:
@@ -85,19 +83,18 @@ def solve(
             check_boundable(loaded, "--certify")
         default = Path("results", "solve", stem_of(mission))
         files.check_folder(default.parent if out is None else out)
-    source = {**options, "name_or_path": mission}
-    how = {"algorithm": algorithm, "parameters": parameters, "source": source}
+    limits = {"min_survival": min_survival, "max_length": max_length}
+    how = {"mission": loaded, "algorithm": algorithm, "problem": kind, **limits, **parameters}
     with (
         stoppable(_STOP_SEARCH) as stop,
         files.new_folder(default) if out is None else nullcontext(out) as folder,
     ):
         tell(f"{loaded.title}: {brief(loaded, searched.max_length)}\n")
-        solution = _search(searched, built, stop, evaluations=evaluations, seed=seed, record=how)
+        solution = _search(stop, evaluations=evaluations, seed=seed, **how)
+        solution = replace(solution, source={**options, "name_or_path": mission})
+        tell(solution.describe())
         with failing(FAILED):
-            try:
-                paths = solution.write(folder, before_pictures=lambda: tell(solution.describe()))
-            except PictureError as error:
-                fail(f"{error} The tables are in {folder}.", FAILED)
+            paths = solution.write(folder)
         tell("\n" + "\n".join(f"wrote {path}" for path in paths))
     choice = solution.choose(*wishes) if wishes else None
     if choice is not None:
@@ -112,16 +109,14 @@ def solve(
         fail("no plan meets all wishes.", FAILED)
 
 
-def _search(problem: bm.BOTOHE, algorithm: Any, stop: Event, **how: Any) -> bm.Solution:
+def _search(stop: Event, **how: Any) -> bm.Solution:
     """Search and show it; the command ends if the algorithm refuses, or finds nothing."""
     from botohe_moo.cli.progress import showing_search
-    from botohe_moo.solving import RefusalError, search
 
     try:
         with showing_search(how["evaluations"]) as progress:
-            how |= {"progress": progress, "stop": stop, "started": _STARTED}
-            solution = search(problem, algorithm, **how)
-    except RefusalError as error:
+            solution = bm.solve(**how, progress=progress, stop=stop)
+    except ValueError as error:  # it cannot search this mission
         fail(error)
     if not solution.plans:
         found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
@@ -197,7 +192,7 @@ def bound(
 
 def _certify(solution: bm.Solution, folder: Path, time_limit: float) -> None:
     """Bound the front of a solution, say how good it is, and write the bound to its folder."""
-    from botohe_moo.solution import BOUND, FRONT_PICTURE, draw_picture
+    from botohe_moo.solution import BOUND, FRONT_PICTURE
 
     with stoppable(_STOP_PROOF) as stop:
         how = {"time_limit": time_limit, "n_threads": None, "seed": solution.seed}
@@ -208,7 +203,7 @@ def _certify(solution: bm.Solution, folder: Path, time_limit: float) -> None:
         with failing(FAILED):
             bound.save(folder / BOUND)
             tell(f"wrote {folder / BOUND}")
-            draw_picture(folder / FRONT_PICTURE, plots.plot_front, *shown, bound=bound)
+            plots.save_plot(plots.plot_front(*shown, bound=bound), folder / FRONT_PICTURE)
             tell(f"wrote {folder / FRONT_PICTURE}")
 
 

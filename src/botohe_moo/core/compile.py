@@ -9,12 +9,8 @@ that run for less than a millisecond make their scratch themselves.
 
 import gc
 import hashlib
-import os
-import re
-import sys
 import threading
 import time
-import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -51,11 +47,10 @@ def kernel(function: Function) -> Function:
     Kernels hold no lock (``nogil``), so that threads can share the work.
     """
     compiled: Any = njit(nogil=True, **_EVERYWHERE)(function)
-    if _KEEPS and hasattr(compiled, "enable_caching"):  # else numba is told to compile nothing
+    if hasattr(compiled, "enable_caching"):  # else numba is told to compile nothing
         with suppress(RuntimeError):  # no folder is writable, as in some containers
             compiled._cache = _KernelCache(function)
-    made: Function = compiled
-    return made
+    return compiled  # type: ignore[no-any-return]
 
 
 def can_keep(kernel: Any) -> bool:
@@ -72,72 +67,38 @@ class _KernelCache(FunctionCache):
     """numba's cache of a kernel, in files that are named by the sources it was compiled from.
 
     numba itself compares one file with its date: it would run machine code of helpers that have
-    changed since, and fail where a class in the cache has moved. Files that are damaged are written
-    again.
+    changed since, and fail where a class in the cache has moved.
     """
 
-    def load_overload(self, *described: Any) -> Any:
-        """Return what was kept, or None."""
-        self._name_files()
-        try:
-            return super().load_overload(*described)
-        except Exception:  # whatever damaged files may cause
-            self._replace()
-            return None
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        digest = _digest(Path(function.__code__.co_filename).parent)
+        self._stem = f"{self._impl.filename_base}-{digest}"
+        self._cache_file = IndexDataCacheFile(self._cache_path, self._stem, source_stamp=None)
 
     def save_overload(self, *made: Any) -> None:
         """Keep machine code; forget that of other sources."""
-        self._name_files()
         super().save_overload(*made)
         function, _, version = self._impl.filename_base.rpartition(".")
         stale = f"{function.rpartition('-')[0]}-*.{version}-*.nb[ci]"
         for path in Path(self._cache_path).glob(stale):
-            if not path.name.startswith(self._stem()):
+            if not path.name.startswith(self._stem):
                 path.unlink(missing_ok=True)
 
     def is_kept(self, signature: Any, codegen: Any) -> bool:
         """Return whether there is machine code of the present sources for a signature."""
-        self._name_files()
-        try:
-            name = self._cache_file._load_index().get(self._index_key(signature, codegen))
-        except Exception:  # whatever damaged files may cause
-            self._replace()
-            return False
+        name = self._cache_file._load_index().get(self._index_key(signature, codegen))
         return name is not None and Path(self._cache_path, name).exists()  # written after the index
 
-    def _replace(self) -> None:
-        """Empty the index, so that machine code is made and written again."""
-        path = Path(self._cache_path, self._cache_file._index_name)
-        warnings.warn(f"{path}: damaged; this kernel is compiled again.", stacklevel=2)
-        self.flush()
-
-    def _stem(self) -> str:
-        return f"{self._impl.filename_base}-{_digest(_sources(self._py_func.__module__))}"
-
-    def _name_files(self) -> None:
-        self._cache_file = IndexDataCacheFile(self._cache_path, self._stem(), source_stamp=None)
-
-
-_IMPORT = re.compile(r"^from (botohe_moo\.[\w.]+) import (\([^)]*\)|.*)$", re.MULTILINE)
-
 
 @cache
-def _sources(module: str) -> frozenset[str]:
-    """Return the files of a module and of all modules of this package that it imports."""
-    path = getattr(sys.modules.get(module), "__file__", None)
-    if path is None:  # of a notebook, or no module but what one defines
-        return frozenset()
-    files = {path}
-    for package, names in _IMPORT.findall(Path(path).read_text(encoding="utf-8")):
-        files |= _sources(package)
-        for name in re.findall(r"\w+", names):
-            files |= _sources(f"{package}.{name}")
-    return frozenset(files)
+def _digest(folder: Path) -> str:
+    """Return a digest of the modules in a folder and in this one.
 
-
-@cache
-def _digest(files: frozenset[str]) -> str:
-    texts = b"".join(Path(file).read_bytes() for file in sorted(files))
+    Kernels call nothing else: they import only ``core`` and what lies in their own folder.
+    """
+    paths = {path for where in (folder, Path(__file__).parent) for path in where.glob("*.py")}
+    texts = b"".join(path.read_bytes() for path in sorted(paths))
     return hashlib.sha256(texts).hexdigest()[:12]
 
 
@@ -169,40 +130,25 @@ def _let_kernels_call(function: Function, *, makes_arrays: bool, forceinline: bo
     # All options are set, also to False: one that a function leaves out comes from its caller.
     private = dict.fromkeys(_PRIVATE, True) | {"_nrt": makes_arrays, "forceinline": forceinline}
     options = {name: value for name, value in private.items() if name in _KNOWN}
-    callable_by_kernels: Function = register_jitable(**_EVERYWHERE, **options)(function)
-    return callable_by_kernels
-
-
-def _has_place_to_keep() -> bool:
-    """Return whether numba finds a folder for what it compiles.
-
-    It may be beside the source, named by the environment, or in the user's home. Without any, numba
-    would make a folder in the working directory, named "~" or, where ``XDG_CACHE_HOME`` is no
-    absolute path, by that, and load code from one that is there.
-    """
-    if os.environ.get("NUMBA_CACHE_DIR") or os.access(Path(__file__).parent, os.W_OK):
-        return True
-    named = os.environ.get("XDG_CACHE_HOME")
-    try:
-        return bool(Path.home()) if named is None else Path(named).is_absolute()
-    except RuntimeError:  # neither is HOME set nor does the system know the user
-        return False
-
-
-_KEEPS = _has_place_to_keep()
+    return register_jitable(**_EVERYWHERE, **options)(function)  # type: ignore[no-any-return]
 
 
 class _Clock(event.Listener):
-    """A clock that stands still while any thread compiles kernels, or loads them."""
+    """A clock that stands still while any thread compiles kernels, or loads them.
+
+    Meanwhile Python's garbage collector is off: numba makes millions of objects, which are all in
+    use, and collecting them takes a tenth of the time.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._depth, self._since, self._spent = 0, 0.0, 0.0
+        self._depth, self._since, self._spent, self._collects = 0, 0.0, 0.0, False
 
     def on_start(self, _event: Any) -> None:
         with self._lock:
             if not self._depth:
-                self._since = time.perf_counter()
+                self._since, self._collects = time.perf_counter(), gc.isenabled()
+                gc.disable()
             self._depth += 1
 
     def on_end(self, _event: Any) -> None:
@@ -210,38 +156,25 @@ class _Clock(event.Listener):
             self._depth -= 1
             if not self._depth:
                 self._spent += time.perf_counter() - self._since
+                if self._collects:
+                    gc.enable()
 
     def now(self) -> float:
         with self._lock:
             return (self._since if self._depth else time.perf_counter()) - self._spent
 
 
-def own_time() -> float:
-    """Return a time in seconds, that of a clock which stands still while kernels are compiled."""
-    return _clock.now()
-
-
 class _Compiling(event.Listener):
-    """Follows what numba compiles: one function within another, beginning with a kernel.
-
-    Meanwhile Python's garbage collector is off: numba makes millions of objects, which are all in
-    use, and collecting them takes a tenth of the time.
-    """
+    """Follows what numba compiles: one function within another, beginning with a kernel."""
 
     def __init__(self) -> None:
         self._are_helpers: list[bool] = []  # of the functions that are compiled at the moment
-        self._collects = False
 
     def on_start(self, event: Any) -> None:
-        if not self._are_helpers:
-            self._collects = gc.isenabled()
-            gc.disable()
         self._are_helpers.append(isinstance(event.data["dispatcher"]._cache, NullCache))
 
-    def on_end(self, event: Any) -> None:  # noqa: ARG002
+    def on_end(self, _event: Any) -> None:
         self._are_helpers.pop()
-        if not self._are_helpers and self._collects:
-            gc.enable()
 
     def is_helper(self) -> bool:
         """Return whether numba compiles a helper at the moment, within a kernel."""
@@ -250,44 +183,40 @@ class _Compiling(event.Listener):
         return bool(nested and flags is not None and flags.no_cpython_wrapper)
 
 
-def _leave_helpers_to_kernels(compiling: _Compiling) -> None:
-    """Let numba make no machine code of functions that only kernels call.
-
-    numba optimises every function as a library of its own and makes machine code of it, and
-    optimises it again in every kernel that it is linked into. A helper is never called from Python:
-    without its own machine code, compiling the local search takes two thirds of the time.
-    """
-    library, make_executable = CPUCodeLibrary, CPUContext.get_executable
-    optimize, finish = library._optimize_final_module, library._finalize_final_module
-
-    def optimize_unless_helper(self: Any) -> None:
-        if not compiling.is_helper():
-            optimize(self)
-
-    def finish_unless_helper(self: Any) -> None:
-        if not compiling.is_helper():
-            finish(self)
-            return
-        self._finalize_dynamic_globals()
-        self._finalized = True
-
-    def executable_unless_helper(self: Any, made: Any, *described: Any) -> Any:
-        if not compiling.is_helper():
-            return make_executable(self, made, *described)
-        made._ensure_finalized()
-        return [].append  # stands in for machine code: numba wants a different object each time
-
-    library._optimize_final_module = optimize_unless_helper
-    library._finalize_final_module = finish_unless_helper
-    CPUContext.get_executable = executable_unless_helper
-
-
-_compiling = _Compiling()
-event.register("numba:compile", _compiling)
-_clock = _Clock()
+_clock, _compiling = _Clock(), _Compiling()
+own_time = _clock.now  # the time in seconds by a clock that stands still while kernels are compiled
 event.register("numba:compiler_lock", _clock)
-if numba.version_info.short == (0, 68):  # other versions compile for longer, with the same results
-    _leave_helpers_to_kernels(_compiling)
+event.register("numba:compile", _compiling)
+
+
+def _replace_for_helpers(owner: Any, name: str, replacement: Callable[..., Any]) -> None:
+    """Replace a method of numba's while a helper is compiled."""
+    method = getattr(owner, name)
+
+    def chosen(*arguments: Any) -> Any:
+        return (replacement if _compiling.is_helper() else method)(*arguments)
+
+    setattr(owner, name, chosen)
+
+
+def _finish(library: Any) -> None:
+    library._finalize_dynamic_globals()
+    library._finalized = True
+
+
+def _stand_in(_context: Any, library: Any, *_described: Any) -> Any:
+    library._ensure_finalized()
+    return [].append  # numba wants a different object each time
+
+
+# numba optimises every function as a library of its own and makes machine code of it, and optimises
+# it again in every kernel that it is linked into. A helper is never called from Python: without its
+# own machine code, compiling the local search takes two thirds of the time. Other versions compile
+# for longer, with the same results.
+if numba.version_info.short == (0, 68):
+    _replace_for_helpers(CPUCodeLibrary, "_optimize_final_module", lambda _library: None)
+    _replace_for_helpers(CPUCodeLibrary, "_finalize_final_module", _finish)
+    _replace_for_helpers(CPUContext, "get_executable", _stand_in)
 
 
 # Numba hands a named tuple to a function array by array, and each array as seven numbers: most of

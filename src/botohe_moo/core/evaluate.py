@@ -103,34 +103,13 @@ def either(one: Chance, other: Chance) -> Chance:
     return one + (1.0 - one) * other
 
 
-class _Scratch(NamedTuple):
-    """Scratch of evaluations."""
-
-    used: OffsetArray  # the last trail that used each arc (n_arcs)
-    visits: Visits
-    reached: Reached
-    order: OffsetArray  # robots, by their trails (n_robots)
-
-
-@array_maker
-def _new_scratch(graph: Graph, team: Team) -> _Scratch:
-    return _Scratch(
-        np.full(graph.head.shape[0], -1),
-        new_visits(graph.reward.shape[0]),
-        new_reached(team.reward.shape[0]),
-        np.empty(team.start.shape[0], np.int64),
-    )
-
-
 @inlined
 def _hop(graph: Graph, used: OffsetArray, trail: int, tail: int, head: int) -> tuple[int, int]:
     """Return the arc of a hop, −1 where there is none, and what is wrong with it."""
     n_nodes = graph.reward.shape[0]
     if head < 0 or head >= n_nodes:
         return -1, UNKNOWN_NODE
-    if tail < 0 or tail >= n_nodes:
-        return -1, MISSING_ARC
-    arc = find_arc(graph, tail, head)
+    arc = find_arc(graph, tail, head) if 0 <= tail < n_nodes else -1
     if arc < 0:
         return -1, MISSING_ARC
     if used[arc] == trail:
@@ -144,18 +123,19 @@ def _follow(
     graph: Graph,
     team: Team,
     returns: Returns | None,
-    scratch: _Scratch,
+    used: OffsetArray,
+    visits: Visits,
     nodes: IntArray,
     offsets: OffsetArray,
     trail: int,
-    robot: int,
-) -> tuple[float, float, int, int, int]:
-    """Walk a trail up to its first fault, where the robot is lost, and add what it collects.
+) -> tuple[float, float, int, int, int, int]:
+    """Walk a trail up to its first fault, where the robot is lost, and list what it visits.
 
-    Returns the probability to survive it, its length, the number of its faults, and kind and
-    position of the first fault.
+    ``used`` is the last trail that used each arc. Returns the probability to survive the trail, its
+    length, the number of visits and of faults, and kind and position of the first fault.
     """
-    visits, source = scratch.visits, team.start[robot]
+    robot = trail % team.start.shape[0]
+    source = team.start[robot]
     start, stop = offsets[trail], offsets[trail + 1]
     node = int(nodes[start]) if stop > start else -1
     kind = position = n_faults = n = 0
@@ -168,7 +148,7 @@ def _follow(
     alive, length = 1.0, 0.0
     for i in range(start + 1, stop if kind == VALID else 0):
         head = int(nodes[i])
-        arc, kind = _hop(graph, scratch.used, trail, node, head)
+        arc, kind = _hop(graph, used, trail, node, head)
         if kind != VALID:
             position = i - start
             break
@@ -177,17 +157,15 @@ def _follow(
         n = visit(graph, team, returns, head, alive, n, visits)
         node = head
     end_walk(team, returns, robot, n, visits)
-    for v in range(n):
-        combine(scratch.reached, visits.node[v], visits.chance[v])
     for i in range(start + max(1, position), stop if kind != VALID else 0):
         head = int(nodes[i])
-        n_faults += _hop(graph, scratch.used, trail, node, head)[1] != VALID
+        n_faults += _hop(graph, used, trail, node, head)[1] != VALID
         node = head
     if node != team.end[source]:
         n_faults += 1
         if kind == VALID:
             kind, position = NOT_BACK_AT_BASE, stop - start - 1
-    return alive if kind == VALID else 0.0, length, n_faults, kind, position
+    return alive if kind == VALID else 0.0, length, n, n_faults, kind, position
 
 
 def evaluate(
@@ -221,26 +199,29 @@ def _evaluate(
     values: Values,
 ) -> tuple[int, int, int, int]:
     graph, team, values = shared(graph), shared(team), shared(values)
-    scratch, n_robots = _new_scratch(graph, team), team.start.shape[0]
-    order = scratch.order
+    n_robots = team.start.shape[0]
+    order, used = np.empty(n_robots, np.int64), np.full(graph.head.shape[0], -1)
+    visits, reached = new_visits(graph.reward.shape[0]), new_reached(team.reward.shape[0])
     for plan in range(values.objectives.shape[0]):
         for k in range(n_robots):
             order[k] = plan * n_robots + k
         sort_trails(nodes, offsets, offsets[1:], order)
-        begin_plan(scratch.reached)
+        begin_plan(reached)
         n_faults = 0
         survivors = 0.0
         for k in range(n_robots):
             trail, robot = order[k], order[k] - plan * n_robots
-            alive, length, n, kind, at = _follow(
-                graph, team, returns, scratch, nodes, offsets, trail, robot
+            alive, length, n, n_wrong, kind, at = _follow(
+                graph, team, returns, used, visits, nodes, offsets, trail
             )
             if strict and kind != VALID:
                 return kind, plan, robot, at
-            n_faults += n
+            for v in range(n):
+                combine(reached, visits.node[v], visits.chance[v])
+            n_faults += n_wrong
             survivors += alive
             values.alive[plan, robot], values.lengths[plan, robot] = alive, length
-        values.objectives[plan, 0] = expected_reward(team.reward, scratch.reached)
+        values.objectives[plan, 0] = expected_reward(team.reward, reached)
         values.objectives[plan, 1] = survivors
         values.faults[plan] = n_faults
     return VALID, 0, 0, 0

@@ -41,7 +41,7 @@ class OrderedFront(NamedTuple):
 
 def new_front(n_slots: int, n_robots: int) -> OrderedFront:
     """Return room for ``n_slots`` plans of ``n_robots`` trails."""
-    front: OrderedFront = apart(
+    return apart(  # type: ignore[no-any-return]
         OrderedFront(
             n=np.array([(0, 0, n_slots)], _COUNTS).view(np.recarray)[0],
             order=np.zeros(n_slots, np.int64),
@@ -50,7 +50,6 @@ def new_front(n_slots: int, n_robots: int) -> OrderedFront:
             members=np.arange(n_slots),
         )
     )
-    return front
 
 
 def read_front(front: OrderedFront) -> tuple[OffsetArray, FloatArray]:

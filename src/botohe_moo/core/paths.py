@@ -75,27 +75,20 @@ def _push(paths: Paths, size: int, key: float, node: int) -> int:
 
 
 @helper
-def _pop(paths: Paths, size: int) -> int:
-    """Take the first node off the heap, which moves to the end; return the heap's new size."""
+def _pop(paths: Paths, size: int) -> tuple[float, int]:
+    """Take the first node off a heap of some size; return its key and the node."""
     keys, nodes = paths.heap_keys, paths.heap_nodes
     first_key, first_node = keys[0], nodes[0]
-    size -= 1
-    key, node = keys[size], nodes[size]
-    at = 0
-    while True:
-        child = 2 * at + 1
-        if child >= size:
-            break
-        if child + 1 < size and keys[child + 1] < keys[child]:
+    last, at, child = size - 1, 0, 1
+    while child < last:
+        if child + 1 < last and keys[child + 1] < keys[child]:
             child += 1
-        if keys[child] >= key:
+        if keys[child] >= keys[last]:
             break
         keys[at], nodes[at] = keys[child], nodes[child]
-        at = child
-    if size > 0:
-        keys[at], nodes[at] = key, node
-    keys[size], nodes[size] = first_key, first_node
-    return size
+        at, child = child, 2 * child + 1
+    keys[at], nodes[at] = keys[last], nodes[last]
+    return first_key, first_node
 
 
 @helper
@@ -122,8 +115,8 @@ def search_paths(
     size = _push(paths, 0, 0.0, source)
     n = 0
     while size > 0 and n < n_most:
-        size = _pop(paths, size)
-        node, key = paths.heap_nodes[size], paths.heap_keys[size]
+        key, node = _pop(paths, size)
+        size -= 1
         if key > distance[node]:
             continue
         paths.order[n] = node
@@ -296,24 +289,20 @@ def leads_home(world: World, paths: Paths, used: OffsetArray, trail: int, node: 
     graph, met, entry, queue = world.graph, paths.met, paths.entry, paths.order
     search, end = paths.n_searches[0], world.team.end[node]
     queue[0], met[node], n, i = node, search, 1, 0
-    if _is_free(graph, paths, used, trail, node, end):
-        return True
     while i < n:
         tail = queue[i]
         i += 1
+        if _is_free(graph, paths, used, trail, tail, end):
+            while tail != node:
+                arc = entry[tail]
+                tail = graph.tail[arc]
+                paths.onward[tail] = arc
+            return True
         for arc in range(graph.first[tail], graph.first[tail + 1]):
             head = graph.head[arc]
-            if used[arc] == trail or met[head] == search:
-                continue
-            met[head], entry[head] = search, arc
-            if _is_free(graph, paths, used, trail, head, end):
-                while head != node:
-                    arc = entry[head]
-                    head = graph.tail[arc]
-                    paths.onward[head] = arc
-                return True
-            queue[n] = head
-            n += 1
+            if used[arc] != trail and met[head] != search:
+                met[head], entry[head], queue[n] = search, arc, head
+                n += 1
     return False
 
 

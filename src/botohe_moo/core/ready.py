@@ -9,7 +9,6 @@ at each call of a kernel that has not been compiled for such arguments:
   Python goes on until that is done. It compiles one kernel at a time; others are compiled here.
 """
 
-import atexit
 import os
 import pickle
 import subprocess
@@ -21,13 +20,13 @@ from contextlib import contextmanager, suppress
 from functools import update_wrapper
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Any, Literal, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias
 
 import numba
 import numpy as np
 
 from botohe_moo.base.runtime import n_cpus
-from botohe_moo.core.compile import can_keep, is_kept, kernel
+from botohe_moo.core.compile import Function, can_keep, is_kept, kernel
 
 # Seconds that Python may take for one call, and for all calls of a run that are still to come:
 # about as long as compiling takes.
@@ -36,27 +35,22 @@ _LONGEST_CALL, _LONGEST_REST = 3.0, 4.0
 _NOTED = 0.2
 
 Mode: TypeAlias = Literal["auto", "compiled", "interpreted"]
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class _Run:
     """What kernels know of the run that calls them."""
 
     mode: Mode = "auto"
-    number = 0  # how many runs have begun
-    world = 0  # how many worlds there have been: the next one may need other machine code
+    number = 0  # how many runs and worlds there have been: each may need other machine code
     rest = 1.0  # what is still to do, as a multiple of what has been done
 
 
-def expect_other_types() -> None:
-    """Let kernels look again whether they are compiled for their arguments."""
-    _Run.world += 1
-
-
 def begin_run() -> None:
-    """Let kernels forget how long Python took for them in earlier runs."""
+    """Let kernels look again whether they are compiled for their arguments.
+
+    They also forget how long Python took for them.
+    """
     _Run.number += 1
-    expect_other_types()
 
 
 @contextmanager
@@ -73,12 +67,12 @@ def remaining(rest: float) -> Iterator[None]:
 def kernels(mode: Mode) -> Iterator[None]:
     """Let the rule decide (``auto``), or all kernels be ``compiled`` or ``interpreted``."""
     before, _Run.mode = _Run.mode, mode
-    expect_other_types()
+    begin_run()
     try:
         yield
     finally:
         _Run.mode = before
-        expect_other_types()
+        begin_run()
 
 
 def at_once(seconds: Callable[..., float]) -> Callable[[Function], Function]:
@@ -92,8 +86,7 @@ def at_once(seconds: Callable[..., float]) -> Callable[[Function], Function]:
         # With Intel's SVML machine code rounds otherwise; or numba is told to compile nothing.
         if numba.config.USING_SVML or not hasattr(compiled, "overloads"):
             return compiled  # type: ignore[no-any-return]
-        made: Any = _Kernel(function, compiled, seconds)
-        return made  # type: ignore[no-any-return]
+        return _Kernel(function, compiled, seconds)  # type: ignore[return-value]
 
     return decorated
 
@@ -107,12 +100,14 @@ class _Kernel:
         update_wrapper(self, function)
         self.path = f"{function.__module__}:{function.__qualname__}"
         self.py_func, self.compiled, self.seconds = function, compiled, seconds
-        self._compiled_for = -1  # the last world for whose arguments it is compiled
-        self._run, self._spent = -1, 0.0  # the last run, and seconds that Python took for it there
+        # The last run, seconds that Python took for it there, and whether it is compiled for that.
+        self._run, self._spent, self._is_compiled = -1, 0.0, False
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the function, or its machine code."""
-        if self._compiled_for == _Run.world or self.settle(arguments):
+        if self._run != _Run.number:
+            self._run, self._spent, self._is_compiled = _Run.number, 0.0, False
+        if self._is_compiled or self._settle(arguments):
             return self.compiled(*arguments)
         started = time.perf_counter()
         with np.errstate(all="ignore"):
@@ -122,13 +117,11 @@ class _Kernel:
             _elsewhere.add(self, _signature(arguments))  # for later runs
         return result
 
-    def settle(self, arguments: tuple[Any, ...]) -> bool:
+    def _settle(self, arguments: tuple[Any, ...]) -> bool:
         """Decide whether to call machine code, which is loaded or compiled here if need be."""
         if _Run.mode == "interpreted":
             return False
-        world, signature = _Run.world, _signature(arguments)
-        if self._run != _Run.number:
-            self._run, self._spent = _Run.number, 0.0
+        signature = _signature(arguments)
         if _Run.mode == "auto" and not self.is_ready(signature):
             is_long = self.seconds(*arguments) > _LONGEST_CALL
             if not is_long and self._spent * _Run.rest < _LONGEST_REST:
@@ -136,9 +129,10 @@ class _Kernel:
             if not is_long and _elsewhere.compiles(self, signature):
                 return False
         if signature not in self.compiled.overloads:
-            _elsewhere.wait_for(self)
+            while _elsewhere.is_at(self):
+                time.sleep(0.05)
             self.compiled.compile(signature)
-        self._compiled_for = world
+        self._is_compiled = True
         return True
 
     def is_ready(self, signature: tuple[Any, ...]) -> bool:
@@ -152,12 +146,6 @@ def prepare(kernel: Any, *arguments: Any) -> None:
         signature = _signature(arguments)
         if not kernel.is_ready(signature):
             _elsewhere.compiles(kernel, signature)
-
-
-def settle(kernel: Any, *arguments: Any) -> None:
-    """Load or compile machine code for a call, if it is to be called, before the call is timed."""
-    if isinstance(kernel, _Kernel):
-        kernel.settle(arguments)
 
 
 def _signature(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -196,22 +184,13 @@ class _Elsewhere:
                 process.stdin.flush()
                 self._tasks.append(task)
 
-    def wait_for(self, kernel: _Kernel) -> None:
-        """Wait until the process has compiled a kernel, if it does so: numba locks no files."""
-        for each, signature in self._tasks:
-            while each is kernel and self._is_running() and not each.is_ready(signature):
-                time.sleep(0.05)
-
-    def leave(self) -> None:
-        """Leave the process to itself: it ends when it has done what it was given."""
-        if self._process is not None and self._process.stdin is not None:
-            with suppress(Exception):
-                self._process.stdin.close()
-            self._process.returncode = 0  # nobody waits for it
+    def is_at(self, kernel: _Kernel) -> bool:
+        """Return whether the process still has to compile a kernel: numba locks no files."""
+        left = [task for each, task in self._tasks if each is kernel and not each.is_ready(task)]
+        return self._is_running() and bool(left)
 
 
 _elsewhere = _Elsewhere()
-atexit.register(_elsewhere.leave)
 
 
 def _start() -> subprocess.Popen[bytes] | None:
@@ -219,9 +198,9 @@ def _start() -> subprocess.Popen[bytes] | None:
 
     None is started where Python is a part of another program.
     """
-    if getattr(sys, "frozen", False) or not Path(sys.executable).name.startswith("python"):
+    if not Path(sys.executable).name.startswith("python"):
         return None
-    path = os.pathsep.join(str(folder or Path.cwd()) for folder in sys.path)
+    path = os.pathsep.join(folder or str(Path.cwd()) for folder in sys.path)
     return subprocess.Popen(
         [sys.executable, "-P", "-c", f"from {__name__} import compile_tasks; compile_tasks()"],
         stdin=subprocess.PIPE,

@@ -7,7 +7,6 @@ Mathematical Software 47(4), 2021. A state is two 64-bit words, not both zero.
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from botohe_moo.base.types import FloatArray, SeedArray
 from botohe_moo.core.compile import helper, inlined
@@ -53,15 +52,6 @@ def hash_step(bits: np.uint64, item: int | np.integer) -> np.uint64:
     """Add an item to the hash of a sequence, which ends with ``mixed``."""
     bits = (bits ^ np.uint64(item)) * np.uint64(0xBF58476D1CE4E5B9)
     return bits ^ (bits >> np.uint64(29))
-
-
-@inlined
-def hash_stretch(items: NDArray[np.integer], start: int, stop: int) -> np.uint64:
-    """Hash a stretch of an array to 64 bits."""
-    bits = GOLDEN
-    for i in range(start, stop):
-        bits = hash_step(bits, items[i])
-    return mixed(bits)
 
 
 def hash_keys(n: int) -> SeedArray:

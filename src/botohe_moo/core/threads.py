@@ -29,8 +29,6 @@ def in_spans(n: int, n_threads: int, work: Callable[[int, int, int], Any]) -> li
     There are as many parts as threads, or as things; at least one.
     """
     n_parts = max(1, min(n_threads, n))
-    if n_parts == 1:
-        return [work(0, 0, n)]
     cuts = [n * i // n_parts for i in range(n_parts + 1)]
     with mapping(n_parts) as map_:
         return map_(work, range(n_parts), cuts[:-1], cuts[1:])

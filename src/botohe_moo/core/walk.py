@@ -5,9 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from botohe_moo.base.types import FloatArray, IntArray, OffsetArray
+from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.core import world as worlds
 from botohe_moo.core.compile import array_maker, helper, inlined
+from botohe_moo.core.ready import at_once
+from botohe_moo.core.rng import GOLDEN, hash_step, mixed
 from botohe_moo.core.world import Graph, Returns, Team, World
 
 
@@ -38,6 +40,41 @@ def sort_trails(
             order[place] = other
             place -= 1
         order[place] = trail
+
+
+@at_once(lambda nodes, *_: 1e-6 * len(nodes))
+def plan_hashes(nodes: IntArray, offsets: OffsetArray, n_robots: int) -> SeedArray:
+    """Hash the multiset of each plan's trails to 64 bits (n_plans); their order does not matter."""
+    hashes = np.zeros((offsets.shape[0] - 1) // n_robots, np.uint64)
+    for trail in range(offsets.shape[0] - 1):
+        bits = GOLDEN
+        for i in range(offsets[trail], offsets[trail + 1]):
+            bits = hash_step(bits, nodes[i])
+        hashes[trail // n_robots] += mixed(bits)
+    return hashes
+
+
+@at_once(lambda objectives, *_: 2e-6 * len(objectives))
+def keep_front(objectives: FloatArray, hashes: SeedArray, order: OffsetArray, max_ties: int) -> int:
+    """Leave the Pareto set in front of ``order``, each plan once; return how many plans it has.
+
+    ``order`` has the plans by descending objectives, and only non-dominated ones where these are
+    more than two. Of plans with equal objectives up to ``max_ties`` stay.
+    """
+    n = first = 0  # ``first`` is the first plan with the objectives of the last
+    best, is_pair = -np.inf, objectives.shape[1] == 2
+    for i in range(order.shape[0]):
+        row = order[i]  # n ≤ i: what is overwritten is not needed any more
+        survivors = objectives[row, 1]
+        if survivors != best or not np.array_equal(objectives[row], objectives[order[first]]):
+            if is_pair and not (survivors > best and objectives[row, 0] > -np.inf):
+                continue
+            best, first = survivors, n
+        is_known = first < n and (hashes[order[first:n]] == hashes[row]).any()
+        if not is_known and n - first < max_ties:
+            order[n] = row
+            n += 1
+    return n
 
 
 CARRIED = -1.0  # instead of a probability, of visits that have not been credited yet
@@ -137,8 +174,7 @@ def visit(
 @inlined
 def end_walk(team: Team, returns: Returns | None, robot: int, n: int, visits: Visits) -> None:
     """Note that what a robot still carries at the end, or where it is lost, is never credited."""
-    if returns is not None:
-        _credit_carried(team, returns, visits, team.start[robot], n, 0.0)
+    _credit_carried(team, returns, visits, team.start[robot], n, 0.0)
 
 
 @helper

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.core.compile import helper, inlined
-from botohe_moo.core.ready import expect_other_types
+from botohe_moo.core.ready import begin_run
 
 # Relative tolerances. Searches plan with limits that are loosened by ``PLANNING``, and plans are
 # checked with ``CHECKING``: rounding never makes a plan that a search has found infeasible.
@@ -95,11 +95,6 @@ class Limits(NamedTuple):
     floors: FloatArray  # survival floors: the least product of survivals; 0 sets none (n_robots)
     budgets: FloatArray  # travel budgets: the largest sum of lengths; inf sets none (n_robots)
     has_budgets: bool  # whether there is any travel budget: kernels ask
-
-    @property
-    def bind(self) -> bool:
-        """Whether there is any limit."""
-        return self.has_floors or self.has_budgets
 
     @property
     def has_floors(self) -> bool:
@@ -193,16 +188,16 @@ class World(NamedTuple):
             homeward, length, _ = cheapest_ways(graph, self.team.end)
             shortest = Shortest(graph, homeward, length)
         ways = self.ways._replace(shortest=shortest if limits.has_budgets else None)
-        return read_only(self._replace(limits=limits, ways=ways))
+        return read_only(*self._replace(limits=limits, ways=ways))
 
     def with_costs(self, cost: FloatArray) -> World:
         """Return the same world with other costs of arcs, and the cheapest ways by these."""
         graph = self.graph._replace(cost=cost)
         homeward, _, home = cheapest_ways(graph, self.team.end)
-        return read_only(self._replace(graph=graph, ways=Ways(homeward, home, self.ways.shortest)))
+        return read_only(*self._replace(graph=graph, ways=Ways(homeward, home, self.ways.shortest)))
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _as_world, tuple(self)  # numpy unpickles arrays as writable ones
+        return read_only, tuple(self)  # numpy unpickles arrays as writable ones
 
 
 def new_world(
@@ -268,18 +263,15 @@ def cheapest_ways(graph: Graph, end: OffsetArray) -> tuple[OffsetArray, FloatArr
     return homeward, np.array(distance), home
 
 
-def read_only(world: World) -> World:
-    """Make all arrays of a world read-only, and return it."""
-    expect_other_types()
+def read_only(*parts: Any) -> World:
+    """Return a world of some parts, all of whose arrays become read-only."""
+    world = World(*parts)
+    begin_run()
     for part in (*world, world.ways.shortest):
         for array in part or ():
             if isinstance(array, np.ndarray):
                 array.setflags(write=False)
     return world
-
-
-def _as_world(*parts: Any) -> World:
-    return read_only(World(*parts))
 
 
 @helper
@@ -378,20 +370,17 @@ def _way_along(graph: Graph, homeward: OffsetArray, node: int) -> Way:
     return Way(way, survival, length)
 
 
-def failing_ways(world: World) -> dict[int, tuple[Way, float, float]]:
-    """Return ways to ends that do not keep the limits, by the first robot of each kind.
+def failing_ways(world: World) -> Iterator[tuple[int, Way]]:
+    """List ways to ends that do not keep the limits, with the first robot of each kind.
 
-    Beside each way, which may not even lead to the end, are the robot's survival floor and travel
-    budget.
+    Such a way may not even lead to the end.
     """
-    failing, ways, team = {}, ways_to_ends(world), world.team
-    floors, budgets = world.limits.floors.tolist(), world.limits.budgets.tolist()
-    for robot in np.unique(team.first).tolist():
-        way, least, longest = ways[robot], floors[robot], budgets[robot]
+    team = world.team
+    for robot, way in enumerate(ways_to_ends(world)):
         arrives = way.nodes[-1] == team.end[team.start[robot]]
-        if not arrives or way.survival < least or way.length > longest:
-            failing[robot] = way, least, longest
-    return failing
+        fits = arrives and keeps(world.limits, robot, way.survival, way.length)
+        if robot in team.first and not fits:
+            yield robot, way
 
 
 def leading(tail: OffsetArray, head: OffsetArray, goals: Sequence[int], n_nodes: int) -> BoolArray:

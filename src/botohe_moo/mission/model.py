@@ -430,8 +430,9 @@ class Mission:
 
     def _way_faults(self, world: World) -> Iterator[str]:
         """List the kinds whose robots cannot keep limits on their way to their end."""
-        for robot, (way, least, longest) in worlds.failing_ways(world).items():
-            kind = self.kind_of[robot]
+        for robot, way in worlds.failing_ways(world):
+            kind, limits = self.kind_of[robot], world.limits
+            least, longest = limits.floors[robot], limits.budgets[robot]
             start, end = map(quoted, kind.ends(self.base))
             who, there = f"robots of kind {quoted(kind.name)}", f"way from {start} to {end}"
             if self.nodes[way.nodes[-1] % len(self.nodes)] != kind.ends(self.base)[1]:

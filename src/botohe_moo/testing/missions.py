@@ -4,13 +4,11 @@ import pickle
 import tempfile
 from pathlib import Path
 
-import numpy as np
-
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.base.parameters import accepted_parameters, takes_any_name
 from botohe_moo.mission.loading import read_mission, save_mission
 from botohe_moo.mission.model import Mission, mission_digest
-from botohe_moo.testing.rules import Check, expect
+from botohe_moo.testing.rules import Check
 
 
 def can_be_made(check: Check) -> None:
@@ -19,7 +17,7 @@ def can_be_made(check: Check) -> None:
     Let it be called without arguments, and return a Mission.
     """
     made = check.make()
-    expect(isinstance(made, Mission), f"it gives {type(made).__name__}, not a Mission")
+    assert isinstance(made, Mission), f"it gives {type(made).__name__}, not a Mission"
 
 
 def parameters_stated(check: Check) -> None:
@@ -28,9 +26,9 @@ def parameters_stated(check: Check) -> None:
     State each parameter in the signature, by name, with its type and its default.
     """
     untyped = [each.name for each in accepted_parameters(check.factory) if not each.annotation]
-    expect(not untyped, f"no type is stated of {', '.join(untyped)}")
+    assert not untyped, f"no type is stated of {', '.join(untyped)}"
     takes_any = takes_any_name(check.factory)
-    expect(not takes_any, "it takes keywords that it does not state, such as misspelt ones")
+    assert not takes_any, "it takes keywords that it does not state, such as misspelt ones"
 
 
 def same_twice(check: Check) -> None:
@@ -39,7 +37,7 @@ def same_twice(check: Check) -> None:
     Draw random numbers from a generator made of a parameter `seed`, and of nothing else.
     """
     one, other = (mission_digest(check.make()) for _ in range(2))
-    expect(one == other, "two missions made with the same parameters differ")
+    assert one == other, "two missions made with the same parameters differ"
 
 
 def file_round_trip(check: Check) -> None:
@@ -52,7 +50,7 @@ def file_round_trip(check: Check) -> None:
         path = Path(folder, "mission.json")
         save_mission(mission, path)
         same = mission_digest(read_mission(path)) == mission_digest(mission)
-    expect(same, "the mission differs when it is saved as JSON and read again")
+    assert same, "the mission differs when it is saved as JSON and read again"
 
 
 def can_be_pickled(check: Check) -> None:
@@ -62,7 +60,7 @@ def can_be_pickled(check: Check) -> None:
     """
     mission = check.make()
     same = mission_digest(pickle.loads(pickle.dumps(mission))) == mission_digest(mission)
-    expect(same, "the mission differs when it is pickled and unpickled")
+    assert same, "the mission differs when it is pickled and unpickled"
 
 
 def something_to_gain(check: Check) -> None:
@@ -73,5 +71,4 @@ def something_to_gain(check: Check) -> None:
     mission = check.make()
     plan = SequentialPlanner(mission).plan(1.0)
     reward, at_home = mission.evaluate([plan, mission.stay_home()])[:, 0]
-    gained = reward - at_home
-    expect(np.isfinite(gained) and gained > 0.0, "no robot can collect anything and come home")
+    assert reward > at_home, "no robot can collect anything and come home"

@@ -1,29 +1,12 @@
 """A rule is a promise: how it is checked, and how to keep it."""
 
 import inspect
-import os
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal
-
-from botohe_moo.base.messages import quoted
-
-_OURS = str(Path(__file__).parents[1]) + os.sep
-_LONGEST = 500  # characters of another package's message
-
-
-class BrokenRuleError(AssertionError):
-    """Says which promise is not kept, what happened, and what to do.
-
-    Examples
-    --------
-    >>> from botohe_moo.testing import BrokenRuleError
-    >>> issubclass(BrokenRuleError, AssertionError)  # which pytest shows as a failed test
-    True
-    """
 
 
 @dataclass(frozen=True)
@@ -35,9 +18,7 @@ class CheckResult:
     rule
         The name of the rule.
     status
-        ``"passed"``, ``"failed"``, or ``"not run"`` where nothing could be made to check it on.
-    seconds
-        How long it took.
+        ``"passed"`` or ``"failed"``.
     message
         What happened; empty where it passed.
     remedy
@@ -45,16 +26,15 @@ class CheckResult:
 
     Examples
     --------
-    >>> from botohe_moo.testing import CheckResult, check_algorithm
-    >>> check_algorithm("random")[0].status
+    >>> from botohe_moo.testing import CheckResult, check_plugin
+    >>> check_plugin("random")[0].status
     'passed'
-    >>> CheckResult("one_robot", "failed", 0.1, "a single robot collects nothing").rule
+    >>> CheckResult("one_robot", "failed", "a single robot collects nothing").rule
     'one_robot'
     """
 
     rule: str
-    status: Literal["passed", "failed", "not run"]
-    seconds: float
+    status: Literal["passed", "failed"]
     message: str = ""
     remedy: str = ""
 
@@ -63,8 +43,8 @@ class CheckResult:
 class Check:
     """One rule on one algorithm or mission, to be called in a test.
 
-    A rule is a function that takes what is checked, as ``make``, and raises an error if the promise
-    is not kept. Its docstring begins with the promise, and the next paragraph says how to keep it.
+    A rule is a function that takes what is checked, as ``make``, and asserts the promise. Its
+    docstring begins with the promise, and the next paragraph says how to keep it.
     """
 
     function: Callable[[Any], None]
@@ -77,39 +57,28 @@ class Check:
         return self.function.__name__
 
     def __call__(self) -> None:
-        """Check; a BrokenRuleError says what happened, and what to do."""
-        if message := self.fault():
-            promise, remedy = said_by(self.function)
-            name = getattr(self.factory, "__qualname__", quoted(self.factory))
-            raise BrokenRuleError(
-                f"{name}, {self.rule}: {message}.\nThe rule: {promise}\nTo keep it: {remedy}"
-            )
+        """Check; an AssertionError says what happened."""
+        self.function(self)
 
-    def fault(self) -> str:
-        """Return how the rule is broken; nothing where it is kept."""
+    def result(self) -> CheckResult:
+        """Check, and return what was found."""
         try:
-            self.function(self)
-        except BrokenRuleError as error:
-            return str(error)
+            self()
+        except AssertionError as error:
+            message = str(error)
         except (Exception, SystemExit) as error:  # whatever another package's code may raise
-            text = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(": ")
-            frames = traceback.extract_tb(error.__traceback__)
-            theirs = [frame for frame in frames if not frame.filename.startswith(_OURS)]
-            where = [f" ({Path(f.filename).name}, line {f.lineno})" for f in theirs[-1:]]
-            return text[:_LONGEST].rstrip(".") + "".join(where)
-        return ""
+            frame = traceback.extract_tb(error.__traceback__)[-1]
+            where = f"{Path(frame.filename).name}, line {frame.lineno}"
+            message = f"{type(error).__name__}: {str(error).rstrip('.')} ({where})"
+        else:
+            return CheckResult(self.rule, "passed")
+        return CheckResult(self.rule, "failed", message, said_by(self.function)[1])
 
 
 def said_by(rule: Callable[..., None]) -> tuple[str, str]:
     """Return the promise of a rule, and how to keep it, as its docstring has them."""
     promise, remedy, *_ = (inspect.getdoc(rule) or "").split("\n\n")
     return " ".join(promise.split()), " ".join(remedy.split())
-
-
-def expect(kept: object, message: str) -> None:
-    """Raise a BrokenRuleError with this message where a promise is not kept."""
-    if not kept:
-        raise BrokenRuleError(message)
 
 
 def rules_of(module: ModuleType) -> list[Callable[[Any], None]]:

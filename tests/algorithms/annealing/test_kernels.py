@@ -10,8 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from botohe_moo.algorithms.annealing.kernels import AnnealRule, anneal, new_state
-from botohe_moo.core.archive import Batch
+from botohe_moo.algorithms.annealing.kernels import AnnealRule, Records, anneal, new_state
 from botohe_moo.core.rng import seed_states
 from botohe_moo.mission import load_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -80,7 +79,7 @@ class Search:
         )
         room = n_steps * len(self.state.tried.items)
         offsets = np.zeros(n_steps * robots + 1, np.int64)
-        records = Batch(np.empty((n_steps, 2)), np.empty(room, np.int32), offsets)
+        records = Records(np.empty((n_steps, 2)), np.empty(room, np.int32), offsets)
         n = anneal(self.world, rule, self.state, records, n_steps)
         offsets = offsets[: n * robots + 1]
         return PlanBatch(records.nodes[: offsets[-1]], offsets, robots), records.objectives[:n]

@@ -19,7 +19,6 @@ from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
 from botohe_moo.base.messages import check_weights
 from botohe_moo.base.parameters import Count, Positive, Probability, Size
 from botohe_moo.base.types import FloatArray, ObjectArray
-from botohe_moo.core.archive import Batch
 from botohe_moo.core.rng import seed_states
 from botohe_moo.core.world import World, find_arc
 from botohe_moo.mission.model import Mission
@@ -201,7 +200,7 @@ class Annealing:
         while n_steps > 0:
             n = min(n_steps, max(1, _MOST_NODES // n_nodes))
             nodes, offsets = np.empty(n * n_nodes, np.int32), np.zeros(n * n_robots + 1, np.int64)
-            records = Batch(np.empty((n, 2)), nodes, offsets)
+            records = kernels.Records(np.empty((n, 2)), nodes, offsets)
             n_recorded = kernels.anneal(self.world, self._rule, self.state, records, n)
             offsets = offsets[: n_recorded * n_robots + 1]
             batches.append(PlanBatch._wrap(nodes[: offsets[-1]], offsets, n_robots))

@@ -9,8 +9,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from botohe_moo.base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.core.archive import Batch
+from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.core.compile import helper, inlined, shared
 from botohe_moo.core.evaluate import Reached, begin_plan, combine, expected_reward, new_reached
 from botohe_moo.core.paths import Paths, new_paths, safest_path
@@ -53,6 +52,14 @@ class AnnealRule(NamedTuple):
     weight: float  # on reward, in [0, 1]
     cooling: float  # the factor by which the temperature falls after each step
     return_probability: float  # of going back to the best plan after a rejected step
+
+
+class Records(NamedTuple):
+    """Plans that have been evaluated, ragged: E[R] and E[S] (n, 2), nodes, and offsets."""
+
+    objectives: FloatArray
+    nodes: IntArray
+    offsets: OffsetArray
 
 
 class Plan(NamedTuple):
@@ -400,7 +407,7 @@ def _dominates(plan: Plan, other: Plan) -> bool:
 
 
 @helper
-def _record(graph: Graph, records: Batch, n: int, plan: Plan) -> None:
+def _record(graph: Graph, records: Records, n: int, plan: Plan) -> None:
     """Write a plan behind ``n`` others."""
     n_robots = plan.starts.shape[0]
     size = records.offsets[n * n_robots]
@@ -415,7 +422,9 @@ def _record(graph: Graph, records: Batch, n: int, plan: Plan) -> None:
 
 
 @at_once(lambda world, _rule, _state, _records, n: 1e-4 * n * (10 + world.n_robots))
-def anneal(world: World, rule: AnnealRule, state: AnnealState, records: Batch, n_steps: int) -> int:
+def anneal(
+    world: World, rule: AnnealRule, state: AnnealState, records: Records, n_steps: int
+) -> int:
     """Anneal one plan for a number of steps, each of which evaluates one plan.
 
     The score is ``weight · E[R] / total_reward + (1 − weight) · E[S] / n_robots``. A worse plan is

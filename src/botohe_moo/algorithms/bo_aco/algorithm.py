@@ -135,7 +135,8 @@ class Colony:
     def _new_build(self) -> kernels.Build:
         world, levels = self._world, self._pheromone.levels
         concurrent = self.settings.allocation == "concurrent"
-        is_careful = not world.graph.balanced or world.limits.bind
+        limits = world.limits
+        is_careful = not world.graph.balanced or limits.has_floors or limits.has_budgets
         return kernels.Build(
             self.settings.n_ants,
             self.settings.exploration,
@@ -157,10 +158,10 @@ class Colony:
         if not self.settings.pheromone or len(archive) == 0:
             return
         self._catch_up()
-        everyone, kept = np.arange(len(archive)), archive.arrays
+        everyone, kept = np.arange(len(archive)), archive.front
         self._to_learn = (
             kernels.Depositors(objectives, members, *batch.arrays),
-            kernels.Depositors(kept.objectives, everyone, kept.nodes, kept.offsets),
+            kernels.Depositors(kept.objectives, everyone, *kept.plans.arrays),
             archive.version != self._deposited_version,
         )
         self._deposited_version = archive.version

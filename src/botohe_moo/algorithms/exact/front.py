@@ -32,7 +32,7 @@ def without_base_reward(world: World) -> World:
     reward = world.graph.reward.copy()
     reward[world.team.start[0]] = 0.0
     graph, team = world.graph._replace(reward=reward), world.team._replace(reward=reward)
-    return read_only(world._replace(graph=graph, team=team))
+    return read_only(*world._replace(graph=graph, team=team))
 
 
 class TrailSearch:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field
 
 from botohe_moo.algorithms import base
+from botohe_moo.algorithms.archive import Archive
 from botohe_moo.algorithms.base import ArchiveAlgorithm, PopulationArchive, Threads
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.algorithms.local_search.engine import Islands, LocalSearch, LocalSearchSettings
 from botohe_moo.base.types import FloatArray, ObjectArray
-from botohe_moo.core.archive import Archive
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -226,9 +226,9 @@ class _SearchArchive(PopulationArchive):
         return self._search.version
 
     @property
-    def arrays(self) -> Archive:
+    def front(self) -> Archive:
         if self._plans_version != self._search.version:
             batch, objectives, numbers = self._search.plans()
-            self._arrays = Archive(objectives, self._arrays.hashes, numbers, *batch.arrays)
+            self._front = Archive(objectives, self._front.hashes, numbers, batch)
             self._plans_version = self._search.version
-        return self._arrays
+        return self._front

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 
 import math
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -36,7 +35,8 @@ from botohe_moo.base.messages import check_weights
 from botohe_moo.base.parameters import Probability
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, RecordArray, SeedArray
 from botohe_moo.core import ordered
-from botohe_moo.core.ready import prepare, settle
+from botohe_moo.core.compile import own_time
+from botohe_moo.core.ready import prepare
 from botohe_moo.core.rng import draw_state
 from botohe_moo.core.threads import apart
 from botohe_moo.trails import PlanBatch
@@ -248,10 +248,9 @@ class LocalSearch:
     def _timed(self, kernel: Any, *arguments: Any) -> int:
         """Call a kernel, and divide its time, but for compiling it, among the moves."""
         before, parts = self._tallies["ticks"].copy(), self.parts
-        settle(kernel, parts, *arguments)
-        started = time.perf_counter()
+        started = own_time()
         found: int = kernel(parts, *arguments)
-        seconds = time.perf_counter() - started
+        seconds = own_time() - started
         ticks = self._tallies["ticks"] - before
         self._seconds += seconds * ticks / max(1, ticks.sum())
         return found
