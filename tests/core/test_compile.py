@@ -176,6 +176,20 @@ class TestMachineCodeOnDisk:
         assert len(others) == len(files) == 2
         assert not others & files  # that of other sources is of no use
 
+    @pytest.mark.parametrize("kind", ["nbi", "nbc"])
+    @pytest.mark.parametrize("content", [b"", b"no code", "cut off"])
+    def test_where_it_is_damaged_it_is_made_again(self, loaded, tmp_path, kind, content):
+        assert loaded(1)(2) == 3
+        [path] = (tmp_path / "__pycache__").glob(f"*.{kind}")
+        whole = path.read_bytes()
+        path.write_bytes(whole[: len(whole) // 2] if content == "cut off" else content)
+        is_index = kind == "nbi"
+        assert is_kept(loaded(1), (numba.int64,)) != is_index
+        assert loaded(1)(2) == 3
+        again = loaded(1)
+        assert again(2) == 3
+        assert sum(again.stats.cache_hits.values()) == 1
+
     def test_where_it_is_still_being_written_it_is_not_there(self, loaded, tmp_path):
         assert loaded(1)(2) == 3
         [path] = (tmp_path / "__pycache__").glob("*.nbc")  # which numba writes after the index

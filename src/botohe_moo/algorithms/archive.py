@@ -8,7 +8,7 @@ import moocore
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.core.walk import keep_front, plan_hashes
+from botohe_moo.core.walk import are_new, keep_front, plan_hashes
 from botohe_moo.trails import PlanBatch
 
 
@@ -67,12 +67,15 @@ class PlanArchive:
         old, n_old = self._front, len(self)
         hashes = plan_hashes(*batch.arrays, batch.n_robots)
         members = _pareto_rows(objectives, hashes, len(batch))
-        objectives = np.concatenate([old.objectives, objectives[members]])
-        hashes = np.concatenate([old.hashes, hashes[members]])
+        new = members[are_new(objectives, hashes, members, old.objectives, old.hashes)]
+        if not len(new):
+            return members
+        objectives = np.concatenate([old.objectives, objectives[new]])
+        hashes = np.concatenate([old.hashes, hashes[new]])
         rows = _pareto_rows(objectives, hashes, self.max_ties)
         if (rows >= n_old).any():
-            ids = np.append(old.ids, self._next_id + members)
-            plans = PlanBatch.concatenate([old.plans, batch.take(members)]).take(rows)
+            ids = np.append(old.ids, self._next_id + new)
+            plans = PlanBatch.concatenate([old.plans, batch.take(new)]).take(rows)
             self._front = Archive(objectives[rows], hashes[rows], ids[rows], plans)
             self._next_id += len(batch)
         return members

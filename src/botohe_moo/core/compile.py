@@ -67,7 +67,8 @@ class _KernelCache(FunctionCache):
     """numba's cache of a kernel, in files that are named by the sources it was compiled from.
 
     numba itself compares one file with its date: it would run machine code of helpers that have
-    changed since, and fail where a class in the cache has moved.
+    changed since, and fail where a class in the cache has moved. Files that are damaged are written
+    again.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -75,6 +76,14 @@ class _KernelCache(FunctionCache):
         digest = _digest(Path(function.__code__.co_filename).parent)
         self._stem = f"{self._impl.filename_base}-{digest}"
         self._cache_file = IndexDataCacheFile(self._cache_path, self._stem, source_stamp=None)
+
+    def load_overload(self, *described: Any) -> Any:
+        """Return what was kept, or None."""
+        try:
+            return super().load_overload(*described)
+        except Exception:  # whatever damaged files may cause
+            self.flush()
+            return None
 
     def save_overload(self, *made: Any) -> None:
         """Keep machine code; forget that of other sources."""
@@ -87,7 +96,10 @@ class _KernelCache(FunctionCache):
 
     def is_kept(self, signature: Any, codegen: Any) -> bool:
         """Return whether there is machine code of the present sources for a signature."""
-        name = self._cache_file._load_index().get(self._index_key(signature, codegen))
+        try:
+            name = self._cache_file._load_index().get(self._index_key(signature, codegen))
+        except Exception:  # whatever damaged files may cause
+            return False
         return name is not None and Path(self._cache_path, name).exists()  # written after the index
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo.base.types import BoolArray, FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.core import world as worlds
 from botohe_moo.core.compile import array_maker, helper, inlined
 from botohe_moo.core.ready import at_once
@@ -75,6 +75,28 @@ def keep_front(objectives: FloatArray, hashes: SeedArray, order: OffsetArray, ma
             order[n] = row
             n += 1
     return n
+
+
+@at_once(lambda _objectives, _hashes, rows, front, *_: 2e-6 * len(rows) * len(front))
+def are_new(
+    objectives: FloatArray,
+    hashes: SeedArray,
+    rows: OffsetArray,
+    front: FloatArray,
+    known: SeedArray,
+) -> BoolArray:
+    """Return which rows of plans are neither dominated by a front nor, by their hashes, in it."""
+    found = np.ones(rows.shape[0], np.bool_)
+    for i in range(rows.shape[0]):
+        for j in range(front.shape[0]):
+            is_ahead = is_behind = False
+            for k in range(front.shape[1]):
+                is_ahead |= objectives[rows[i], k] > front[j, k]
+                is_behind |= objectives[rows[i], k] < front[j, k]
+            if not is_ahead and (is_behind or hashes[rows[i]] == known[j]):
+                found[i] = False
+                break
+    return found
 
 
 CARRIED = -1.0  # instead of a probability, of visits that have not been credited yet
