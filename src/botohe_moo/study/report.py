@@ -20,7 +20,7 @@ from botohe_moo.study.statistics import best_first
 from botohe_moo.study.tables import SCHEMAS, StudyTables
 
 MARKS = BETTER, EQUAL, WORSE = ("+", "=", "–")  # of a median beside another
-_HEADINGS = {"n": "runs", "a12": "A12", "p_holm": "p (Holm)", "p_value": "p (Nemenyi)"}
+_HEADINGS = {"n": "runs", "p_holm": "p (Holm)", "p_value": "p (Nemenyi)"}
 _LATEX = r"""%% %s
 \begin{center}\footnotesize
 \resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%%
@@ -61,7 +61,7 @@ class ReportTable:
 def _headed(rows: pd.DataFrame) -> pd.DataFrame:
     """Return columns of the study's tables with headings; medians are not named as such."""
     names = rows.rename(columns=_HEADINGS).columns
-    names = names.str.removesuffix("_median").str.replace("_", " ")
+    names = names.str.removesuffix("_median").str.replace("_", " ").str.replace("a12", "A12")
     return rows.set_axis(names, axis="columns").reset_index(drop=True)
 
 
@@ -244,7 +244,7 @@ def render_page(tables: StudyTables, figures: Mapping[str, Sequence[Figure]]) ->
         known=INDICATORS,
         **{make.__name__: make for make in makers},
         embedded=lambda path: base64.b64encode(path.read_bytes()).decode(),
-        number=itertools.count().__next__,
+        number=itertools.count(1).__next__,
         counted=counted,
         slug=words.slug,
     )
