@@ -152,9 +152,7 @@ class TestWhatComesOfRuns:
         found = done.plans[done.plans["run"] == never["run"].iloc[0]]
         assert len(found) == never["front_size"].iloc[0]
 
-    def test_verdicts_mention_them(self, done):
-        rows = done.comparisons[done.comparisons["algorithm"] == "raising"]
-        assert rows["verdict"].str.contains("2 of 2 runs of raising").all()
+    def test_the_summary_counts_them(self, done):
         summary = done.summary.set_index(["mission", "algorithm"])["n_not_done"]
         assert summary["plant", "raising"] == summary["plant", "never"] == 2
         assert summary["plant", "random"] == 0

@@ -142,7 +142,7 @@ class TestMatrix:
         for i, mission in enumerate("mn"):
             rows = areas[areas["mission"] == mission]
             for row in rows.to_dict("records"):
-                words = {"+": " is better than ", "–": " is worse than ", "=": "no difference"}
+                words = {"+": "better, ", "–": "worse, ", "=": "no difference"}
                 assert words[cells[row["algorithm"]][i].mark] in row["verdict"]
 
 
