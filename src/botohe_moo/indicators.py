@@ -176,8 +176,6 @@ class Indicator:
         Whether ``function`` takes a reference front.
     long_label
         Its name beside axes and in descriptions of columns; default: the label.
-    latex
-        Its name above a column in LaTeX; default: the label.
 
     Examples
     --------
@@ -196,7 +194,6 @@ class Indicator:
     higher_is_better: bool | None
     needs_reference: bool = False
     long_label: str = ""
-    latex: str = ""
 
     @property
     def is_loaded(self) -> bool:
@@ -249,11 +246,7 @@ class _Indicators(Registry):
     def describe(self, name: str, **known: Any) -> None:
         """Keep what tables say of an indicator that is named ``module:NAME``."""
         if not self.find(name).is_loaded:
-            _KNOWN[name] = Indicator(function=_not_loaded, **known)
-
-    def known(self) -> list[Indicator]:
-        """List all that are registered, and those of modules that are known so far."""
-        return [*self.values(), *_KNOWN.values()]
+            _KNOWN[name] = Indicator(**{**known, "function": _not_loaded})
 
     def _imported(self, name: str, makes: type | None = None) -> Any:
         """Import what a name stands for; a function of a front and a mission describes fronts."""
@@ -278,7 +271,6 @@ _OURS = {
         igd_plus_indicator,
         higher_is_better=False,
         needs_reference=True,
-        latex=r"IGD\textsuperscript{+}",
     ),
     "epsilon": Indicator(
         "epsilon",
@@ -286,7 +278,6 @@ _OURS = {
         higher_is_better=False,
         needs_reference=True,
         long_label="additive epsilon",
-        latex=r"$\varepsilon$",
     ),
     "front_size": Indicator("front size", _front_size, higher_is_better=None),
 }

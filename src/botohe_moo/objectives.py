@@ -16,7 +16,7 @@ __all__ = ["Objectives"]
 _ROUNDING = 1e-9
 SLACK = 1e-12  # by which rounding may exceed a bound of 0, or fall below 0
 # Columns of the tables in which objectives stand.
-_TAKEN = ("run", "mission", "algorithm", "seed", "evaluations", "plan_id", "trails", "reference")
+_TAKEN = ("run", "mission", "algorithm", "seed", "evaluations", "plan_id", "trails")
 
 
 @dataclass(frozen=True)

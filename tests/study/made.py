@@ -16,6 +16,7 @@ from botohe_moo.study.scores import (
     algorithm_table,
     bound_table,
     mission_table,
+    points_by_mission,
     reach_targets,
     reference_fronts,
     score_runs,
@@ -95,7 +96,7 @@ def study_tables(missions, algorithms, records, *, control=None, bounds=()):
     runs = as_table(
         "runs", [_run_row(r, area_indicator(r.front, missions[r.mission])) for r in records]
     )
-    references = reference_fronts(runs, fronts)
+    references = reference_fronts(runs, fronts, {})
     scores = score_runs(runs, fronts, references, missions=missions, indicators=list(INDICATORS))
     ranks = rank_algorithms(
         scores[scores["indicator"] == "area"],
@@ -134,6 +135,8 @@ def study_tables(missions, algorithms, records, *, control=None, bounds=()):
         for row in _comparisons(label, runs[runs["mission"] == label], labels, control)
     ]
     trace = as_table("trace", trace)
+    found = points_by_mission(references)
+    areas = {label: area_indicator(found[label], missions[label]) for label in found}
     return {
         "runs": runs,
         "trace": trace,
@@ -144,17 +147,9 @@ def study_tables(missions, algorithms, records, *, control=None, bounds=()):
         "comparisons": as_table("comparisons", comparisons),
         "ranks": ranks,
         "posthoc": compare_ranks(ranks, significance=0.05),
-        "summary": summarise(
-            runs,
-            scores,
-            references,
-            missions=missions,
-            algorithms=labels,
-            significance=0.05,
-            bounds=dict(bounds),
-        ),
+        "summary": summarise(runs, scores, areas, significance=0.05, bounds=dict(bounds)),
         "bounds": bound_table(dict(bounds)),
-        "targets": reach_targets(runs, trace, references, missions=missions, algorithms=labels),
+        "targets": reach_targets(runs, trace, areas),
         "environments": as_table("environments", [ENVIRONMENT]),
     }
 
@@ -241,8 +236,7 @@ def _comparisons(mission, runs, labels, control):
     for label, other in pairs:
         mine, theirs = areas[label].to_numpy(), areas[other].to_numpy()
         a12 = float(((mine[:, None] > theirs) + 0.5 * (mine[:, None] == theirs)).mean())
-        word = "better" if a12 > 0.5 else "worse"
-        verdict = f"{label} is {word} than {other}: A12 {a12:.2f} [0.00, 1.00], p 0.0004"
+        verdict = "better, large" if a12 > 0.5 else "worse, large"
         yield {
             "mission": mission,
             "indicator": "area",

@@ -51,7 +51,7 @@ def test_two_parts_are_the_study_that_one_machine_did(parts, tmp_path):
         ours, theirs = getattr(merged, name), getattr(whole, name)
         kept = [column for column in theirs.columns if column not in TIMES]
         pd.testing.assert_frame_equal(ours[kept], theirs[kept])
-    assert merged.n_missing == 0
+    assert merged.missing["missing"].sum() == 0
     study = load_study(tmp_path / "all" / "study.yaml")
     assert {run.digest for run in study.runs()} == set(whole.runs["run"])
 
@@ -71,7 +71,7 @@ def test_parts_of_the_same_seeds_that_were_stopped_are_one(copies):
     first.unlink()
     (copies / "two" / "runs" / second.name).unlink()
     merged = merge_studies([copies / "one", copies / "two"], copies / "all")
-    assert (len(merged.runs), merged.n_missing) == (4, 0)
+    assert (len(merged.runs), merged.missing["missing"].sum()) == (4, 0)
 
 
 @pytest.mark.parametrize(

@@ -136,7 +136,7 @@ def test_five_kills_at_random_moments_change_nothing(study_file, uninterrupted, 
     assert counts[0] < 24  # it was at work
     wait_until(lambda: not marked_processes(folder), timeout=20)  # nobody works for a dead runner
     partial = make_tables(folder)
-    assert (len(partial.runs), partial.n_missing) == (counts[-1], 24 - counts[-1])
+    assert (len(partial.runs), partial.missing["missing"].sum()) == (counts[-1], 24 - counts[-1])
     status, _, err = finish(start("run", study_file, "--out", folder, "--workers", 2))
     assert status == 0, err
     assert f"{counts[-1]} are there" in err
@@ -164,7 +164,7 @@ def test_signals_stop_it_cleanly_and_what_is_done_is_kept(
     partial = read_study(folder)
     assert 2 <= len(partial.runs) == n_done(folder) < 24
     assert set(partial.runs["status"]) == {"done"}
-    assert partial.n_missing == 24 - len(partial.runs)
+    assert partial.missing["missing"].sum() == 24 - len(partial.runs)
     status, _, err = finish(start("run", study_file, "--out", folder))
     assert status == 0, err
     assert f"{len(partial.runs)} are there" in err

@@ -18,17 +18,7 @@ from botohe_moo import load_mission
 from botohe_moo.study import pictures
 from botohe_moo.study.pictures import rivals
 from botohe_moo.study.report import mission_table, render_page, write_report
-from botohe_moo.study.words import (
-    budget_words,
-    count,
-    fixed,
-    p_value,
-    parameter_words,
-    percent,
-    seed_words,
-    significant,
-    slug,
-)
+from botohe_moo.study.words import number_text, parameter_words, slug
 from tests.study.made import Record, make_study, random_record
 
 TOY = load_mission("toy")
@@ -39,7 +29,7 @@ FIXED_NAMES = ["report.html", "outcome.tex", "summary.tex", "comparisons.tex", "
 
 def figure_names(label, *, without=()):
     """Files of the figures of a mission with fewer than twelve algorithms and all runs done."""
-    kinds = ["curves", "seconds", "reached", "reached-seconds", "igd_plus", "epsilon", "areas"]
+    kinds = ["curves", "seconds", "reached", "igd_plus", "epsilon", "areas"]
     kinds += ["fronts", "attainment", "difference"]
     kinds = [kind for kind in kinds if kind not in without]
     return [f"{kind}-{slug(label)}.{end}" for kind in kinds for end in ENDS]
@@ -202,35 +192,33 @@ class TestPage:
         tables, _ = odd
         text = page_of(tables).text
         outcome = text[text.index("Outcome") : text.index("What was run Missions")]
-        assert outcome.startswith(f"Outcome algorithm toy {ODD} +/=/− average rank BO-ACO 0.")
+        assert outcome.startswith(f"Outcome algorithm toy {ODD} average rank BO-ACO 0.")
         assert "4 runs are not done , and scored all the same" in outcome
 
     @pytest.mark.slow
     def test_travel_budgets_where_there_are_any(self, odd, tmp_path):
-        assert "travel budget" not in page_of(odd[0]).text
+        assert "max length" not in page_of(odd[0]).text
         records = random_records(["toy", "far"], ["A"], (1, 2))
         tables = study(tmp_path, ["toy", "far"], records)
-        tables.manifest["missions"]["toy"]["max_length"] = 4.5
+        tables.missions["max_length"] = [4.5, math.nan]
         write_report(tables)
         text = page_of(tables).text
-        assert "survival floor travel budget nodes" in text
-        assert "0 4.5 5 12 2 10" in text
-        assert "0 none 5 12 2 10" in text
+        assert "min survival max length nodes" in text
+        assert "0 4.500 5 12 2 10" in text
+        assert "0 – 5 12 2 10" in text
 
     def test_what_was_run(self, odd):
         text = page_of(odd[0]).text
         assert "2 missions, 4 algorithms, 3 seeds; 20 runs, 16 done; 4 missing." in text
-        assert "10,000 evaluations" in text
-        assert "Seeds 1–3" in text
+        assert "Seeds 1, 2, 3" in text
         assert "others with BO-ACO, at a significance level of 0.05" in text
-        toy = f"toy {TOY.title} toy (robots=2) 10,000 evaluations 0 5 12 2 10.00"
-        assert toy in text
+        assert "toy toy robots=2 10,000 0 5 12 2 10" in text
 
     def test_nodes_and_arcs_of_kinds_count_once(self, tmp_path):
         mission = load_mission("building", robots=2, wheeled=1)
         study = make_study(tmp_path, {"two kinds": mission}, algorithms("A"), [])
         row = mission_table(study).cells.iloc[0]
-        assert (row["nodes"], row["arcs"]) == ("54", "126")
+        assert (row["nodes"], row["arcs"]) == (54, 126)
 
     @pytest.mark.parametrize("kind", ["union", "best-known"])
     def test_what_the_reference_is(self, odd, kind):
@@ -243,11 +231,12 @@ class TestPage:
     def test_what_is_lost_is_said(self, odd):
         text = page_of(odd[0]).text
         assert "scored as the plan that brings nothing back: area 0" in text
-        assert "toy lost failed error ValueError: <boom> & bust 1 0.0000" in text
-        assert f"{ODD} lost timeout error stopped after 60 seconds 3 0.0000" in text
-        assert "Runs without any recorded front are not in it: 3 of lost." in text
-        assert "Runs without a front reach nothing: 1 of lost." in text
-        assert "3 (3 not done)" in text
+        assert "toy lost 1 failed error ValueError: <boom> & bust 0" in text
+        assert f"{ODD} lost 3 timeout error stopped after 60 seconds 0" in text
+        assert "Runs without any recorded front are not in it." in text
+        assert "Runs without a front reach nothing." in text
+        assert "runs n not done area area low area high" in text
+        assert "lost 3 3 0 0 0 0" in text
 
     def test_figures_are_in_it(self, odd):
         tables, _ = odd
@@ -267,7 +256,6 @@ class TestPage:
         assert len(said) == len(tables.comparisons)
         found = tables.comparisons[tables.comparisons["significant"]]
         assert len(found)
-        assert not [verdict for verdict in found["verdict"] if verdict in page.text]
 
 
 @pytest.mark.slow
@@ -287,7 +275,7 @@ class TestHardStudies:
         tables = study(tmp_path, ["toy"], [r for x in "AB" for r in lost("toy", x, (1, 2))])
         names = {path.name for path in write_report(tables)}
         assert names == {*FIXED_NAMES, *AREAS_ONLY}
-        assert "A 0.0000 (1.5) B 0.0000 = (1.5)" in page_of(tables).text
+        assert "A 0 (1.5) B 0 = (1.5)" in page_of(tables).text
 
     def test_a_mission_without_runs(self, tmp_path):
         labels = ["A", "B"]
@@ -307,37 +295,23 @@ class TestHardStudies:
 class TestRivals:
     def test_the_control_and_the_best_other(self, tmp_path):
         records = random_records(["toy"], "ABC", (1, 2), n_records=1)
-        for control, expected in (("A", ("A", "C")), ("C", ("C", "B")), (None, ("B", "C"))):
+        for control, expected in (("A", ("A", "C")), ("C", ("C", "B")), (None, ("C", "B"))):
             tables = study(tmp_path / str(control), ["toy"], records, control=control)
-            assert rivals(tables, "toy") == expected
+            assert rivals(tables) == expected
 
 
 class TestWords:
     def test_numbers_and_settings(self):
         for written, text in (
-            (fixed(0.12345), "0.1235"),
-            (fixed(math.nan), "–"),
-            (fixed(None, 2), "–"),
-            (significant(0.00123456), "0.00123"),
-            (significant(123456.0), "123,456"),
-            (significant(1.234e-9), "1.23e-09"),
-            (significant(12.345), "12.3"),
-            (significant(0), "0"),
-            (significant(math.inf), "inf"),
-            (percent(0.0123), "1.23 %"),
-            (percent(math.inf), "–"),  # the gap of runs without a front
-            (count(10_000), "10,000"),
-            (count(3.5), "3.5"),
-            (count(100.0), "100"),
-            (p_value(0.00004), "< 0.0001"),
-            (p_value(0.012345), "0.012"),
-            (p_value(None), "–"),
-            (seed_words([1, 2, 3]), "1–3"),
-            (seed_words([1, 2]), "1, 2"),
-            (seed_words([5, 1, 9]), "5, 1, 9"),
-            (budget_words({"evaluations": 1000, "seconds": None}), "1,000 evaluations"),
-            (budget_words({"evaluations": 9, "seconds": 2.5}), "9 evaluations or 2.5 seconds"),
-            (budget_words({"evaluations": None, "seconds": None}), "no limit"),
+            (number_text(0.12345), "0.1235"),
+            (number_text(0.00123456), "0.001235"),
+            (number_text(123456.7), "123,457"),
+            (number_text(1.234e-9), "1.234e-09"),
+            (number_text(12.345), "12.35"),
+            (number_text(0), "0"),
+            (number_text(math.inf), "inf"),  # the gap of runs without a front
+            (number_text(10_000.0), "10,000"),
+            (number_text(3.5), "3.500"),
             (
                 parameter_words({"a": 1, "b": None, "c": "x", "d": [0.5]}),
                 "a=1, b=null, c=x, d=[0.5]",

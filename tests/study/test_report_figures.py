@@ -48,7 +48,7 @@ def grid_study(folder, *, missions=("toy",), n_records=3):
 
 
 def kinds(figures, label):
-    return [figure.paths[0].name.removesuffix(f"-{label}.png") for figure in figures[label]]
+    return [paths[0].name.removesuffix(f"-{label}.png") for paths, _ in figures[label]]
 
 
 class TestDrawFigures:
@@ -62,7 +62,6 @@ class TestDrawFigures:
             "curves",
             "seconds",
             "reached",
-            "reached-seconds",
             "igd_plus",
             "epsilon",
             "areas",
@@ -71,11 +70,11 @@ class TestDrawFigures:
             "attainment",
             "difference",
         ]
-        grid = next(figure for figure in figures["toy"] if "grid" in figure.paths[0].name)
-        assert "median area of BO-ACO for each combination of n_ants (rows)" in grid.caption
-        for figure in figures["toy"]:
-            assert [path.suffix[1:] for path in figure.paths] == ["png"]
-            assert all(path.stat().st_size for path in figure.paths)
+        [caption] = [caption for paths, caption in figures["toy"] if "grid" in paths[0].name]
+        assert "median area of BO-ACO for each combination of two parameters" in caption
+        for paths, _ in figures["toy"]:
+            assert [path.suffix[1:] for path in paths] == ["png"]
+            assert all(path.stat().st_size for path in paths)
 
     @pytest.mark.slow
     @pytest.mark.filterwarnings("ignore:Glyph")  # of scripts that the font has not
@@ -95,7 +94,7 @@ class TestDrawFigures:
         tables = make_study(tmp_path, {mission: TOY}, algorithms, records)
         figures = draw_figures(tables, tmp_path)[mission]
         assert len(figures) >= 8
-        assert all(path.stat().st_size for figure in figures for path in figure.paths)
+        assert all(path.stat().st_size for paths, _ in figures for path in paths)
 
     @pytest.mark.slow
     def test_ranks_that_were_tested_have_the_critical_difference(self, tmp_path):
@@ -116,11 +115,10 @@ class TestDrawFigures:
             ]
         )
         figures = draw_figures(replace(tables, posthoc=posthoc), tmp_path)
-        (figure,) = figures[""]
-        assert [path.name for path in figure.paths] == [
-            f"critical-difference-area.{end}" for end in FORMATS
-        ]
-        assert "no two differ significantly by the Nemenyi test" in figure.caption
+        [(paths, caption)] = figures[""]
+        names = [path.name for path in paths]
+        assert names == [f"critical-difference-area.{end}" for end in FORMATS]
+        assert "no two differ significantly by the Nemenyi test" in caption
 
 
 class TestTwoParameterGrids:

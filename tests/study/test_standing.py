@@ -9,10 +9,8 @@ import pytest
 from botohe_moo.study import read_study
 from botohe_moo.study.folder import StudyFolder
 from botohe_moo.study.loading import load_study
-from botohe_moo.study.pictures import ReportFigure
-from botohe_moo.study.report import matrix, matrix_caption, render_page, tables_latex
+from botohe_moo.study.report import matrix, matrix_caption, render_page
 from botohe_moo.study.scores import collect_tables
-from botohe_moo.study.words import distinct, significant
 from tests.study.test_collect import outcome_of
 from tests.study.test_report import checked
 
@@ -79,7 +77,7 @@ def rows_of(tables):
     for i, row in enumerate(table.cells.to_dict("records")):
         rows[row[first]] = [
             Cell(
-                *re.fullmatch(r"(\S+) ?([+=−]?) ?\(?([\d.]*)\)?", row[c]).groups(), table.bold[c][i]
+                *re.fullmatch(r"(\S+) ?([+=–]?) ?\(?([\d.]*)\)?", row[c]).groups(), table.bold[c][i]
             )
             for c in columns
         ]
@@ -92,18 +90,18 @@ class TestMatrix:
         found = rows_of(tables)
         assert list(matrix(tables).cells)[:3] == ["algorithm", "m", "n"]
         marks = {label: [cell.mark for cell in row[:2]] for label, row in found.items()}
-        assert marks == {"A": ["", ""], "B": ["+", "="], "C": ["−", ""]}
+        assert marks == {"A": ["", ""], "B": ["+", "="], "C": ["–", ""]}
         texts = {label: [cell.text for cell in row] for label, row in found.items()}
-        assert texts["B"] == ["0.4000", "0.3000", "1/1/0", "1.25"]
-        assert texts["C"] == ["0.2000", "0.1000", "0/0/1", "3.00"]
+        assert texts["B"] == ["0.4000", "0.3000", "1.250"]
+        assert texts["C"] == ["0.2000", "0.1000", "3"]
         assert [cell.rank for cell in found["A"][:2]] == ["2", "1.5"]
         assert [cell.best for cell in found["B"][:2]] == [True, True]
-        assert "+ is better than A, − worse" in matrix_caption(tables)
+        assert "+ is better than A, – worse" in matrix_caption(tables)
 
     def test_without_control_they_are_against_the_best(self, tmp_path):
         found = rows_of(judged(tmp_path, AREAS))
         marks = {label: [cell.mark for cell in row[:2]] for label, row in found.items()}
-        assert marks == {"A": ["−", ""], "B": ["", "="], "C": ["−", ""]}
+        assert marks == {"A": ["–", ""], "B": ["", "="], "C": ["–", ""]}
 
     def test_a_larger_median_can_lose(self, tmp_path):
         """Most of B's runs beat most of A's, but the middle of A's is a little higher."""
@@ -116,22 +114,17 @@ class TestMatrix:
         tables = judged(tmp_path, {"m": {"A": [0.5] * 8, "B": ulps, "C": [0.4] * 8}})
         cells = {label: row[0] for label, row in rows_of(tables).items()}
         assert [cells[x].rank for x in "ABC"] == ["1.5", "1.5", "3"]
-        assert [cells[x].mark for x in "ABC"] == ["", "=", "−"]
+        assert [cells[x].mark for x in "ABC"] == ["", "=", "–"]
         assert cells["A"].best
         assert cells["B"].best
         summary = tables.summary.set_index("algorithm")["rank"]
         assert summary.to_dict() == {"A": 1.5, "B": 1.5, "C": 3.0}
 
-    def test_medians_look_different_where_they_are(self, tmp_path):
-        tables = judged(tmp_path, {"m": {"A": 0.52201 + STEPS, "B": 0.52204 + STEPS}})
-        assert [row[0].text for row in rows_of(tables).values()] == ["0.52201", "0.52204"]
-        assert r"\textbf{0.52204}" in tables_latex(tables)["summary.tex"]
-
     def test_without_areas_it_is_of_what_is_compared(self, tmp_path):
         areas = {"m": {"A": 0.4 + STEPS, "B": 0.5 + STEPS}}
         tables = judged(tmp_path, areas, indicators=["igd_plus"])
         [[a], [b]] = rows_of(tables).values()
-        assert (a.mark, b.best) == ("−", True)
+        assert (a.mark, b.best) == ("–", True)
         assert matrix_caption(tables).startswith("Median IGD+ over runs")
 
     def test_the_longer_list_goes_down_the_page(self, tmp_path):
@@ -149,7 +142,7 @@ class TestMatrix:
         for i, mission in enumerate("mn"):
             rows = areas[areas["mission"] == mission]
             for row in rows.to_dict("records"):
-                words = {"+": " is better than ", "−": " is worse than ", "=": "no difference"}
+                words = {"+": "better, ", "–": "worse, ", "=": "no difference"}
                 assert words[cells[row["algorithm"]][i].mark] in row["verdict"]
 
 
@@ -162,9 +155,9 @@ class TestMissing:
         text = page_text(tables)
         assert "2 missions, 2 algorithms, 3 seeds; 6 runs, all done; 6 missing." in text
         assert "6 runs are missing : not performed yet, or the study was stopped." in text
-        assert "mission algorithm missing runs m B 2 n A 1 n B 3" in text
-        assert "B 1 of 3 0.4000" in text
-        assert "B 0.4000 (1) – 0/0/0" in text
+        assert "mission algorithm missing m B 2 n A 1 n B 3" in text
+        assert "B 1 0 0.4000" in text
+        assert "B 0.4000 (1) –" in text
 
 
 class TestPosthoc:
@@ -180,7 +173,7 @@ class TestPosthoc:
         assert list(rows["significant"]) == list(apart)
         assert apart.sum() == 3
         text = page_text(ranked)
-        assert "difference of average ranks p (Nemenyi) A B 1.00" in text
+        assert "difference p (Nemenyi) A B 1 " in text
         assert "Post hoc by Nemenyi, whose critical difference is 1.91." in text
 
 
@@ -194,23 +187,13 @@ class TestTargets:
         assert list(rows.loc["A", "evaluations_median"]) == [20, 20, 20]
         assert rows["evaluations_median"].isna().tolist() == [False] * 4 + [True] * 2
         text = page_text(tables)
-        assert "A 3 of 3 20 1.00 3 of 3 20 1.00 3 of 3 20 1.00" in text
-        assert "B 2 of 3 20 1.00 1 of 3 – – 1 of 3 – –" in text
+        assert "0.9000 A 3 3 20 1 0.9000 B 2 3 20 1 0.9500 A 3 3 20 1 0.9500 B 1 3 – –" in text
 
 
 def test_figures_of_the_study_as_a_whole_have_a_place(tmp_path):
     tables = judged(tmp_path, {"m": {"A": [0.3], "B": [0.4]}})
     picture = tmp_path / "ranks.png"
     picture.write_bytes(b"\x89PNG")
-    figure = ReportFigure((picture,), "All of it.", "Everything at a glance.")
-    text = render_page(tables, {"": [figure]})
+    text = render_page(tables, {"": [([picture], "Everything at a glance. All of it.")]})
     assert text.count("<figure>") == 1
     assert re.search(r'<section id="ranks">.*Everything at a glance.*</section>', text, re.DOTALL)
-
-
-class TestDistinct:
-    def test_digits_grow_until_values_look_different(self):
-        assert distinct([0.12341, 0.12342, 0.5]) == ["0.12341", "0.12342", "0.50000"]
-        assert distinct([0.1, 0.1 + 1e-11]) == ["0.10000000000", "0.10000000001"]
-        assert distinct([0.1234561, 0.1234562, float("nan")]) == ["0.1234561", "0.1234562", "–"]
-        assert distinct([0.00012341, 0.00012342], significant) == ["0.00012341", "0.00012342"]

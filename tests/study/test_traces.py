@@ -7,17 +7,15 @@ import pandas as pd
 import pytest
 
 from botohe_moo.indicators import INDICATORS, area_indicator, epsilon_indicator, igd_plus_indicator
-from botohe_moo.study.scores import SHARES, reach_targets, score_records
+from botohe_moo.study.scores import SHARES, reach_targets, score_fronts
 from botohe_moo.study.tables import as_table
 from tests.study.test_scores import quay
 
-REFERENCE = as_table(
-    "references",
-    [{"reference": "r", "mission": "m", "reward": 10.0, "survivors": 1.0}],  # an area of 0.5
-)
+AREA = 0.5  # of the reference front
+REFERENCE = as_table("references", [{"mission": "m", "reward": 10.0, "survivors": 1.0}])
 
 
-def targets(found, reference=REFERENCE, **options):
+def targets(found, area=AREA):
     """The table from {algorithm: runs}, each run a list of (evaluations, area)."""
     runs, trace = [], []
     for algorithm, records_of in found.items():
@@ -32,10 +30,7 @@ def targets(found, reference=REFERENCE, **options):
     table = reach_targets(
         pd.DataFrame(runs, columns=columns[:3]),
         pd.DataFrame(trace, columns=columns),
-        reference,
-        missions={"m": quay()},
-        algorithms=list(found),
-        **options,
+        {"m": area},
     )
     as_table("targets", table)
     return table
@@ -65,8 +60,7 @@ class TestTargets:
         assert table["n_reached"].tolist() == [2, 2, 1]
 
     def test_where_nothing_was_found_there_is_nothing_to_reach(self):
-        nothing = REFERENCE.assign(reward=0.0, survivors=0.0)
-        assert targets({"A": [[(10, 0.0)]]}, nothing).empty
+        assert targets({"A": [[(10, 0.0)]]}, 0.0).empty
 
     def test_what_has_no_run_has_no_row(self):
         assert targets({"A": [], "B": [[(10, 0.5)]]})["algorithm"].unique().tolist() == ["B"]
@@ -77,11 +71,11 @@ class TestScores:
     FRONTS = tuple(np.array(front, float) for front in ([(5, 1)], [(5, 1)], [(10, 0.5), (5, 1)]))
 
     def test_they_are_those_of_the_indicators(self):
-        scores = score_records(
+        scores = score_fronts(
             [("m", front) for front in self.FRONTS],
             REFERENCE,
             missions={"m": quay()},
-            indicators=["igd_plus", "epsilon"],
+            indicators=["area", "igd_plus", "epsilon"],
         )
         reference = [(10, 1)]
         for i, front in enumerate(self.FRONTS):
@@ -100,5 +94,5 @@ class TestScores:
         monkeypatch.setitem(INDICATORS.own, "area", counted)
         one, _, other = self.FRONTS
         fronts = [("m", front) for front in [one] * 5 + [other] * 5]
-        score_records(fronts, REFERENCE, missions={"m": quay()}, indicators=[])
+        score_fronts(fronts, REFERENCE, missions={"m": quay()}, indicators=["area"])
         assert len(measured) == 2

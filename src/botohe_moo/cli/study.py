@@ -98,9 +98,9 @@ def _tell_tables(tables: studies.StudyTables) -> None:
 
 
 def _say_missing(tables: studies.StudyTables) -> None:
-    if tables.n_missing:
-        n_runs = len(tables.runs) + tables.n_missing
-        say(f"{tables.n_missing} of the study's {n_runs} runs are missing from the tables.")
+    if n_missing := int(tables.missing["missing"].sum()):
+        n_runs = len(tables.runs) + n_missing
+        say(f"{n_missing} of the study's {n_runs} runs are missing from the tables.")
     if n_unbounded := len(tables.missing_bounds):
         n_missions = len(tables.mission_labels)
         say(f"{n_unbounded} of the study's {n_missions} bounds are missing from the tables.")

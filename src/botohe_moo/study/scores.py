@@ -1,8 +1,7 @@
 """Making the tables of a study from the outcomes of its runs: scores, summaries, descriptions."""
 
-import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence, Sized
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
 from typing import Any
@@ -19,18 +18,19 @@ from botohe_moo.library import best_known, certified_bound
 from botohe_moo.mission.model import Mission
 from botohe_moo.study import statistics as st
 from botohe_moo.study.content import canonical, value_text
-from botohe_moo.study.folder import OUTCOME_FIELDS, StudyFolder, writing
+from botohe_moo.study.folder import StudyFolder, writing
 from botohe_moo.study.model import Run, Study, StudyError
 from botohe_moo.study.tables import OBJECTIVES, SCHEMAS, as_table, write_tables
-from botohe_moo.study.task import Outcome, environment
+from botohe_moo.study.task import Outcome, Record, environment
 
-_DIGITS = 16  # of a reference front's digest
+IDENTITY = ["run", "mission", "algorithm", "seed"]  # columns
+_TRACED = ["evaluations", "seconds", "front_size", "ties"]  # of a record
 
 
 def reference_fronts(
     runs: pd.DataFrame,
     fronts: Sequence[FloatArray],
-    known: Mapping[str, FloatArray] | None = None,
+    known: Mapping[str, FloatArray],
     columns: Sequence[str] = OBJECTIVES,
 ) -> pd.DataFrame:
     """Return the table ``references``: what all runs on each mission found together.
@@ -43,11 +43,35 @@ def reference_fronts(
     none, parts = np.empty((0, len(columns))), []
     for mission in runs["mission"].unique():
         found = [front for front, of in zip(fronts, runs["mission"], strict=True) if of == mission]
-        union = _union([none, *found, (known or {}).get(mission, none)])
-        digest = hashlib.sha256(union.astype("<f8").tobytes()).hexdigest()[:_DIGITS]
-        part = pd.DataFrame(union, columns=[*columns])
-        parts.append(part.assign(reference=digest, mission=mission))
+        points = np.unique(np.concatenate([none, *found, known.get(mission, none)]), axis=0)[::-1]
+        union = points[moocore.is_nondominated(points, maximise=True)] + 0.0  # without -0.0
+        union = union if len(union) else np.zeros((1, len(columns)))
+        parts.append(pd.DataFrame(union, columns=[*columns]).assign(mission=mission))
     return as_table("references", pd.concat(parts, ignore_index=True) if parts else [], columns)
+
+
+def score_fronts(
+    fronts: Iterable[tuple[str, FloatArray]],
+    references: pd.DataFrame,
+    *,
+    missions: Mapping[str, Scale],
+    indicators: Sequence[str],
+) -> pd.DataFrame:
+    """Compute indicators: a column for each of them, a row for each front.
+
+    ``fronts`` are pairs of a mission's label and points (n, n_objectives). For speed, a front that
+    equals the one before it is not measured again.
+    """
+    targets, rows = points_by_mission(references), []
+    last: tuple[str | None, FloatArray] = None, np.empty(0)
+    row: dict[str, float] = {}
+    for label, points in fronts:
+        if label != last[0] or not np.array_equal(points, last[1]):
+            given = points, targets.get(label), missions[label]
+            row = {name: INDICATORS[name](*given) for name in indicators}
+        last = label, points
+        rows.append(row)
+    return pd.DataFrame(rows, columns=[*indicators], dtype=float)
 
 
 def score_runs(
@@ -65,66 +89,21 @@ def score_runs(
     and epsilon are those of the point (0, 0), and its front has 0 points. Values of a mission that
     differ by at most 1e-12 are made equal by ``merge_ties``.
     """
-    targets = points_by_mission(references)
-    names = references.groupby("mission")["reference"].first()
-    rows: list[dict[str, Any]] = []
-    identities: Any = runs[["run", "mission", "algorithm", "seed"]].to_dict("records")
-    for run, points in zip(identities, fronts, strict=True):
-        mission = run["mission"]
-        for name in indicators:
-            indicator = INDICATORS[name]
-            value = indicator(points, targets[mission], missions[mission])
-            reference = names[mission] if indicator.needs_reference else None
-            rows.append({**run, "indicator": name, "reference": reference, "value": value})
-    table = as_table("indicators", rows)
-    if rows:
-        groups: Any = table.groupby(["mission", "indicator"], sort=False)["value"]
-        table["value"] = groups.transform(st.merge_ties)
-    return table
-
-
-def score_records(
-    fronts: Iterable[tuple[str, FloatArray]],
-    references: pd.DataFrame,
-    *,
-    missions: Mapping[str, Scale],
-    indicators: Sequence[str],
-) -> dict[str, list[float]]:
-    """Compute the columns ``area``, ``igd_plus``, ..., with a value for each recorded front.
-
-    ``fronts`` are pairs of a mission's label and points (n, 2). For speed, a front that equals the
-    one before it is not measured again. An indicator that is not wanted is NaN.
-    """
-    targets, names = points_by_mission(references), ["area", *further_indicators(indicators)]
-    scores: dict[str, list[float]] = {name: [] for name in names}
-    last: tuple[str | None, FloatArray] = None, np.empty(0)
-    for label, points in fronts:
-        is_new = label != last[0] or not np.array_equal(points, last[1])
-        last = label, points
-        for name, column in scores.items():
-            if not is_new:
-                column.append(column[-1])
-            elif name == "area" or name in indicators:
-                of_mission = targets.get(label), missions[label]
-                column.append(INDICATORS[name](points, *of_mission))
-            else:
-                column.append(np.nan)
-    return scores
+    labelled = zip(runs["mission"], fronts, strict=True)
+    scores = score_fronts(labelled, references, missions=missions, indicators=indicators)
+    groups: Any = scores.groupby(runs["mission"].to_numpy())
+    parts = []
+    for name in indicators:
+        value = groups[name].transform(st.merge_ties).to_numpy()
+        parts.append(runs[IDENTITY].assign(indicator=name, value=value))
+    return as_table("indicators", pd.concat(parts).sort_index(kind="stable"))
 
 
 def points_by_mission(references: pd.DataFrame) -> dict[str, FloatArray]:
     """Return the points (n, n_objectives) of each mission's reference front."""
-    points = references.drop(columns=["reference", "mission"])
+    points = references.drop(columns="mission")
     groups = points.groupby(references["mission"], sort=False)
     return {str(label): front.to_numpy(float) for label, front in groups}
-
-
-def _union(fronts: list[FloatArray]) -> FloatArray:
-    """Return the non-dominated points, each once, by descending reward."""
-    # Adding 0.0 makes -0.0 to 0.0, which would have other bytes in the digest.
-    points = np.unique(np.concatenate(fronts), axis=0)[::-1] + 0.0
-    union: FloatArray = points[moocore.is_nondominated(points, maximise=True)]
-    return union if len(union) else np.zeros((1, points.shape[1]))
 
 
 SHARES = (0.9, 0.95, 0.99)  # of the area of a reference front: the targets
@@ -142,21 +121,18 @@ def mission_table(
     rows = []
     for label, entry in manifest["missions"].items():
         mission, bound = missions[label], bounds.get(label)
-        rows.append(
-            {
-                **entry,
-                "mission": label,
-                "name": str(entry["source"]["name_or_path"]),
-                "nodes": mission.graph.number_of_nodes(),
-                "arcs": mission.graph.number_of_edges(),
-                "robots": mission.robots,
-                "total_reward": mission.total_reward,
-                "bound_area": None if bound is None else bound.area,
-                "bound_seconds": None if bound is None else bound.seconds,
-            }
-        )
-    grids = [entry["grid"] for entry in manifest["missions"].values()]
-    return _widened("missions", rows, grids, prefix="grid_")
+        described = {
+            "mission": label,
+            "name": str(entry["source"]["name_or_path"]),
+            "nodes": mission.graph.number_of_nodes(),
+            "arcs": mission.graph.number_of_edges(),
+            "robots": mission.robots,
+            "total_reward": mission.total_reward,
+            "bound_area": getattr(bound, "area", None),
+            "bound_seconds": getattr(bound, "seconds", None),
+        }
+        rows.append({**entry, **described})
+    return _widened("missions", rows, [row["grid"] for row in rows], prefix="grid_")
 
 
 def bound_table(bounds: Mapping[str, FrontBound]) -> pd.DataFrame:
@@ -175,28 +151,25 @@ def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
     There is a column for each parameter that the study file gives to any algorithm, and for each
     whose values differ between algorithms that have it, such as one that a class sets for its base.
     """
-    # Of an entry, the table has the columns that its schema names.
     rows = [{**entry, "algorithm": label} for label, entry in manifest["algorithms"].items()]
-    entries = manifest["algorithms"].values()
-    used = [{**entry["effective"], **entry["parameters"]} for entry in entries]
-    different: dict[str, set[str]] = {}  # values of each parameter
-    for name, value in (pair for values in used for pair in values.items()):
-        different.setdefault(name, set()).update([] if value is None else [canonical(value)])
-    columns = dict.fromkeys(name for entry in entries for name in entry["parameters"])
-    columns |= dict.fromkeys(name for name, values in different.items() if len(values) > 1)
-    shown = [{name: values[name] for name in columns if name in values} for values in used]
+    used = [row["effective"] | row["parameters"] for row in rows]
+    known = [{k: canonical(value) for k, value in of.items() if value is not None} for of in used]
+    n_different = pd.DataFrame(known).nunique()
+    columns = {*n_different.index[n_different > 1], *chain(*(row["parameters"] for row in rows))}
+    shown = [{name: value for name, value in of.items() if name in columns} for of in used]
     return _widened("algorithms", rows, shown, prefix="parameter_")
 
 
 def _widened(
     name: str, rows: list[dict[str, Any]], parameters: Sequence[Mapping[str, Any]], *, prefix: str
 ) -> pd.DataFrame:
-    """Return a table with a further column for each parameter, in the order of appearance."""
+    """Return a table with a further column for each parameter.
+
+    Of the rows, it has the items that its schema names.
+    """
     table = as_table(name, rows)
     for parameter in dict.fromkeys(key for given in parameters for key in given):
-        column = parameter
-        while column in table:
-            column = prefix + column
+        column = prefix + parameter if parameter in table else parameter
         table[column] = _typed([given.get(parameter) for given in parameters])
     return table
 
@@ -215,55 +188,47 @@ def _typed(values: list[Any]) -> "pd.Series[Any]":
 def summarise(
     runs: pd.DataFrame,
     indicators: pd.DataFrame,
-    references: pd.DataFrame,
+    areas: Mapping[str, float],
     *,
-    missions: Mapping[str, Scale],
-    algorithms: Sequence[str],
     significance: float,
     bounds: Mapping[str, FrontBound],
 ) -> pd.DataFrame:
-    """Return the table ``summary``: the runs of each algorithm on each mission.
+    """Return the table ``summary``: the runs of each algorithm on each mission, in their order.
 
-    The intervals of median areas are bootstrapped with a generator seeded by the areas, so they do
-    not depend on the rest of the study. An algorithm without runs on a mission, as in a study that
-    was interrupted, has no row.
+    ``areas`` are those of the reference fronts, by mission. The intervals of median areas are
+    bootstrapped with a generator seeded by the areas, so they do not depend on the rest of the
+    study. An algorithm without runs on a mission, as in a study that was interrupted, has no row.
     """
-    areas: Any = runs.groupby("mission", sort=False)["area"]
-    merged = runs.assign(raw_area=runs["area"], area=areas.transform(st.merge_ties))
-    groups: Any = merged.groupby(["mission", "algorithm"], sort=False)
-    runs_of: dict[Any, pd.DataFrame] = dict(iter(groups))
-    values: Any = indicators.groupby(["mission", "algorithm", "indicator"])["value"]
-    medians = values.median().to_dict()
-    whole = _reference_areas(references, missions)
-    rows: list[dict[str, Any]] = []
-    for mission in missions:
-        labels = [label for label in algorithms if (mission, label) in runs_of]
-        of_labels = [runs_of[mission, label]["area"].median() for label in labels]
-        ranks = stats.rankdata(st.best_first("area", of_labels))
-        for label, rank in zip(labels, ranks, strict=True):
-            row = _described(runs_of[mission, label], significance)
-            row |= {"mission": mission, "algorithm": label, "rank": float(rank)}
-            for name in further_indicators(indicators["indicator"].unique()):
-                row[f"{name}_median"] = medians.get((mission, label, name))
-            if whole.get(mission):
-                row["area_share"] = row["area_mean"] / whole[mission]
-            if mission in bounds:
-                row["area_gap"] = bounds[mission].gap_of_area(row["area_mean"])
-            rows.append(row)
-    return as_table("summary", rows)
+    runs = runs.assign(merged=runs.groupby("mission")["area"].transform(st.merge_ties))
+    keys = ["mission", "algorithm"]
+    groups: Any = runs.groupby(keys, sort=False)
+    table = pd.DataFrame([_described(own, significance) for _, own in groups])
+    if table.empty:
+        return as_table("summary", [])
+    medians = indicators.pivot_table("value", keys, "indicator", aggfunc="median")
+    further = medians[[name for name in further_indicators(map(str, medians)) if name in medians]]
+    table = table.join(further.add_suffix("_median"), on=keys)
+    by_mission = table.groupby("mission")["area_median"]
+    table["rank"] = by_mission.transform(lambda m: stats.rankdata(st.best_first("area", m)))
+    table["area_share"] = table["area_mean"] / table["mission"].map(areas).replace(0.0, np.nan)
+    table["area_gap"] = [
+        bounds[mission].gap_of_area(area) if mission in bounds else np.nan
+        for mission, area in zip(table["mission"], table["area_mean"], strict=True)
+    ]
+    return as_table("summary", table)
 
 
 def _described(runs: pd.DataFrame, significance: float) -> dict[str, Any]:
-    areas = np.sort(runs["area"].to_numpy(float))
+    areas = np.sort(runs["merged"].to_numpy(float))
     median = float(np.median(areas))
     # The interval is not that of merged values, which depend on the other runs of the study.
-    raw = np.sort(runs["raw_area"].to_numpy(float))
-    _, low, high = st.median_interval(raw, confidence=1.0 - significance, rng=st.generator_for(raw))
+    low, high = st.median_interval(runs["area"], confidence=1.0 - significance)
     return {
+        **runs[["mission", "algorithm"]].iloc[0],
         "n": len(runs),
         "n_not_done": int((runs["status"] != "done").sum()),
         "area_median": median,
-        "area_low": min(low, median),
+        "area_low": low,
         "area_high": max(high, median),
         "area_mean": float(areas.mean()),
         "area_sd": float(areas.std(ddof=1)) if len(areas) > 1 else None,
@@ -273,21 +238,15 @@ def _described(runs: pd.DataFrame, significance: float) -> dict[str, Any]:
 
 
 def reach_targets(
-    runs: pd.DataFrame,
-    trace: pd.DataFrame,
-    references: pd.DataFrame,
-    *,
-    missions: Mapping[str, Scale],
-    algorithms: Sequence[str],
+    runs: pd.DataFrame, trace: pd.DataFrame, areas: Mapping[str, float]
 ) -> pd.DataFrame:
     """Return the table ``targets``: what reaching 90, 95 and 99 % of the reference area takes.
 
-    A target that is reached between two records counts as reached at the second. Medians are over
-    all runs; a run that never reaches a target counts as infinite. An algorithm without runs on a
-    mission, as in a study that was interrupted, has no rows, nor has a mission whose reference
-    front has no area.
+    ``areas`` are those of the reference fronts, by mission. A target that is reached between two
+    records counts as reached at the second. Medians are over all runs; a run that never reaches a
+    target counts as infinite. An algorithm without runs on a mission, as in a study that was
+    interrupted, has no rows, nor has a mission whose reference front has no area.
     """
-    areas = _reference_areas(references, missions)
     runs = runs[runs["mission"].map(areas).astype(float) > 0].reset_index(drop=True)
     reference_areas = trace["mission"].map(areas).to_numpy(float)
     keys, columns = ["mission", "algorithm"], ["evaluations", "seconds"]
@@ -296,22 +255,13 @@ def reach_targets(
         reached = trace[trace["area"].to_numpy(float) >= share * reference_areas - TIE]
         first = reached.drop_duplicates("run").set_index("run")[columns].astype(float)
         spent = runs[keys].assign(**first.reindex(runs["run"]).reset_index(drop=True))
-        medians = spent.fillna({"evaluations": np.inf, "seconds": np.inf}).groupby(keys)[columns]
-        part = medians.median().replace(np.inf, np.nan).add_suffix("_median")
+        endless = spent.fillna(dict.fromkeys(columns, np.inf)).groupby(keys, sort=False)[columns]
+        part = endless.median().replace(np.inf, np.nan).add_suffix("_median")
         counts = spent.groupby(keys)["seconds"].agg(n="size", n_reached="count")
-        parts.append(part.join(counts).assign(share=share))
-    table = pd.concat(parts).reset_index()
+        parts.append(part.join(counts).assign(share=share).reset_index())
+    table = pd.concat(parts).sort_index(kind="stable")
     table["target"] = table["share"] * table["mission"].map(areas).astype(float)
-    order: Any = {"mission": list(missions), "algorithm": list(algorithms), "share": list(SHARES)}
-    table = table.sort_values(list(order), key=lambda column: column.map(order[column.name].index))
-    rows: Any = table.to_dict("records")
-    return as_table("targets", rows)
-
-
-def _reference_areas(references: pd.DataFrame, missions: Mapping[str, Scale]) -> dict[str, float]:
-    """Return the area of the reference front of each mission that has runs."""
-    fronts = points_by_mission(references)
-    return {label: area_indicator(fronts[label], missions[label]) for label in fronts}
+    return as_table("targets", table)
 
 
 def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> None:
@@ -320,9 +270,6 @@ def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> No
     ``made_from`` is the digest of what they are made from. A StudyError names the files that are
     damaged, or a bound that a run refutes, or says that the folder cannot be written to.
     """
-    outcomes = list(folder.outcomes(study.runs()))
-    missions = {mission.label: mission.mission for mission in study.missions}
-    manifest = study.manifest()
     kept = {mission.label: folder.bound(mission) for mission in study.bounded}
     bounds = {label: found[0] for label, found in kept.items() if found}
     known = {}
@@ -331,140 +278,113 @@ def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> No
         # Evaluated again, since files have 12 digits, and runs that find the same plans have more.
         known[label] = front.mission.evaluate(front.plans)
         bounds[label] = min(bounds.get(label, certified), certified, key=lambda bound: bound.area)
+    manifest = study.manifest()
+    missions = {mission.label: mission.mission for mission in study.missions}
     tables = {
-        **_judged(study, outcomes, bounds, known),
+        **_judged(study, folder.outcomes(study.runs()), bounds, known),
         "missions": mission_table(manifest, missions, bounds),
         "bounds": bound_table(bounds),
         "algorithms": algorithm_table(manifest),
     }
-    _check_bounds(bounds, tables["runs"])
+    areas: dict[Any, float] = tables["runs"].groupby("mission")["area"].max().to_dict()
+    for label, bound in bounds.items():
+        if (area := areas.get(label, 0.0)) > bound.area + TIE:
+            raise StudyError(
+                f"A run on {label} has found an area of {area:.6f}, so its bound is wrong: "
+                f"{bound.area:.6f}. Remove its file from the folder bounds, run the study "
+                "again, and report it if it happens again."
+            )
     with writing(folder.path):
         write_tables(folder.path, tables, {**manifest, "made_from": made_from})
 
 
-def _check_bounds(bounds: Mapping[str, FrontBound], runs: pd.DataFrame) -> None:
-    """Raise a StudyError if a run's area is above the bound: then one of them is wrong."""
-    for label, bound in bounds.items():
-        area = runs.loc[runs["mission"] == label, "area"].max()
-        if area > bound.area + TIE:
-            raise StudyError(
-                f"The bound of {label} says that no front has an area above {bound.area:.6f}, but "
-                f"a run has found {area:.6f}. If the study has computed it, remove its file from "
-                "the folder bounds, and run the study again; please report it, if it happens again."
-            )
-
-
 def _judged(
     study: Study,
-    outcomes: Sequence[tuple[Run, Outcome]],
+    outcomes: Iterable[tuple[Run, Outcome]],
     bounds: Mapping[str, FrontBound],
     known: Mapping[str, FloatArray],
 ) -> dict[str, pd.DataFrame]:
     """Return all tables but ``missions``, ``bounds`` and ``algorithms``."""
-    scales = {
-        mission.label: mission.own_objectives or mission.mission for mission in study.missions
-    }
     columns, indicators = study.missions[0].objectives.columns, study.file.indicators
-    comparison: Any = {
-        "algorithms": [algorithm.label for algorithm in study.algorithms],
-        "significance": study.file.comparison.significance,
-    }
-    tables = _recorded(outcomes, columns)
-    none = np.empty((0, len(columns)))
-    fronts = [[record.objectives for record in outcome.records] for _, outcome in outcomes]
-    finals = [of_run[-1] if of_run else none for of_run in fronts]
-    references = reference_fronts(tables["runs"], finals, known, columns)
-    labelled = zip(tables["trace"]["mission"], chain.from_iterable(fronts), strict=True)
-    measured = score_records(labelled, references, missions=scales, indicators=indicators)
-    trace = tables["trace"].assign(**measured)
-    areas = tables["runs"]["run"].map(trace.groupby("run")["area"].last()).fillna(0.0)
-    tables |= {"runs": tables["runs"].assign(area=areas), "trace": trace}
-    tables = {name: as_table(name, frame, columns) for name, frame in tables.items()}
-    runs, trace = tables["runs"], tables["trace"]
+    control, significance = study.file.comparison.control, study.file.comparison.significance
+    algorithms = [algorithm.label for algorithm in study.algorithms]
+    scales = {of.label: of.own_objectives or of.mission for of in study.missions}
+    frames, fronts, finals = _recorded(outcomes, columns)
+    runs, trace = frames["runs"], frames["trace"]
+    references = reference_fronts(runs, finals, known, columns)
+    scored = ["area", *(name for name in further_indicators(indicators) if name in indicators)]
+    labelled = zip(trace["mission"], fronts, strict=True)
+    measured = score_fronts(labelled, references, missions=scales, indicators=scored)
+    frames["trace"] = trace = trace.join(measured)
+    runs["area"] = runs["run"].map(trace.groupby("run")["area"].last()).fillna(0.0)
+    tables = {name: as_table(name, frame, columns) for name, frame in frames.items()}
     scores = score_runs(runs, finals, references, missions=scales, indicators=indicators)
     digests = {mission.label: mission.digest for mission in study.missions}
-    ranks = st.rank_algorithms(scores, digests=digests, **comparison)
-    control, algorithms = study.file.comparison.control, comparison["algorithms"]
+    tests: Any = {"algorithms": algorithms, "significance": significance}
+    ranks = st.rank_algorithms(scores, digests=digests, **tests)
+    targets = points_by_mission(references)
+    areas = {label: area_indicator(targets[label], scales[label]) for label in targets}
     return tables | {
         "references": references,
         "indicators": scores,
-        "comparisons": st.compare_algorithms(scores, runs=runs, control=control, **comparison),
+        "comparisons": st.compare_algorithms(scores, control=control, **tests),
         "ranks": ranks,
-        "posthoc": st.compare_ranks(ranks, significance=comparison["significance"]),
-        "summary": summarise(
-            runs, scores, references, missions=scales, bounds=bounds, **comparison
-        ),
-        "targets": reach_targets(runs, trace, references, missions=scales, algorithms=algorithms),
+        "posthoc": st.compare_ranks(ranks, significance=significance),
+        "summary": summarise(runs, scores, areas, significance=significance, bounds=bounds),
+        "targets": reach_targets(runs, trace, areas),
     }
 
 
 def _recorded(
-    outcomes: Sequence[tuple[Run, Outcome]], columns: Sequence[str]
-) -> dict[str, pd.DataFrame]:
-    """Return ``runs``, ``trace``, ``fronts``, ``plans`` and ``environments``, without scores."""
-    environments = [outcome.environment or environment() for _, outcome in outcomes]
-    distinct = {columns["environment"]: columns for columns in environments}
-    runs = pd.DataFrame(
-        [
-            _run_row(run, outcome, columns["environment"])
-            for (run, outcome), columns in zip(outcomes, environments, strict=True)
-        ],
-        columns=[*SCHEMAS["runs"]],
-    )
-    identities = runs[["run", "mission", "algorithm", "seed"]]
-    records = [record for _, outcome in outcomes for record in outcome.records]
-    names = ("evaluations", "seconds", "front_size", "ties")
-    trace = _repeated(identities, [outcome.records for _, outcome in outcomes]).assign(
-        **{name: [getattr(record, name) for record in records] for name in names}
-    )
-    none: tuple[Any, FloatArray] = (), np.empty((0, len(columns)))
-    finals = [
-        (outcome.records[-1].plans if outcome.records else None) or none for _, outcome in outcomes
-    ]
-    plans = _with_points(identities, [objectives for _, objectives in finals], columns)
-    trails = [
-        json.dumps(run.mission.mission.labels(plan), ensure_ascii=False)
-        for (run, _), (batch, _) in zip(outcomes, finals, strict=True)
-        for plan in batch
-    ]
-    return {
-        "runs": runs,
-        "trace": trace,
-        "fronts": _with_points(trace, [record.objectives for record in records], columns),
-        "plans": plans.assign(trails=trails, plan_id=plans.groupby("run").cumcount()),
-        "environments": pd.DataFrame(
-            [distinct[digest] for digest in sorted(distinct)], columns=[*SCHEMAS["environments"]]
-        ),
+    outcomes: Iterable[tuple[Run, Outcome]], columns: Sequence[str]
+) -> tuple[dict[str, pd.DataFrame], list[FloatArray], list[FloatArray]]:
+    """Return what runs have recorded, without scores: tables, all fronts, and the final ones.
+
+    The tables are ``runs``, ``trace``, ``fronts``, ``plans`` and ``environments``.
+    """
+    runs, trace, environments = [], [], {}
+    fronts, finals, trails, points = [], [], [], []
+    none = np.empty((0, len(columns)))
+    for run, outcome in outcomes:
+        of_run = outcome.environment or environment()
+        environments[of_run["environment"]] = of_run
+        last = outcome.records[-1] if outcome.records else Record(0, 0.0, none, 0)
+        identity = (run.digest, run.mission.label, run.algorithm.label, run.seed)
+        described = {
+            **dict(zip(IDENTITY, identity, strict=True)),
+            "budget_evaluations": run.mission.budget.evaluations,
+            "budget_seconds": run.mission.budget.seconds,
+            "min_survival": run.mission.min_survival,
+            "max_length": run.mission.max_length,
+            "front_size": last.front_size,
+            "ties": last.ties,
+            "environment": of_run["environment"],
+        }
+        runs.append({**vars(outcome), **described})
+        for record in outcome.records:
+            fronts.append(record.objectives)
+            trace.append([*identity, *(getattr(record, name) for name in _TRACED)])
+        found, objectives = last.plans or ((), none)
+        finals.append(last.objectives)
+        points.append(objectives)
+        labelled = map(run.mission.mission.labels, found)
+        trails += [json.dumps(plan, ensure_ascii=False) for plan in labelled]
+    tables = {
+        "runs": pd.DataFrame(runs, columns=[*SCHEMAS["runs"]]),
+        "trace": pd.DataFrame(trace, columns=[*IDENTITY, *_TRACED]),
+        "environments": pd.DataFrame([environments[digest] for digest in sorted(environments)]),
     }
-
-
-def _run_row(run: Run, outcome: Outcome, environment: str) -> dict[str, Any]:
-    budget, last = run.mission.budget, outcome.records[-1] if outcome.records else None
-    return {
-        **{name: getattr(outcome, name) for name in OUTCOME_FIELDS},
-        "run": run.digest,
-        "mission": run.mission.label,
-        "algorithm": run.algorithm.label,
-        "seed": run.seed,
-        "budget_evaluations": budget.evaluations,
-        "budget_seconds": budget.seconds,
-        "min_survival": run.mission.min_survival,
-        "max_length": run.mission.max_length,
-        "front_size": last.front_size if last else 0,
-        "ties": last.ties if last else 0,
-        "environment": environment,
-    }
-
-
-def _repeated(frame: pd.DataFrame, parts: Sequence[Sized]) -> pd.DataFrame:
-    """Return each row of ``frame`` as often as its part has items."""
-    rows = np.repeat(np.arange(len(frame)), np.array(list(map(len, parts)), int))
-    return frame.take(rows).reset_index(drop=True)
+    plans = _with_points(tables["runs"], points, columns)
+    tables["plans"] = plans.assign(trails=trails, plan_id=plans.groupby("run").cumcount())
+    tables["fronts"] = _with_points(tables["trace"], fronts, columns)
+    return tables, fronts, finals
 
 
 def _with_points(
     frame: pd.DataFrame, fronts: Sequence[FloatArray], columns: Sequence[str]
 ) -> pd.DataFrame:
     """Return a row for each point of the fronts; each row of ``frame`` has one front."""
+    rows = np.repeat(np.arange(len(frame)), np.array(list(map(len, fronts)), int))
     points = np.concatenate([np.empty((0, len(columns))), *fronts])
-    return _repeated(frame, fronts).assign(**dict(zip(columns, points.T, strict=True)))
+    repeated = frame.take(rows).reset_index(drop=True)
+    return repeated.assign(**dict(zip(columns, points.T, strict=True)))

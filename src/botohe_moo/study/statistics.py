@@ -11,7 +11,6 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from scipy import optimize, stats
 
-from botohe_moo.base.messages import counted
 from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import INDICATORS, TIE
 from botohe_moo.study.tables import as_table
@@ -75,14 +74,11 @@ def mann_whitney(x: ArrayLike, y: ArrayLike) -> float:
     than the other", Annals of Mathematical Statistics 18(1), 1947; by
     ``scipy.stats.mannwhitneyu``.
     """
-    first, second = np.asarray(x, np.float64), np.asarray(y, np.float64)
-    if np.ptp(np.concatenate([first, second])) == 0:
-        return 1.0
-    p_value = stats.mannwhitneyu(first, second, alternative="two-sided", method="auto").pvalue
+    p_value = stats.mannwhitneyu(x, y).pvalue
     # For few values with ties, the approximation falls below the p-value of any arrangement:
     # 3 ones against 3 zeros would be significant at 0.05, although 1 in 10 arrangements are as far
     # apart.
-    return float(max(p_value, smallest_p(len(first), len(second))))
+    return float(max(p_value, smallest_p(np.size(x), np.size(y))))
 
 
 def smallest_p(n: int, m: int) -> float:
@@ -103,12 +99,11 @@ def generator_for(values: ArrayLike) -> np.random.Generator:
     return np.random.default_rng([_SEED, *digest.tolist()])
 
 
-def median_interval(
-    values: ArrayLike, *, confidence: float, rng: np.random.Generator
-) -> tuple[float, float, float]:
-    """Return the median of values (n,), and both ends of its bootstrap percentile interval.
+def median_interval(values: ArrayLike, *, confidence: float) -> tuple[float, float]:
+    """Return both ends of the bootstrap percentile interval of the median of values (n,).
 
-    All three are the same for a single value and for equal values.
+    Both are the median for a single value and for equal values. Resamples are drawn by
+    ``generator_for`` the sorted values.
 
     Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, chapter 13; by
     ``scipy.stats.bootstrap``. For very few runs the interval is too narrow: that of two runs
@@ -117,7 +112,7 @@ def median_interval(
     sample = np.sort(np.asarray(values, np.float64))
     median = float(np.median(sample))
     if sample[0] == sample[-1]:
-        return median, median, median
+        return median, median
     interval = stats.bootstrap(
         (sample,),
         np.median,
@@ -126,17 +121,14 @@ def median_interval(
         vectorized=True,
         confidence_level=confidence,
         method="percentile",
-        rng=rng,
+        rng=generator_for(sample),
     ).confidence_interval
     # Interpolated percentiles may lie beyond the values, or the median, by rounding.
-    low = min(max(float(interval.low), float(sample[0])), median)
-    high = max(min(float(interval.high), float(sample[-1])), median)
-    return median, low, high
+    low, high = np.clip(interval, sample[0], sample[-1])
+    return min(float(low), median), max(float(high), median)
 
 
-def friedman(
-    blocks: ArrayLike, *, rng: np.random.Generator
-) -> tuple[float, float] | tuple[None, None]:
+def friedman(blocks: ArrayLike) -> tuple[float, float] | tuple[None, None]:
     """Test whether treatments rank differently over blocks (n_blocks, n_treatments >= 3).
 
     Returns Friedman's statistic and its p-value. Both are None if all treatments are tied in every
@@ -152,7 +144,6 @@ def friedman(
     ranks = stats.rankdata(table, axis=1)
     if (ranks == ranks[:, :1]).all():
         return None, None
-    statistic = stats.friedmanchisquare(*table.T).statistic
     tested = stats.permutation_test(
         tuple(ranks.T),
         # The part of Friedman's statistic that permutations change.
@@ -162,9 +153,9 @@ def friedman(
         vectorized=True,
         n_resamples=N_RESAMPLES,
         batch=_BATCH,
-        rng=rng,
+        rng=generator_for(table),
     )
-    return float(statistic), float(tested.pvalue)
+    return float(stats.friedmanchisquare(*table.T).statistic), float(tested.pvalue)
 
 
 MIN_ALGORITHMS, MIN_BLOCKS = 3, 5  # for Friedman's test
@@ -192,6 +183,9 @@ def merge_ties(values: ArrayLike) -> FloatArray:
     return merged
 
 
+TOO_FEW = "too few runs"  # for any difference to be significant
+
+
 def sign_of(indicator: str) -> int:
     """Return 1 if more is better, -1 if less is, 0 if the indicator does not judge."""
     return {True: 1, False: -1, None: 0}[INDICATORS[indicator].higher_is_better]
@@ -205,7 +199,6 @@ def best_first(indicator: str, medians: ArrayLike) -> FloatArray:
 def compare_algorithms(
     indicators: pd.DataFrame,
     *,
-    runs: pd.DataFrame,
     algorithms: Sequence[str],
     control: str | None,
     significance: float,
@@ -218,112 +211,84 @@ def compare_algorithms(
     compared. If one side has no runs, as in a study that was interrupted, there is no row. If it
     has a single one, there is no test, and the pair does not count for Holm's correction.
     """
-    if control is None:
-        pairs = list(combinations(algorithms, 2))
-    else:
+    pairs = list(combinations(algorithms, 2))
+    if control is not None:
         pairs = [(label, control) for label in algorithms if label != control]
-    without_front = runs.loc[runs["front_size"] == 0, ["mission", "algorithm"]].value_counts()
-    n_lost: dict[Any, int] = without_front.to_dict()
     rows: list[dict[str, Any]] = []
     groups: Any = indicators.groupby(["mission", "indicator"], sort=False)
     for (mission, indicator), scores in groups:
         sign, values = sign_of(indicator), scores.groupby("algorithm")["value"]
         samples = {label: of_label.to_numpy(float) for label, of_label in values}
-        sides = {
-            (one, other): _sides(samples[one], samples[other], sign)
+        family = [
+            {
+                "mission": mission,
+                "indicator": indicator,
+                "algorithm": one,
+                "other": other,
+                **_compared(samples[one], samples[other], sign, significance),
+            }
             for one, other in pairs
             if sign and one in samples and other in samples
-        }
-        for (one, other), outcome in _compared(sides, significance).items():
-            lost = [
-                f"{n} of {len(samples[label])} runs of {label}"
-                for label in (one, other)
-                if (n := n_lost.get((mission, label)))
-            ]
-            if lost:  # a low median would not tell why
-                scored = "without a front, and scored as bringing nothing back"
-                outcome["verdict"] += f"; {scored}: {', '.join(lost)}"
-            rows.append(
-                {
-                    "mission": mission,
-                    "indicator": indicator,
-                    "algorithm": one,
-                    "other": other,
-                    "n": len(samples[one]),
-                    "n_other": len(samples[other]),
-                    "median": float(np.median(samples[one])),
-                    "median_other": float(np.median(samples[other])),
-                    **outcome,
-                }
-            )
+        ]
+        _correct([row for row in family if min(row["n"], row["n_other"]) >= 2], significance)
+        rows += family
     return as_table("comparisons", rows)
 
 
-def _sides(values: FloatArray, others: FloatArray, sign: int) -> tuple[FloatArray, FloatArray]:
-    """Return both samples, transformed so that more is better and ties are equal."""
-    merged = sign * merge_ties(np.concatenate([values, others]))
-    return merged[: len(values)], merged[len(values) :]
-
-
 def _compared(
-    sides: Mapping[tuple[str, str], tuple[FloatArray, FloatArray]], level: float
-) -> dict[tuple[str, str], dict[str, Any]]:
-    """Return the test, effect size and verdict of each pair; p-values are corrected together."""
-    tested = [pair for pair, both in sides.items() if min(map(len, both)) >= 2]
-    p_values = {pair: mann_whitney(*sides[pair]) for pair in tested}
-    corrected = _holm(p_values)
-    # The smallest that any corrected p-value can be: a corrected one never falls when another
-    # p-value grows, so all are at their smallest.
-    smallest = _holm({pair: smallest_p(*map(len, sides[pair])) for pair in tested})
-    rows = {}
-    for pair, (x, y) in sides.items():
-        effect, p_holm = a12(x, y), corrected.get(pair, 1.0)
-        low, high = a12_interval(x, y, confidence=1.0 - level)
-        shown = f"A12 {effect:.2f} [{low:.2f}, {high:.2f}], {effect_size(effect)}"
-        sizes = f"{len(x)} and {len(y)} runs"
-        if p_holm < level:
-            word = "better" if effect > 0.5 else "worse"
-            verdict = f"{pair[0]} is {word} than {pair[1]}: {shown}, {p_text(p_holm)}"
-        elif pair not in p_values:
-            verdict = f"too few runs to test: {sizes}; {shown}"
-        elif np.ptp(np.concatenate([x, y])) == 0:
-            verdict = "equal: all runs have the same value"
-        elif smallest[pair] >= level:
-            verdict = (
-                f"{sizes} cannot reach {level:g} in {counted(len(tested), 'comparison')}: even if "
-                "every run of one were better than all of the other, p would be "
-                f"{smallest[pair]:.2g}; {shown}"
-            )
-        else:
-            verdict = f"no difference found: {shown}, {p_text(p_holm)}"
-        rows[pair] = {
-            "p_value": p_values.get(pair, 1.0),
-            "p_holm": p_holm,
-            "a12": effect,
-            "a12_low": low,
-            "a12_high": high,
-            "significant": p_holm < level,
-            "verdict": verdict,
-        }
-    return rows
+    values: FloatArray, others: FloatArray, sign: int, significance: float
+) -> dict[str, Any]:
+    """Return the effect size and the p-value of a pair, which is not corrected yet."""
+    merged = sign * merge_ties(np.concatenate([values, others]))  # more is better
+    x, y = merged[: len(values)], merged[len(values) :]
+    low, high = a12_interval(x, y, confidence=1.0 - significance)
+    return {
+        "n": len(x),
+        "n_other": len(y),
+        "median": float(np.median(values)),
+        "median_other": float(np.median(others)),
+        "p_value": mann_whitney(x, y) if min(len(x), len(y)) >= 2 else 1.0,
+        "p_holm": 1.0,
+        "a12": a12(x, y),
+        "a12_low": low,
+        "a12_high": high,
+        "significant": False,
+        "verdict": TOO_FEW,
+    }
 
 
-def _holm(p_values: Mapping[tuple[str, str], float]) -> dict[tuple[str, str], float]:
-    """Correct p-values for the number of tests, by Holm.
+def _correct(tests: list[dict[str, Any]], significance: float) -> None:
+    """Correct the p-values of tests for their number, and fill in the verdicts."""
+    corrected = holm([test["p_value"] for test in tests])
+    # A corrected p-value never falls when another p-value grows: these are the smallest possible.
+    smallest = holm([smallest_p(test["n"], test["n_other"]) for test in tests])
+    for test, p_value, least in zip(tests, corrected, smallest, strict=True):
+        verdict = TOO_FEW if least >= significance else "no difference found"
+        if p_value < significance:
+            word = "better" if test["a12"] > 0.5 else "worse"
+            verdict = f"{word}, {effect_size(test['a12'])}"
+        test |= {"p_holm": p_value, "significant": p_value < significance, "verdict": verdict}
 
-    The smallest of n is multiplied by n, the next by n - 1 and so on; none becomes smaller than one
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Correct p-values (n,) for the number of tests, by Holm.
+
+    The smallest is multiplied by n, the next by n - 1 and so on; none becomes smaller than one
     before it. (statsmodels' function collects garbage at each call, which takes as long as all else
     that comparisons do.)
 
     Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of
     Statistics 6(2), 1979.
+
+    >>> holm([0.04, 0.01, 0.5])
+    [0.08, 0.03, 0.5]
     """
-    ascending = sorted(p_values, key=lambda pair: p_values[pair])
-    corrected, largest = {}, 0.0
-    for i, pair in enumerate(ascending):
-        largest = max(largest, min(1.0, p_values[pair] * (len(ascending) - i)))
-        corrected[pair] = largest
-    return corrected
+    values = np.asarray(p_values, np.float64)
+    order = np.argsort(values, kind="stable")
+    corrected = np.empty_like(values)
+    multiplied = values[order] * np.arange(len(values), 0, -1)
+    corrected[order] = np.maximum.accumulate(np.minimum(multiplied, 1.0))
+    return [float(value) for value in corrected]
 
 
 def effect_size(effect: float) -> str:
@@ -336,17 +301,12 @@ def effect_size(effect: float) -> str:
     return next(word for least, word in _EFFECTS if distance >= least)
 
 
-def p_text(value: float) -> str:
-    """Return a p-value as text."""
-    return "p < 0.0001" if value < 0.0001 else f"p {value:.2g}"
-
-
 def rank_algorithms(
     indicators: pd.DataFrame,
     *,
     algorithms: Sequence[str],
     significance: float,
-    digests: Mapping[str, str] | None = None,
+    digests: Mapping[str, str],
 ) -> pd.DataFrame:
     """Return the table ``ranks``: average ranks of medians over missions, tested by Friedman.
 
@@ -356,35 +316,22 @@ def rank_algorithms(
     on all, and the outcome would depend on a single mission. ``digests``, by label, are equal for
     missions that differ in budgets or limits only. These are one block, and then there is no test.
     The column ``note`` says why there is no test. Missions where an algorithm has no runs, as in a
-    study that was interrupted, are left out, and the note counts them.
+    study that was interrupted, are left out.
     """
-    rows: list[dict[str, Any]] = []
+    parts = []
     for indicator, values in indicators.groupby("indicator", sort=False):
-        if not sign_of(str(indicator)):
-            continue
         medians = values.pivot_table("value", "mission", "algorithm", aggfunc="median", sort=False)
         complete = medians.reindex(columns=list(algorithms)).dropna()
-        if complete.empty:
+        if complete.empty or not sign_of(str(indicator)):
             continue
         signed = np.array([best_first(str(indicator), row) for row in complete.to_numpy()])
-        n_blocks = len({(digests or {}).get(mission, mission) for mission in complete.index})
-        averages = stats.rankdata(signed, axis=1).mean(axis=0)
+        n_blocks = len({digests[mission] for mission in complete.index})
         statistic, p_value, note = _tested(signed, n_blocks, significance)
-        if left_out := len(medians) - len(complete):
-            note += f"; {counted(left_out, 'mission')} left out, where an algorithm has no run"
-        rows += [
-            {
-                "indicator": indicator,
-                "algorithm": label,
-                "average_rank": float(average),
-                "n_missions": len(complete),
-                "statistic": statistic,
-                "p_value": p_value,
-                "note": note,
-            }
-            for label, average in zip(algorithms, averages, strict=True)
-        ]
-    return as_table("ranks", rows)
+        tested = {"statistic": statistic, "p_value": p_value, "note": note}
+        averages = stats.rankdata(signed, axis=1).mean(axis=0)
+        part = pd.DataFrame({"algorithm": list(algorithms), "average_rank": averages})
+        parts.append(part.assign(indicator=indicator, n_missions=len(complete), **tested))
+    return as_table("ranks", pd.concat(parts, ignore_index=True) if parts else [])
 
 
 def _tested(
@@ -392,44 +339,32 @@ def _tested(
 ) -> tuple[float | None, float | None, str]:
     """Return Friedman's statistic, its p-value, and the outcome in words."""
     n_missions, n_algorithms = medians.shape
-    obstacles = []
-    if n_algorithms < MIN_ALGORITHMS:
-        algorithms = counted(n_algorithms, "algorithm")
-        obstacles.append(f"{algorithms}, at least {MIN_ALGORITHMS} are needed")
-    missions = counted(n_blocks, "mission")
-    if n_blocks < n_missions:
-        obstacles.append(
-            f"{n_missions} labels represent {missions}, and a mission under several labels is "
-            "one block"
-        )
-    if n_blocks < MIN_BLOCKS:
-        needed = f"at least {MIN_BLOCKS} are needed as blocks, and seeds are no blocks"
-        obstacles.append(f"{missions}, {needed}")
-    if obstacles:
-        return None, None, f"no Friedman test: {'; '.join(obstacles)}"
-    statistic, p_value = friedman(medians, rng=generator_for(medians.ravel()))
+    if n_algorithms < MIN_ALGORITHMS or n_blocks < max(MIN_BLOCKS, n_missions):
+        needed = f"{MIN_ALGORITHMS} algorithms and {MIN_BLOCKS} missions, each under one label"
+        found = f"{n_algorithms} and {n_blocks}"
+        return None, None, f"no Friedman test: it needs at least {needed}; here are {found}"
+    statistic, p_value = friedman(medians)
     if statistic is None or p_value is None:
         return None, None, "no Friedman test: all algorithms have the same median on every mission"
     outcome = "the algorithms differ" if p_value < level else "no difference found"
-    note = f"{outcome}: Friedman over {n_missions} missions, {p_text(p_value)}"
+    note = f"{outcome}: Friedman over {n_missions} missions, p {p_value:.2g}"
     return statistic, p_value, note
 
 
-def nemenyi(average_ranks: FloatArray, n_blocks: int, *, significance: float) -> Any:
-    """Return the critical difference of k average ranks over blocks, and p-values, shape (k, k).
+def nemenyi(
+    differences: FloatArray, k: int, n_blocks: int, *, significance: float
+) -> tuple[float, FloatArray]:
+    """Return the critical difference of k average ranks over blocks, and p-values of differences.
 
     Demšar, "Statistical comparisons of classifiers over multiple data sets", Journal of Machine
     Learning Research 7, 2006, section 3.2.2: the difference of two average ranks, in units of
     sqrt(k (k + 1) / (6 n)), against the Studentized range with infinitely many degrees of freedom,
     divided by sqrt(2).
     """
-    k = len(average_ranks)
     unit = math.sqrt(k * (k + 1) / (12 * n_blocks))  # divided by sqrt(2)
     critical = float(stats.studentized_range.ppf(1 - significance, k, np.inf)) * unit
-    sizes = np.abs(average_ranks[:, None] - average_ranks[None, :])
-    different, where = np.unique(sizes.round(9), return_inverse=True)
-    p_values = stats.studentized_range.sf(different / unit, k, np.inf)
-    return critical, np.clip(p_values, 0.0, 1.0)[where].reshape(k, k)
+    sizes = np.abs(differences).round(9)
+    return critical, np.clip(stats.studentized_range.sf(sizes / unit, k, np.inf), 0.0, 1.0)
 
 
 def compare_ranks(ranks: pd.DataFrame, *, significance: float) -> pd.DataFrame:
@@ -437,22 +372,16 @@ def compare_ranks(ranks: pd.DataFrame, *, significance: float) -> pd.DataFrame:
 
     Where Friedman's test finds no difference, no pair is significant.
     """
-    rows: list[dict[str, Any]] = []
+    parts = []
     for indicator, tested in ranks.dropna(subset="statistic").groupby("indicator", sort=False):
-        averages = tested["average_rank"].to_numpy(float)
-        labels = tested["algorithm"].tolist()
-        n_blocks, overall = int(tested["n_missions"].iloc[0]), float(tested["p_value"].iloc[0])
-        critical, p_values = nemenyi(averages, n_blocks, significance=significance)
-        rows += [
-            {
-                "indicator": indicator,
-                "algorithm": labels[i],
-                "other": labels[j],
-                "difference": float(averages[i] - averages[j]),
-                "critical_difference": critical,
-                "p_value": float(p_values[i, j]),
-                "significant": bool(max(p_values[i, j], overall) < significance),
-            }
-            for i, j in combinations(range(len(labels)), 2)
-        ]
-    return as_table("posthoc", rows)
+        one, other = np.triu_indices(len(tested), 1)
+        labels, averages = tested["algorithm"].to_numpy(), tested["average_rank"].to_numpy(float)
+        n_missions, overall = tested[["n_missions", "p_value"]].iloc[0]
+        part = pd.DataFrame({"algorithm": labels[one], "other": labels[other]})
+        part["difference"] = averages[one] - averages[other]
+        part["critical_difference"], part["p_value"] = nemenyi(
+            part["difference"].to_numpy(), len(tested), int(n_missions), significance=significance
+        )
+        part["significant"] = part["p_value"].clip(lower=overall) < significance
+        parts.append(part.assign(indicator=indicator))
+    return as_table("posthoc", pd.concat(parts, ignore_index=True) if parts else [])

@@ -7,7 +7,7 @@ import io
 import json
 import os
 from collections import UserDict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,28 +25,25 @@ from botohe_moo.study.model import StudyError
 from botohe_moo.trails import TrailPlan
 
 OBJECTIVES = ("reward", "survivors")  # of a study without a problem of its own
-INDEX = "tables.json"  # the schema of each table, and the study that they were made of
-_FORMAT = 2  # of these files; 1 were Parquet files without an index
-# What is kept of indicators of modules, which a folder does not import.
-_DESCRIBED = ("label", "higher_is_better", "needs_reference", "long_label", "latex")
+INDEX = "tables.json"  # the type of each column, and the study that the tables were made of
 _LARGE = ("trace", "fronts", "plans", "references", "bounds")  # these are compressed
-_LONGEST_REASON = 200  # characters
 _TEXT = pd.Series(["text"]).dtype  # pandas 3 has a type of its own for texts
-_DTYPES = {"text": _TEXT, "integer": "Int64", "number": "float64", "flag": "boolean"}
-_COMPLETE = {"text": _TEXT, "integer": "int64", "number": "float64", "flag": "bool"}
+_DTYPES: dict[str, tuple[Any, Any]] = {  # without and with missing values
+    "text": (_TEXT, _TEXT),
+    "integer": ("int64", "Int64"),
+    "number": ("float64", "float64"),
+    "flag": ("bool", "boolean"),
+}
+_COLUMNS = Path(__file__).with_name("columns.csv").read_text("utf-8")
+_VERSION = hashlib.sha256(_COLUMNS.encode()).hexdigest()  # of the tables
 
 
 class Column(NamedTuple):
     """A column of a table."""
 
     type: str  # text, integer, number or flag
-    description: str = ""
-    nullable: bool = True
-
-    @property
-    def dtype(self) -> Any:
-        """Its type in pandas."""
-        return (_DTYPES if self.nullable else _COMPLETE)[self.type]
+    description: str
+    nullable: bool
 
 
 class _Schemas(UserDict[str, Any]):
@@ -57,25 +54,17 @@ class _Schemas(UserDict[str, Any]):
 
     def __init__(self) -> None:
         super().__init__()
-        file = Path(__file__).with_name("columns.csv")
-        for row in csv.DictReader(file.read_text("utf-8").splitlines()):
+        for row in csv.DictReader(_COLUMNS.splitlines()):
             self.data.setdefault(row["table"], []).append(row)
 
     def __getitem__(self, table: str) -> dict[str, Column]:
-        columns = {}
+        columns: dict[str, Column] = {}
         for row in self.data[table]:
-            about = "; missing ".join(filter(None, [row["description"], row["missing"]]))
-            names = [""] if "{indicator}" not in row["column"] else further_indicators()
-            for name in names:
-                words = INDICATORS[name].in_words if name else ""
-                said = about.format(words=words, indicators=", ".join(INDICATORS))
-                column = row["column"].format(indicator=name)
-                columns[column] = Column(row["type"], said, bool(row["missing"]))
+            said = "; missing ".join(filter(None, [row["description"], row["missing"]]))
+            column = Column(row["type"], said, bool(row["missing"]))
+            names = further_indicators() if "{indicator}" in row["column"] else [""]
+            columns |= {row["column"].format(indicator=name): column for name in names}
         return columns
-
-    def needed(self, table: str) -> set[str]:
-        """Return the columns that it has whichever indicators are registered."""
-        return {row["column"] for row in self.data[table] if "{" not in row["column"]}
 
 
 SCHEMAS = _Schemas()
@@ -145,16 +134,6 @@ class StudyTables:
     _missions: dict[str, Mission] = field(default_factory=dict, init=False, repr=False)
 
     @property
-    def name(self) -> str:
-        """The study's name."""
-        return str(self.manifest["name"])
-
-    @property
-    def title(self) -> str:
-        """The study's title, or its name if it has no title."""
-        return str(self.manifest.get("title") or self.name)
-
-    @property
     def mission_labels(self) -> list[str]:
         """Labels of the missions, in the order of the study file."""
         return list(self.manifest["missions"])
@@ -165,19 +144,9 @@ class StudyTables:
         return list(self.manifest["algorithms"])
 
     @property
-    def n_missing(self) -> int:
-        """How many runs of the study were not there yet when its tables were made."""
-        return int(self.missing["missing"].sum())
-
-    @property
     def control(self) -> str | None:
         """Label of the algorithm that the others are compared with; None: all pairs."""
         return self.manifest["comparison"]["control"]  # type: ignore[no-any-return]
-
-    @property
-    def significance(self) -> float:
-        """Significance level of the comparisons; intervals cover 1 minus this."""
-        return float(self.manifest["comparison"]["significance"])
 
     @property
     def missing(self) -> pd.DataFrame:
@@ -257,66 +226,44 @@ def as_table(
     rows: "Sequence[Mapping[Any, Any]] | pd.DataFrame",
     objectives: Sequence[str] = OBJECTIVES,
 ) -> pd.DataFrame:
-    """Return rows as the table of a schema; a ValueError names a column that does not fit.
+    """Return rows as the table of a schema: its columns in their order, with their types.
 
     ``objectives`` are the columns of a study's own objectives, in place of E[R] and E[S].
+    Indicators that the study names by their paths have columns, too. An error is raised if a value
+    does not fit.
     """
-    columns = SCHEMAS[name]
-    if {*OBJECTIVES} <= {*columns}:
-        own = {column: columns.get(column, Column("number", "", False)) for column in objectives}
-        at = [*columns].index(OBJECTIVES[0])
-        others = [item for item in columns.items() if item[0] not in OBJECTIVES]
-        columns = dict([*others[:at], *own.items(), *others[at:]])
-    # Indicators that the study names by their paths.
-    given: Iterable[Any] = rows if isinstance(rows, pd.DataFrame) else rows[0] if rows else ()
-    columns |= {column: Column("number") for column in given if is_path(str(column))}
-    table = pd.DataFrame(rows, columns=[*columns])
-    for column, of in columns.items():
-        if not of.nullable and table[column].isna().any():
-            raise ValueError(f"Table {name}: the column {column} has missing values.")
-        try:
-            dtype: Any = _DTYPES[of.type]
-            table[column] = table[column].astype(dtype).astype(of.dtype)
-        except (TypeError, ValueError) as error:
-            raise ValueError(
-                f"Table {name}, column {column}: expected {of.type}s ({error})."
-            ) from None
-    return table
-
-
-def _column_of(values: "pd.Series[Any]") -> Column:
-    """Return the type of a column that depends on the study."""
-    kinds = {str(dtype): kind for kind, dtype in _DTYPES.items()}
-    return Column(kinds.get(str(values.dtype), "text"))
+    columns: dict[str, Column] = {}
+    for column, of in SCHEMAS[name].items():
+        own = {"reward": objectives, "survivors": ()}.get(column, (column,))
+        columns |= dict.fromkeys(own, of)
+    table = pd.DataFrame(rows)
+    dtypes = {column: _DTYPES[of.type][of.nullable] for column, of in columns.items()}
+    dtypes |= dict.fromkeys(filter(is_path, map(str, table)), "float64")
+    return table.reindex(columns=[*dtypes]).astype(dtypes)
 
 
 def write_tables(
     folder: Path, tables: Mapping[str, pd.DataFrame], manifest: Mapping[str, Any]
 ) -> None:
-    """Write tables as CSV, the large ones compressed, and an index with their schemas.
+    """Write tables as CSV, the large ones compressed, and an index with the types of columns.
 
     All are made before the first one replaces an earlier one, and the index is written last. It
     has the digest of each file: so a reader notices if a process was killed in the middle.
     """
     files, index = {}, {}
-    for name, frame in tables.items():
-        known = SCHEMAS[name]
-        columns = {c: known.get(str(c)) or _column_of(frame[c]) for c in frame}
-        data = frame.to_csv(index=False, lineterminator="\n").encode()
-        file = f"{name}.csv"
+    for name, table in tables.items():
+        file, data = f"{name}.csv", table.to_csv(index=False, lineterminator="\n").encode()
         if name in _LARGE:
             file, data = f"{file}.gz", gzip.compress(data, mtime=0)
         files[file] = data
-        described = {column: of._asdict() for column, of in columns.items()}
-        digest = hashlib.sha256(data).hexdigest()
-        index[name] = {"file": file, "sha256": digest, "columns": described}
-    of_modules = {
-        name: {key: getattr(INDICATORS[name], key) for key in _DESCRIBED}
+        dtypes = {column: str(dtype) for column, dtype in table.dtypes.items()}
+        index[name] = {"file": file, "sha256": hashlib.sha256(data).hexdigest(), "columns": dtypes}
+    content = {"version": _VERSION, "study": dict(manifest), "tables": index}
+    # Who reads them does not import the modules of indicators.
+    content["indicators"] = {
+        name: vars(INDICATORS[name]) | {"function": None}
         for name in filter(is_path, manifest.get("indicators", ()))
-        if name not in INDICATORS
     }
-    content = {"format": _FORMAT, "study": dict(manifest), "tables": index}
-    content["indicators"] = of_modules
     files[INDEX] = f"{json.dumps(content, indent=1)}\n".encode()
     for file, data in files.items():
         replace_file(folder / file, data)
@@ -355,40 +302,37 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
     path = folder / INDEX
     if not path.exists():
         read_manifest(folder)  # raises if there is no study at all
-        if (folder / "runs.parquet").exists():
-            raise StudyError(f"{folder}: its tables are of an older version. {remedy}")
-        raise StudyError(f"{path}: not written yet. {remedy}")
+        raise StudyError(f"{path}: not written yet, or by an older version. {remedy}")
     try:
         index = json.loads(read_bytes(path))
-        described = {
-            name: {column: Column(**of) for column, of in table["columns"].items()}
-            for name, table in index["tables"].items()
-        }
+        if index["version"] != _VERSION:
+            raise ValueError("the tables are of another version")
         tables = {}
         for name in SCHEMAS:
-            lacking = SCHEMAS.needed(name) - {*OBJECTIVES} - described.get(name, {}).keys()
-            if lacking or index["format"] != _FORMAT:
-                raise ValueError("the tables are of another version")
-            path = folder / index["tables"][name]["file"]
+            of = index["tables"][name]
+            path = folder / of["file"]
             data = read_bytes(path)
-            if hashlib.sha256(data).hexdigest() != index["tables"][name]["sha256"]:
+            if hashlib.sha256(data).hexdigest() != of["sha256"]:
                 raise ValueError("it was changed, or a process was killed that made tables")
-            tables[name] = _parsed(data, described[name])
-        for name, known in index.get("indicators", {}).items():
+            tables[name] = _parsed(name, data, of["columns"])
+        for name, known in index["indicators"].items():
             INDICATORS.describe(name, **known)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
-        reason = f"{error}".partition("\n")[0][:_LONGEST_REASON]
-        raise StudyError(f"{path}: cannot be read ({reason}). {remedy}") from error
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        raise StudyError(f"{path}: cannot be read ({error}). {remedy}") from error
     return StudyTables(folder, index["study"], **tables)
 
 
-def _parsed(data: bytes, columns: Mapping[str, Column]) -> pd.DataFrame:
+def _parsed(name: str, data: bytes, dtypes: Mapping[str, str]) -> pd.DataFrame:
     """Return the table in a file; numbers are exactly those that were written."""
-    if data[:2] == b"\x1f\x8b":
-        data = gzip.decompress(data)
+    schema = SCHEMAS[name].items()
+    texts = [column for column, of in schema if of.type == "text" and not of.nullable]
     # Numbers are read as texts: not all versions of pandas read each of them exactly.
-    numbers = [column for column, of in columns.items() if of.type == "number"]
-    dtypes = {column: of.dtype for column, of in columns.items()} | dict.fromkeys(numbers, "str")
-    missing = {column: [""] for column, of in columns.items() if of.nullable}
-    frame = pd.read_csv(io.BytesIO(data), dtype=dtypes, keep_default_na=False, na_values=missing)
+    numbers = [column for column, dtype in dtypes.items() if dtype == "float64"]
+    frame = pd.read_csv(
+        io.BytesIO(data),
+        compression="gzip" if name in _LARGE else None,
+        dtype={**dtypes, **dict.fromkeys(numbers, "str")},
+        keep_default_na=False,
+        na_values={column: [""] for column in dtypes if column not in texts},
+    )
     return frame.astype(dict.fromkeys(numbers, "float64"))
