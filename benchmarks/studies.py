@@ -15,8 +15,7 @@ from pymoo.optimize import minimize
 from botohe_moo import BOTOHE, load_mission, make_algorithm
 from botohe_moo.study import load_study, make_tables, run_study
 from botohe_moo.study.folder import StudyFolder
-from botohe_moo.study.perform import perform
-from botohe_moo.study.task import Record
+from botohe_moo.study.perform import Record, perform
 
 REPETITIONS = 3
 FASTER = 1.7

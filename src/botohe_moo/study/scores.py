@@ -19,10 +19,11 @@ from botohe_moo.library import best_known, certified_bound
 from botohe_moo.mission.model import Mission
 from botohe_moo.study import statistics as st
 from botohe_moo.study.content import canonical, value_text
-from botohe_moo.study.folder import OUTCOME_FIELDS, StudyFolder, writing
+from botohe_moo.study.folder import OUTCOME_FIELDS, StudyFolder
 from botohe_moo.study.model import Run, Study, StudyError
+from botohe_moo.study.perform import Outcome
+from botohe_moo.study.pool import environment
 from botohe_moo.study.tables import OBJECTIVES, SCHEMAS, as_table, write_tables
-from botohe_moo.study.task import Outcome, environment
 
 _DIGITS = 16  # of a reference front's digest
 
@@ -314,11 +315,10 @@ def _reference_areas(references: pd.DataFrame, missions: Mapping[str, Scale]) ->
     return {label: area_indicator(fronts[label], missions[label]) for label in fronts}
 
 
-def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> None:
+def collect_tables(study: Study, folder: StudyFolder) -> None:
     """Make all tables of a study from the runs and bounds that are in its folder, and write them.
 
-    ``made_from`` is the digest of what they are made from. A StudyError names the files that are
-    damaged, or a bound that a run refutes, or says that the folder cannot be written to.
+    A StudyError names a file that is damaged, or a bound that a run refutes.
     """
     outcomes = list(folder.outcomes(study.runs()))
     missions = {mission.label: mission.mission for mission in study.missions}
@@ -338,8 +338,7 @@ def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> No
         "algorithms": algorithm_table(manifest),
     }
     _check_bounds(bounds, tables["runs"])
-    with writing(folder.path):
-        write_tables(folder.path, tables, {**manifest, "made_from": made_from})
+    write_tables(folder.path, tables, manifest)
 
 
 def _check_bounds(bounds: Mapping[str, FrontBound], runs: pd.DataFrame) -> None:
