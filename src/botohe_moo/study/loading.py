@@ -179,7 +179,8 @@ def _read_algorithm(
     return m.StudyAlgorithm(
         algorithm=name,
         parameters=parameters,
-        effective={k: v for k, v in values.items() if v is not NotImplemented},
+        # An empty list, such as that of plans to start from, says nothing.
+        effective={k: v for k, v in values.items() if v not in (NotImplemented, [])},
         neutral=frozenset(p.name for p in stated if changes_nothing(p.hint)),
         origin=m.algorithm_origin(name, parameters, problem),
         grid=grid,
