@@ -15,9 +15,16 @@ from botohe_moo.algorithms.registry import (
     algorithm_parameters,
     describe_algorithm,
 )
-from botohe_moo.study.model import algorithm_identity, algorithm_origin
+from botohe_moo.study import load_study
+from botohe_moo.study.model import algorithm_origin as origin_with
 from tests.base.packages import entries, write_package
 from tests.faults import algorithm_faults
+
+
+def algorithm_origin(name):
+    versions = {"botohe-moo", "pymoo"}
+    return {key: value for key, value in origin_with(name, {}).items() if key not in versions}
+
 
 # Parameters of BO-ACO and their defaults.
 BO_ACO = {
@@ -355,34 +362,20 @@ class TestOnlyAlgorithmsAreCalled:
             make_algorithm("reef:Quiet.bare")
 
 
-class TestIdentity:
-    def test_of_ours_and_of_pymoos(self):
-        for path, name in (
-            ("bo-aco", "bo-aco"),
-            ("botohe_moo.algorithms.bo_aco.BOACO", "bo-aco"),
-            ("botohe_moo:BOACO.journal", "botohe_moo.algorithms.bo_aco.algorithm:BOACO.journal"),
-            ("pymoo.algorithms.moo.age.AGEMOEA", "pymoo.algorithms.moo.age:AGEMOEA"),
-        ):
-            assert algorithm_identity(path, {}).name == name
+def described(name, parameters):
+    algorithms = {"a": {"algorithm": name, "parameters": parameters}}
+    content = {"name": "s", "missions": ["toy"], "algorithms": algorithms, "seeds": 1}
+    return load_study({**content, "budget": {"evaluations": 1}}).algorithms[0]
 
-    def test_of_another_package(self, install):
-        install(reef="reef", small="small", shallow="Atoll.shallow")
-        for path in ("reef:reef", "reef.reef", "reef"):
-            assert algorithm_identity(path, {"width": 1}).name == "reef"
-            assert algorithm_origin(path) == algorithm_origin("reef")
-        assert algorithm_identity("reef:small", {}).name == "small"
-        assert algorithm_identity("reef:Atoll.shallow", {}).name == "shallow"
-        assert algorithm_identity("reef:Atoll", {}).name == "reef:Atoll"
-        assert algorithm_identity("reef:BOACO", {}).name == "bo-aco"
 
-    def test_defaults_are_left_out(self, install):
+class TestDescribed:
+    def test_defaults_are_added(self, install):
         install(reef="reef")
-        found = algorithm_identity("reef", {"depth": 3, "width": 3, "note": None})
-        assert found.parameters == {"width": 3}
+        found = described("reef", {"depth": 3, "width": 3, "note": None})
         assert found.effective.items() >= {"depth": 3, "width": 3, "note": None}.items()
 
     def test_effective_ones_of_a_factory_are_those_of_what_it_makes(self):
-        effective = algorithm_identity("botohe_moo:BOACO.journal", {"n_ants": 7}).effective
+        effective = described("botohe_moo:BOACO.journal", {"n_ants": 7}).effective
         assert effective.items() >= {**JOURNAL, "n_ants": 7, "n_threads": 1}.items()
 
 

@@ -290,7 +290,6 @@ class TestSelections:
     def test_best_known_fronts_are_of_missions_of_the_library(self, robots):
         entry = {"mission": f"library:{SMALL}"} if robots else "toy"
         given = {"mission": entry} if not robots else {"mission": {**entry, "robots": robots}}
-        with pytest.raises(
-            StudyError, match="expects missions of the library with their own robots"
-        ):
+        said = r"^reference: 'mission' is not a mission of the library with its own limits\.$"
+        with pytest.raises(StudyError, match=said):
             loaded(given, reference="best-known")

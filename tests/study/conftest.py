@@ -1,7 +1,5 @@
 """Fixtures that tests of studies share."""
 
-import functools
-import os
 import subprocess
 import time
 from dataclasses import replace
@@ -11,17 +9,9 @@ import pytest
 
 from botohe_moo.study import pool, runner
 from botohe_moo.study.perform import perform
-from botohe_moo.study.pool import add_record, checked_outcome
-from botohe_moo.study.task import THREAD_SETTINGS, BoundTask, environment
+from botohe_moo.study.pool import BoundTask, checked_outcome, environment
 from botohe_moo.study.worker import perform_bound
 from tests.forked import ForkedSubprocess
-
-
-@functools.cache
-def environment_there():
-    """The environment of a worker, which has one thread."""
-    with mock.patch.dict(os.environ, {name: os.environ.get(name, "1") for name in THREAD_SETTINGS}):
-        return environment.__wrapped__()
 
 
 class InProcess:
@@ -34,15 +24,15 @@ class InProcess:
             do = self.bound if isinstance(task, BoundTask) else self.run
             yield task, do(task, note)
 
-    def run(self, task, note):
-        records, began = [], time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+    def run(self, run, note):
+        records, began = {}, time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
 
         def send(record):
-            add_record(records, record)
-            note(task, record)
+            records[record.evaluations] = record
+            note(run, record)
 
-        outcome = checked_outcome(task.run, perform(task.run, send), records)
-        return replace(outcome, environment=environment_there(), began=began)
+        outcome = checked_outcome(run, perform(run, send), [*records.values()])
+        return replace(outcome, environment=environment(), began=began)
 
     def bound(self, task, _):
         return perform_bound(task)

@@ -48,17 +48,6 @@ class Endless(Weakest):
         return replace(super().objectives, bounds=(np.inf, 1.0))
 
 
-class Three(Weakest):
-    """Has a third objective."""
-
-    def __init__(self, mission, **limits):
-        super().__init__(mission, **limits)
-        self.n_obj = 3
-
-    def evaluate_batch(self, batch):
-        return np.column_stack([super().evaluate_batch(batch), np.zeros(len(batch))])
-
-
 class Changing(Weakest):
     """Has other objectives with each team."""
 

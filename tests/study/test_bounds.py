@@ -54,7 +54,7 @@ def study_of(seconds=2, **changes):
 
 def watched(source, folder):
     watcher = Watcher()
-    return run_study(source, folder, watcher=watcher), watcher
+    return run_study(source, folder, progress=watcher), watcher
 
 
 def files(folder):
@@ -162,16 +162,18 @@ class TestAgain:
     def test_damaged_files_are_named_and_computed_again(self, copied):
         path = files(copied)[0]
         path.write_bytes(path.read_bytes()[:-20])
-        with pytest.warns(UserWarning, match=f"{path}: damaged"):
-            assert make_tables(copied).missing_bounds == ["toy"]
-        with pytest.warns(UserWarning, match=f"{path}: damaged"):
-            tables, watcher = watched(both(), copied)
+        for work in (make_tables, lambda folder: run_study(both(), folder)):
+            with pytest.raises(StudyError, match=f"{path}: damaged .*; remove the file"):
+                work(copied)
+        path.unlink()
+        assert make_tables(copied).missing_bounds == ["toy"]
+        tables, watcher = watched(both(), copied)
         assert len(watcher.bounded) == 1
         assert tables.missing_bounds == []
         copy = path.with_stem(f"{path.stem} (copy)")
         copy.write_bytes(path.read_bytes())
-        with pytest.warns(UserWarning, match=f"{re.escape(str(copy))}: damaged"):
-            assert make_tables(copied).missing_bounds == []
+        with pytest.raises(StudyError, match=f"{re.escape(str(copy))}: damaged"):
+            make_tables(copied)
 
 
 class TestComputing:
@@ -224,7 +226,7 @@ class TestComputing:
                 signal.raise_signal(signal.SIGINT)
 
         with pytest.raises(StudyInterrupted, match=r"stopped by SIG.*run the study again"):
-            run_study(study_of(seeds=1, algorithms=["greedy"]), tmp_path, watcher=Stopping())
+            run_study(study_of(seeds=1, algorithms=["greedy"]), tmp_path, progress=Stopping())
         assert files(tmp_path) == []
         assert read_study(tmp_path).missing_bounds == ["toy"]
 
@@ -233,10 +235,9 @@ class TestPlan:
     def test_it_counts_them(self, copied, tmp_path):
         path = tmp_path / "study.yaml"
         path.write_text(json.dumps(both(600)))
-        asked = ["plan", str(path), "--out", str(copied), "--workers", "1"]
+        asked = ["plan", str(path), "--out", str(copied)]
         ended = CliRunner().invoke(study_app, asked)
         assert "2 bounds to compute when the runs are done, at most 10.0 min each" in ended.stdout
-        assert "at most about 20.0 min with 1 at a time" in ended.stdout
         path.write_text(json.dumps(both()))
         assert "bound" not in CliRunner().invoke(study_app, asked).stdout
 

@@ -13,9 +13,9 @@ from botohe_moo.mission import Mission
 from botohe_moo.study import read_study
 from botohe_moo.study.folder import StudyFolder
 from botohe_moo.study.loading import load_study
-from botohe_moo.study.perform import Recorder
+from botohe_moo.study.perform import Outcome, Record, Recorder
+from botohe_moo.study.pool import environment
 from botohe_moo.study.scores import collect_tables
-from botohe_moo.study.task import Outcome, Record, environment
 from botohe_moo.trails import PlanBatch
 
 STUDY = {
@@ -197,10 +197,10 @@ def test_failures_are_kept_until_the_run_is_finished(study, tmp_path):
     run, store = study.runs()[0], StudyFolder(tmp_path / "study")
     done = outcome_of(run, [(0.4, 0.4)])
     with store.locked(study):
-        store.save(run, replace(done, status="failed", error="it broke"))
+        store.save(run, replace(done, status="failed", error="it broke", records=()))
         found = store.load(run)
         assert (found.status, found.error, found.records) == ("failed", "it broke", ())
-        assert (store.digests("runs"), store.digests("failures")) == (set(), {run.digest})
+        assert store.finished([run]) == set()
         store.save(run, done)
         assert store.load(run).status == "done"
-        assert (store.digests("runs"), store.digests("failures")) == ({run.digest}, set())
+        assert store.finished([run]) == {run.digest}

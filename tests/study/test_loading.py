@@ -20,7 +20,6 @@ from botohe_moo.study.content import StudyFile
 from botohe_moo.study.folder import StudyFolder, read_manifest
 from botohe_moo.study.loading import load_study, study_schema
 from botohe_moo.study.model import StudyError
-from botohe_moo.study.scores import algorithm_table
 
 EXPERIMENTS = sorted((Path(__file__).parents[2] / "experiments").glob("*.yaml"))
 
@@ -112,7 +111,7 @@ class TestGrid:
         assert (last["name"], last["package"]) == ("nsga2", "botohe-moo")
         assert last["effective"].items() > last["parameters"].items() > last["grid"].items()
         ants = manifest["ants"]
-        assert (ants["algorithm"], ants["name"]) == ("botohe_moo:BOACO", "bo-aco")
+        assert ants["name"] == "botohe_moo:BOACO"
         assert ants["effective"].items() >= {"n_ants": 100, "n_threads": 1}.items()
 
     def test_generators_expand_over_seeds(self):
@@ -156,7 +155,7 @@ class TestGrid:
             assert ("max_length" in study.runs()[0].identity) == (expected is not None)
 
     def test_lengths_from_pos(self):
-        entry = {"mission": "terrain", "parameters": {"nodes": 9}, "lengths_from_pos": True}
+        entry = {"mission": "terrain", "parameters": {"nodes": 9, "lengths_from_pos": True}}
         study = load_study(changed(missions={"x": entry}))
         terrain = load_mission("terrain", nodes=9)
         assert study.missions[0].mission == terrain.with_lengths_from_pos() != terrain
@@ -165,23 +164,10 @@ class TestGrid:
             "nodes": 9,
             "lengths_from_pos": True,
         }
-        entry["parameters"]["lengths_from_pos"] = True
-        [said] = lines(changed(missions={"x": entry}))
-        assert "expected each parameter once; 'lengths_from_pos' is there 2 times." in said
 
     def test_seeds(self):
-        for seeds, expected in ((3, (1, 2, 3)), ([7, 3], (7, 3)), ({"values": [5]}, (5,))):
+        for seeds, expected in ((3, (1, 2, 3)), ([7, 3], (7, 3))):
             assert load_study(changed(seeds=seeds)).seeds == expected
-
-    def test_seeds_derive_from_study_seed_and_repetition(self):
-        few, many, other = (
-            load_study(changed(seeds={"count": count, "seed": seed})).seeds
-            for count, seed in ((2, 9), (50, 9), (50, 10))
-        )
-        assert many[:2] == few
-        assert len(set(many)) == 50
-        assert not set(many) & set(other)
-        assert few[0] == np.random.SeedSequence([9, 1]).generate_state(1)[0]
 
 
 JOURNAL = "botohe_moo.algorithms.bo_aco:BOACO.journal"
@@ -225,7 +211,6 @@ class TestIdentity:
     def test_nothing_else_is(self):
         changes = {
             "budget": {"evaluations": 100, "grace_seconds": 1},
-            "recording": {"at": [101]},
             "comparison": {"control": "ants"},
             "indicators": ["area"],
             "title": "x",
@@ -246,8 +231,9 @@ class TestIdentity:
 
     def test_so_are_the_versions(self):
         study = load_study(GOOD)
-        for package in ("version", "pymoo"):
-            other = replace(study, versions={**study.versions, package: "99.0"})
+        for package in ("botohe-moo", "pymoo"):
+            origin = {**study.algorithms[0].origin, package: "99.0"}
+            other = replace(study, algorithms=(replace(study.algorithms[0], origin=origin),))
             assert not set(digests(GOOD)) & {run.digest for run in other.runs()}
 
     @pytest.mark.slow
@@ -259,24 +245,23 @@ class TestIdentity:
         said = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
         assert said.stdout.decode().split() == digests(GOOD)
 
-    def test_nor_are_defaults_threads_and_spellings(self):
-        other = {"algorithm": "botohe_moo.algorithms:BOACO", "parameters": {"n_ants": 100}}
+    def test_nor_are_defaults_and_threads(self):
+        other = {"algorithm": "bo-aco", "parameters": {"n_ants": 100}}
         assert digests(changed(algorithms={"ants": other})) == digests(GOOD)
         other = {"algorithm": "bo-aco", "grid": {"n_threads": [3]}}
         assert digests(changed(algorithms={"ants": other})) == digests(GOOD)
 
     def test_a_factory_of_the_same_class_is_another_algorithm(self):
         # Its own default counts, 0.1; not that of the class, 0.04.
-        journal, explicit, same, other = (
+        journal, explicit, other = (
             digests(changed(algorithms={"a": {"algorithm": path, "parameters": parameters}}))
             for path, parameters in (
                 (JOURNAL, {}),
                 (JOURNAL, {"evaporation": 0.1, "n_threads": 2}),
-                ("botohe_moo:BOACO.journal", {}),
                 (JOURNAL, {"evaporation": 0.04}),
             )
         )
-        assert journal == explicit == same
+        assert journal == explicit
         assert not set(journal) & {*digests(GOOD), *other}
 
     def test_what_a_factory_hands_to_its_class_is_not_known_beforehand(self, local):
@@ -296,34 +281,8 @@ class TestIdentity:
             for more in ({}, {"parameters": {"n": 70}})
         )
         assert not {r.digest for r in bare.runs()} & {r.digest for r in seventy.runs()}
-        [effective] = [a.identity.effective for a in bare.algorithms]
+        [effective] = [a.effective for a in bare.algorithms]
         assert effective == {"n": 50}
-
-    def test_what_a_class_hands_to_its_base_stands_in_the_table(self, local):
-        local(
-            """
-            from botohe_moo import BOACO
-            from botohe_moo.algorithms import PlanNSGA2
-
-            class Fast(BOACO):
-                def __init__(self, **options):
-                    super().__init__(evaporation=0.2, heuristic=False, **options)
-
-            class Small(PlanNSGA2):
-                def __init__(self, **options):
-                    super().__init__(pop_size=20, repair="truncate", **options)
-            """
-        )
-        names = ["bo-aco", "mine:Fast", "nsga2", "mine:Small"]
-        table = algorithm_table(load_study(changed(algorithms=names)).manifest())
-        assert table[table.columns[5:]].astype(object).where(table.notna(), None).to_dict(
-            "list"
-        ) == {
-            "evaporation": [0.04, 0.2, None, None],
-            "heuristic": [True, False, None, None],
-            "pop_size": [None, None, 100, 20],
-            "repair": [None, None, "safest-path", "truncate"],
-        }
 
     def test_threads_count_where_seconds_limit_a_run(self):
         few, many = (
@@ -383,10 +342,10 @@ algorithms:
 budget: {evaluations: 1e5, second: 3}
 seeds: [1, 1]
 comparison: {control: Q, significance: 2}
-indicators: [area, igd]
+indicators: area
 """,
                 [
-                    (1, "name: expected letters, digits, dots, dashes and underscores"),
+                    (1, "name: Expected name to match pattern '^[A-Za-z0-9][A-Za-z0-9._-]*$', got"),
                     (2, "titel: there is no key 'titel'; known are title,"),
                     (4, "robots: Expected robots >= 1, got 0"),
                     (7, "there is no key 'parameter'; known are parameters,"),
@@ -394,7 +353,6 @@ indicators: [area, igd]
                     (8, "there is no key 'second'; known are seconds,"),
                     (9, "expected each seed once; 1 is there 2 times"),
                     (10, "Expected significance < 1"),
-                    (11, "indicators.1: Expected an indicator among"),
                 ],
                 id="keys",
             ),
@@ -439,13 +397,15 @@ name: study
 missions: {e: toy, f: toy}
 algorithms: {X: bo-aco, Y: bo-aco}
 comparison: {control: Q}
+indicators: [area, igd]
 budget: {evaluations: 100}
 seeds: 1
 """,
                 [
                     (2, "'f' is the same as 'e'"),
-                    (3, "'Y' is the same as 'X': defaults, spellings"),
-                    (4, "there is no algorithm 'Q'"),
+                    (3, "'Y' is the same as 'X': defaults and numbers of threads"),
+                    (4, "there is no algorithm 'Q'; known are X, Y."),
+                    (5, "indicators.1: 'igd': there is no such indicator; known are igd_plus,"),
                 ],
                 id="together",
             ),
@@ -464,16 +424,16 @@ seeds: 1
     @pytest.mark.parametrize(
         ("changes", "place"),
         [
-            ({"algorithms": {"a": "__main__:Mine"}}, "algorithms.a.algorithm: '__main__:Mine': "),
-            ({"missions": {"m": "__main__:Mine"}}, "missions.m.mission: '__main__:Mine': "),
-            ({"problem": "__main__:Mine"}, "problem: '__main__:Mine': "),
+            ({"algorithms": {"a": "__main__:Mine"}}, "algorithms.a: runs "),
+            ({"missions": {"m": {"mission": "__main__:Mine"}}}, "missions.m.mission: runs "),
+            ({"problem": "__main__:Mine"}, "problem: runs are performed in other processes, "),
             (
                 {
                     "algorithms": {
                         "a": {"algorithm": "nsga2", "grid": {"repair": ["__main__:Mine"]}}
                     }
                 },
-                "algorithms.a.algorithm: 'nsga2': ",
+                "algorithms.a.grid.repair.0: runs ",
             ),
         ],
     )
@@ -491,26 +451,28 @@ seeds: 1
         for changes, said in (
             ({"name": None}, "name: expected the key 'name', which is missing."),
             ({"name": 2026}, "name: Expected name to be a text, got 2026."),
-            ({"name": "a/b"}, "name: expected letters, digits, dots, dashes and underscores, the"),
+            ({"name": "a/b"}, "name: Expected name to match pattern '^[A-Za-z0-9][A-Za-z0-9._-]*"),
             ({"missions": [1]}, "missions: Expected missions to be a mapping, got [1]."),
             ({"algorithms": []}, "algorithms: Expected algorithms to have at least 1 item, got"),
             (
                 {"algorithms": {"a": None}},
-                "algorithms.a: expected a name, or a mapping with algorithm: NAME, got None.",
+                "algorithms.a: Expected a to be a mapping, got None.",
             ),
             ({"budget": {}}, "budget: expected evaluations or seconds, or both, found neither."),
-            ({"budget": None}, "budget: expected a budget, as the mission 'toy' has none"),
+            ({"budget": None}, "missions.toy.mission: 'toy': expected a budget of its own or of"),
             (
                 {"budget": {"seconds": math.nan}},
                 "budget.seconds: Expected seconds to be a finite number, got nan.",
             ),
-            ({"seeds": "3"}, "seeds: Expected seeds to be an integer, got '3'."),
+            ({"seeds": "3"}, "seeds: Expected seeds to be a list, got '3'."),
             ({"seeds": [-1]}, "seeds.0: Expected seeds[0] >= 0, got -1."),
-            ({"seeds": {"count": 1, "values": [1]}}, "expected either count or values, found both"),
             ({"algorithms": ["random", "random"]}, "expected each name once; 'random' is there 2"),
             ({"missions": {"m": seeds}}, "missions.m.grid.seed: expected each value once; 3 is"),
-            ({"algorithms": {"_a": "random"}}, "does not begin with _"),
-            ({"missions": {" a": "toy"}}, "without spaces around it, got ' a'"),
+            (
+                {"algorithms": {"_a": "random"}},
+                "(.*\\S)?$', got '_a'",
+            ),
+            ({"missions": {" a": "toy"}}, "(.*\\S)?$', got ' a'"),
             (
                 {"missions": {"m": {"mission": "tests.study.algorithms_made:changing_mission"}}},
                 "gives another mission each time",
@@ -522,7 +484,7 @@ seeds: 1
             ),
             (
                 {"comparison": {"control": "ant"}},
-                "no algorithm 'ant'; most alike are ants.",
+                "there is no algorithm 'ant'; known are ants.",
             ),
             (
                 {"seeds": 100_000, "algorithms": {"a": many}},
@@ -551,30 +513,11 @@ seeds: 1
         assert f"{place}Mission 'toy': robots of kind 'drone' cannot keep" in line
         assert "cannot keep min_survival 0.99. The safest way" in line
 
-    def test_bounds_of_robots_that_carry_something(self, tmp_path):
-        kinds = [Kind("drone", 1, aboard=(4,))]
-        mission = Mission(load_mission("toy").graph, base=1, kinds=kinds, pays="return")
-        save_mission(mission, tmp_path / "rest.json")
-        path = written(
-            tmp_path,
-            """\
-            name: trial
-            missions: [toy, rest.json]
-            algorithms: [random]
-            budget: {evaluations: 9}
-            bounds: {seconds: 5}
-            seeds: 1
-            """,
-        )
-        *_, line = lines(path)
-        said = "bounds: bound_front does not support mission 'toy', in which robots carry something"
-        assert line.startswith(f"{path}:5: {said} from the start: those of kind 'drone'.")
-
     def test_runs_that_would_be_the_same(self):
         grid = {"algorithm": "bo-aco", "grid": {"n_ants": [5, 100]}}
-        for one, label in (("bo-aco", "a"), ("botohe_moo:BOACO", "a"), (grid, "a (n_ants=100)")):
+        for one, label in (("bo-aco", "a"), (grid, "a (n_ants=100)")):
             [line] = lines(changed(algorithms={"a": one, "b": "bo-aco"}))
-            assert line.startswith(f"algorithms.b: 'b' is the same as {label!r}: defaults, spelli")
+            assert line.startswith(f"algorithms.b: 'b' is the same as {label!r}: defaults and ")
 
     @pytest.mark.parametrize("kind", ["algorithm", "mission"])
     def test_nothing_but_algorithms_and_missions_is_called(self, local, tmp_path, kind):
@@ -590,10 +533,13 @@ seeds: 1
     def test_what_is_no_study(self, tmp_path):
         for text, said in (
             ("", "1: Expected the file to be a mapping, got None."),
-            ("name: x\nmissions: [\n", "3: not valid YAML: while parsing a flow node (line 3)"),
+            (
+                "name: x\nmissions: [\n",
+                " line 3: not valid YAML: while parsing a flow node",
+            ),
             (
                 "name: x\nmissions: &m [*m]\n",
-                "1: not valid YAML: aliases expand to more than 10,000",
+                " line 1: not valid YAML: aliases expand to more than 10,000",
             ),
         ):
             [line] = lines(written(tmp_path, text))
@@ -603,7 +549,7 @@ seeds: 1
         (tmp_path / "trials.yaml").write_text("")
         (tmp_path / ".pre-commit.yaml").write_text("")
         [line] = lines(tmp_path / "trial.yaml")
-        assert line.endswith("no such file; most alike are trials.yaml.")
+        assert line.endswith("no such file.")
         [line] = lines(tmp_path)
         assert "cannot be read" in line
         (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9\n")
@@ -666,7 +612,6 @@ class TestSchema:
     def test_shorthands_and_parameters_are_allowed_and_nothing_else(self):
         for changes in (
             {"seeds": [3, 4], "missions": ["toy"], "algorithms": {"a": {"algorithm": "nsga2"}}},
-            {"seeds": {"count": 3, "seed": 1}},
             {
                 "algorithms": {
                     "a": {"algorithm": "pareto-local-search", "grid": {"max_size": [100, None]}}
@@ -681,7 +626,6 @@ class TestSchema:
             {"name": "a/b"},
             {"missions": {"a": 3}},
             {"algorithms": {"a": {"algorithm": "x", "parameter": {}}}},
-            {"indicators": ["igd"]},
         ):
             assert not SCHEMA.is_valid(changed(**changes)), changes
 

@@ -75,13 +75,13 @@ def test_parts_of_the_same_seeds_that_were_stopped_are_one(copies):
 
 
 @pytest.mark.parametrize(
-    ("other", "said"),
+    "other",
     [
-        ({"name": "another", "title": "Other"}, "name and title"),
-        ({"missions": {"toy": {"mission": "toy", "robots": 1}}}, "missions"),
+        {"name": "another", "title": "Other"},
+        {"missions": {"toy": {"mission": "toy", "robots": 1}}},
     ],
 )
-def test_another_study_is_refused(parts, tmp_path, other, said):
+def test_another_study_is_refused(parts, tmp_path, other):
     run_study({**part([4]), **other}, tmp_path / "other")
     for folders, out in (
         ([parts / "one", tmp_path / "other"], tmp_path / "all"),
@@ -90,8 +90,7 @@ def test_another_study_is_refused(parts, tmp_path, other, said):
         with pytest.raises(StudyError) as caught:
             merge_studies(folders, out)
         assert str(caught.value) == (
-            f"{tmp_path / 'other'}: not the study in {parts / 'one'}; expected the same study but "
-            f"for its seeds, found differences in {said}."
+            f"{tmp_path / 'other'}: expected the study of {parts / 'one'} but for its seeds."
         )
     assert not (tmp_path / "all").exists()
     assert len(read_study(tmp_path / "other").runs) == 2
@@ -103,7 +102,7 @@ def test_files_of_one_name_that_differ_are_refused(tmp_path, monkeypatch):
         site = f"n 3\nm 2\ntmax 10\n0 0 0\n1 0 {reward}\n0 1 5\n"
         (tmp_path / "site.txt").write_text(site)
         run_study(part([1], missions={"site": "site.txt"}), tmp_path / name)
-    with pytest.raises(StudyError, match="in missions or package versions"):
+    with pytest.raises(StudyError, match=r"expected the study of .*one but for its seeds"):
         merge_studies([tmp_path / "one", tmp_path / "two"], tmp_path / "all")
 
 
@@ -131,8 +130,6 @@ def test_a_damaged_file_is_named(copies):
 def test_folders_without_a_study(parts, tmp_path):
     with pytest.raises(StudyError, match="there is no study in this folder"):
         merge_studies([parts / "one", tmp_path / "nothing"], tmp_path / "all")
-    with pytest.raises(StudyError, match="Expected at least two folders to merge, got 1"):
-        merge_studies([parts / "one"], tmp_path / "all")
 
 
 def test_from_the_command_line(parts, tmp_path):

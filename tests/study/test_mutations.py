@@ -23,7 +23,7 @@ GUIDE = (ROOT / "docs" / "studies.md").read_text("utf-8").split("```yaml\n")[1].
 TEXTS = [path.read_text("utf-8") for path in sorted((ROOT / "experiments").glob("*.yaml"))]
 TEXTS.append(GUIDE.replace("sites/mine.json", "art_museum"))
 TEXTS.append(
-    "name: merged\nseeds: {count: 3, seed: 1}\nbudget: &b {evaluations: 100}\n"
+    "name: merged\nseeds: [3, 1]\nbudget: &b {evaluations: 100}\n"
     "missions: {a: &m {mission: toy, budget: *b}, b: {<<: *m, min_survival: 0.5}}\n"
     "algorithms: {A: &n {algorithm: nsga2, grid: {pop_size: [5, 10]}}, "
     "B: {<<: [*n, {}], grid: {}}}\n"

@@ -3,7 +3,6 @@
 import contextlib
 import copy
 import os
-import pickle
 import random
 import re
 import subprocess
@@ -25,6 +24,7 @@ from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
 from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.local_search.kernels import children, recreate, search
 from botohe_moo.study.loading import load_study
+from botohe_moo.study.model import PATIENCE
 from botohe_moo.study.perform import (
     BudgetSpentError,
     Meter,
@@ -34,7 +34,6 @@ from botohe_moo.study.perform import (
     verify,
 )
 from botohe_moo.study.pool import WorkerPool
-from botohe_moo.study.task import PATIENCE, Task
 from tests.algorithms.test_contract import DOTTED, ENDS_BY_ITSELF, NAMES
 from tests.study.problems_made import Weakest
 from tests.twins import plain_local_search
@@ -59,12 +58,12 @@ def make_task(
             "seeds": 1,
         }
     )
-    return Task(replace(study.runs()[0], **changes), patience)
+    return replace(study.runs()[0], patience=patience, **changes)
 
 
 def performed(task):
     records = []
-    return perform(task.run, records.append), records
+    return perform(task, records.append), records
 
 
 class TestCounts:
@@ -258,7 +257,7 @@ class TestMeter:
             problem.evaluate_batch(batch[:1])
         assert meter.spent == 25
 
-    def test_it_is_the_problem_for_algorithms_and_can_be_stored(self):
+    def test_it_is_the_problem_for_algorithms(self):
         inner = Weakest(load_mission("toy"), min_survival=0.25)
         problem = metered(inner, Meter(5))
         assert isinstance(problem, BOTOHE)
@@ -273,7 +272,7 @@ class TestMeter:
         plans = inner.mission.batch([inner.mission.plan([[1], [1]])])
         assert other.evaluate_batch(plans).tolist() == inner.evaluate_batch(plans).tolist()
         assert other.constrain_batch(plans).shape == (1, 2)
-        assert pickle.loads(pickle.dumps(problem)).meter.spent == problem.meter.spent == 1
+        assert problem.meter.spent == 1
 
 
 class TestRecords:
@@ -398,7 +397,7 @@ class TestPool:
             make_task(name if name.islower() else f"{MADE}:{name}", evaluations=100, digest=name)
             for name in expected
         ]
-        found = {task.run.digest: outcome for task, outcome in pool.perform(tasks, workers=2)}
+        found = {task.digest: outcome for task, outcome in pool.perform(tasks, workers=2)}
         for name, (status, error) in expected.items():
             assert found[name].status == status, name
             assert error is None or error in found[name].error
@@ -414,7 +413,7 @@ class TestPool:
         ]
         killed, noted, outcomes = [], [0], {}
 
-        def note(task, _):
+        def note(run, _):
             noted[0] += 1
             if len(killed) < 3 and noted[0] % 150 == 0:
                 process = rng.choice(processes_there())
@@ -423,7 +422,7 @@ class TestPool:
 
         with contextlib.closing(WorkerPool()) as pool:
             for task, outcome in pool.perform(tasks, workers=2, note=note):
-                outcomes[task.run.digest] = outcome
+                outcomes[task.digest] = outcome
         assert len(outcomes) == 8
         failed = [outcome for outcome in outcomes.values() if outcome.status == "failed"]
         assert 1 <= len(failed) <= len(killed) == 3
@@ -504,14 +503,11 @@ class TestPool:
 
     def test_other_code_is_refused(self, pool):
         task = make_task("random")
-        setting = {**task.run.setting, "version": "99.0"}
-        outcome = outcome_of(pool, replace(task, run=replace(task.run, setting=setting)))
-        assert (outcome.status, outcome.began) == ("failed", None)
-        assert "the study 99.0" in outcome.error
-        origin = {"package": "other", "version": "1", "source": None}
-        other = replace(task.run.algorithm, origin=origin)
-        outcome = outcome_of(pool, replace(task, run=replace(task.run, algorithm=other)))
-        assert "the study from" in outcome.error
+        for change in ({"botohe-moo": "99.0"}, {"package": "other"}):
+            algorithm = replace(task.algorithm, origin={**task.algorithm.origin, **change})
+            outcome = outcome_of(pool, replace(task, algorithm=algorithm))
+            assert outcome.status == "failed"
+            assert f"the study from {algorithm.origin}" in outcome.error
 
 
 class TestVerification:
@@ -520,7 +516,7 @@ class TestVerification:
     trails = ([[1], [1]], [[1, 3, 1], [1, 2, 4, 5, 4, 2, 1]])
 
     def verify(self, **limits):
-        run = make_task("random", mission={"mission": "toy", **limits}).run
+        run = make_task("random", mission={"mission": "toy", **limits})
         mission = run.mission.mission
         plans = mission.batch([mission.plan(trails) for trails in self.trails])
         verify(run, plans, mission.evaluate(plans))
@@ -529,7 +525,7 @@ class TestVerification:
         self.verify(min_survival=0.34, max_length=6.0)
         self.verify()
         empty = load_mission("toy").batch([])
-        verify(make_task("random", mission="toy").run, empty, np.empty((0, 2)))
+        verify(make_task("random", mission="toy"), empty, np.empty((0, 2)))
         with pytest.raises(ValueError, match=r"survival of at least 0\.5 in .*, got 0\.34"):
             self.verify(min_survival=0.5)
         with pytest.raises(ValueError, match=r"length of at most 5\.5 in .*, got 6\."):

@@ -9,13 +9,12 @@ import random
 import re
 import select
 import signal
-import socket
 import struct
 import subprocess
 import sys
 import termios
 import time
-from importlib.metadata import version
+from importlib.metadata import distribution, version
 from pathlib import Path
 from unittest import mock
 
@@ -25,7 +24,8 @@ from typer.testing import CliRunner
 
 from botohe_moo.cli.study import _plan_table, study_app
 from botohe_moo.study import StudyError, cluster, make_tables, read_study, run_study
-from botohe_moo.study.runner import Estimate
+from botohe_moo.study.loading import load_study
+from botohe_moo.study.runner import Plan
 from tests.forked import Forked, run_forked
 from tests.study.test_perform import marked_processes
 from tests.study.test_runner import MADE, Watcher, assert_same
@@ -272,8 +272,8 @@ def test_two_workers_work_at_the_same_time(tmp_path):
             return max(sum(a <= moment <= b for a, b in spans) for moment, _ in spans)
 
     one, two = Overlap(), Overlap()
-    run_study(source, tmp_path / "one", workers=1, watcher=one)
-    run_study(source, tmp_path / "two", workers=2, watcher=two)
+    run_study(source, tmp_path / "one", workers=1, progress=one)
+    run_study(source, tmp_path / "two", workers=2, progress=two)
     assert one.most() == 1
     assert two.most() == 2
 
@@ -335,46 +335,36 @@ def wait_for_workers(scheduler, n):
         client.wait_for_workers(n, timeout=60)
 
 
-def test_workers_that_have_other_code_get_no_runs(
-    study_file, uninterrupted, scheduler, hire, tmp_path
-):
-    """One lacks the package, one has another version of it, and then there is one that is fit."""
+def test_a_worker_that_lacks_the_package_is_named(scheduler, hire, tmp_path):
     import distributed
 
     # Without site, what is installed for editing is not found.
     hire("-S", path=[Path(distributed.__file__).parents[1]])
-    other = tmp_path / "other" / "botohe_moo-9.9.9.dist-info"
-    other.mkdir(parents=True)
-    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: botohe-moo\nVersion: 9.9.9\n")
-    hire(path=[other.parent])
-    wait_for_workers(scheduler, 2)
+    wait_for_workers(scheduler, 1)
+    (tmp_path / "s.json").write_text(json.dumps(SMALL | {"seeds": 2}))
     folder = tmp_path / "out"
-    status, _, err = finish(start("run", study_file, "--out", folder, "--dask", scheduler))
+    process = start("run", tmp_path / "s.json", "--out", folder, "--dask", scheduler)
+    status, _, err = finish(process)
     assert status == 1, err
-    assert f"No worker of the Dask cluster at {scheduler} can perform runs." in err
-    hire()
-    wait_for_workers(scheduler, 3)
-    status, _, err = finish(start("run", study_file, "--out", folder, "--dask", scheduler))
-    assert status == 0, err
-    assert err.count("gets no runs: it ") == 2
-    assert "it cannot use botohe-moo (" in err
+    assert re.search(r"tcp://\S+ cannot perform runs: .*ModuleNotFoundError", err)
     assert "No module named 'botohe_moo" in err.replace("\\", "")
-    assert f"it has botohe-moo 9.9.9, the study {version('botohe-moo')}" in err
     assert "Traceback" not in err
-    assert_same(read_study(folder), uninterrupted)
 
 
-def test_a_worker_with_other_code_that_joins_later_fails_its_runs(scheduler, hire, tmp_path):
+def test_runs_of_workers_with_other_code_fail(scheduler, hire, tmp_path):
     other = tmp_path / "other" / "botohe_moo-9.9.9.dist-info"
     other.mkdir(parents=True)
     (other / "METADATA").write_text("Metadata-Version: 2.1\nName: botohe-moo\nVersion: 9.9.9\n")
+    ours = distribution("botohe-moo").read_text("entry_points.txt")
+    (other / "entry_points.txt").write_text(ours)
     (tmp_path / "s.json").write_text(json.dumps(SMALL | {"seeds": 2}))
     process = start("run", tmp_path / "s.json", "--out", tmp_path / "out", "--dask", scheduler)
     assert "waiting for one" in lines_until(process, "waiting for one")
     hire(path=[other.parent])
     status, _, err = finish(process)
     assert status == 1, err
-    assert f"the worker has botohe-moo 9.9.9, the study {version('botohe-moo')}" in err
+    assert "the worker has 'random' from {'botohe-moo': '9.9.9'" in err
+    assert f"the study from {{'botohe-moo': '{version('botohe-moo')}'" in err
     assert "Traceback" not in err
 
 
@@ -395,7 +385,7 @@ def test_killed_dask_workers_change_nothing(study_file, uninterrupted, scheduler
                 workers.append(hire())
 
     watcher = Killing()
-    tables = run_study(study_file, tmp_path / "out", dask=scheduler, watcher=watcher)
+    tables = run_study(study_file, tmp_path / "out", dask=scheduler, progress=watcher)
     assert aims == []
     assert len(watcher.performed) == 24
     assert_same(tables, uninterrupted)
@@ -410,21 +400,13 @@ def test_waiting_for_workers_can_be_stopped(study_file, scheduler, tmp_path):
     assert "Traceback" not in err
 
 
-def test_what_is_no_address_is_refused_before_anything_is_written(study_file, tmp_path):
-    for address in ("localhost", "tcp://127.0.0.1:99999", "ucx://127.0.0.1:1"):
-        with pytest.raises(StudyError, match=f"of a Dask scheduler, .* got '{address}'"):
-            run_study(study_file, tmp_path / "out", dask=address)
-    assert not (tmp_path / "out").exists()
-
-
 def test_no_scheduler_at_the_address(study_file, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr(cluster, "_SECONDS_TO_CONNECT", 0.5)
     with pytest.raises(StudyError, match=r"No Dask scheduler answers at 'tcp://127\.0\.0\.1:1'"):
         run_study(study_file, tmp_path, dask="tcp://127.0.0.1:1")
-    with socket.create_server(("127.0.0.1", 0)) as silent:  # as that of Dask's dashboard
-        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
-        with pytest.raises(StudyError, match=f"answers at '{address}' .it does not answer as"):
+    for address in ("localhost", "tcp://127.0.0.1:99999"):
+        with pytest.raises(StudyError, match=f"No Dask scheduler answers at '{address}'"):
             run_study(study_file, tmp_path, dask=address)
 
 
@@ -447,7 +429,7 @@ def test_a_cluster_that_goes_away(study_file, tmp_path):
 
     watcher = Closing()
     with pytest.raises(StudyError, match="The Dask scheduler is gone"):
-        run_study(study_file, tmp_path / "out", dask=cluster.scheduler_address, watcher=watcher)
+        run_study(study_file, tmp_path / "out", dask=cluster.scheduler_address, progress=watcher)
     assert len(list((tmp_path / "out" / "runs").glob("*.npz"))) >= 2
 
 
@@ -518,7 +500,7 @@ class TestCommands:
         assert err == "botohe: missing.yaml: no such file.\n"
 
     def test_columns_of_the_plan_allow_for_wide_letters(self):
-        made = [Estimate(m, "a", 1, 0, 0, 1.0, at_most=False) for m in ("美术馆", "toy")]
-        lines = _plan_table(made).splitlines()
+        runs = load_study({**SMALL, "seeds": 1, "missions": {"美术馆": "toy", "m": "art_museum"}})
+        lines = _plan_table(Plan(runs.runs(), frozenset(), {})).splitlines()
         assert len({cell_len(line) for line in lines}) == 1
         assert len({len(line) for line in lines}) == 2

@@ -19,9 +19,7 @@ from botohe_moo.cli.common import harmless, say
 
 if TYPE_CHECKING:
     from botohe_moo.solving import Progress
-    from botohe_moo.study.model import Run, StudyMission
     from botohe_moo.study.runner import Plan
-    from botohe_moo.study.task import Outcome, Record
 
 _SECONDS_BETWEEN_LINES = 6.0
 _SECONDS_BETWEEN_UPDATES = 0.5  # computing the area takes a while on large fronts
@@ -144,7 +142,7 @@ def showing_search(total: int) -> Iterator[Progress]:
         yield progress
 
 
-class StudyWatcher:
+class StudyProgress:
     """Counts the runs and bounds of a study that end, and shows their number."""
 
     def __init__(self, show: Show) -> None:
@@ -152,39 +150,37 @@ class StudyWatcher:
         self._shares: dict[str, float] = {}  # of their budgets, that runs at work have spent
         self._n: Counter[str] = Counter()
 
-    def begin(self, plan: Plan) -> None:
+    def __call__(self, about: Any, news: Any) -> None:
+        """Note a study's plan, a front or the outcome of a run, or the bound of a mission."""
+        from botohe_moo.study.perform import Outcome, Record
+        from botohe_moo.study.runner import Plan
+
+        if isinstance(news, Plan):
+            self._begin(news)
+        elif isinstance(news, Record):
+            budget = about.mission.budget
+            both = ((news.evaluations, budget.evaluations), (news.seconds, budget.seconds))
+            share = max(spent / allowed for spent, allowed in both if allowed)
+            self._shares[about.digest] = min(share, 1.0)
+        elif isinstance(news, Outcome):
+            self._shares.pop(about.digest, None)
+            self._n.update(ended=1, failed=news.status == "failed")
+            if news.status != "done":
+                which = f"{about.algorithm.label} on {about.mission.label}, seed {about.seed}"
+                say(f"{which}: {news.status}: {news.error}")
+        else:
+            self._n.update(bounded=1)
+            if isinstance(news, str):
+                say(f"bound of {about.label}: failed: {news}")
+        self._show()
+
+    def _begin(self, plan: Plan) -> None:
         """Print how many runs are finished, and how many are left."""
         self._n.update(runs=len(plan.missing), bounds=len(plan.unbounded))
         there = len(plan.runs) - self._n["runs"]
-        again = f", {len(plan.failed)} of them failed before" if plan.failed else ""
-        say(f"{len(plan.runs)} runs: {there} are there, {self._n['runs']} to go{again}.")
+        say(f"{len(plan.runs)} runs: {there} are there, {self._n['runs']} to go.")
         if n_bounds := self._n["bounds"]:
             say(f"{counted(n_bounds, 'bound')} to compute when the runs are done.")
-        self._show()
-
-    def record(self, run: Run, record: Record) -> None:
-        """Note which part of its budget a run has spent."""
-        budget = run.mission.budget
-        both = ((record.evaluations, budget.evaluations), (record.seconds, budget.seconds))
-        share = max(spent / allowed for spent, allowed in both if allowed)
-        self._shares[run.digest] = min(share, 1.0)
-        self._show()
-
-    def end(self, run: Run, outcome: Outcome) -> None:
-        """Note that a run has ended."""
-        self._shares.pop(run.digest, None)
-        self._n.update(ended=1, failed=outcome.status == "failed")
-        if outcome.status != "done":
-            which = f"{run.algorithm.label} on {run.mission.label}, seed {run.seed}"
-            say(f"{which}: {outcome.status}: {outcome.error}")
-        self._show()
-
-    def end_bound(self, mission: StudyMission, error: str | None) -> None:
-        """Note that a mission is bounded, or why not."""
-        self._n.update(bounded=1)
-        if error is not None:
-            say(f"bound of {mission.label}: failed: {error}")
-        self._show()
 
     def _show(self) -> None:
         n = self._n

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from botohe_moo.cli import common
 from botohe_moo.cli.common import FAILED, Count, CountOrNone, command, fail, failing, say, tell
 
 if TYPE_CHECKING:
-    from botohe_moo.study.runner import Estimate
+    from botohe_moo.study.runner import Plan
 
 study_app = typer.Typer(
     no_args_is_help=True,
@@ -58,7 +59,7 @@ def run(
         For algorithms of other packages, if the budget has no seconds: a run fails when it
         evaluates nothing for so long.
     """
-    from botohe_moo.cli.progress import StudyWatcher, showing
+    from botohe_moo.cli.progress import StudyProgress, showing
     from botohe_moo.study.model import study_folder
 
     with failing():
@@ -72,7 +73,7 @@ def run(
                 workers=workers or n_cpus(),
                 dask=dask,
                 patience=patience,
-                watcher=StudyWatcher(show),
+                progress=StudyProgress(show),
             )
     except studies.StudyInterrupted as stopped:
         status = _BY_SIGNAL + stopped.signal
@@ -107,8 +108,8 @@ def _say_missing(tables: studies.StudyTables) -> None:
 
 
 @command(study_app)
-def plan(file: Path, *, out: Path | None = None, workers: CountOrNone = None) -> None:
-    """Count finished and missing runs, and estimate the time."""
+def plan(file: Path, *, out: Path | None = None) -> None:
+    """Count finished and missing runs."""
     from botohe_moo.study import runner
     from botohe_moo.study.folder import StudyFolder
     from botohe_moo.study.model import study_folder
@@ -118,33 +119,22 @@ def plan(file: Path, *, out: Path | None = None, workers: CountOrNone = None) ->
         folder = StudyFolder(study_folder(study.name, out))
         folder.check(study)
         planned = runner.plan_study(study, folder)
-        estimates = runner.estimate_times(planned, folder)
-    tell(_plan_table(estimates))
+    tell(_plan_table(planned))
     n_there, n_runs, n_bounds = map(len, (planned.finished, planned.runs, planned.unbounded))
     tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder.path}")
     if n_bounds:
         each = f"at most {_duration(study.bound_seconds)} each"
         tell(f"{counted(n_bounds, 'bound')} to compute when the runs are done, {each}")
-    n_workers, waiting = workers or n_cpus(), [each for each in estimates if each.n_left]
-    limit = study.bound_seconds
-    left = runner.time_left(waiting, n_workers, n_bounds=n_bounds, bound_seconds=limit)
-    if left:
-        at_most = "at most " if n_bounds or any(each.at_most for each in waiting) else ""
-        unknown = any(each.seconds is None for each in waiting)
-        others = ", without the unknown times" if unknown else ""
-        tell(f"{at_most}about {_duration(left)} with {n_workers} at a time{others}")
 
 
-def _plan_table(estimates: list[Estimate]) -> str:
-    rows: list[tuple[str, ...]] = [
-        ("mission", "algorithm", "runs", "there", "failed", "each takes")
-    ]
-    for each in estimates:
-        counts = map(str, (each.n_runs, each.n_finished, each.n_failed))
-        takes = "unknown" if each.seconds is None else _duration(each.seconds)
-        at_most = "at most " if each.at_most and each.seconds is not None else ""
-        rows.append((each.mission, each.algorithm, *counts, at_most + takes))
-    return common.table(rows)
+def _plan_table(planned: Plan) -> str:
+    counts: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
+    for run in planned.runs:
+        labels = run.mission.label, run.algorithm.label
+        counts[labels].update(runs=1, there=run.digest in planned.finished)
+    titles = ("runs", "there")
+    rows = [(*labels, *(str(n[title]) for title in titles)) for labels, n in counts.items()]
+    return common.table([("mission", "algorithm", *titles), *rows])
 
 
 def _duration(seconds: float) -> str:

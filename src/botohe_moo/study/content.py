@@ -1,7 +1,7 @@
 """The content of a study file, as pydantic models."""
 
+import itertools
 import json
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -10,16 +10,12 @@ from typing import Annotated, Any, Literal, Self
 import pydantic
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
-from botohe_moo.base.messages import check_choice, quoted
+from botohe_moo.base.messages import quoted
 from botohe_moo.base.parameters import NotNegative, Probability, Size
-from botohe_moo.base.registry import is_path
 from botohe_moo.indicators import INDICATORS
 from botohe_moo.mission.loading import ENTRIES, PREFIX, SELECTIONS, library_names
 
-_MAX_EVALUATIONS = 10**12
 _MAX_SEEDS = 100_000
-_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
-_NAMED = "letters, digits, dots, dashes and underscores, the first a letter or a digit"
 
 
 def value_text(value: Any) -> str:
@@ -28,45 +24,17 @@ def value_text(value: Any) -> str:
 
 
 def canonical(value: Any) -> str:
-    """Return any value of a study file as a text; equal values give equal texts."""
-    return json.dumps(_whole_numbers(value), sort_keys=True, separators=(",", ":"))
-
-
-def _whole_numbers(value: Any) -> Any:
-    """Replace 1.0 by 1 and so on, which are the same numbers."""
-    if isinstance(value, float) and value.is_integer():
-        return int(value)
-    if isinstance(value, dict):
-        return {key: _whole_numbers(item) for key, item in value.items()}
-    return [_whole_numbers(item) for item in value] if isinstance(value, list | tuple) else value
-
-
-def _check_line(value: str) -> str:
-    """Refuse a text that a line of a figure or table cannot show."""
-    if not value.isprintable() or value != value.strip():
-        expected = "one line of printable characters without spaces around it"
-        raise ValueError(f"expected {expected}, got {quoted(value)}")
-    return value
-
-
-def _matching(pattern: str, expected: str) -> AfterValidator:
-    """Refuse texts that do not match a regular expression; ``expected`` says the same in words."""
-
-    def check(value: str) -> str:
-        if not re.fullmatch(pattern, value):
-            raise ValueError(f"expected {expected}, got {quoted(value)}")
-        return value
-
-    return AfterValidator(check)
+    """Return any value of a study file as a text; equal values, as 1 and 1.0, give equal texts."""
+    return json.dumps(json.loads(json.dumps(value), parse_int=float), sort_keys=True)
 
 
 def _check_distinct(what: str, values: Sequence[Any]) -> Sequence[Any]:
     """Refuse values if two of them are equal, as 1 and 1.0 are."""
     texts = [canonical(value) for value in values]
-    text, count = Counter(texts).most_common(1)[0] if texts else ("", 1)
-    if count > 1:
-        value = quoted(values[texts.index(text)])
-        raise ValueError(f"expected each {what} once; {value} is there {count} times")
+    for text, count in Counter(texts).items():
+        if count > 1:
+            value = quoted(values[texts.index(text)])
+            raise ValueError(f"expected each {what} once; {value} is there {count} times")
     return values
 
 
@@ -74,18 +42,10 @@ def _all_distinct(what: str) -> AfterValidator:
     return AfterValidator(partial(_check_distinct, what))
 
 
-def _check_indicator(value: str, info: pydantic.ValidationInfo) -> str:
-    if info.context is not None:  # a folder holds the study, which was checked before
-        return value
-    if is_path(value):
-        INDICATORS.load(value)
-    else:
-        check_choice("an indicator", value, INDICATORS)
-    return value
-
-
-def _registered_indicators() -> list[str]:
-    return [*INDICATORS]
+def _counted_seeds(value: Any) -> Any:
+    """Return a count of seeds as the list of them; all else as it is."""
+    is_count = isinstance(value, int) and not isinstance(value, bool)
+    return [*range(1, min(value, _MAX_SEEDS + 1) + 1)] if is_count else value
 
 
 def _labelled(value: Any) -> Any:
@@ -122,24 +82,11 @@ def _members_of(label: str, entry: Any) -> Iterator[tuple[str, Any]]:
         yield (member if label == name else own), one
 
 
-Text = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_check_line)]
+Text = Annotated[str, Field(max_length=200, pattern=r"^\S(.*\S)?$")]
 # matplotlib leaves labels that begin with _ out of legends.
-Label = Annotated[Text, _matching("[^_].*", "a label that does not begin with _")]
-Name = Annotated[
-    str, Field(max_length=100, json_schema_extra={"pattern": _NAME}), _matching(_NAME, _NAMED)
-]
-IndicatorName = Annotated[
-    str,
-    AfterValidator(_check_indicator),
-    Field(
-        json_schema_extra=lambda schema: schema.update(
-            anyOf=[{"enum": [*INDICATORS]}, {"pattern": "[:.]"}]
-        )
-    ),
-]
-Names = Annotated[list[str], Field(min_length=1)]
-Count = Annotated[int, Field(ge=1, le=_MAX_EVALUATIONS)]
-Repetitions = Annotated[int, Field(ge=1, le=_MAX_SEEDS)]
+Label = Annotated[str, Field(max_length=200, pattern=r"^[^\s_](.*\S)?$")]
+Name = Annotated[str, Field(max_length=100, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+Count = Annotated[int, Field(ge=1, le=10**12)]
 Seconds = Annotated[float, Field(gt=0, le=1e9)]
 Seed = Annotated[int, Field(ge=0, le=2**32 - 1)]
 SeedList = Annotated[list[Seed], Field(min_length=1, max_length=_MAX_SEEDS), _all_distinct("seed")]
@@ -177,12 +124,7 @@ def _or_name(key: str, model: type[_Entry]) -> BeforeValidator:
     """Accept a name instead of the mapping ``{key: name}``."""
 
     def from_name(value: Any) -> Any:
-        if isinstance(value, str):
-            return {key: value}
-        if not isinstance(value, dict | model):
-            expected = f"a name, or a mapping with {key}: NAME"
-            raise ValueError(f"expected {expected}, got {quoted(value)}")
-        return value
+        return {key: value} if isinstance(value, str) else value
 
     return BeforeValidator(from_name, json_schema_input_type=str | model)
 
@@ -195,16 +137,17 @@ class _Family(_Entry):
     grid: dict[str, Values] = {}
     """Parameters with several values each; every combination is one."""
 
-    @property
-    def own_parameters(self) -> dict[str, Any]:
-        """Parameters that every mission takes, which are keys of the entry."""
-        given = {name: getattr(self, name, None) for name in ("robots", "lengths_from_pos")}
-        return {name: value for name, value in given.items() if value}
-
     @pydantic.model_validator(mode="after")
     def _check_parameters(self) -> Self:
-        _check_distinct("parameter", [*self.own_parameters, *self.parameters, *self.grid])
+        _check_distinct("parameter", [*self.parameters, *self.grid])
         return self
+
+    def members(self, label: str) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Yield a label and the values of each combination of the grid; one if there is no grid."""
+        for values in itertools.product(*self.grid.values()):
+            grid = dict(zip(self.grid, values, strict=True))
+            words = ", ".join(f"{name}={value_text(value)}" for name, value in grid.items())
+            yield f"{label} ({words})" if words else label, grid
 
 
 class MissionEntry(_Family):
@@ -214,8 +157,6 @@ class MissionEntry(_Family):
     """A mission's name, or a mission file, relative to the study file."""
     robots: Size | None = None
     """Team size; default: the mission's own."""
-    lengths_from_pos: bool = False
-    """Whether every arc is as long as its nodes are apart, by their pos."""
     min_survival: Probability = 0.0
     """Survival floor: every robot has to survive with at least this probability."""
     max_length: NotNegative | Literal["unlimited"] | None = None
@@ -234,34 +175,6 @@ class AlgorithmEntry(_Family):
 
 MissionOrName = Annotated[MissionEntry, _or_name("mission", MissionEntry)]
 AlgorithmOrName = Annotated[AlgorithmEntry, _or_name("algorithm", AlgorithmEntry)]
-
-
-class Seeds(_Entry):
-    """The seeds of the repetitions: how many, or which."""
-
-    count: Repetitions | None = None
-    """How many repetitions."""
-    seed: Seed | None = None
-    """Seed of the study, from which and from its number each repetition's seed derives; without
-    it the seeds are 1, 2, ..., count."""
-    values: SeedList | None = None
-    """The seeds themselves, instead of a count."""
-
-    @pydantic.model_validator(mode="after")
-    def _check_that_one_is_given(self) -> Self:
-        if (self.count is None) == (self.values is None):
-            found = "neither" if self.count is None else "both"
-            raise ValueError(f"expected either count or values, found {found}")
-        if self.values is not None and self.seed is not None:
-            raise ValueError("expected no seed beside values, which are the seeds themselves")
-        return self
-
-
-def _seeds(value: Any) -> Any:
-    """Accept a count or a list of seeds instead of a mapping."""
-    if isinstance(value, list):
-        return {"values": value}
-    return value if isinstance(value, dict | Seeds) or value is None else {"count": value}
 
 
 class Recording(_Entry):
@@ -304,7 +217,7 @@ class StudyFile(_Entry):
         dict[Label, MissionOrName],
         Field(min_length=1),
         BeforeValidator(
-            _labelled_missions, json_schema_input_type=dict[str, MissionOrName] | Names
+            _labelled_missions, json_schema_input_type=dict[str, MissionOrName] | list[str]
         ),
     ]
     """Missions under labels of your own; or a list of names and files, which are the labels.
@@ -312,25 +225,26 @@ class StudyFile(_Entry):
     algorithms: Annotated[
         dict[Label, AlgorithmOrName],
         Field(min_length=1),
-        BeforeValidator(_labelled, json_schema_input_type=dict[str, AlgorithmOrName] | Names),
+        BeforeValidator(_labelled, json_schema_input_type=dict[str, AlgorithmOrName] | list[str]),
     ]
     """Algorithms under labels of your own; or a list of names, which are the labels."""
     problem: Text | None = None
     """Objectives of your own: module:Class, derived from BOTOHE; default: E[R] and E[S]."""
-    budget: Annotated[Budget | None, Field(validate_default=True)] = None
+    budget: Budget | None = None
     """What each run may spend; a mission may have its own."""
     seeds: Annotated[
-        Seeds, BeforeValidator(_seeds, json_schema_input_type=Seeds | Repetitions | list[Seed])
+        SeedList,
+        BeforeValidator(_counted_seeds, json_schema_input_type=Count | list[Seed]),
     ]
-    """A count, or a list of seeds."""
+    """A count, for the seeds 1, 2, ..., or a list of seeds."""
     recording: Recording = Recording()
     """When fronts are recorded."""
     indicators: Annotated[
-        list[IndicatorName],
-        Field(default_factory=_registered_indicators, min_length=1),
+        list[str],
+        Field(default_factory=lambda: [*INDICATORS], min_length=1),
         _all_distinct("indicator"),
     ]
-    """What fronts are judged by."""
+    """What fronts are judged by: names, or module:function."""
     reference: Literal["runs", "best-known"] = "runs"
     """What fronts are compared with: what all runs on a mission found together, or with it the best
     known front and the bound of the library."""
@@ -338,17 +252,6 @@ class StudyFile(_Entry):
     """The control algorithm, if any, and the significance level."""
     bounds: Bounds | None = None
     """Bounds to be proved on the missions' fronts; default: none. No run depends on them."""
-
-    @pydantic.field_validator("budget")
-    @classmethod
-    def _check_budget(cls, budget: Budget | None, info: ValidationInfo) -> Budget | None:
-        missions = info.data.get("missions", {})  # none if they are not valid
-        without = [label for label, entry in missions.items() if entry.budget is None]
-        if budget is None and without:
-            raise ValueError(
-                f"expected a budget, as the mission {without[0]!r} has none of its own"
-            )
-        return budget
 
     @pydantic.field_validator("bounds", "reference")
     @classmethod

@@ -2,9 +2,8 @@
 
 import contextlib
 import io
+import itertools
 import json
-import os
-import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import fields, replace
 from pathlib import Path
@@ -12,179 +11,127 @@ from typing import Any
 
 import filelock
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 
-from botohe_moo.base.files import read_bytes, replace_file
-from botohe_moo.base.messages import most_alike
+from botohe_moo.base.files import FilePath, read_bytes, replace_file
 from botohe_moo.bounds import FrontBound
-from botohe_moo.indicators import INDICATORS
 from botohe_moo.mission.loading import read_mission, save_mission
 from botohe_moo.mission.model import mission_digest
-from botohe_moo.study.content import canonical
 from botohe_moo.study.model import MANIFEST, Run, Study, StudyError, StudyMission, digest_of
-from botohe_moo.study.task import Outcome, Record
+from botohe_moo.study.perform import Outcome, Record
 from botohe_moo.trails import PlanBatch
 
-# The folders in a study's; its tables are made from the files in the first three.
 RUNS, FAILURES, BOUNDS, MISSIONS = PARTS = ("runs", "failures", "bounds", "missions")
 OUTCOME_FIELDS = [field.name for field in fields(Outcome) if field.name != "records"]
-_STUDY = TypeAdapter(Study)
+_OF_RECORDS = ("evaluations", "seconds", "ties", "front_size")
 _LOCK = ".lock"
 _UNFINISHED = f".{'?' * 16}.tmp"  # as replace_file names them
-_LONGEST_REASON = 200  # characters
 
 
 class StudyFolder:
     """The folder of a study's results; it need not exist, and :meth:`locked` makes it.
 
     ``runs/DIGEST.npz`` holds a finished run. ``failures/DIGEST.npz`` holds the last failure of a
-    run that has never finished: failures are not results, and the run is performed again.
+    run: failures are not results, and the run is performed again until it is finished.
     ``bounds/DIGEST-SECONDS.json`` holds the bound of a mission that was allowed these seconds.
-    A StudyError names what cannot be used or written to.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: FilePath) -> None:
         self.path = Path(path)
 
     @contextlib.contextmanager
     def locked(self, study: Study) -> Iterator[None]:
         """Make the folder for a study, and keep other runners out of it."""
         self.check(study)
+        self.path.mkdir(parents=True, exist_ok=True)
         lock = filelock.FileLock(self.path / _LOCK, timeout=0)
-        with writing(self.path):
-            self.path.mkdir(parents=True, exist_ok=True)
-            try:
-                lock.acquire()
-            except filelock.Timeout:
-                raise StudyError(
-                    f"{self.path}: another runner is at work in this folder. Wait for it, or give "
-                    "another folder by --out."
-                ) from None
         try:
-            with writing(self.path):
-                for part in PARTS:
-                    (self.path / part).mkdir(exist_ok=True)
-                for unfinished in self.path.rglob(_UNFINISHED):  # of a runner that was killed
-                    unfinished.unlink(missing_ok=True)
+            lock.acquire()
+        except filelock.Timeout:
+            raise StudyError(f"{self.path}: another runner is at work in this folder.") from None
+        with lock:
+            for part in PARTS:
+                (self.path / part).mkdir(exist_ok=True)
+            for unfinished in self.path.rglob(_UNFINISHED):  # of a runner that was killed
+                unfinished.unlink(missing_ok=True)
             yield
-        finally:
-            lock.release()
 
     def check(self, study: Study) -> None:
         """Raise a StudyError unless the folder is missing, empty or holds this study."""
         names = sorted(path.name for path in self.path.iterdir()) if self.path.exists() else []
+        found = (
+            "" if _LOCK in names else "".join(map(repr, names[:1]))
+        )  # a killed runner may have made no more
         if MANIFEST in names:
-            if (name := read_manifest(self.path)["name"]) != study.name:
-                raise StudyError(
-                    f"{self.path}: holds the study {name!r}, not {study.name!r}; give another "
-                    "folder by --out."
-                )
-        elif names and _LOCK not in names:  # a runner that was killed may have made no more
+            name = read_manifest(self.path)["name"]
+            found = f"the study {name!r}" if name != study.name else ""
+        if found:
             raise StudyError(
-                f"{self.path}: expected an empty folder or that of a study, found {names[0]!r} "
-                "in it; give another folder by --out."
+                f"{self.path}: expected an empty folder or that of the study {study.name!r}, found "
+                f"{found}; give another folder by --out."
             )
 
     def write_study(self, study: Study) -> None:
-        """Write the study file, the missions, and ``study.json``: the manifest and the study."""
-        kept = _STUDY.dump_python(
-            study,
-            mode="json",
-            exclude={"missions": {"__all__": {"mission"}}},  # missions have files of their own
-            exclude_defaults=True,  # some of which cannot be written as JSON
-        ) | {"versions": dict(study.versions)}
-        content = json.dumps({**study.manifest(), "kept": kept}, indent=1) + "\n"
-        with writing(self.path):
-            for mission in study.missions:
-                save_mission(mission.mission, self.path / MISSIONS / f"{mission.digest}.json")
-            replace_file(self.path / "study.yaml", study.text.encode())
-            replace_file(self.path / MANIFEST, content.encode())
+        """Write the study file, the missions, and ``study.json``: the manifest."""
+        for mission in study.missions:
+            save_mission(mission.mission, self.path / MISSIONS / f"{mission.digest}.json")
+        replace_file(self.path / "study.yaml", study.text.encode())
+        content = json.dumps(study.manifest(), indent=1) + "\n"
+        replace_file(self.path / MANIFEST, content.encode())
 
-    def digests(self, part: str = RUNS) -> set[str]:
-        """Return the digests of all runs that are finished, or of those that have failed."""
-        return {path.stem for path in (self.path / part).glob("*.npz")}
+    def _path(self, run: Run, part: str) -> Path:
+        return self.path / part / f"{run.digest}.npz"
+
+    def finished(self, runs: Iterable[Run]) -> frozenset[str]:
+        """Return the digests of the runs that are finished."""
+        there = {path.stem for path in (self.path / RUNS).glob("*.npz")}
+        return frozenset(run.digest for run in runs if run.digest in there)
 
     def save(self, run: Run, outcome: Outcome) -> None:
-        """Write the outcome of a run; records of a failed run are not kept."""
-        finished, failed = self._paths(run)
-        with writing(self.path):
-            if outcome.status == "failed":
-                replace_file(failed, _pack_run(run, replace(outcome, records=())))
-            else:
-                replace_file(finished, _pack_run(run, outcome))
-                failed.unlink(missing_ok=True)
+        """Write the outcome of a run."""
+        part = FAILURES if outcome.status == "failed" else RUNS
+        replace_file(self._path(run, part), _pack_run(run, outcome))
 
     def load(self, run: Run) -> Outcome | None:
         """Read the outcome of a run, or its last failure; None if there is neither."""
-        path = next(filter(Path.exists, self._paths(run)), None)
+        paths = [self._path(run, part) for part in (RUNS, FAILURES)]
+        path = next(filter(Path.exists, paths), None)
         return _read_run(path, run) if path else None
 
-    def _paths(self, run: Run) -> tuple[Path, Path]:
-        """Return the files of a run that is finished, and of its last failure."""
-        name = f"{run.digest}.npz"
-        return self.path / RUNS / name, self.path / FAILURES / name
-
     def outcomes(self, runs: Iterable[Run]) -> Iterator[tuple[Run, Outcome]]:
-        """Read the outcomes of the runs that have one; a StudyError names all damaged files."""
-        damaged = []
+        """Read the outcomes of the runs that have one; a StudyError names a damaged file."""
         for run in runs:
-            try:
-                if outcome := self.load(run):
-                    yield run, outcome
-            except StudyError as error:
-                damaged.append(str(error))
-        if damaged:
-            raise StudyError("\n".join(damaged))
+            if outcome := self.load(run):
+                yield run, outcome
 
     def bound(self, mission: StudyMission) -> tuple[FrontBound, float] | None:
-        """Read the bound of a mission that was allowed the most seconds, and these seconds.
-
-        A damaged file counts as missing, and a warning names it.
-        """
-        found = None
+        """Read the bound of a mission that was allowed the most seconds, and these seconds."""
+        found = {}
         for path in (self.path / BOUNDS).glob(f"{mission.bound_digest}-*.json"):
-            try:
-                seconds = float(path.stem.partition("-")[2])
-                if found is None or seconds > found[1]:
-                    found = FrontBound.load(path, mission.mission), seconds
-            except ValueError:
-                warnings.warn(f"{path}: damaged, and left out.", stacklevel=2)
-        return found
+            with _reading(path):
+                found[float(path.stem.partition("-")[2])] = path
+        if not found:
+            return None
+        with _reading(path := found[max(found)]):
+            return FrontBound.load(path, mission.mission), max(found)
 
     def save_bound(self, mission: StudyMission, bound: FrontBound, seconds: float) -> None:
         """Write the bound of a mission that was allowed these seconds."""
-        name = f"{mission.bound_digest}-{canonical(seconds)}.json"
-        with writing(self.path):
-            bound.save(self.path / BOUNDS / name)
-
-    def inputs(self, study: Study) -> list[tuple[str, int, int]]:
-        """List the files that a study's tables are made from, with sizes and times of change."""
-        digests = {run.digest for run in study.runs()}
-        digests |= {mission.bound_digest for mission in study.missions}
-        return sorted(
-            (f"{part}/{path.name}", path.stat().st_size, path.stat().st_mtime_ns)
-            for part in (RUNS, FAILURES, BOUNDS)
-            for path in (self.path / part).glob("[!.]*")
-            if path.stem.partition("-")[0] in digests
-        )
+        bound.save(self.path / BOUNDS / f"{mission.bound_digest}-{seconds:g}.json")
 
     def take_from(self, other: Path) -> None:
         """Copy the files of runs, failures, missions and bounds that are not there yet."""
-        with writing(self.path):
-            for part in PARTS:
-                for path in sorted((other / part).glob("[!.]*")):
-                    copy = self.path / part / path.name
-                    if not copy.exists():
-                        replace_file(copy, read_bytes(path))
+        for part in PARTS:
+            for path in sorted((other / part).glob("[!.]*")):
+                copy = self.path / part / path.name
+                if not copy.exists():
+                    replace_file(copy, read_bytes(path))
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Read ``study.json``; raise a StudyError if a folder has none, or a damaged one."""
     path = folder / MANIFEST
     if not path.exists():
-        others = (path.parent.name for path in folder.parent.glob(f"*/{MANIFEST}"))
-        beside = most_alike(folder.name, others)
-        raise StudyError(f"{folder}: there is no study in this folder{beside}.")
+        raise StudyError(f"{folder}: there is no study in this folder.")
     with _reading(path):
         content: dict[str, Any] = json.loads(read_bytes(path))
         content["name"]  # raises if this is something else
@@ -195,33 +142,16 @@ def restore_study(folder: Path) -> Study:
     """Read the study that a folder holds, as it was checked when its runs were planned.
 
     The code that it names is not imported: missions are read from the folder, and the packages of
-    its algorithms need not be installed. A study of an earlier version is refused.
+    its algorithms need not be installed.
     """
-    manifest = read_manifest(folder)
+    manifest, missions = read_manifest(folder), {}
     with _reading(folder / MANIFEST):
-        kept = manifest["kept"]
-        for mission in kept["missions"]:
-            file = folder / MISSIONS / f"{mission['digest']}.json"
-            with _reading(file):
-                mission["mission"] = read_mission(file)
-                if mission_digest(mission["mission"]) != mission["digest"]:
+        for label, entry in manifest["missions"].items():
+            with _reading(file := folder / entry["file"]):
+                missions[label] = read_mission(file)
+                if mission_digest(missions[label]) != entry["digest"]:
                     raise ValueError("it was changed")
-        try:
-            study = _STUDY.validate_python(kept, context={"imports": False})
-        except ValidationError as error:
-            raise ValueError("it was written by another version") from error
-        problem_is_stated = study.file.problem is None or all(
-            mission.own_objectives is not None for mission in study.missions
-        )
-        if "versions" not in kept or not problem_is_stated:
-            raise ValueError("it was written by another version")
-        for name in study.file.indicators:
-            if not INDICATORS[name].is_loaded:
-                raise StudyError(
-                    f"{folder}: the indicator {name!r} is code, which folders do not run: run the "
-                    "study file again, or register the indicator as an entry point."
-                )
-        return study
+        return Study.restored(manifest, missions)
 
 
 def _pack_run(run: Run, outcome: Outcome) -> bytes:
@@ -229,14 +159,12 @@ def _pack_run(run: Run, outcome: Outcome) -> bytes:
     records = outcome.records
     plans, objectives = (records[-1].plans if records else None) or (None, np.empty((0, 0)))
     header = {"identity": run.identity, **{n: getattr(outcome, n) for n in OUTCOME_FIELDS}}
+    of_records: Any = {n: np.array([getattr(r, n) for r in records]) for n in _OF_RECORDS}
     buffer = io.BytesIO()
     np.savez_compressed(
         buffer,
         header=np.frombuffer(json.dumps(header).encode(), np.uint8),
-        evaluations=np.array([record.evaluations for record in records], np.int64),
-        seconds=np.array([record.seconds for record in records], np.float64),
-        ties=np.array([record.ties for record in records], np.int64),
-        n_points=np.array([record.front_size for record in records], np.int64),
+        **of_records,
         points=np.concatenate([r.objectives for r in records] or [objectives]),
         plan_objectives=objectives,
         plan_nodes=np.empty(0, np.int32) if plans is None else plans.nodes,
@@ -253,9 +181,9 @@ def _read_run(path: Path, run: Run) -> Outcome:
         header = json.loads(arrays["header"].tobytes())
         if digest_of(header["identity"]) != run.digest:
             raise ValueError("it holds another run")
-        fronts = np.split(arrays["points"], np.cumsum(arrays["n_points"]))[:-1]
-        evaluations, seconds = arrays["evaluations"].tolist(), arrays["seconds"].tolist()
-        records = list(map(Record, evaluations, seconds, fronts, arrays["ties"].tolist()))
+        evaluations, seconds, ties, sizes = (arrays[name].tolist() for name in _OF_RECORDS)
+        fronts = np.split(arrays["points"], list(itertools.accumulate(sizes)))[:-1]
+        records = list(map(Record, evaluations, seconds, fronts, ties))
         if records:
             n_robots = run.mission.mission.robots
             plans = PlanBatch(arrays["plan_nodes"], arrays["plan_offsets"], n_robots)
@@ -265,25 +193,13 @@ def _read_run(path: Path, run: Run) -> Outcome:
 
 @contextlib.contextmanager
 def _reading(path: Path) -> Iterator[None]:
-    """Turn any exception into a StudyError that says that the file is damaged."""
+    """Turn any exception into a StudyError: the file is damaged, or of another version."""
     try:
         yield
     except StudyError:
         raise
     except Exception as error:  # numpy and zipfile do not say which a damaged file raises
-        reason = " ".join(f"{error}".split())[:_LONGEST_REASON]
+        reason = str(error).partition("\n")[0]
         raise StudyError(
             f"{path}: damaged ({reason}); remove the file, and run the study again."
-        ) from error
-
-
-@contextlib.contextmanager
-def writing(folder: Path) -> Iterator[None]:
-    """Turn an OSError into a StudyError that says what it means for the study."""
-    try:
-        yield
-    except OSError as error:
-        raise StudyError(
-            f"{error.filename or folder}: cannot be written ({error.strerror}). All runs that are "
-            "finished are kept; run the study again to go on."
         ) from error

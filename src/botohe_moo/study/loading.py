@@ -4,40 +4,37 @@ import itertools
 import json
 import math
 import operator
-import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar, get_args
+from typing import Any, TypeAlias
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo.algorithms.registry import make_algorithm
-from botohe_moo.base.documents import Document, DocumentError
-from botohe_moo.base.files import read_bytes
-from botohe_moo.base.messages import most_alike, quoted
-from botohe_moo.base.parameters import faults_in, raised_faults
-from botohe_moo.bounds.plain import check_boundable
+from botohe_moo.algorithms.registry import algorithm_parameters, make_algorithm
+from botohe_moo.base.documents import Document
+from botohe_moo.base.files import FilePath, Source
+from botohe_moo.base.messages import FaultsError, quoted
+from botohe_moo.base.parameters import changes_nothing, faults_in, plain_value, raised_faults
+from botohe_moo.base.registry import is_path
 from botohe_moo.indicators import INDICATORS
 from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.formats.reading import is_file_name
 from botohe_moo.mission.loading import load_mission, mission_origin, relative_to
 from botohe_moo.mission.model import mission_digest
-from botohe_moo.problem import BOTOHE, PROBLEMS, find_problem
+from botohe_moo.problem import BOTOHE, find_problem
+from botohe_moo.study import content as c
 from botohe_moo.study import model as m
-from botohe_moo.study.content import StudyFile, canonical, value_text
-from botohe_moo.study.model import algorithm_identity, algorithm_origin
 
-T = TypeVar("T")
 Place: TypeAlias = tuple[int | str, ...]  # keys and positions on the way to a value
 Fault: TypeAlias = tuple[Place, str]  # what is wrong there, as a sentence
 
 _MOST_RUNS = 250_000  # each takes 200 bytes of memory, and a file
 
 
-def load_study(source: str | os.PathLike[str] | Mapping[str, Any]) -> m.Study:
+def load_study(source: FilePath | Mapping[str, Any]) -> m.Study:
     """Read a study file, and check all of it before anything runs.
 
     Parameters
@@ -66,18 +63,19 @@ def load_study(source: str | os.PathLike[str] | Mapping[str, Any]) -> m.Study:
     """
     path, document = Path(), None
     if isinstance(source, Mapping):
-        try:
-            content = json.loads(json.dumps(source, default=_plain))
-        except (TypeError, RecursionError, ValueError) as error:  # such as one that holds itself
-            raise m.StudyError(f"Expected what a study file can hold: {error}.") from None
+        content = plain_value(dict(source))
+        if content is NotImplemented:
+            raise m.StudyError(f"Expected what a study file can hold, got {quoted(source)}.")
         text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"  # JSON is YAML, too
     else:
         path = Path(source)
-        text = _read_text(path)
+        read = Source(path)
         try:
-            document = Document(text)
-        except DocumentError as error:
-            raise m.StudyError(f"{path}:{error}") from None
+            text, document = read.text, read.yaml
+        except FaultsError as error:
+            raise m.StudyError(f"{error}.") from None
+        except ValueError as error:
+            raise m.StudyError(f"{path}: {error}") from None
         content = document.content
     found = validate(content, text, path.parent)
     if isinstance(found, m.Study):
@@ -92,45 +90,25 @@ def validate(content: Any, text: str = "", folder: Path = Path()) -> m.Study | l
     of missions, algorithms and a problem is imported, and missions are loaded.
     """
     try:
-        file = StudyFile.model_validate(content)
+        file = c.StudyFile.model_validate(content)
     except ValidationError as invalid:
         return faults_in(content, invalid, known_keys=_known_keys)
-    seeds = m.seeds_of(file.seeds)
-    n_runs = _n_members(file.missions) * _n_members(file.algorithms) * len(seeds)
+    n_runs = _n_members(file.missions) * _n_members(file.algorithms) * len(file.seeds)
     if n_runs > _MOST_RUNS:
         return [(("seeds",), f"expected at most {_MOST_RUNS:,} runs, found {n_runs:,}.")]
-    faults: list[Fault] = []
-    read_mission = partial(_read_mission, file=file, folder=folder)
+    if faults := [*_of_main(content)]:
+        return faults
+    if problem := file.problem:
+        for _, said in raised_faults(find_problem, {"problem": problem}):
+            return [(("problem",), said)]
+    read_mission = partial(_read_mission, file, folder)
     missions = _read_all("mission", file.missions, read_mission, faults)
-    problem = file.problem
-    if problem is not None:
-        try:
-            missions = _with_objectives(missions, problem)
-        except ValueError as error:
-            said = str(error).removeprefix(f"{PROBLEMS.source(problem)}: ").rstrip(".")
-            faults.append((("problem",), f"{problem!r}: {said}."))
-            problem = None
-    read_algorithm = partial(_read_algorithm, problem=problem)
+    read_algorithm = partial(_read_algorithm, problem)
     algorithms = _read_all("algorithm", file.algorithms, read_algorithm, faults)
-    if not faults:
-        faults += _faults_together(file, missions, algorithms)
-    return faults or m.Study(file, text, tuple(missions), tuple(algorithms), seeds)
-
-
-@dataclass(frozen=True)
-class _Member:
-    """A mission or algorithm of an entry: one combination of its grid, or all there is."""
-
-    family: str  # label of the entry
-    label: str  # that of the entry, and the combination in brackets
-    entry: Any
-    parameters: dict[str, Any]  # those of the entry and of the combination
-    grid: dict[str, Any]  # those of the combination only
-
-    def place(self, kind: str, parameter: str | None) -> Place:
-        """Return where the file gives a parameter, or for None its name."""
-        key = [key for key in ("grid", "parameters") if parameter in getattr(self.entry, key)]
-        return (f"{kind}s", self.family, *key, parameter or kind)
+    if faults:
+        return faults
+    study = m.Study(file, text, tuple(missions), tuple(algorithms), tuple(file.seeds))
+    return [*_faults_together(study)] or study
 
 
 def _n_members(entries: Mapping[str, Any]) -> int:
@@ -138,193 +116,154 @@ def _n_members(entries: Mapping[str, Any]) -> int:
     return sum(math.prod(map(len, entry.grid.values())) for entry in entries.values())
 
 
-def _members(entries: Mapping[str, Any]) -> Iterator[_Member]:
-    """Expand the grids of all missions or algorithms."""
-    for family, entry in entries.items():
-        for combination in itertools.product(*entry.grid.values()):
-            grid = dict(zip(entry.grid, combination, strict=True))
-            values = ", ".join(f"{name}={value_text(value)}" for name, value in grid.items())
-            label = f"{family} ({values})" if values else family
-            yield _Member(family, label, entry, {**entry.parameters, **grid}, grid)
-
-
 def _read_all(
-    kind: str, entries: Mapping[str, Any], read: Callable[[_Member], T], faults: list[Fault]
-) -> list[T]:
+    kind: str, entries: Mapping[str, Any], read: Callable[..., Any], faults: list[Fault]
+) -> list[Any]:
     """Read the missions or algorithms of entries; note what keeps some from being read."""
-    found: list[T] = []
-    for member in _members(entries):
-        for key, said in raised_faults(lambda each: found.append(read(each)), {"each": member}):
-            name = getattr(member.entry, kind)
-            faults.append((member.place(kind, key), said if key else f"{name!r}: {said}"))
+    found: list[Any] = []
+    for family, entry in entries.items():
+        for label, grid in entry.members(family):
+            given = {"entry": entry, "grid": grid, "label": label, "family": family}
+            for key, said in raised_faults(lambda **each: found.append(read(**each)), given):
+                where = [name for name in ("grid", "parameters") if key in getattr(entry, name)]
+                known = key if where or key in type(entry).model_fields else None
+                place = (f"{kind}s", family, *where, known or kind)
+                faults.append((place, said if known else f"{getattr(entry, kind)!r}: {said}"))
     return found
 
 
-def _read_mission(member: _Member, file: StudyFile, folder: Path) -> m.StudyMission:
+def _read_mission(
+    file: c.StudyFile, folder: Path, entry: c.MissionEntry, grid: Mapping[str, Any], **labels: Any
+) -> m.StudyMission:
     """Load a mission that can be saved with the study, and is the same each time."""
-    entry, name = member.entry, member.entry.mission
-    budget: Any = entry.budget or file.budget  # one of them is there, as pydantic has checked
-    _refuse_main(name)
+    name = entry.mission
+    budget = entry.budget or file.budget
+    if budget is None:
+        raise ValueError("expected a budget of its own or of the study, found neither")
     if is_file_name(name):
         name = str(folder / name)
-    parameters = {**entry.own_parameters, **relative_to(folder, name, member.parameters)}
-    mission, origin = load_mission(name, **parameters), mission_origin(name)
+    parameters = dict(relative_to(folder, name, {**entry.parameters, **grid}))
+    if entry.robots is not None:
+        parameters["robots"] = entry.robots
+    mission, package = load_mission(name, **parameters), mission_origin(name)["package"]
     mission_content(mission)  # raises if it cannot be saved
-    foreign = ":" in name or origin["package"] not in (None, "botohe-moo")
+    foreign = ":" in name or package not in (None, "botohe-moo")
     if foreign and load_mission(name, **parameters) != mission:
         raise ValueError("it gives another mission each time; it needs a seed as a parameter")
     limit = math.inf if entry.max_length == "unlimited" else entry.max_length
-    problem = BOTOHE(mission, min_survival=entry.min_survival, max_length=limit)
+    kind = find_problem(file.problem) if file.problem else BOTOHE
+    problem = kind(mission, min_survival=entry.min_survival, max_length=limit)
     return m.StudyMission(
-        label=member.label,
         mission=mission,
         source={"name_or_path": name, **parameters},
-        origin=origin,
         min_survival=entry.min_survival,
         max_length=problem.max_length,
         budget=budget,
         digest=mission_digest(mission),
-        family=member.family,
-        grid=member.grid,
+        own_objectives=problem.objectives if file.problem else None,
+        grid=grid,
+        **labels,
     )
 
 
-def _read_algorithm(member: _Member, problem: str | None) -> m.StudyAlgorithm:
+def _read_algorithm(
+    problem: str | None, entry: c.AlgorithmEntry, grid: Mapping[str, Any], **labels: Any
+) -> m.StudyAlgorithm:
     """Make an algorithm once, to see that it can be made, and find out what identifies it."""
-    name, parameters = member.entry.algorithm, member.parameters
-    _refuse_main(name, *parameters.values())
-    make_algorithm(name, **parameters)
+    name, parameters = entry.algorithm, {**entry.parameters, **grid}
+    made, stated = make_algorithm(name, **parameters), algorithm_parameters(name)
+    defaults = {p.name: p.default for p in stated if p.own and not p.required}
+    # A method that takes any keywords may give its class other defaults, which are not stated.
+    handed_on = {p.name: getattr(made, p.name, NotImplemented) for p in stated if not p.own}
+    values = {k: plain_value(v) for k, v in {**handed_on, **defaults, **parameters}.items()}
     return m.StudyAlgorithm(
-        label=member.label,
         algorithm=name,
         parameters=parameters,
-        origin=algorithm_origin(name, parameters, problem),
-        identity=algorithm_identity(name, parameters),
-        family=member.family,
-        grid=member.grid,
+        # An empty list, such as that of plans to start from, says nothing.
+        effective={k: v for k, v in values.items() if v not in (NotImplemented, [])},
+        neutral=frozenset(p.name for p in stated if changes_nothing(p.hint)),
+        origin=m.algorithm_origin(name, parameters, problem),
+        grid=grid,
+        **labels,
     )
 
 
-def _refuse_main(*values: Any) -> None:
-    """Refuse what ``__main__`` defines: the processes that perform runs cannot import it."""
-    for value in values:
-        if isinstance(value, str) and value.startswith("__main__:"):
-            name = value.partition(":")[2]
-            raise ValueError(
-                "runs are performed in other processes, which cannot import what a notebook or "
-                f"script defines; save {name} in a file, such as mine.py, and write mine:{name}"
-            )
+def _of_main(content: Any, place: Place = ()) -> Iterator[Fault]:
+    """Yield what ``__main__`` defines: the processes that perform runs cannot import it."""
+    if isinstance(content, dict | list):
+        for key, value in content.items() if isinstance(content, dict) else enumerate(content):
+            yield from _of_main(value, (*place, key))
+    elif isinstance(content, str) and content.startswith("__main__:"):
+        name = content.partition(":")[2]
+        yield (
+            place,
+            "runs are performed in other processes, which cannot import what a notebook or script "
+            f"defines; save {name} in a file, such as mine.py, and write mine:{name}.",
+        )
 
 
-def _with_objectives(missions: Iterable[m.StudyMission], path: str) -> list[m.StudyMission]:
-    """Return missions with a problem's objectives; a ValueError says what is wrong with it."""
-    _refuse_main(path)
-    find_problem(path)
-    judged: list[m.StudyMission] = []
-    for mission in missions:
-        try:
-            problem = mission.problem(path)
-        except (Exception, SystemExit) as error:  # whatever another package's code may raise
-            raise ValueError(f"it cannot be made ({type(error).__name__}: {error})") from error
-        stated = problem.objectives
-        if problem.n_obj != len(stated):
-            expected = f"expected n_obj = {len(stated)}, as its objectives state"
-            raise ValueError(f"{expected}, got {problem.n_obj}")
-        first = judged[0].own_objectives if judged else None
-        if first is not None and (first.names, first.columns) != (stated.names, stated.columns):
-            pair = f"{judged[0].label!r} and {mission.label!r}"
-            raise ValueError(f"expected the same objectives for all missions; {pair} differ")
-        judged.append(replace(mission, own_objectives=stated))
-    return judged
-
-
-def _faults_together(
-    file: StudyFile, missions: Sequence[m.StudyMission], algorithms: Sequence[m.StudyAlgorithm]
-) -> Iterator[Fault]:
+def _faults_together(study: m.Study) -> Iterator[Fault]:
     """Yield what is wrong with missions and algorithms that are right one by one."""
+    file, missions = study.file, study.missions
     tried = [mission for mission in missions if not mission.mission.is_plain]
     if file.problem:
         tried = tried or [missions[0]]
-    for algorithm in algorithms:
-        reasons = (_refusal(algorithm, mission.problem(file.problem)) for mission in tried)
-        if why := next(filter(None, reasons), None):
+    for algorithm, mission in itertools.product(study.algorithms, tried):
+        given = {"algorithm": algorithm, "problem": mission.problem(file.problem)}
+        for _, said in raised_faults(_set_up, given):
             place = ("algorithms", algorithm.family, "algorithm")
-            yield place, f"{algorithm.algorithm!r}: {why}"
+            yield place, f"{algorithm.algorithm!r}: {said}"
     most, scale = missions[0].objectives.bounds, missions[0].own_objectives or missions[0].mission
-    for name in file.indicators:  # each is tried before anything runs
-        try:
-            INDICATORS[name](np.empty((0, len(most))), np.array([most]), scale)
-        except ValueError as error:
-            yield ("indicators",), str(error)
-    if file.bounds:
-        try:
-            for mission in missions:
-                check_boundable(mission.mission, "bound_front")
-        except ValueError as error:
-            yield ("bounds",), str(error)
-    for mission in missions:
-        if file.reference == "best-known" and mission.library_name is None:
-            yield (
-                ("missions", mission.family),
-                "reference: best-known expects missions of the library with their own robots "
-                f"and limits; {quoted(mission.label)} is not one, or has others.",
-            )
-    # Two algorithms that differ in their number of threads are the same on a mission whose runs
-    # are not limited by seconds.
-    unlimited = [mission for mission in missions if mission.budget.seconds is None]
-    first = (unlimited or missions)[0]
-    each = [m.result_key(mission, algorithms[0], file.recording) for mission in missions]
-    yield from _same_keys("missions", missions, each, "")
-    each = [m.result_key(first, algorithm, file.recording) for algorithm in algorithms]
-    why = ": defaults, spellings and numbers of threads make no other run"
-    yield from _same_keys("algorithms", algorithms, each, why)
-    labels = [algorithm.label for algorithm in algorithms]
-    if (control := file.comparison.control) is not None and control not in labels:
-        known = most_alike(control, labels)
-        yield ("comparison", "control"), f"there is no algorithm {quoted(control)}{known}."
+    front = {"points": np.empty((0, len(most))), "reference": np.array([most]), "mission": scale}
+    for i, name in enumerate(file.indicators):  # each is tried before anything runs
+        find = INDICATORS.load if is_path(name) else INDICATORS.find
+        wrong = raised_faults(find, {"name": name}) or raised_faults(INDICATORS[name], front)
+        for _, said in wrong:
+            yield ("indicators", i), f"{name!r}: {said}"
+    others = [quoted(mission.label) for mission in missions if not mission.library_name]
+    if file.reference == "best-known" and others:
+        yield ("reference",), f"{others[0]} is not a mission of the library with its own limits."
+    if len({mission.objectives.columns for mission in missions}) > 1:
+        yield ("problem",), f"{file.problem!r}: expected the same objectives for all missions."
+    first: dict[str, m.Run] = {}
+    for run in replace(study, seeds=study.seeds[:1]).runs():
+        mission, algorithm, other = run.mission, run.algorithm, first.setdefault(run.digest, run)
+        if other.mission is not mission:
+            said = f"{quoted(mission.label)} is the same as {quoted(other.mission.label)}."
+            yield ("missions", mission.family), said
+        elif other is not run:
+            said = f"{quoted(algorithm.label)} is the same as {quoted(other.algorithm.label)}"
+            why = "defaults and numbers of threads make no other run"
+            yield ("algorithms", algorithm.family), f"{said}: {why}."
+    known = [algorithm.label for algorithm in study.algorithms]
+    if (control := file.comparison.control) not in (None, *known):
+        said = f"there is no algorithm {quoted(control)}; known are {', '.join(known)}."
+        yield ("comparison", "control"), said
 
 
-def _refusal(algorithm: m.StudyAlgorithm, problem: BOTOHE) -> str | None:
-    """Return why an algorithm refuses a problem, in the words of ``minimize``; None if not."""
-    try:
-        made = make_algorithm(algorithm.algorithm, **algorithm.parameters)
-        made.setup(problem, termination=("n_eval", 1), seed=1)
-    except TypeError as error:
-        return str(error)
-    except (Exception, SystemExit):  # not a refusal: its runs will fail, and say why
-        pass
-    return None
-
-
-def _same_keys(kind: str, members: Sequence[Any], keys: Iterable[Any], why: str) -> Iterator[Fault]:
-    """Yield the missions or algorithms whose results depend on the same as those of another."""
-    seen: dict[str, Any] = {}
-    for member, key in zip(members, keys, strict=True):
-        other = seen.setdefault(canonical(key), member)
-        if other is not member:
-            same = f"{quoted(member.label)} is the same as {quoted(other.label)}"
-            yield (kind, member.family), f"{same}{why}."
+def _set_up(algorithm: m.StudyAlgorithm, problem: BOTOHE) -> None:
+    """Set an algorithm up, as ``minimize`` does, to see whether it refuses a problem."""
+    made = make_algorithm(algorithm.algorithm, **algorithm.parameters)
+    made.setup(problem, termination=("n_eval", 1), seed=1)
 
 
 def study_schema() -> str:
     """Return the JSON Schema of study files, with which editors check them."""
-    schema = StudyFile.model_json_schema()
-    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
-    return json.dumps(schema, indent=1) + "\n"
+    return json.dumps(c.StudyFile.model_json_schema(), indent=1) + "\n"
 
 
 def _known_keys(place: Place) -> list[str]:
     """Return the keys that the mapping at a place may have."""
-    model: type[BaseModel] = StudyFile
-    for step in place[:1] + place[2:]:  # the second is the label of a mission or algorithm
-        model = _model_in(model.model_fields[str(step)].annotation) or model
-    return list(model.model_fields)
-
-
-def _model_in(annotation: Any) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    return next(filter(None, map(_model_in, get_args(annotation))), None)
+    models: dict[Any, type[BaseModel]] = {
+        "missions": c.MissionEntry,
+        "algorithms": c.AlgorithmEntry,
+        "budget": c.Budget,
+        "recording": c.Recording,
+        "comparison": c.Comparison,
+        "bounds": c.Bounds,
+    }
+    last = place[2:] or place[:1]  # the second is the label of a mission or algorithm
+    return list(models[last[0]].model_fields if last else c.StudyFile.model_fields)
 
 
 def _lines(faults: Iterable[Fault], path: Path, document: Document | None) -> list[str]:
@@ -335,22 +274,3 @@ def _lines(faults: Iterable[Fault], path: Path, document: Document | None) -> li
         numbered[" ".join(text.split())] = document.line(place) if document else 0
     ordered = sorted(numbered.items(), key=operator.itemgetter(1))
     return [f"{path}:{line}: {text}" if document else text for text, line in ordered]
-
-
-def _plain(value: Any) -> Any:
-    """Return what is no type of JSON as one that is: mappings and numbers of numpy."""
-    if isinstance(value, Mapping):
-        return dict(value)
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"got {quoted(value)}")
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return read_bytes(path).decode("utf-8-sig")
-    except FileNotFoundError:
-        beside = most_alike(path.name, (p.name for p in path.parent.glob("[!.]*.y*ml")))
-        raise m.StudyError(f"{path}: no such file{beside}.") from None
-    except (OSError, ValueError) as error:  # such as text that is not UTF-8
-        raise m.StudyError(f"{path}: cannot be read ({error}).") from None

@@ -1,12 +1,11 @@
 """Performing one run: from a run to records and an outcome."""
 
 import bisect
-import functools
 import math
 import sys
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -20,11 +19,50 @@ from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.base.types import FloatArray
 from botohe_moo.core.compile import own_time
 from botohe_moo.core.ready import kernels
-from botohe_moo.problem import BOTOHE
+from botohe_moo.objectives import SLACK
+from botohe_moo.problem import BOTOHE, problem_path
 from botohe_moo.study.content import Budget
-from botohe_moo.study.model import Run, check_objectives
-from botohe_moo.study.task import Outcome, Record, failure
+from botohe_moo.study.model import Run
 from botohe_moo.trails import PlanBatch
+
+
+@dataclass(frozen=True)
+class Record:
+    """The front of a run after some number of evaluations."""
+
+    evaluations: int
+    seconds: float  # the algorithm's own time
+    objectives: FloatArray  # E[R] and E[S] of distinct points (n, 2), by descending reward
+    ties: int  # further plans whose objectives are those of a point
+    # The plans, and their objectives (front_size + ties, 2). The last record has them; the others
+    # have them only if the run may be killed.
+    plans: tuple[PlanBatch, FloatArray] | None = None
+
+    @property
+    def front_size(self) -> int:
+        """Number of distinct points on the front."""
+        return len(self.objectives)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended."""
+
+    status: str = "failed"  # or done, infeasible (found no feasible plan), timeout (was killed)
+    stopped_by: str = "error"  # or evaluations, seconds, itself or limit
+    evaluations: int = 0
+    seconds: float = 0.0  # without compiling and recording
+    recording_seconds: float = 0.0
+    records: tuple[Record, ...] = ()  # the last one has its plans
+    error: str | None = None
+    traceback: str | None = None
+    environment: dict[str, Any] = field(default_factory=dict)
+    began: str | None = None  # UTC, as 2026-11-22T04:30:12Z
+
+
+def in_a_line(error: BaseException) -> str:
+    """Return the name and the message of an exception as a single line."""
+    return " ".join("".join(traceback.format_exception_only(error)).split())
 
 
 class BudgetSpentError(Exception):
@@ -37,7 +75,7 @@ class Meter:
 
     allowed: int = sys.maxsize  # evaluations
     archive: PlanArchive | None = None  # gets all feasible plans that are evaluated
-    progress: Callable[[], Any] | None = None  # called after evaluations
+    progress: Callable[[], Any] = lambda: None  # called after evaluations
     spent: int = 0  # evaluations
 
 
@@ -58,8 +96,7 @@ class _Metered(BOTOHE if TYPE_CHECKING else object):  # type: ignore[misc]
             raise BudgetSpentError
         meter.spent += len(allowed)
         F: FloatArray = super().evaluate_batch(allowed)
-        if meter.progress is not None:
-            meter.progress()
+        meter.progress()
         if meter.archive is not None:
             feasible, objectives = allowed, -self.checked("F", F, len(allowed))
             if self.n_ieq_constr:
@@ -74,28 +111,17 @@ class _Metered(BOTOHE if TYPE_CHECKING else object):  # type: ignore[misc]
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self  # pymoo copies the problem with the algorithm; both count together
 
-    def __reduce__(self) -> Any:
-        kind: Any = type(self).__mro__[2]
-        return _remade, (kind, vars(self))
-
-
-@functools.cache
-def _metered_class(kind: Any) -> Any:
-    return type(kind.__name__, (_Metered, kind), {"__module__": kind.__module__})
-
-
-def _remade(kind: Any, attributes: dict[str, Any]) -> BOTOHE:
-    problem: BOTOHE = object.__new__(_metered_class(kind))
-    problem.__dict__.update(attributes)
-    return problem
-
 
 def metered(problem: BOTOHE, meter: Meter) -> BOTOHE:
     """Return the same problem, which counts what it evaluates, and evaluates no more than allowed.
 
     It is of a class derived from the problem's, with the same name.
     """
-    return _remade(type(problem), {**vars(problem), "meter": meter})
+    of: Any = type(problem)
+    kind: Any = type(of.__name__, (_Metered, of), {"__module__": of.__module__})
+    made: BOTOHE = object.__new__(kind)
+    made.__dict__.update(vars(problem), meter=meter)
+    return made
 
 
 def record_counts(
@@ -121,10 +147,10 @@ class Recorder:
     ) -> None:
         self._archive = archive
         self._send = send
-        budget, recording = run.mission.budget, run.recording
+        budget: Any = run.mission.budget
         # A run with a budget of seconds may be killed before it can send its final plans.
         self._always_with_plans = budget.seconds is not None
-        self._counts = record_counts(evaluations=budget.evaluations, **recording.model_dump())
+        self._counts = record_counts(evaluations=budget.evaluations, **run.identity["recording"])
         self._next = self._counts[0]
         self.recording_seconds = 0.0
         self._started = own_time()
@@ -155,7 +181,7 @@ class Recorder:
 
 @kernels("compiled")
 def perform(
-    run: Run, send: Callable[[Record], None], progress: Callable[[], Any] | None = None
+    run: Run, send: Callable[[Record], None], progress: Callable[[], Any] = lambda: None
 ) -> Outcome:
     """Perform a run; every record is sent when it is made, and is not in the outcome.
 
@@ -163,59 +189,59 @@ def perform(
     the outcome is that of a failed run. The receiver has to verify the last record, since the
     algorithm may have changed this process's copy of the mission.
     """
-    allowed = run.mission.budget.evaluations
+    budget = run.mission.budget
     meter = Meter(progress=progress)
     recorder = None
     try:
         algorithm = make_algorithm(run.algorithm.algorithm, **run.algorithm.parameters)
-        problem = run.mission.problem(run.problem)
-        recorder = Recorder(run, lambda: _archive(algorithm, problem, meter), send)
+        problem = _metered(algorithm, run.mission.problem(run.problem), meter, budget)
+
+        def archive() -> PlanArchive:
+            return algorithm.archive if meter.archive is None else meter.archive
+
+        recorder = Recorder(run, archive, send)
+        allowed = budget.evaluations
         termination = NoTermination() if allowed is None else ("n_eval", allowed)
-        algorithm.setup(
-            _metered(algorithm, problem, meter, allowed), termination=termination, seed=run.seed
-        )
-        stopped_by = _loop(run.mission.budget, algorithm, meter, recorder)
+        algorithm.setup(problem, termination=termination, seed=run.seed)
+        stopped_by = _loop(budget, algorithm, meter, recorder)
         seconds = recorder.elapsed()
         if allowed is not None and meter.spent > allowed:
             raise RuntimeError(f"evaluated {meter.spent} plans of the {allowed} allowed")
-        archive = _archive(algorithm, problem, meter)
         recorder.record(meter.spent, seconds, with_plans=True)
+        is_empty = len(archive()) == 0
     except (Exception, SystemExit) as error:  # an algorithm may end its own run only
-        seconds = recorder.elapsed() if recorder else 0.0
-        failed = failure("".join(traceback.format_exception_only(error)), traceback.format_exc())
-        return replace(failed, evaluations=meter.spent, seconds=seconds)
+        return Outcome(
+            evaluations=meter.spent,
+            seconds=recorder.elapsed() if recorder else 0.0,
+            error=in_a_line(error),
+            traceback=traceback.format_exc(),
+        )
     return Outcome(
-        status="done" if len(archive) else "infeasible",
+        status="infeasible" if is_empty else "done",
         stopped_by=stopped_by,
         evaluations=meter.spent,
         seconds=seconds,
         recording_seconds=recorder.recording_seconds,
-        error=None if len(archive) else "no feasible plan was found",
+        error="no feasible plan was found" if is_empty else None,
     )
 
 
-def _metered(algorithm: Algorithm, problem: BOTOHE, meter: Meter, allowed: int | None) -> BOTOHE:
+def _metered(algorithm: Algorithm, problem: BOTOHE, meter: Meter, budget: Budget) -> BOTOHE:
     """Return the problem, metered unless the algorithm is known to count its evaluations."""
     if not isinstance(algorithm, ArchiveAlgorithm | PopulationAlgorithm):
         meter.archive = PlanArchive(problem.mission.robots, n_objectives=problem.n_obj)
-        meter.allowed = sys.maxsize if allowed is None else allowed
+        meter.allowed = budget.evaluations or sys.maxsize
+        return metered(problem, meter)
     # An algorithm that evaluates in a kernel refuses a problem that overrides the evaluation, as a
     # metered one does.
-    elif getattr(algorithm, "evaluates_in_kernels", False) or (
-        type(problem) is BOTOHE and _is_ours(algorithm)
-    ):
-        return problem
-    return metered(problem, meter)
-
-
-def _is_ours(algorithm: Algorithm) -> bool:
-    return type(algorithm).__module__.partition(".")[0] == "botohe_moo"
+    in_kernels = getattr(algorithm, "evaluates_in_kernels", False)
+    ours = type(algorithm).__module__.startswith("botohe_moo.")
+    return problem if in_kernels or (ours and type(problem) is BOTOHE) else metered(problem, meter)
 
 
 def _loop(budget: Budget, algorithm: Algorithm, meter: Meter, recorder: Recorder) -> str:
     """Let the algorithm run until its budget is spent; return what ended it."""
-    limit = math.inf if budget.seconds is None else budget.seconds
-    allowed = math.inf if budget.evaluations is None else budget.evaluations
+    limit, allowed = budget.seconds or math.inf, budget.evaluations or math.inf
     while algorithm.has_next():
         before = meter.spent
         try:
@@ -224,7 +250,7 @@ def _loop(budget: Budget, algorithm: Algorithm, meter: Meter, recorder: Recorder
             break
         if meter.archive is None:  # kernels do not count in the meter
             meter.spent = max(meter.spent, algorithm.evaluator.n_eval)
-        if meter.spent > before and meter.progress is not None:
+        if meter.spent > before:
             meter.progress()
         recorder.watch(meter.spent)
         if meter.spent >= allowed:
@@ -234,23 +260,14 @@ def _loop(budget: Budget, algorithm: Algorithm, meter: Meter, recorder: Recorder
     return "evaluations" if meter.spent >= allowed else "itself"
 
 
-def _archive(algorithm: Algorithm, problem: BOTOHE, meter: Meter) -> PlanArchive:
-    """Return what an algorithm of any kind has found so far."""
-    archive: PlanArchive = algorithm.archive if meter.archive is None else meter.archive
-    if type(problem) is not BOTOHE:
-        check_objectives(problem, archive.objectives)
-    return archive
-
-
 def verify(run: Run, plans: PlanBatch, claimed: FloatArray) -> None:
     """Evaluate the plans of a final front again; raise a ValueError if a claim about them is wrong.
 
     ``claimed`` are E[R] and E[S] according to the algorithm, or −F of the study's own problem,
     shape (n, 2).
     """
-    mission = run.mission.mission
-    objectives = mission.evaluate(plans)  # raises if plans are not valid
     problem = run.mission.problem(run.problem)
+    objectives = problem.mission.evaluate(plans)  # raises if plans are not valid
     if run.problem:
         objectives = _own_objectives(problem, plans)
     wrong = np.flatnonzero(~np.isclose(objectives, claimed, rtol=1e-9, atol=1e-12).all(axis=1))
@@ -264,13 +281,20 @@ def verify(run: Run, plans: PlanBatch, claimed: FloatArray) -> None:
 
 
 def _own_objectives(problem: BOTOHE, plans: PlanBatch) -> FloatArray:
-    """Return −F of a problem of your own; a ValueError for plans that break its constraints."""
-    F, G = problem.evaluate_batch(plans), problem.constrain_batch(plans)
-    broken = (problem.checked("G", G, len(plans)) > 0).any(axis=1)
-    if broken.any():
-        plan = int(broken.argmax())
+    """Return −F of a problem of your own.
+
+    A ValueError names a plan that breaks its constraints, or whose objectives are outside the
+    bounds that it states.
+    """
+    G = problem.checked("G", problem.constrain_batch(plans), len(plans))
+    values: FloatArray = -problem.checked("F", problem.evaluate_batch(plans), len(plans))
+    within = (values >= -SLACK) & (values <= problem.objectives.bounds_with_slack)
+    name, bounds = problem_path(type(problem)), [*problem.objectives.bounds]
+    if (G > 0).any():
+        raise ValueError(f"a plan of the final front breaks constraints of {name}")
+    if not within.all():
         raise ValueError(
-            f"plan {plan} of the final front breaks constraints of {type(problem).__name__}: "
-            f"{G[plan]}"
+            f"{name} says by its objectives that −F is at least 0 and at most {bounds}, and gives "
+            f"{values[~within.all(axis=1)][0].tolist()}"
         )
-    return -problem.checked("F", F, len(plans))
+    return values

@@ -1,39 +1,58 @@
 """Processes of this machine that perform runs: one that hangs or crashes loses no other run.
 
-Each process is in one of these states. Messages of the process are pairs of a kind and a content::
+Each process is in one of these states. It sends the messages that are in brackets::
 
-    started ──ready──> preparing ──begin──> running ──end──> started, with the next task
-                       (600 s)              (its seconds)
-                                            │    ^
-                                            └────┘ record
+    started ──[None]──> at work ──[result]──> started, with the next task
+                        │    ^
+                        └────┘ [Record]
 
-The answer to ``ready`` is a task. A bound has no ``begin``. From every state a process goes to
-``dead``: it crashes, SIGALRM ends it when the time of its state is up, or the pool kills it. Its
-task then gets what was recorded and why it ended, and the next task gets another process.
+The answer to None is a task. From every state a process goes to ``dead``: it crashes, SIGALRM ends
+it when the time of its run is up, or the pool kills it. Its task then gets what was recorded and
+why it ended, and the next task gets another process.
 """
 
 import contextlib
+import functools
 import os
+import platform
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+import time
 import traceback
-from collections.abc import Callable, Generator, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Generator, Iterable, Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import version
 from itertools import islice
 from multiprocessing.connection import Pipe, wait
+from pathlib import Path
 from typing import Any, TypeVar
 
-from botohe_moo.study import task as t
-from botohe_moo.study.model import Run
-from botohe_moo.study.perform import verify
+from llvmlite.binding import get_host_cpu_name  # type: ignore[import-untyped]
+
+from botohe_moo.base.runtime import n_cpus
+from botohe_moo.base.types import FloatArray
+from botohe_moo.study.model import Run, StudyMission, digest_of
+from botohe_moo.study.perform import Outcome, Record, in_a_line, verify
 
 _SECONDS_BETWEEN_LOOKS = 0.1
 _SECONDS_TO_DIE = 5.0  # the system may be writing a core dump
 _MOST_OUTPUT = 4_000  # bytes of what a process printed last, which are kept
+_PACKAGES = ("numpy", "numba", "llvmlite", "pymoo", "moocore", "scipy", "networkx")
 
-Given = TypeVar("Given", t.Task, t.BoundTask)
+
+@dataclass(frozen=True)
+class BoundTask:
+    """A mission whose front is to be bounded."""
+
+    mission: StudyMission
+    front: FloatArray  # E[R] and E[S] of the points that its runs have found (n, 2)
+    seconds: float
+
+
+Given = TypeVar("Given", Run, BoundTask)
 
 
 class WorkerPool:
@@ -52,7 +71,7 @@ class WorkerPool:
         *,
         workers: int = 1,
         stopped: Callable[[], bool] = lambda: False,
-        note: Callable[[t.Task, t.Record], None] = lambda _task, _record: None,
+        note: Callable[[Run, Record], Any] = lambda _run, _record: None,
     ) -> Generator[tuple[Given, Any], None, None]:
         """Perform tasks, several at a time; yield each with its result as they end.
 
@@ -68,7 +87,7 @@ class WorkerPool:
         stopped
             Asked ten times a second; when it is true, all tasks end without a result.
         note
-            Called with each record of a run when it is made.
+            Called with each run and record when it is made.
         """
         waiting, busy = iter(tasks), dict[Any, tuple[Given, _Worker]]()
         try:
@@ -108,7 +127,6 @@ class _Worker:
         self.closed = False
         self._output = tempfile.TemporaryFile()  # noqa: SIM115
         path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)  # noqa: PTH109
-        threads = {name: os.environ.get(name, "1") for name in t.THREAD_SETTINGS}
         with childs_end:
             self._process = subprocess.Popen(
                 # -P: a file of the current folder must not stand in for a standard module.
@@ -116,73 +134,65 @@ class _Worker:
                 stdin=childs_end.fileno(),
                 stdout=self._output,
                 stderr=self._output,
-                env={**os.environ, **threads, "PYTHONPATH": path},
+                env={**os.environ, **thread_settings(), "PYTHONPATH": path},
                 start_new_session=True,  # Ctrl-C is for the runner alone
             )
 
-    def take(self, task: t.Task | t.BoundTask) -> None:
+    def take(self, task: Run | BoundTask) -> None:
         """Keep a task until the process is ready for it."""
         self._task = task
-        self._records: list[t.Record] = []
+        self._records: dict[int, Record] = {}  # by evaluations
         self._began: str | None = None
-        self._environment: dict[str, Any] | None = None
 
-    def advance(self, note: Callable[[t.Task, t.Record], None]) -> Any:
+    def advance(self, note: Callable[[Run, Record], Any]) -> Any:
         """Handle the next message, if there is one; return the task's result if it was the last."""
         task = self._task
-        kind, content = self._receive()
-        if kind == "ready":
-            with contextlib.suppress(OSError):  # it has died, and the next message says so
-                self.connection.send(task)
-        elif kind == "begin":
-            self._began, self._environment = content
-        elif kind == "record" and isinstance(task, t.Task):
-            add_record(self._records, content)
-            note(task, content)
-        elif kind == "end":
-            if isinstance(task, t.BoundTask):
-                return content
-            if task.run.algorithm.origin["source"] is not None:
-                self.close()  # code of the user's own might leave something behind
-            return self._completed(task, content)
-        elif kind == "died":
-            status, output = self._last_words()
-            if isinstance(task, t.Task) and status == -signal.SIGALRM:
-                return self._completed(task, _killed(task, self._began, self._records))
-            by = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
-            error = f"its process died ({by})"
-            if isinstance(task, t.BoundTask):
-                return error
-            last = self._records[-1] if self._records else None
-            return self._completed(task, t.failure(error, output, last))
-        return None
-
-    def _completed(self, task: t.Task, outcome: t.Outcome) -> t.Outcome:
-        checked = checked_outcome(task.run, outcome, self._records)
-        return replace(checked, environment=self._environment or t.environment(), began=self._began)
-
-    def _receive(self) -> tuple[str, Any]:
-        """Return the next message; ``("", None)`` if there is none yet, ``died`` after the last."""
         has_died = self._process.poll() is not None
         if has_died:
             self._kill()  # processes that it has started may hold the connection open
         try:
-            if self.connection.poll():
-                message: tuple[str, Any] = self.connection.recv()
-                return message
+            if not self.connection.poll():
+                return self._died() if has_died else None
+            message = self.connection.recv()
+            if message is None:
+                self._began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+                self.connection.send(task)
+                return None
         except (EOFError, OSError):  # it may have died in the middle of a message
-            has_died = True
-        return ("died" if has_died else "", None)
+            return self._died()
+        if isinstance(task, BoundTask):
+            return message
+        if isinstance(message, Record):
+            self._records[message.evaluations] = message
+            note(task, message)
+            return None
+        if task.algorithm.origin["source"] is not None:
+            self.close()  # code of the user's own might leave something behind
+        return self._completed(task, message)
 
-    def _last_words(self) -> tuple[int, str | None]:
-        """Close; return how the process ended, as ``Popen`` does, and what it printed last."""
+    def _completed(self, run: Run, outcome: Outcome) -> Outcome:
+        checked = checked_outcome(run, outcome, [*self._records.values()])
+        return replace(checked, environment=environment(), began=self._began)
+
+    def _died(self) -> Outcome | str:
+        """Close; return the outcome of a run whose process has died, or why there is no bound."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_SECONDS_TO_DIE)
         size = self._output.seek(0, os.SEEK_END)
         self._output.seek(max(0, size - _MOST_OUTPUT))
-        output = self._output.read().decode(errors="replace").strip()
+        output = self._output.read().decode(errors="replace").strip() or None
         self.close()
-        return self._process.returncode, output or None
+        task, status = self._task, self._process.returncode
+        by = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+        error = f"its process died ({by})"
+        if isinstance(task, BoundTask):
+            return error
+        spent = [(record.evaluations, record.seconds) for record in self._records.values()]
+        evaluations, seconds = spent[-1] if spent else (0, 0.0)
+        ended = Outcome(evaluations=evaluations, seconds=seconds, error=error, traceback=output)
+        if status == -signal.SIGALRM:
+            ended = replace(ended, **_limit_of(task), traceback=None)
+        return self._completed(task, ended)
 
     def close(self) -> None:
         """Kill the process and all processes that it has started."""
@@ -197,48 +207,71 @@ class _Worker:
             os.killpg(self._process.pid, signal.SIGKILL)
 
 
-def add_record(records: list[t.Record], record: t.Record) -> None:
-    """Add a record; it replaces one at the same number of evaluations."""
-    if records and records[-1].evaluations == record.evaluations:
-        records.pop()
-    records.append(record)
+def _limit_of(run: Run) -> dict[str, Any]:
+    """Describe the end of a run that took longer than it may."""
+    budget = run.mission.budget
+    if budget.seconds is None:
+        return {"error": f"killed: it had evaluated no plan for {run.patience:g} s (--patience)"}
+    return {
+        "status": "timeout",
+        "stopped_by": "limit",
+        "seconds": budget.seconds,
+        "error": f"killed: {budget.grace_seconds:g} s after its {budget.seconds:g} s were up",
+    }
 
 
-def checked_outcome(run: Run, outcome: t.Outcome, records: list[t.Record]) -> t.Outcome:
+def checked_outcome(run: Run, outcome: Outcome, records: Sequence[Record]) -> Outcome:
     """Return the outcome of a run with its records; a failed run has none.
 
     The final front is evaluated again in this process, where no algorithm has run. If its
     objectives are not those that were recorded, the run has failed.
     """
-    last = records[-1] if records else None
-    if outcome.status == "failed":
+    if outcome.status == "failed" or not records:
         return outcome
-    if last is not None and last.plans is not None:
-        try:
+    *before, last = records
+    try:
+        if last.plans is not None:
             verify(run, *last.plans)
-        except Exception as error:  # of a problem of your own, too
-            return t.failure(f"{type(error).__name__}: {error}", traceback.format_exc(), last)
+    except Exception as error:  # of a problem of your own, too
+        said, trace = in_a_line(error), traceback.format_exc()
+        failed: Any = {"status": "failed", "stopped_by": "error", "error": said, "traceback": trace}
+        return replace(outcome, **failed)
     # Only the last record's plans are kept.
-    return replace(
-        outcome, records=(*(replace(record, plans=None) for record in records[:-1]), *records[-1:])
-    )
+    return replace(outcome, records=(*(replace(each, plans=None) for each in before), last))
 
 
-def _killed(task: t.Task, began: str | None, records: list[t.Record]) -> t.Outcome:
-    """Return the outcome of a run that has ended at its time limit."""
-    last = records[-1] if records else None
-    budget = task.run.mission.budget
-    if began is None:
-        return t.failure(f"killed: it did not start within {t.MOST_SECONDS_TO_START:g} s")
-    if budget.seconds is None:
-        return t.failure(
-            f"killed: it had evaluated no plan for {task.patience:g} s; a budget of seconds "
-            "would have ended it, --patience allows it more",
-            last=last,
-        )
-    killed = t.failure(
-        f"killed: {budget.grace_seconds:g} s after its {budget.seconds:g} s were up it had still "
-        "not come to the end of an iteration",
-        last=last,
-    )
-    return replace(killed, status="timeout", stopped_by="limit", seconds=budget.seconds)
+def thread_settings() -> dict[str, str]:
+    """Return the settings of other libraries' thread pools for runs: one thread, if not set.
+
+    More would take cores from other workers, and make nothing faster here.
+    """
+    names = (f"{pool}_NUM_THREADS" for pool in ("OMP", "OPENBLAS", "MKL", "NUMBA"))
+    return {name: os.environ.get(name, "1") for name in names}
+
+
+@functools.cache
+def environment() -> dict[str, Any]:
+    """Return the environment of runs on this machine, a row of the table ``environments``."""
+    columns: dict[str, Any] = {
+        "botohe_moo": version("botohe-moo"),
+        "commit": _commit(),
+        "python": platform.python_version(),
+        "packages": " ".join(f"{name}=={version(name)}" for name in _PACKAGES),
+        "system": f"{platform.system()} {platform.release()}",
+        "machine": platform.node(),
+        "processor": get_host_cpu_name(),
+        "n_cpus": n_cpus(),
+        "threads": " ".join(f"{name}={number}" for name, number in thread_settings().items()),
+    }
+    return {"environment": digest_of(columns), **columns}
+
+
+def _commit() -> str | None:
+    """Return the commit of this package's source, with + if changed; None if it is installed."""
+    root = Path(__file__).parents[3]
+    if not (root / ".git").exists() or not shutil.which("git"):
+        return None
+    # A process may be killed while it asks, and must leave no lock behind.
+    git = ["git", "--no-optional-locks", "-C", str(root), "describe", "--always", "--dirty=+"]
+    asked = subprocess.run([*git, "--abbrev=40", "--exclude=*"], capture_output=True, text=True)
+    return asked.stdout.strip() or None

@@ -18,10 +18,11 @@ from botohe_moo.library import best_known, certified_bound
 from botohe_moo.mission.model import Mission
 from botohe_moo.study import statistics as st
 from botohe_moo.study.content import canonical, value_text
-from botohe_moo.study.folder import StudyFolder, writing
+from botohe_moo.study.folder import StudyFolder
 from botohe_moo.study.model import Run, Study, StudyError
+from botohe_moo.study.perform import Outcome, Record
+from botohe_moo.study.pool import environment
 from botohe_moo.study.tables import OBJECTIVES, SCHEMAS, as_table, write_tables
-from botohe_moo.study.task import Outcome, Record, environment
 
 IDENTITY = ["run", "mission", "algorithm", "seed"]  # columns
 _TRACED = ["evaluations", "seconds", "front_size", "ties"]  # of a record
@@ -264,11 +265,10 @@ def reach_targets(
     return as_table("targets", table)
 
 
-def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> None:
+def collect_tables(study: Study, folder: StudyFolder) -> None:
     """Make all tables of a study from the runs and bounds that are in its folder, and write them.
 
-    ``made_from`` is the digest of what they are made from. A StudyError names the files that are
-    damaged, or a bound that a run refutes, or says that the folder cannot be written to.
+    A StudyError names a file that is damaged, or a bound that a run refutes.
     """
     kept = {mission.label: folder.bound(mission) for mission in study.bounded}
     bounds = {label: found[0] for label, found in kept.items() if found}
@@ -294,8 +294,7 @@ def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> No
                 f"{bound.area:.6f}. Remove its file from the folder bounds, run the study "
                 "again, and report it if it happens again."
             )
-    with writing(folder.path):
-        write_tables(folder.path, tables, {**manifest, "made_from": made_from})
+    write_tables(folder.path, tables, manifest)
 
 
 def _judged(

@@ -12,19 +12,17 @@ import random
 import select
 import signal
 import threading
-import time
 import traceback
+from collections.abc import Callable
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numba.core import event
 
-from botohe_moo.study import task as t
-from botohe_moo.study.perform import perform
-
-if TYPE_CHECKING:
-    from botohe_moo.bounds import FrontBound
+from botohe_moo.study.model import PATIENCE, Run, check_code
+from botohe_moo.study.perform import Outcome, in_a_line, perform
+from botohe_moo.study.pool import BoundTask
 
 
 def main() -> None:
@@ -37,36 +35,34 @@ def main() -> None:
     event.register("numba:compiler_lock", _Paused())
     with contextlib.suppress(EOFError, OSError):
         while True:
-            connection.send(("ready", None))
-            task: t.Task | t.BoundTask = connection.recv()
-            if isinstance(task, t.BoundTask):
-                result: Any = perform_bound(task)
+            connection.send(None)
+            task: Run | BoundTask = connection.recv()
+            if isinstance(task, BoundTask):
+                result = perform_bound(task)
             else:
-                result = _run(task, connection)
+                result = _run(task, connection.send)
             _end_unless_within(math.inf)
-            connection.send(("end", result))
+            connection.send(result)
 
 
-def _run(task: t.Task, connection: Connection) -> t.Outcome:
+def _run(run: Run, send: Callable[[Any], None]) -> Outcome:
     """Perform a run, and send its records; a run that takes too long ends the process."""
-    _end_unless_within(t.MOST_SECONDS_TO_START)
-    run = task.run
-    if mismatch := t.code_mismatch({"version": run.setting["version"]}, [run.algorithm]):
-        return t.failure(f"the worker {mismatch}")
-    began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-    connection.send(("begin", (began, t.environment())))
+    _end_unless_within(PATIENCE)
+    try:
+        check_code(run)
+    except Exception as error:  # whatever the algorithm's module raises
+        return Outcome(error=in_a_line(error), traceback=traceback.format_exc())
     # Algorithms have generators of their own. One that draws from a global generator nevertheless
     # should draw the same numbers each time.
     random.seed(run.seed)
     np.random.seed(run.seed)  # noqa: NPY002
-    seconds = task.seconds_allowed
-    _end_unless_within(seconds)
+    evaluated = functools.partial(_end_unless_within, run.seconds_allowed)
+    evaluated()
     unlimited = run.mission.budget.seconds is None
-    progress = functools.partial(_end_unless_within, seconds) if unlimited else None
-    return perform(run, lambda record: connection.send(("record", record)), progress)
+    return perform(run, send, evaluated if unlimited else lambda: None)
 
 
-def perform_bound(task: t.BoundTask) -> "FrontBound | str":
+def perform_bound(task: BoundTask) -> Any:
     """Bound the front of a mission; an exception becomes a line that says what it was."""
     # Imported late: runs do not need it.
     from botohe_moo.bounds import bound_front
@@ -81,7 +77,7 @@ def perform_bound(task: t.BoundTask) -> "FrontBound | str":
             max_length=mission.longest,
         )
     except Exception as error:
-        return " ".join("".join(traceback.format_exception_only(error)).split())
+        return in_a_line(error)
 
 
 class _Paused(event.Listener):

@@ -20,7 +20,7 @@ from botohe_moo import (
 )
 from botohe_moo.algorithms.annealing.algorithm import Annealing, SimulatedAnnealing
 from botohe_moo.algorithms.annealing.kernels import DETOUR, MOVES
-from botohe_moo.study.model import algorithm_identity
+from tests.algorithms.test_registry import described
 
 journal = SimulatedAnnealing.journal
 settings = pytest.mark.parametrize("made", [SimulatedAnnealing, journal], ids=["usual", "journal"])
@@ -251,6 +251,6 @@ def test_the_journals_settings_are_parameters_of_a_registered_algorithm():
     assert make_algorithm(path).cooling == 0.95
     assert make_algorithm(path, cooling=0.9).cooling == 0.9
     assert make_algorithm("simulated-annealing").cooling is None
-    identity = algorithm_identity(path, {"n_passes": 2})
+    identity = described(path, {"n_passes": 2})
     assert identity.effective["return_probability"] == 0.0
     assert identity.effective["n_passes"] == 2
