@@ -130,7 +130,7 @@ def test_hashes_of_many_short_plans_differ():
     rng = np.random.default_rng(0)
     plans = {
         TrailPlan([[0, *rng.integers(1, 40, rng.integers(0, 4)), 0] for _ in range(2)])
-        for _ in range(20_000)
+        for _ in range(5_000)
     }
     batch = PlanBatch.from_plans(plans, 2)
     hashes = {int(plan_hash(as_batch(batch), 2, i)) for i in range(len(batch))}

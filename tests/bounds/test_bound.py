@@ -12,13 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import (
-    FrontBound,
-    Mission,
-    area_indicator,
-    bound_front,
-    load_mission,
-)
+from botohe_moo import FrontBound, Mission, area_indicator, bound_front, load_mission
 from botohe_moo.algorithms.exact.front import exact_front
 from botohe_moo.bounds import clock as clock_module
 from botohe_moo.bounds import proof as proof_module
@@ -86,7 +80,7 @@ def test_no_plan_exceeds_the_bound_at_any_stage(no_front, short_search, seeds):
     assert tight > 0.4 * len(seeds)
 
 
-@pytest.mark.parametrize("seeds", seeds(6, 20))
+@pytest.mark.parametrize("seeds", seeds(3, 20))
 def test_no_plan_exceeds_what_threads_prove(no_front, short_search, seeds):
     for seed in seeds:
         mission, limits = random_mission(seed)
