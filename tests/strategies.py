@@ -21,13 +21,7 @@ _LENGTHS = lengths
 
 @st.composite
 def missions(
-    draw,
-    min_nodes=2,
-    max_nodes=7,
-    max_robots=3,
-    one_way=None,
-    survivals=survivals,
-    lengths=None,
+    draw, min_nodes=2, max_nodes=7, max_robots=3, one_way=None, survivals=survivals, lengths=None
 ):
     """Strongly connected missions; one-way ones have nodes with more arcs in than out.
 

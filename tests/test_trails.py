@@ -164,14 +164,7 @@ class TestBadPlans:
             with pytest.raises(ValueError, match=r"^Robot 1: expected a trail, a sequence"):
                 TrailPlan([[0], trail])
 
-    @pytest.mark.parametrize(
-        "trail",
-        [
-            [0, -1, 0],
-            [0, 1.0, 0],
-            [0, MAX_INDEX + 1, 0],
-        ],
-    )
+    @pytest.mark.parametrize("trail", [[0, -1, 0], [0, 1.0, 0], [0, MAX_INDEX + 1, 0]])
     def test_no_indices(self, trail):
         with pytest.raises(ValueError, match=r"^Robot 1: expected node indices .*, got .+\.$"):
             TrailPlan([[0], trail])

@@ -63,9 +63,13 @@ HONOURED = {
 }
 
 
+SOME, OTHERS = (Hasty, ThreeForPymoo), (Three, HastyForPymoo)
+
+
+@pytest.mark.parametrize("kinds", [SOME, pytest.param(OTHERS, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", EVERY)
-def test_each_honours_them_or_refuses_them_by_name(name):
-    for kind in HONOURED:
+def test_each_honours_them_or_refuses_them_by_name(name, kinds):
+    for kind in kinds:
         check_objectives(name, kind)
 
 

@@ -11,10 +11,7 @@ import pytest
 from pymoo.core.algorithm import Algorithm
 
 from botohe_moo import BOACO, algorithm_names, load_mission, make_algorithm
-from botohe_moo.algorithms.registry import (
-    algorithm_parameters,
-    describe_algorithm,
-)
+from botohe_moo.algorithms.registry import algorithm_parameters, describe_algorithm
 from botohe_moo.study import load_study
 from botohe_moo.study.model import algorithm_origin as origin_with
 from tests.base.packages import entries, write_package

@@ -67,7 +67,9 @@ def test_which_have_threads():
     assert {"bo-aco", "nsga2", "pareto-local-search", "random"} <= {*NAMES}
 
 
-@pytest.mark.parametrize("mission", ["art_museum", "drones_and_rovers"])
+@pytest.mark.parametrize(
+    "mission", ["art_museum", pytest.param("drones_and_rovers", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("name", NAMES)
 def test_any_number_gives_the_same_front(name, mission):
     one = finished(begun(name, 1, mission))

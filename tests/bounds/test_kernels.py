@@ -11,13 +11,7 @@ from hypothesis import strategies as st
 from botohe_moo import Mission
 from botohe_moo.bounds.kernels.relaxed import follow, relax
 from botohe_moo.bounds.kernels.states import Worth, find_states
-from botohe_moo.bounds.kernels.trails import (
-    Completions,
-    Stairs,
-    TrailRule,
-    find_trails,
-    new_depths,
-)
+from botohe_moo.bounds.kernels.trails import Completions, Stairs, TrailRule, find_trails, new_depths
 from botohe_moo.bounds.net import Remembered, new_net, pieces_of
 from tests import twins
 from tests.examples import examples

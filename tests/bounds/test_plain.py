@@ -52,10 +52,7 @@ class TestByHand:
             graph.add_edge(head, tail, survival=survival)
         return graph
 
-    KINDS = (
-        Kind("drone", 1, min_survival=0.125, max_length=7),
-        Kind("rover", 2, min_survival=0.5),
-    )
+    KINDS = (Kind("drone", 1, min_survival=0.125, max_length=7), Kind("rover", 2, min_survival=0.5))
 
     @pytest.mark.filterwarnings("ignore:.*no kind of robots can collect")
     def test_the_best_of_all_kinds(self, graph):

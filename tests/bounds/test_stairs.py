@@ -83,7 +83,7 @@ def stairs_alone(no_front, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seeds", seeds(20, 60))
+@pytest.mark.parametrize("seeds", seeds(10, 40))
 def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
     n_steps = n_tight = 0
     for seed in seeds:

@@ -14,16 +14,25 @@ from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES
 from botohe_moo.cli.app import app
 from botohe_moo.library import library_table
 from botohe_moo.mission.loading import ENTRIES
-from botohe_moo.study import pictures
+from botohe_moo.study import pictures, pool
 from botohe_moo.testing import algorithms, missions
 from botohe_moo.testing.rules import rules_of, said_by
 from docs import architecture
 from tests.docs.guides import DOCS, GUIDES, NOTEBOOKS, ROOT, blocks, links, printed_by, words
+from tests.forked import ForkedSubprocess
 
 # Read from top to bottom in one session; every block of the others stands alone.
 SESSIONS = {"model", "studies", "tour", "under-way"}
 # Blocks that are tables, by what they begin with: commands below them read these files.
 TABLES = {"label,": "nodes.csv", "tail,": "arcs.csv", "robot,": "events.csv"}
+# What takes long, and is as well shown with less. Bounds take the time that they are given.
+SHORTER = {
+    "time_limit=30": "time_limit=1",
+    "evaluations=100_000": "evaluations=20_000",
+    '"n_gen", 200': '"n_gen", 50',
+    '"seeds": 5': '"seeds": 2',
+    '"nsga2", problem': '"nsga2", evaluations=2_000, problem',
+}
 # Their commands need the packages that these pages make: see test_examples.py.
 OF_PACKAGES = {
     "adding-a-format",
@@ -46,6 +55,7 @@ def runs(page):
 def test_guides_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(pictures, "FORMATS", pictures.FORMATS[:1])
+    monkeypatch.setattr(pool, "subprocess", ForkedSubprocess)
     with plt.rc_context():  # some set a theme
         run_page(page)
     plt.close("all")
@@ -56,8 +66,9 @@ def run_page(page):
     for language, text in blocks(page):
         if language == "python":
             namespace = namespace if page.stem in SESSIONS else {}
-            # Bounds take the time that they are given, and less gives wider ones.
-            printed = printed_by(text.replace("time_limit=30", "time_limit=1"), namespace)
+            for long, short in SHORTER.items():
+                text = text.replace(long, short)
+            printed = printed_by(text, namespace)
         elif language == "text" and page.stem in SESSIONS:
             assert words(printed) == words(text)
         elif language == "console" and page.stem not in OF_PACKAGES:
@@ -186,11 +197,7 @@ def by_size():
     return rows.reset_index().round({"average rank": 2})
 
 
-KEPT = {
-    "library": (collection, by_size),
-    "measured": (speed, islands, gaps),
-    "paper": (published,),
-}
+KEPT = {"library": (collection, by_size), "measured": (speed, islands, gaps), "paper": (published,)}
 
 
 def test_the_guide_lists_all_moves():

@@ -217,6 +217,7 @@ class TestChecking:
         assert row["plans"] > 0
 
 
+@pytest.mark.slow
 def test_best_known_fronts_are_references_of_studies(tmp_path):
     study = {
         "name": "trial",

@@ -115,8 +115,7 @@ def test_seed_zero(generate, expected):
 
 @pytest.mark.parametrize("nodes", [2, 40])
 @pytest.mark.parametrize(
-    "generate",
-    [*EACH_WAY_ITS_OWN, generators.tunnel, generators.orienteering],
+    "generate", [*EACH_WAY_ITS_OWN, generators.tunnel, generators.orienteering]
 )
 def test_sizes(generate, nodes):
     mission = generate(nodes=nodes, seed=1)
@@ -130,22 +129,14 @@ def test_sizes(generate, nodes):
         (generators.terrain, {"seed": -1}, "Expected seed >= 0, got -1."),
         (generators.terrain, {"robots": 0}, "Expected robots >= 1, got 0."),
         (generators.terrain, {"nodes": 1}, "Expected nodes >= 2, got 1."),
-        (
-            generators.terrain,
-            {"nodes": 9, "depots": 9},
-            "Expected depots < 9 nodes, got 9.",
-        ),
+        (generators.terrain, {"nodes": 9, "depots": 9}, "Expected depots < 9 nodes, got 9."),
         (
             generators.random,
             {"nodes": 30, "arc_probability": 0.01},
             "Expected arc_probability > 0.17 for 30 nodes, got 0.01.",
         ),
         (generators.town, {"streets": 3}, "Expected streets to be a multiple of 2, got 3."),
-        (
-            generators.building,
-            {"robots": 3, "wheeled": 3},
-            "Expected wheeled < 3 robots, got 3.",
-        ),
+        (generators.building, {"robots": 3, "wheeled": 3}, "Expected wheeled < 3 robots, got 3."),
         (
             generators.orienteering,
             {"tour": math.inf},

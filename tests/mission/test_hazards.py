@@ -139,9 +139,7 @@ def test_what_there_is_to_see_by_hand():
 
 
 @given(
-    tables,
-    st.lists(st.tuples(st.floats(-1, 6), st.floats(-1, 6)), max_size=6),
-    st.floats(0.3, 9),
+    tables, st.lists(st.tuples(st.floats(-1, 6), st.floats(-1, 6)), max_size=6), st.floats(0.3, 9)
 )
 def test_each_cell_is_seen_once(values, places, radius):
     found = rewards_from_raster(placed(*places), values, resolution=1, radius=radius)

@@ -11,14 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import (
-    Kind,
-    Mission,
-    MissionError,
-    load_mission,
-    mission_from_tables,
-    save_mission,
-)
+from botohe_moo import Kind, Mission, MissionError, load_mission, mission_from_tables, save_mission
 from botohe_moo.mission import read_mission
 from tests.mission.made import BOTH, DRONE, ROVER, site
 from tests.strategies import team_missions
@@ -97,11 +90,7 @@ class TestFiles:
         assert mission.graph.edges["lab", "roof"]["survival"] == {"drone": 0.8}
         text = path.read_text()
         for old, new, fault in (
-            (
-                "survival:drone",
-                "survival:rover",
-                "column 'survival:rover': no such kind; the k",
-            ),
+            ("survival:drone", "survival:rover", "column 'survival:rover': no such kind; the k"),
             ('"robots": 2', '"robots"', "expected kinds as JSON, got '"),
         ):
             path.write_text(text.replace(old, new))

@@ -438,11 +438,7 @@ def test_other_coordinates(building, system, first, second, place, length):
         ("[2, 3, {", "[2, x, {", r"line 11: expected lanes\[0\]\[1\] to be an integer, got 'x'"),
         ("[30, 60, 0, hall]", "[30, x]", r"line 22: expected vertices\[3\]\[1\] to be a number"),
         ("[30, 60, 0, hall]", "7", r"line 22: expected vertices\[3\] to be a list, got 7"),
-        (
-            "60, 0, hall]",
-            "60, 0, hall, 7]",
-            r"line 22: expected vertices\[3\]\[4\] to be",
-        ),
+        ("60, 0, hall]", "60, 0, hall, 7]", r"line 22: expected vertices\[3\]\[4\] to be"),
         ("graph_idx: [2, 1]", "graph_idx: [1, a]", "line 15: expected graph_idx to be an integer"),
         ("distance: [3, 10]", "distance: [3, -1]", "line 17: expected distance > 0, got "),
         ("[0, 1, {distance", "[0, 0, {distance", "line 17: expected a measurement between two"),
@@ -502,26 +498,6 @@ def test_what_is_wrong_with_a_navigation_graph_is_named_by_its_line(graph, old, 
         load_mission(graph((old, new)), **GIVEN)
 
 
-@pytest.mark.parametrize("kind", ["building", "graph"])
-@pytest.mark.parametrize(
-    ("given", "fault"),
-    [
-        (
-            {"robots": 2},
-            r"line \d+: .*expected a survival, found none \(10 without one\): give danger",
-        ),
-        ({"base": "lab", **GIVEN}, "base 'lab': there is no such node"),
-        ({"danger": 0.1}, "expected robots, an integer >= 1, found none: give robots"),
-        ({"hazard": "map.yaml", **GIVEN}, r"map\.yaml: no such file"),
-        ({"base": "hall", **GIVEN}, "base 'hall': there is no such node; most alike are L1/"),
-    ],
-)
-@pytest.mark.filterwarnings("ignore:Left out", "ignore:Without")
-def test_options(request, kind, given, fault):
-    with pytest.raises(ValueError, match=fault):
-        load_mission(request.getfixturevalue(kind)(), **given)
-
-
 @pytest.mark.filterwarnings("ignore:Left out")
 def test_which_graph_is_an_option_of_buildings(building, graph):
     with pytest.raises(MissionError, match=r"expected lanes of graph 7, found graphs \[0, 1\]$"):
@@ -554,29 +530,6 @@ def test_dangers_of_a_place_are_those_of_all_levels(request, tmp_path, kind):
     arcs = load_mission(path, hazard=tmp_path / "map.yaml", **GIVEN).graph.edges
     assert arcs[ends, "L2/0"]["survival"] == pytest.approx(math.exp(-0.01 * ride["length"]))
     assert arcs["dock", hall]["survival"] == 1
-
-
-ONE_WAY = """\
-levels:
-  L1:
-    lanes: [[0, 1, {}], [1, 2, {}], [0, 2, {}]]
-    vertices: %s
-"""
-VERTICES = "[[0, 0, 0, dock, {is_charger: [4, true]}], [3, 4, 0, lab], [3, 0, 0, '']]"
-WAYPOINTS = "[[0, 0, {is_charger: true, name: dock}], [3, 4, {name: lab}], [3, 0, {}]]"
-
-
-@pytest.mark.filterwarnings("ignore:Left out", "ignore:Level L1 has no")
-@pytest.mark.parametrize("vertices", [VERTICES, WAYPOINTS])
-def test_lanes_that_all_lead_away(building, vertices):
-    path = building(text=ONE_WAY % vertices)
-    with pytest.raises(
-        MissionError, match="reached from base 'dock' and left again, found none; both"
-    ):
-        load_mission(path, **GIVEN)
-    mission = load_mission(path, both_ways=True, **GIVEN)
-    assert mission.nodes == ("dock", "lab", "L1/2")
-    assert mission.graph.edges["lab", "dock"]["length"] == 5
 
 
 NAMED = """\

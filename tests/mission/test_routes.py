@@ -320,14 +320,6 @@ def test_polygons_with_a_rate_are_zones(site):
     assert zones_alone.graph.edges[3, 7]["survival"] == pytest.approx(math.exp(0.03 - rate))
 
 
-def test_zones_that_a_caller_gives(site):
-    path = site(*both_ways((3, 7), (3, 4)), line(4, 7, metadata={"survival": 0.75}))
-    zones = [{"circle": [0, 0, 1], "rate": 0.1}, {"polygon": square(1, -0.5), "rate": 0.2}]
-    mission = load_mission(path, danger_zones=zones, base=3, robots=1)
-    assert mission.graph.edges[3, 7]["survival"] == pytest.approx(math.exp(-0.1 - 0.2))
-    assert mission.graph.edges[4, 7]["survival"] == 0.75  # what the file says counts
-
-
 @pytest.mark.parametrize(
     ("zones", "fault"),
     [
@@ -351,16 +343,6 @@ def test_a_polygon_that_is_wrong_is_named_by_its_feature(site):
         "features[5]: expected a polygon of at least three corners [[x",
         "features[6]: expected a rate >= 0",
     ]
-
-
-def test_what_survives_without_danger_is_said(site):
-    path = site(
-        line(3, 4, metadata={"survival": 0.9}),
-        line(4, 3, metadata={"survival": 0.8}),
-        points={3: (0, 0), 4: (3, 4)},
-    )
-    with pytest.warns(UserWarning, match="All arcs have survivals; danger, hazard and zones"):
-        load_mission(path, danger=7, base=3, robots=1)
 
 
 def test_longitudes_and_latitudes(site, tmp_path):

@@ -404,10 +404,7 @@ class TestMissions:
                 nx.Graph([(0, 1)]),
                 "expected an nx.DiGraph, got an nx.Graph; graph.to_directed() makes",
             ),
-            (
-                nx.MultiDiGraph([(0, 1)]),
-                "expected an nx.DiGraph, got an nx.MultiDiGraph",
-            ),
+            (nx.MultiDiGraph([(0, 1)]), "expected an nx.DiGraph, got an nx.MultiDiGraph"),
             ({0: [1]}, "expected an nx.DiGraph, got {0: [1]}"),
         ],
     )

@@ -82,11 +82,8 @@ def keeps_limits(mission, plan):
     )
 
 
-@examples(400)  # of which make test-all draws half
-@given(
-    missions_with_plans(max_robots=3) | team_missions_with_plans(),
-    st.data(),
-)
+@examples(400)
+@given(missions_with_plans(max_robots=3) | team_missions_with_plans(), st.data())
 def test_what_is_left_is_what_enumeration_gives(case, data):
     mission, plan = case
     trails = mission.labels(plan)

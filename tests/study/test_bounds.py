@@ -99,6 +99,7 @@ class TestTables:
         assert missions.loc["limited", "bound_area"] < missions.loc["toy", "bound_area"]
         assert tables.missing_bounds == []
 
+    @pytest.mark.slow
     def test_rewards_on_return_are_bounded(self, tmp_path):
         site = {"mission": "terrain", "parameters": {"nodes": 8, "robots": 1, "depots": 1}}
         source = study_of(missions={"site": site}, algorithms=["greedy"], seeds=1)

@@ -28,6 +28,11 @@ STUDY = {
 NEW_COLUMNS = {"trace": ["gain", "missed"], "summary": ["gain_median", "missed_median"]}
 
 
+@pytest.fixture(autouse=True)
+def one_format(monkeypatch):
+    monkeypatch.setattr("botohe_moo.study.pictures.FORMATS", ("png",))
+
+
 def most_reward(points, mission):
     return float(points[:, 0].max(initial=0) / mission.total_reward)
 
@@ -79,8 +84,8 @@ def test_it_is_in_tables_reports_and_figures(columns, tmp_path):
         assert "missed_median" in next(csv.reader(file))
     written = {path.name: path for path in write_report(tables)}
     assert "gain %</th>" in written["report.html"].read_text("utf-8")
-    assert r"gain \% " in written["summary.tex"].read_text("utf-8")
-    assert {"igd_plus-toy.svg", "epsilon-toy.svg", "missed-toy.svg"} <= written.keys()
+    assert r"gain \\% " in written["summary.tex"].read_text("utf-8")
+    assert {"igd_plus-toy.png", "epsilon-toy.png", "missed-toy.png"} <= written.keys()
     assert plot_curves(tables.trace, value="missed").get_ylabel() == "missed"
 
 

@@ -52,6 +52,7 @@ def kinds(figures, label):
 
 
 class TestDrawFigures:
+    @pytest.mark.slow
     def test_a_grid_has_a_heat_map_and_labels_are_whole(self, monkeypatch, tmp_path):
         monkeypatch.setattr(pictures, "FORMATS", FORMATS[:1])
         tables = grid_study(tmp_path, missions=("toy", "later"))

@@ -17,7 +17,6 @@ OURS = distribution("botohe-moo").entry_points.select(group="botohe_moo.algorith
 PYMOOS = [
     "sms-emoa",
     "spea2",
-    "pymoo.algorithms.moo.age:AGEMOEA",
     "pymoo.algorithms.moo.nsga3:NSGA3",
 ]
 NAMES = [*sorted(OURS - set(PYMOOS)), *PYMOOS]

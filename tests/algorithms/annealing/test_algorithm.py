@@ -10,14 +10,7 @@ from pymoo.core.callback import Callback
 from pymoo.core.termination import NoTermination
 from pymoo.optimize import minimize
 
-from botohe_moo import (
-    BOTOHE,
-    Mission,
-    RandomTrails,
-    area_indicator,
-    load_mission,
-    make_algorithm,
-)
+from botohe_moo import BOTOHE, Mission, RandomTrails, area_indicator, load_mission, make_algorithm
 from botohe_moo.algorithms.annealing.algorithm import Annealing, SimulatedAnnealing
 from botohe_moo.algorithms.annealing.kernels import DETOUR, MOVES
 from tests.algorithms.test_registry import described
@@ -69,8 +62,8 @@ class TestContract:
             assert not any(dominated(f, result.F) for f in result.F)
 
     def test_generations_do_not_change_what_is_found(self, made, museum):
-        whole = solve(museum, 700, made=made)
-        parts = solve(museum, 700, made=made, steps_per_generation=1)
+        whole = solve(museum, 300, made=made)
+        parts = solve(museum, 300, made=made, steps_per_generation=1)
         assert same(whole, parts)
 
     def test_pickles_and_copies_resume_bit_for_bit(self, made, museum):
@@ -88,7 +81,7 @@ class TestContract:
         assert same(whole, copied.result())
 
     def test_a_weight_starts_from_the_best_given_plan(self, made, museum):
-        good = solve(museum, 40_000, seed=9)
+        good = solve(museum, 5_000, seed=9)
         algorithm = made(sampling=good.X)
         algorithm.setup(BOTOHE(museum), termination=("n_eval", 100_000), seed=1)
         algorithm.next()
@@ -158,7 +151,8 @@ class TestJournal:
             assert temperature == pytest.approx(0.2 * 0.95**steps)
 
     @pytest.mark.parametrize(
-        ("budget", "published", "deviation"), [(10_000, 0.4141, 0.0179), (99_856, 0.4728, 0.0053)]
+        ("budget", "published", "deviation"),
+        [(10_000, 0.4141, 0.0179), pytest.param(99_856, 0.4728, 0.0053, marks=pytest.mark.slow)],
     )
     def test_the_published_curve_in_short(self, museum, budget, published, deviation):
         """Four runs; `python -m benchmarks annealing` goes on to 1 000 000 evaluations."""
@@ -200,6 +194,7 @@ class TestUsual:
         up = np.linspace(0, 1, 10).tolist()
         assert callback.weights == pytest.approx([*up, *up[::-1], *up])
 
+    @pytest.mark.slow
     def test_beats_the_published_settings_and_random_search(self, museum):
         mission = museum
         usual, published = (

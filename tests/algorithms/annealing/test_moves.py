@@ -251,38 +251,38 @@ def test_one_move_has_the_outcomes_of_the_twin(name, robot, trails):
         expected = Moves(mission, robot).outcomes(name, trail)
         assert sum(expected.values()) == pytest.approx(1)
         makeable += set(expected) != {None}
-        counted, n = Counter(), len(trail) - 1
-        mark(state, buffer(world, trail), 1, n + 1, 1)
+        given, found, n = buffer(world, trail), Counter(), len(trail) - 1
+        mark(state, given, 1, n + 1, 1)
         marked = state.used.copy()
         assert marked.sum() == n
         for _ in range(n_times):
-            items = buffer(world, trail)
+            items = given.copy()
             changed = move(world, state, items, n, NUMBERS[name])
-            if changed == CANNOT:
-                assert items.tolist() == buffer(world, trail).tolist()
-            outcome = None if changed == CANNOT else nodes_of(world, items[: changed + 1])
-            counted[outcome] += 1
+            found[items.tobytes(), changed] += 1
         assert np.array_equal(state.used, marked)
         state.used[:] = 0
+        counted = Counter()
+        for (written, changed), times in found.items():
+            items = np.frombuffer(written, given.dtype)
+            if changed == CANNOT:
+                assert items.tolist() == given.tolist()
+            counted[None if changed == CANNOT else nodes_of(world, items[: changed + 1])] += times
         agree(counted, expected, n_times)
     assert makeable >= (0 if robot and name == "reverse" else 2)
 
 
+WEIGHTS = [PUBLISHED, np.array([1, 0, 0.5, 2, 1, 1, 0, 3.0])]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("weights", [PUBLISHED, np.array([1, 0, 0.5, 2, 1, 1, 0, 3.0])])
-@pytest.mark.parametrize("trail", TRAILS)
-def test_moves_are_drawn_again_until_one_can_be_made(trail, weights):
+@pytest.mark.parametrize("number", range(len(TRAILS)))
+def test_moves_are_drawn_again_until_one_can_be_made(number):
+    trail, weights = TRAILS[number], WEIGHTS[number % 2]
     mission = crossroads().with_robots(1)
     n_times = 3_000
     changed = change(mission, [TrailPlan([trail])] * n_times, weights=weights)
     counted = Counter(plan.trails[0] for plan in changed)
     agree(counted, Moves(mission).drawn(weights, trail), n_times)
-
-
-@kernel
-def change_one(world, rule, state, robot):
-    world, rule, state = shared(world), shared(rule), shared(state)
-    change_trail(world, rule, state, robot)
 
 
 def limited(mission, least=0.0, longest=np.inf):
@@ -291,8 +291,9 @@ def limited(mission, least=0.0, longest=np.inf):
     return mission.world.with_limits(Limits(floors, budgets, longest < np.inf))
 
 
+@np.errstate(all="ignore")
 def change(mission, batch, *, weights=PUBLISHED, world=None, seed=0):
-    """Change every trail of plans by a move."""
+    """Change every trail of plans by a move, in plain Python, which gives the same bits."""
     world = limited(mission) if world is None else world
     rule = AnnealRule(np.cumsum(weights), True, True, 1.0, 0.5, 1.0, 0.0)
     state = new_state(world, seed_states(np.random.default_rng(seed), 1))
@@ -303,7 +304,7 @@ def change(mission, batch, *, weights=PUBLISHED, world=None, seed=0):
             start, stop = state.tried.starts[robot], state.tried.starts[robot] + len(trail)
             for each in (state.current, state.tried):
                 each.items[start:stop], each.stops[robot] = items_of(world, trail), stop
-            change_one(world, rule, state, robot)
+            change_trail(world, rule, state, robot)
             assert nodes_of(world, state.current.items[start:stop]) == trail
             assert not state.used.any()
             trails.append(nodes_of(world, state.tried.items[start : state.tried.stops[robot]]))
@@ -356,7 +357,7 @@ def test_no_move_leaves_the_limits_of_a_kind(mission, seed):
 
 def test_the_limits_bind_and_leave_room():
     mission = load_mission("art_museum")
-    batch = mission.batch([mission.plan([[1]] * 3)] * 200)
+    batch = mission.batch([mission.plan([[1]] * 3)] * 60)
     for seed in range(30):
         free = change(mission, batch, seed=seed)
         batch = change(mission, batch, world=limited(mission, 0.5, 8.0), seed=seed)

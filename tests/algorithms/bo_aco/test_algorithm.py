@@ -56,10 +56,7 @@ VARIANTS = {
     "journal": BOACO.journal,
     "per robot": lambda **options: BOACO.journal(pheromone_per_robot=True, **options),
     "all of it": lambda **options: BOACO(
-        allocation="concurrent",
-        pheromone_per_robot=True,
-        exploration=0.5,
-        **options,
+        allocation="concurrent", pheromone_per_robot=True, exploration=0.5, **options
     ),
     "random": RandomTrails,
 }

@@ -11,11 +11,7 @@ from hypothesis import strategies as st
 from numba.core import event
 
 from botohe_moo import Mission, TrailPlan, load_mission
-from botohe_moo.algorithms.exact.front import (
-    FrontSearch,
-    TooLargeError,
-    exact_front,
-)
+from botohe_moo.algorithms.exact.front import FrontSearch, TooLargeError, exact_front
 from tests.examples import examples
 from tests.strategies import lengths, small_missions
 from tests.twins import all_objectives, within

@@ -90,7 +90,7 @@ def tasks_of_kinds(draw):
 
 
 class TestKinds:
-    @examples(300)
+    @examples(150)
     @given(tasks_of_kinds(), st.sampled_from([0.0, 0.2]), st.sampled_from([inf, inf, 3.0, 5.0]))
     def test_a_wide_beam_finds_the_best_trail_from_start_to_end(self, task, least, longest):
         mission, robot, found, worth, survival_weight = task

@@ -9,14 +9,7 @@ import pytest
 from pymoo.core.callback import Callback
 from pymoo.optimize import minimize
 
-from botohe_moo import (
-    BOTOHE,
-    Mission,
-    ParetoLocalSearch,
-    TrailPlan,
-    area_indicator,
-    load_mission,
-)
+from botohe_moo import BOTOHE, Mission, ParetoLocalSearch, TrailPlan, area_indicator, load_mission
 from botohe_moo.algorithms.exact.front import exact_front
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, RUIN_AND_RECREATE
 from botohe_moo.mission import PlanError
@@ -157,6 +150,7 @@ class TestFront:
                 assert before[plan].F.tolist() == after[plan].F.tolist()
         assert stayed > 100
 
+    @pytest.mark.slow
     def test_a_limited_front(self, museum):
         callback, max_size = EveryGeneration(), 10
         options = {"max_size": max_size, "evaluations_per_generation": 500}
@@ -201,7 +195,9 @@ class TestFront:
         assert np.array_equal(-result.F, museum.evaluate(result.X))
         assert (len(result.X) > 5) == (budget > 0 and floor < 1)
 
-    @pytest.mark.parametrize(("floor", "budget"), [(0.0, 6), (0.3, 5)])
+    @pytest.mark.parametrize(
+        ("floor", "budget"), [pytest.param(0.0, 6, marks=pytest.mark.slow), (0.3, 5)]
+    )
     def test_budgets_give_the_true_front(self, floor, budget):
         for seed in range(12):
             mission = random_mission(seed)
@@ -252,21 +248,13 @@ class TestRuns:
         assert result.F[:, 1].min() == -robots
         assert {plan.n_robots for plan in result.X[:, 0]} == {robots}
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(("robots", "as_if"), [(9, 0.02), (10, 0.0)])
     def test_of_more_than_a_thousand_nodes_times_robots_no_plan_is_ruined(self, robots, as_if):
         mission = load_mission("terrain", nodes=101, robots=robots)
         found, other = solve(mission, 3_000), solve(mission, 3_000, prob_recreate=0.02 - as_if)
         assert same(found, solve(mission, 3_000, prob_recreate=as_if))
         assert not same(found, other)
-
-    def test_what_each_move_brought(self, museum):
-        given = random_plans(museum, 20)
-        algorithm = solve(museum, 3_000, sampling=given, greedy_start=False).algorithm
-        found = algorithm.statistics
-        assert found.index.tolist() == [*DEFAULT_MOVES, RUIN_AND_RECREATE]
-        assert found["tried"].sum() == 3_000 - 21  # and everybody at base
-        assert found["entered"].sum() >= len(algorithm.archive) - 21
-        assert found["seconds"].sum() > 0
 
 
 class TestOddMissions:

@@ -35,7 +35,7 @@ def museum():
 @pytest.mark.parametrize("robots", [1, 12])
 def test_the_front_of_what_is_inserted(museum, robots):
     mission = museum.with_robots(robots)
-    search, batch = started(mission), random_plans(mission, 600)
+    search, batch = started(mission), random_plans(mission, 200)
     search.insert(batch)
     check(search)
     every = np.vstack([mission.evaluate(batch), search.objectives()[-1:]])

@@ -186,7 +186,9 @@ def test_one_island_is_the_search_alone(mission):
     assert islands.statistics[["tried", "entered"]].equals(alone.statistics[["tried", "entered"]])
 
 
-@pytest.mark.parametrize("n_threads", [2, 3, 8])
+@pytest.mark.parametrize(
+    "n_threads", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 8))]
+)
 def test_threads_do_not_change_results(mission, n_threads):
     one, other = (begun(mission, n_islands=4, n_threads=n) for n in (1, n_threads))
     for n in (300, 403, 5, 2, 900):
@@ -264,8 +266,7 @@ def test_fewer_plans_wait_on_islands(mission):
         assert most == [module._QUEUE] * 3
 
 
-@pytest.mark.parametrize("again", [copy.deepcopy, pickled])
-@pytest.mark.parametrize("n", [200, 700])
+@pytest.mark.parametrize(("again", "n"), [(pickled, 200), (pickled, 700), (copy.deepcopy, 700)])
 def test_a_copy_goes_on_the_same_way(mission, again, n):
     """Before there are islands, and when there are."""
     islands = begun(mission, n_islands=3, n_threads=2)

@@ -14,13 +14,7 @@ from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, LocalSearch
 from botohe_moo.algorithms.local_search.kernels import plans, recreate, routes, search, state
 from botohe_moo.algorithms.local_search.kernels.state import N_TRAILS, new_store
 from tests import twins
-from tests.algorithms.local_search.made import (
-    check,
-    note_entering,
-    outcome,
-    started,
-    watched,
-)
+from tests.algorithms.local_search.made import check, note_entering, outcome, started, watched
 from tests.examples import examples
 from tests.strategies import missions_with_plans, team_missions_with_plans
 from tests.twins import plain_local_search
@@ -129,6 +123,13 @@ def test_the_bound_changes_nothing_but_the_time_it_takes(pays):
     assert outcomes[0] == outcomes[1]
 
 
+def slow(*case):
+    return pytest.param(*case, marks=pytest.mark.slow)
+
+
+LARGER = ["drones_and_rovers", "art_museum_return"]
+
+
 def least_room(found, n_trails, n_arcs, n_visits):
     """A store with room for what one parent needs beside what is there, and no more."""
     n_new = max(N_TRAILS, found.mission.robots + 1)
@@ -138,7 +139,7 @@ def least_room(found, n_trails, n_arcs, n_visits):
 
 
 @pytest.mark.compiled_only
-@pytest.mark.parametrize("name", ["art_museum", "drones_and_rovers", "art_museum_return"])
+@pytest.mark.parametrize("name", ["art_museum", *map(slow, LARGER)])
 def test_where_plans_lie_in_memory_changes_nothing(monkeypatch, name):
     """Where room is scarce, and plans and trails are moved all the time, it finds the same."""
     mission, make_room, made = load_mission(name), LocalSearch._make_room, []
@@ -164,10 +165,6 @@ def one_way():
     for one, other in ((0, 4), (2, 0), (6, 2), (7, 4), (1, 4)):
         graph.add_edge(one, other, survival=rng.uniform(0.8, 1.0))
     return Mission(graph, base=0, robots=3)
-
-
-def slow(*case):
-    return pytest.param(*case, marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize(
