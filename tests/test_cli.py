@@ -817,7 +817,7 @@ class TestChoose:
                 ["Expected only one of wishes", "got wishes and --plan."],
             ),
             (["--out", "plan.json"], ["Expected wishes, --toward or --plan with --out, got none"]),
-            (["--plan", 99], ["Expected --plan among the", "plans from 0, got 99"]),
+            (["--plan", 99], ["Expected --plan <= ", "got 99"]),
             (["--plan", 1, "--out", "a/plan.csv"], ["a: there is no such folder"]),
         ],
     )

@@ -365,9 +365,9 @@ class TestDescription:
     def test_of_a_front(self, toy):
         text = solution_of(toy, [[[1, 2, 4, 2, 1], [1]], [[1], [1]]], seconds=0.5).describe()
         assert text.splitlines()[:3] == [  # 3.24 / (2 - 1.6561)
-            "plan_id  reward  survivors  price of a survivor",
-            "      0  3.2400     1.6561                9.421",
-            "      1  0.0000     2.0000                9.421",
+            "plan_id      reward  survivors  price of a survivor",
+            "      0      3.2400     1.6561                9.421",
+            "      1      0.0000     2.0000                9.421",
         ]
         assert "by hand, seed 1: spent 2 evaluations in 0.5 s" in text
         assert text.endswith("area 0.2683, 2 plans on the front")  # 3.24 · 1.6561 / 20
