@@ -16,7 +16,7 @@ export PYTHONDONTWRITEBYTECODE =
 help:
 	@echo "make demo    plan the art museum and write tables and pictures to results/demo/"
 	@echo "make test    the tests that find faults soon: some two minutes"
-	@echo "make test-all  all tests, with three times as many examples a property: processes, Dask, a browser, LaTeX"
+	@echo "make test-all  make test and the slow ones: processes, Dask, a browser, LaTeX, guides that run"
 	@echo "make test-long  the property tests with twenty times the examples that they state: an hour"
 	@echo "make fuzz    mission files, solutions and bounds changed at random, 100 000 of each form: two hours"
 	@echo "make check   ruff (lint and format), mypy strict, and who imports whom"
@@ -66,9 +66,9 @@ PYTEST := $(BIN)/python -m pytest --numprocesses 2 --maxprocesses 2 --dist works
 test: $(READY)
 	BOTOHE_EXAMPLES=0.1 $(PYTEST) -m "not slow"
 
-# It runs the tests of `make test`, too, so that each property is tried once: in CI, which runs this alone.
-test-all: $(READY)
-	BOTOHE_EXAMPLES=0.3 $(PYTEST)
+# Properties get more examples where they are slow alone: `make test-long` has many for all of them.
+test-all: test
+	BOTOHE_EXAMPLES=0.3 $(PYTEST) -m slow
 
 test-long: $(READY)
 	BOTOHE_EXAMPLES=20 BOTOHE_MUTATIONS=1000 $(PYTEST) -m "hypothesis or seeds" --timeout 3600
