@@ -27,7 +27,6 @@ from botohe_moo.plots import (
     plot_reached,
     plot_shortfalls,
 )
-from botohe_moo.plots.comparisons import overruled
 from botohe_moo.plots.curves import first_reached, progress
 from botohe_moo.plots.front import attainment, attainment_surface
 from botohe_moo.plots.shared import log_axis
@@ -499,9 +498,7 @@ class TestRanks:
 
     def test_what_friedman_overrules(self):
         posthoc = posthoc_of(self.RANKS, 1.0)
-        assert not overruled(posthoc)
         posthoc["significant"] = False
-        assert overruled(posthoc)
         assert self.bars(plot_ranks(self.table(self.RANKS), posthoc)) == [(1.2, 3.9)]
 
 

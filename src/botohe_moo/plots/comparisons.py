@@ -171,12 +171,6 @@ def plot_ranks(
     return ax
 
 
-def overruled(posthoc: pd.DataFrame) -> bool:
-    """Return whether Friedman's test finds no difference, so that pairs apart do not count."""
-    apart = posthoc["difference"].abs() > posthoc["critical_difference"] + 1e-9  # by rounding
-    return bool(apart.any() and not posthoc["significant"].any())
-
-
 def plot_heat(
     medians: pd.DataFrame,
     *,

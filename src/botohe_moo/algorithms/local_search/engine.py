@@ -169,11 +169,6 @@ class LocalSearch:
             p_recreate=self._p_recreate,
         )
 
-    @property
-    def is_recreating(self) -> bool:
-        """Whether plans are ruined and recreated."""
-        return self._p_recreate > 0.0
-
     def let_wait(self, n_plans: int) -> None:
         """Let at most ``n_plans`` wait for ruin and recreate before it is their turn."""
         self._memory[0].most_waiting = n_plans
