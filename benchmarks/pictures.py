@@ -8,7 +8,6 @@ from botohe_moo import load_mission, solve
 from botohe_moo.decide import knees
 from botohe_moo.explorer import explore
 from botohe_moo.plots import (
-    plot_choices,
     plot_front,
     plot_mission,
     plot_outcomes,
@@ -37,7 +36,6 @@ def run(out: Path) -> bool:
         "outcomes": plot_outcomes(
             mission, plans[bold], plans[knee], names=[f"plan {bold}", f"plan {knee}, the knee"]
         )[0],
-        "choices": plot_choices(mission, plans),
     }
     for name, ax in drawn.items():
         save_figure(ax.figure.figure, out / f"{name}.png", dpi=DPI)
