@@ -552,7 +552,7 @@ class TestBadOptions:
     def test_folder(self, refused, tmp_path):
         (tmp_path / "file").touch()
         message = refused("solve", "toy", "--out", "file")
-        assert message == "botohe: file: expected a folder to write to; it is a file.\n"
+        assert message == "botohe: file: expected a folder to write to\n"
 
     @pytest.mark.parametrize(
         "given", [["solve", "toy", "--out"], ["missions", "show", "toy", "--picture"]]
@@ -641,7 +641,7 @@ class TestOtherPackages:
     def test_the_mission_is_refused(self, refused, botohe, odd):
         args = ["solve", "toy", "-a", "picky"]
         message = refused(*args, code=odd)
-        assert message.startswith("botohe: Algorithm 'picky': missing a required ")
+        assert message.startswith("botohe: Algorithm 'picky': ")
         ended = botohe(*args, "-p", "limit=3", code=odd)
         assert ended.status == 2
         assert ended.err == "botohe: Algorithm 'picky': Expected at most 3 nodes, got 5.\n"
@@ -722,7 +722,7 @@ class TestListings:
         messages = ended.err.splitlines()
         assert len(messages) == 2
         assert messages[0].startswith("botohe: bad.json: expected robots")
-        assert messages[1] == "botohe: lost.json: no such file"
+        assert messages[1] == "botohe: lost.json: no such file or directory"
 
 
 class TestChoose:
@@ -779,7 +779,8 @@ class TestChoose:
         ended = botohe(*fly, "--altitude", 30)
         assert ended.out.splitlines()[-1] == "wrote site-1.plan"
         said = refused(*fly)
-        assert said == "botohe: Expected altitude (of a multicopter, in metres) > 0, got None.\n"
+        expected = "altitude (of a multicopter, in metres) to be a number > 0, got None"
+        assert said == f"botohe: Expected {expected}.\n"
         dive = ["choose", "solved", "--plan", 2, "--out", "sea.plan", "--vehicle", "submarine"]
         botohe(*dive, "--altitude", -4)
         sea = json.loads((tmp_path / "sea-1.plan").read_text())["mission"]
@@ -798,7 +799,7 @@ class TestChoose:
     def test_a_file_that_cannot_be_written_has_another_status(self, refused, solved, tmp_path):
         (tmp_path / "plan.png").mkdir()
         said = refused("choose", solved[1], "--plan", 2, "--out", "plan.png")
-        assert said == "botohe: plan.png: expected a file, found a folder\n"
+        assert said == "botohe: plan.png: expected a file, found a folder, device or pipe\n"
 
     def test_the_impossible(self, botohe, solved, tmp_path):
         args = ["choose", solved[1], "survivors >= 1.9", "reward >= 9", "--out", "plan.json"]
@@ -817,7 +818,7 @@ class TestChoose:
                 ["Expected only one of wishes", "got wishes and --plan."],
             ),
             (["--out", "plan.json"], ["Expected wishes, --toward or --plan with --out, got none"]),
-            (["--plan", 99], ["Expected --plan <= ", "got 99"]),
+            (["--plan", 99], ["Expected --plan in [0, ", "], got 99"]),
             (["--plan", 1, "--out", "a/plan.csv"], ["a: there is no such folder"]),
         ],
     )

@@ -69,7 +69,11 @@ class TestByHand:
         [
             (("a",), (1,), "two objectives or more"),
             (("a", "b"), (1, 2, 3), "two objectives or more"),
-            (("a", "b"), (1, math.inf), "the bound of an objective >= 0 and finite, got inf"),
+            (
+                ("a", "b"),
+                (1, math.inf),
+                "the bound of an objective to be a finite number >= 0, got inf",
+            ),
             (("a", "b"), (-1, 1), r"got -1"),
         ],
     )

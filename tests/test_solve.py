@@ -594,7 +594,7 @@ class TestReading:
     @pytest.mark.parametrize(
         ("damage", "fault"),
         [
-            ("{", r"expected JSON: Expecting property name .* line 1 column 2"),
+            ("{", r"Expecting property name .* line 1 column 2"),
             (None, r"no such file"),
             (
                 ('"seed": 3', '"sea": 3'),

@@ -7,7 +7,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from botohe_moo.base.messages import check_number, quoted
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.parameters import NotNegative, check
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 
@@ -63,7 +64,7 @@ class Objectives:
             raise ValueError(
                 f"Expected names, bounds and columns of two objectives or more: {self}."
             )
-        bounds = [check_number("the bound of an objective", b, at_least=0) for b in self.bounds]
+        bounds = [check("the bound of an objective", b, NotNegative) for b in self.bounds]
         object.__setattr__(self, "bounds", tuple(bounds))
         if len(set(self.names)) < len(self.names):
             raise ValueError(f"Expected different names of objectives, got {quoted(self.names)}.")

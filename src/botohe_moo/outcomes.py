@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias, overload
 import networkx as nx
 import numpy as np
 
-from botohe_moo.base.messages import ParameterError, check_choice, check_integer, quoted
+from botohe_moo.base.messages import ParameterError, check_choice, quoted
+from botohe_moo.base.parameters import check
 from botohe_moo.base.types import FloatArray, OffsetArray, Rng, SeedArray
 from botohe_moo.core.world import AT_NEXT_DEPOT, AT_THIS_DEPOT, Returns, Team
 from botohe_moo.mission.model import Mission, check_mission
@@ -358,8 +359,8 @@ def reward_distribution(
     0    1.0         0.25
     1    6.0         0.75
     """
-    max_outcomes = check_integer("max_outcomes", max_outcomes, at_least=1)
-    n_samples = check_integer("n_samples", n_samples, at_least=1)
+    max_outcomes = check("max_outcomes", max_outcomes, int, ge=1)
+    n_samples = check("n_samples", n_samples, int, ge=1)
     check_mission(mission).evaluate([plan])
     generator = _generator(random_state)
     # Robots of a kind are identical, so the result must not depend on the order of their trails.
@@ -411,7 +412,7 @@ def simulate(
     """
     import pandas as pd
 
-    n_missions = check_integer("n_missions", n_missions, at_least=1)
+    n_missions = check("n_missions", n_missions, int, ge=1)
     check_mission(mission).evaluate([plan])
     followed = follow(mission, plan)
     draws = _draws(followed, n_missions, _generator(random_state))

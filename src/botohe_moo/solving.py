@@ -14,7 +14,8 @@ from pymoo.core.algorithm import Algorithm
 
 from botohe_moo.algorithms.base import MOST_THREADS
 from botohe_moo.algorithms.registry import algorithm_parameters, make_algorithm
-from botohe_moo.base.messages import check_integer, quoted
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.parameters import check
 from botohe_moo.base.runtime import hold_signals, n_cpus
 from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import area_indicator
@@ -107,8 +108,8 @@ def solve(
     >>> solution.mission.labels(solution.plans[3])
     ((1,), (1,))
     """
-    evaluations = check_integer("evaluations", evaluations, at_least=1)
-    seed = check_integer("seed", seed, at_least=0)
+    evaluations = check("evaluations", evaluations, int, ge=1)
+    seed = check("seed", seed, int, ge=0)
     source: dict[str, Any] = {}
     if not isinstance(algorithm, str | Algorithm):
         expected = "algorithm: expected a name, or an algorithm of pymoo's such as BOACO()"

@@ -7,7 +7,8 @@ from typing import Self, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from botohe_moo.base.messages import check_integer, quoted
+from botohe_moo.base.messages import quoted
+from botohe_moo.base.parameters import check
 from botohe_moo.base.types import IntArray, ObjectArray, OffsetArray
 
 __all__ = ["PlanBatch", "TrailPlan"]
@@ -162,7 +163,7 @@ class PlanBatch:
     n_robots: int
 
     def __init__(self, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> None:
-        n_robots = check_integer("n_robots", n_robots, at_least=1)
+        n_robots = check("n_robots", n_robots, int, ge=1)
         nodes = np.asarray(nodes).astype(np.int32, casting="same_kind")
         offsets = np.asarray(offsets).astype(np.int64, casting="same_kind")
         sizes = np.diff(offsets, prepend=0, append=len(nodes))
@@ -209,7 +210,7 @@ class PlanBatch:
 
         A TypeError names what is not a TrailPlan, a ValueError a plan of another number of trails.
         """
-        n_robots = check_integer("n_robots", n_robots, at_least=1)
+        n_robots = check("n_robots", n_robots, int, ge=1)
         if isinstance(plans, TrailPlan):
             raise TypeError("Expected a sequence of TrailPlans, got one TrailPlan: put it in [ ].")
         listed = list(plans.ravel()) if isinstance(plans, np.ndarray) else list(plans)

@@ -17,8 +17,9 @@ import numpy as np
 
 from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.base import files
-from botohe_moo.base.messages import check_choice, check_integer, check_number, counted, quoted
+from botohe_moo.base.messages import check_choice, counted, quoted
 from botohe_moo.base.numbers import difference_text, price_text, short_text
+from botohe_moo.base.parameters import NotNegative, check
 from botohe_moo.base.types import FloatArray
 from botohe_moo.decide.fronts import survivor_prices
 from botohe_moo.decide.wishes import label_text, node_of
@@ -97,7 +98,7 @@ def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
     if not {"robot", "event"} <= set(columns) <= known or len(columns) > len(set(columns)):
         expected = "the columns robot, event and node, and perhaps time"
         raise EventError(f"{path}: expected {expected}, found {quoted(', '.join(columns))}.")
-    events, faults = [], list(frame.attrs[files.FAULTS])
+    events, faults = [], []
     for where, given in files.filled_cells(frame, columns, str(path)):
         name = given.get("robot", "")
         robot = int(name) if re.fullmatch(r"-?[0-9]+", name) else name
@@ -209,8 +210,8 @@ def replan(
     >>> new.left.mission.robots, new.gain >= 0
     (1, True)
     """
-    evaluations = check_integer("evaluations", evaluations, at_least=0)
-    generator = np.random.default_rng(check_integer("seed", seed, at_least=0))
+    evaluations = check("evaluations", evaluations, int, ge=0)
+    generator = np.random.default_rng(check("seed", seed, int, ge=0))
     left = under_way(
         check_mission(mission), plan, events, min_survival=min_survival, max_length=max_length
     )
@@ -257,7 +258,8 @@ def _price_of(mission: Mission, plan: TrailPlan, price: float | None, *limits: A
     same seed, since a plan implies one price.
     """
     if price is not None:
-        return check_number("price", price, at_least=0)
+        checked: float = check("price", price, NotNegative)
+        return checked
     generator = np.random.default_rng(1)
     _, front = _search(mission, limits, plan, _EVALUATIONS_OF_A_PRICE, generator)
     return float(survivor_prices(front, mission.evaluate([plan])[0, 1]))
@@ -453,7 +455,7 @@ def play_mission(
     >>> print(played.sentences[-1])
     Step 10: 1 robot moves on. The mission ends with 10 reward and 1 of 2 robots.
     """
-    number = check_integer("number", number, at_least=0)
+    number = check("number", number, int, ge=0)
     limits, steps = (min_survival, max_length), list[PlayedStep]()
     start = _start(mission, plan, [policy], price, seed, evaluations, *limits)
     end = start.play(policy, number, steps)
@@ -473,8 +475,8 @@ def _start(
     """Return the start of missions that are played with a plan, after all is checked."""
     for policy in policies:
         check_choice("policy", policy, tuple(POLICIES))
-    seed = check_integer("seed", seed, at_least=0)
-    evaluations = check_integer("evaluations", evaluations, at_least=0)
+    seed = check("seed", seed, int, ge=0)
+    evaluations = check("evaluations", evaluations, int, ge=0)
     robots = u.robots_at_start(mission, plan, check_mission(mission).limits(*limits))
     price = _price_of(mission, plan, price, *limits)
     return _Start(mission, robots, price, seed, evaluations)
@@ -702,8 +704,8 @@ def simulate_policy(
 
     names = [policy] if isinstance(policy, str) else list(policy)
     names = list(dict.fromkeys(["static", *names]))
-    missions = check_integer("missions", missions, at_least=2)
-    workers = check_integer("workers", workers, at_least=1)
+    missions = check("missions", missions, int, ge=2)
+    workers = check("workers", workers, int, ge=1)
     start = _start(mission, plan, names, price, seed, evaluations, min_survival, max_length)
     play, numbers = partial(start.play_all, names), range(missions)
     rows = []

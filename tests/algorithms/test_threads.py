@@ -126,21 +126,10 @@ class TestProcessors:
             ({"cpu.max": "250000 100000"}, 3),
             ({"cpu.max": "10000 100000"}, 1),
             ({"cpu.max": "900000 100000"}, 6),
-            ({"cpu/cpu.cfs_quota_us": "200000", "cpu/cpu.cfs_period_us": "100000"}, 2),
-            ({"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, 6),
         ],
     )
     def test_those_of_the_affinity_within_the_quota(self, tmp_path, monkeypatch, files, expected):
-        monkeypatch.delattr(runtime.os, "process_cpu_count", raising=False)
         monkeypatch.setattr(runtime.os, "sched_getaffinity", lambda _: set(range(6)), raising=False)
         for name, text in files.items():
-            path = tmp_path / name
-            path.parent.mkdir(exist_ok=True)
-            path.write_text(f"{text}\n")
-        assert runtime.n_cpus(tmp_path) == expected
-
-    @pytest.mark.parametrize(("told", "expected"), [(5, 3), (2, 2), (None, 1)])
-    def test_as_many_as_python_was_told(self, tmp_path, monkeypatch, told, expected):
-        monkeypatch.setattr(runtime.os, "process_cpu_count", lambda: told, raising=False)
-        (tmp_path / "cpu.max").write_text("300000 100000\n")
+            (tmp_path / name).write_text(f"{text}\n")
         assert runtime.n_cpus(tmp_path) == expected

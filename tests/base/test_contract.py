@@ -4,14 +4,14 @@ import inspect
 import math
 import re
 from importlib.metadata import distribution
-from typing import Annotated, get_args, get_origin
+from types import UnionType
+from typing import Annotated, Union, get_args, get_origin
 
 import pytest
 from typer.testing import CliRunner
 
 from botohe_moo import load_mission, make_algorithm
 from botohe_moo.algorithms.registry import algorithm_parameters
-from botohe_moo.base.parameters import UNIONS, is_scalar
 from botohe_moo.cli.app import app
 from botohe_moo.mission.loading import mission_parameters
 from tests.faults import algorithm_faults, mission_faults
@@ -37,7 +37,7 @@ def stated(name, kind):
 
 def numbers(hint):
     """The types in a hint that are numbers, with their constraints."""
-    if get_origin(hint) in UNIONS:
+    if get_origin(hint) in (Union, UnionType):
         return [number for member in get_args(hint) for number in numbers(member)]
     inner = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     return [hint] if inner in (int, float) else []
@@ -104,6 +104,6 @@ def test_scalars_are_checked_by_the_constructor_itself():
         make = entry.load()
         for parameter in algorithm_parameters(entry.name):
             assert parameter.name in inspect.signature(make).parameters
-            if is_scalar(parameter.hint):
+            if parameter.is_scalar:
                 with pytest.raises(ValueError, match=f"^Expected {parameter.name} "):
                     make(**{parameter.name: object()})

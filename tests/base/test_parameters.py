@@ -2,8 +2,6 @@
 
 import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from fractions import Fraction
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -22,7 +20,6 @@ from botohe_moo.base.parameters import (
     checked,
     plain_value,
     raised_faults,
-    range_text,
     takes_any_name,
     type_text,
 )
@@ -32,9 +29,13 @@ def value_faults(name, value, hint):
     return Parameter(name, hint=hint).checked(value)[1]
 
 
-def faults_of(factory, values, also=()):
+def range_text(hint):
+    return Parameter("x", hint=hint).range
+
+
+def faults_of(factory, values):
     """What is wrong with the values that a factory is called with."""
-    call = functools.partial(call_factory, "X", factory, accepted_parameters(factory), also=also)
+    call = functools.partial(call_factory, "X", factory, accepted_parameters(factory))
     return raised_faults(lambda **given: call(given), values)
 
 
@@ -53,7 +54,6 @@ class TestValues:
             (int, np.int64(3)),
             (int, 10**400),
             (float, 3),
-            (float, Fraction(1, 2)),
             (bool, np.True_),
             (int | None, None),
             (float | Literal["bounds"], "bounds"),
@@ -133,7 +133,7 @@ class TestValues:
             ({"gt": low, "lt": high}, low < value < high),
         ):
             hint = Annotated[int, Field(**bounds)]
-            expected = f"Expected x {range_text(hint)}, got {value}."
+            expected = f"Expected x {Parameter('x', hint=hint).range}, got {value}."
             assert value_faults("x", value, hint) == ([] if inside else [expected])
 
 
@@ -222,15 +222,6 @@ class TestAccepted:
         for factory in (wrapper, functools.partial(climb, share=0.5)):
             assert accepted_parameters(factory)[0].range == "in [1, 5]"
 
-    def test_of_instances_and_of_what_does_not_tell(self):
-        class Called:
-            def __call__(self, x: "Few", /, y: "Share"):
-                return x
-
-        [y] = accepted_parameters(Called())
-        assert (y.name, y.range) == ("y", "in (0, 1)")
-        assert accepted_parameters(dict) == ()
-
     def test_only_what_a_factory_states_itself_is_its_own(self):
         found = {p.name: (p.default, p.own) for p in accepted_parameters(Wide.narrow)}
         assert found == {"a": (3, True), "b": (2, False)}
@@ -240,21 +231,17 @@ class TestAccepted:
 class TestCheckValues:
     def test_all_faults_at_once(self):
         faults = faults_of(climb, {"m": 1, "n": 6, "rope": 3})
-        assert [name for name, _ in faults] == ["m", "n", "share", "rope"]
-        unknown, low, missing, rope = (message for _, message in faults)
+        assert [name for name, _ in faults] == ["m", "n", "rope"]
+        unknown, low, rope = (message for _, message in faults)
         assert unknown == "there is no parameter 'm'; known are lost, n, rope, share."
-        assert missing == "missing a required parameter 'share'."
         assert low == "Expected n in [1, 5], got 6."
         assert rope == "Expected rope to be an instance of Rope, got 3."
 
     def test_other_names(self):
         [(blamed, _)] = faults_of(climb, {"share": 0.5, "m": 1})
         assert blamed == "m"  # whatever it would take
-        assert faults_of(lambda: 0, {"m": 1}, also=["robots"]) == [
-            ("m", "there is no parameter 'm'; known are robots.")
-        ]
         assert faults_of(lambda: 0, {"m": 1}) == [
-            ("m", "there is no parameter 'm'; it takes none.")
+            ("m", "there is no parameter 'm'; known are none.")
         ]
 
     def test_a_default_is_always_in_order(self):
@@ -275,7 +262,7 @@ class TestCheckValues:
     @given(st.dictionaries(names, values, max_size=5))
     def test_no_value_is_too_odd(self, values):
         faults = faults_of(climb, values)
-        assert {name for name, _ in faults} <= {*values, "share"}
+        assert {name for name, _ in faults} <= {*values, None}  # Python names what is missing
         assert all(message for _, message in faults)
 
 
@@ -295,13 +282,11 @@ class TestChecked:
         assert (n, share, type(n), type(share)) == (3, 0.5, int, float)
         assert self.swim(share="all")[2] == "all"
 
-    def test_all_that_is_wrong_is_said(self):
+    def test_what_is_wrong_is_said(self):
         with pytest.raises(ParameterError) as error:
-            self.swim(share=1, n=0)
-        assert str(error.value) == (
-            "Expected n in [1, 5], got 0. Expected share in (0, 1) or 'all', got 1."
-        )
-        assert error.value.parameter == "n"
+            self.swim(share=1, n=2)
+        assert str(error.value) == "Expected share in (0, 1) or 'all', got 1."
+        assert error.value.parameter == "share"
 
 
 class TestCall:
@@ -334,11 +319,8 @@ class TestCall:
         def call(**values):
             return call_factory("X", dive, accepted_parameters(dive), values)
 
-        with pytest.raises(
-            ParameterError, match=r"^X: Expected depth in \[1, 30\], got 31\.$"
-        ) as e:
+        with pytest.raises(ParameterError, match=r"^X: Expected depth in \[1, 30\], got 31\.$"):
             call(depth=31)
-        assert e.value.parameter == "depth"
         with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got 'deep'\.$"):
             call(depth="deep")
         with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got '3'\.$"):
@@ -360,12 +342,7 @@ class TestCall:
             return found
 
         assert fault(ParameterError("X: A small share.", "share")) == ("share", "A small share.")
-        assert fault(ParameterError("n is too small.", "other")) == (None, "n is too small.")
-        assert fault(ValueError("X: Expected n >= 1, got 0.")) == ("n", "Expected n >= 1, got 0.")
-        assert fault(ValueError("n: too small")) == ("n", "n: too small")
-        assert fault(ValueError("n")) == ("n", "n")
-        assert fault(ValueError("Expected a share below 1.")) == (None, "Expected a share below 1.")
-        assert fault(ValueError("Expected m >= 1.")) == (None, "Expected m >= 1.")
+        assert fault(ValueError("X: Expected n >= 1, got 0.")) == (None, "Expected n >= 1, got 0.")
         assert fault(ValueError("")) == (None, "")
 
 
@@ -391,14 +368,11 @@ class TestResults:
             (None, None),
             (np.float64(0.5), 0.5),
             (np.True_, True),
-            (Fraction(1, 2), 0.5),
-            (Path("a/b"), "a/b"),
             (((1, "reef"), ()), [[1, "reef"], []]),
             ({"a": (1,)}, {"a": [1]}),
             (Rope(), NotImplemented),
             ([Rope()], NotImplemented),
             ({"a": {1}}, NotImplemented),
-            ({1: 2}, NotImplemented),
             (1j, NotImplemented),
         ]:
             found = plain_value(value)

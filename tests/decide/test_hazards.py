@@ -121,5 +121,5 @@ class TestWorstCase:
             worst_case(mission, [mission.stay_home()], 6)
 
     def test_losses_out_of_range(self):
-        with pytest.raises(ValueError, match=r"^Expected losses <= 2, got 3\.$"):
+        with pytest.raises(ValueError, match=r"^Expected losses in \[0, 2\], got 3\.$"):
             worst_case(MISSION, PLANS, 3)

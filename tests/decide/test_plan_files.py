@@ -136,7 +136,7 @@ def test_files_of_texts(tmp_path):
 
 def test_files_that_cannot_be_written(tmp_path):
     plan = trips(MISSION, "a")
-    expected = "ends in one of .json, .csv, .geojson, .plan; found the suffix '.txt'."
+    expected = "ends in one of .json, .csv, .geojson, .plan; found the suffix '.txt'"
     with pytest.raises(ValueError, match=re.escape(expected)):
         write_plan(MISSION, plan, tmp_path / "plan.txt")
     with pytest.raises(ValueError, match="found none"):
@@ -275,7 +275,7 @@ def test_positions_that_may_be_metres():
 def test_all_files_are_checked_before_any_is_written(tmp_path):
     mission = harbour()
     (tmp_path / "nav2" / "robot_1.json").mkdir(parents=True)
-    with pytest.raises(IsADirectoryError):
+    with pytest.raises(OSError, match="expected a file, found a folder"):
         write_plan(mission, around(mission), tmp_path / "nav2")
     assert [path.name for path in (tmp_path / "nav2").iterdir()] == ["robot_1.json"]
 
@@ -330,18 +330,24 @@ def test_vehicles(tmp_path, vehicle, mav_type, altitude, height):
 @pytest.mark.parametrize(
     ("given", "fault"),
     [
-        ({}, "altitude (of a multicopter, in metres) > 0, got None."),
+        ({}, "altitude (of a multicopter, in metres) to be a number > 0, got None."),
         ({"altitude": -3}, "altitude (of a multicopter, in metres) > 0, got -3."),
         ({"altitude": 0, "vehicle": "vtol"}, "altitude (of a vtol, in metres) > 0, got 0."),
-        ({"altitude": math.nan}, "altitude (of a multicopter, in metres) > 0, got nan."),
+        (
+            {"altitude": math.nan},
+            "altitude (of a multicopter, in metres) to be a finite number > 0, got nan.",
+        ),
         (
             {"altitude": math.inf, "vehicle": "boat"},
             "altitude (of a boat, in metres) to be a finite number, got inf.",
         ),
-        ({"vehicle": "submarine"}, "altitude (of a submarine, in metres) in (-inf, 0], got None."),
+        (
+            {"vehicle": "submarine"},
+            "altitude (of a submarine, in metres) to be a number <= 0, got None.",
+        ),
         (
             {"altitude": 3, "vehicle": "submarine"},
-            "altitude (of a submarine, in metres) in (-inf, 0], got 3.",
+            "altitude (of a submarine, in metres) <= 0, got 3.",
         ),
         (
             {"altitude": 3, "vehicle": "rovr"},
@@ -399,7 +405,7 @@ def test_waypoints_of_more_robots_are_not_left_beside(tmp_path):
 def test_a_file_in_the_place_of_a_folder(tmp_path):
     mission = harbour()
     (tmp_path / "nav2").write_text("mine")
-    with pytest.raises(OSError, match="expected a folder to write to; it is a file"):
+    with pytest.raises(OSError, match="expected a folder to write to"):
         write_plan(mission, around(mission), tmp_path / "nav2")
 
 

@@ -197,7 +197,7 @@ def test_what_cannot_be_read_gets_one_message_with_the_forms():
 
 def test_numbers_and_nodes_are_checked():
     for text, fault in {
-        "worst case of 3 losses >= 1": "Expected losses <= 2, got 3.",
+        "worst case of 3 losses >= 1": "Expected losses in [0, 2], got 3.",
         "every robot >= 90": "Expected at_least in [0, 1], got 90.0.",
         "P(reward >= -1) >= 0.5": "Expected value >= 0, got -1.0.",
         "CVaR(reward, 0) >= 1": "Expected alpha in (0, 1], got 0.0.",
@@ -217,10 +217,14 @@ def test_what_is_not_a_wish():
 
 def test_the_parts_of_typed_wishes_are_checked():
     for kind, parts, fault in (
-        (Chance, {"quantity": "reward", "value": None, "at_least": 1}, "Expected value >= 0"),
-        (EveryRobot, {"at_least": True}, r"Expected at_least in \[0, 1\], got True"),
+        (
+            Chance,
+            {"quantity": "reward", "value": None, "at_least": 1},
+            "Expected value to be a number >= 0",
+        ),
+        (EveryRobot, {"at_least": True}, r"Expected at_least to be a number in \[0, 1\]"),
         (WorstCase, {"at_least": -1, "losses": 1}, "Expected at_least >= 0, got -1"),
-        (WorstCase, {"at_least": 1, "losses": None}, "Expected losses to be an integer >= 0"),
+        (WorstCase, {"at_least": 1, "losses": None}, "Expected losses to be an integer in"),
         (Wish, {"form": "best case", "at_least": 1}, "Expected form among worst case, "),
     ):
         with pytest.raises(ValueError, match=fault):

@@ -188,7 +188,7 @@ def test_what_cannot_be_a_label(label):
 def test_another_writer_of_json_does_not_replace_the_built_in_one(tmp_path, monkeypatch, name):
     toy, path = load_mission("toy"), tmp_path / "toy.json"
     entry = EntryPoint(name, f"{__name__}:OTHER", "botohe_moo.formats")
-    known = (entry, *entry_points(group="botohe_moo.formats"))
+    known = {e.name: e for e in (entry, *entry_points(group="botohe_moo.formats"))}
     monkeypatch.setattr("botohe_moo.base.registry._registered", lambda *_: known)
     save_mission(toy, path)
     assert read_mission(path) == toy
@@ -197,7 +197,7 @@ def test_another_writer_of_json_does_not_replace_the_built_in_one(tmp_path, monk
 
 
 def test_a_suffix_that_no_format_has(file):
-    with pytest.raises(MissionError, match=r"ends in one of .*\.json.*; found the suffix '\.plan'"):
+    with pytest.raises(ValueError, match=r"ends in one of .*\.json.*; found the suffix '\.plan'"):
         format_of(file("survey.plan", {"fileType": "Plan"}))
 
 

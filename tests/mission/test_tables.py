@@ -135,14 +135,13 @@ def test_columns_are_checked():
 
 
 def test_all_faults_of_both_files_are_listed(tmp_path):
-    (tmp_path / "a, b.csv").write_text("label;reward;x;y\ndock;0;0;0\nreef;1\nreef;2;1;1\ndock;1\n")
+    (tmp_path / "a, b.csv").write_text("label;reward;x;y\ndock;0;0;0\nreef;1;1;1\n\n;1\n")
     (tmp_path / "arcs.csv").write_text("tail\thead\tsurvival\ndock\treef\t2\nreef\tpier\t1\n")
     nodes, arcs = (read_table(tmp_path / name) for name in ("a, b.csv", "arcs.csv"))
     with pytest.raises(MissionError) as caught:
         mission_from_tables(nodes, arcs, base="dock", robots=1)
     assert caught.value.faults == (
-        f"{tmp_path}/a, b.csv, row 3: expected 4 cells, as the first row has, found 2",
-        f"{tmp_path}/a, b.csv, row 5: expected 4 cells, as the first row has, found 2",
+        f"{tmp_path}/a, b.csv, row 5: expected label, found nothing",
         f"{tmp_path}/arcs.csv, row 3: arc 'reef' -> 'pier': there is no node 'pier'",
         "arc 'dock' -> 'reef': expected survival in (0, 1], got 2",
     )

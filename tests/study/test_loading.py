@@ -539,7 +539,7 @@ seeds: 1
             ),
             (
                 "name: x\nmissions: &m [*m]\n",
-                " line 1: not valid YAML: aliases expand to more than 10,000",
+                " line 2: not valid YAML: found unconstructable recursive node",
             ),
         ):
             [line] = lines(written(tmp_path, text))
@@ -549,9 +549,9 @@ seeds: 1
         (tmp_path / "trials.yaml").write_text("")
         (tmp_path / ".pre-commit.yaml").write_text("")
         [line] = lines(tmp_path / "trial.yaml")
-        assert line.endswith("no such file.")
+        assert line.endswith("no such file or directory.")
         [line] = lines(tmp_path)
-        assert "cannot be read" in line
+        assert "is a directory" in line
         (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9\n")
         assert "utf-8" in lines(tmp_path / "latin.yaml")[0]
 
@@ -589,7 +589,10 @@ seeds: 1
         )
         text = json.dumps(changed(algorithms={"a": "mine:Fast", "b": "mine:Tied"}))
         fast, tied = lines(written(tmp_path, text))
-        assert "'mine:Fast': BOACO has no parameter 'evaporatoin'; known are evaporation," in fast
+        assert (
+            "'mine:Fast': BOACO: there is no parameter 'evaporatoin'; known are evaporation,"
+            in fast
+        )
         assert "Bare.__init__() got an unexpected keyword argument 'max_ties'" in tied
 
 

@@ -558,5 +558,5 @@ class TestFolder:
 
 
 def test_workers_are_checked(tmp_path):
-    with pytest.raises(ValueError, match="Expected workers >= 1, got 0"):
+    with pytest.raises(ValueError, match=r"Expected workers in \[1, 1024\], got 0"):
         run_study(study_of(), tmp_path, workers=0)

@@ -372,9 +372,8 @@ def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
     It names the class of this package that was given one, not a class derived from it.
     """
     mro = type(algorithm).__mro__
-    kinds = mro[: mro.index(BudgetedAlgorithm)]
-    own = [kind for kind in kinds if kind.__module__.startswith("botohe_moo.")]
-    check_keywords(options, PYMOO_OPTIONS, own or kinds)
+    kind = next(each for each in mro if each.__module__.startswith("botohe_moo."))
+    check_keywords(kind, options, PYMOO_OPTIONS)
 
 
 def check_problem(problem: Any) -> None:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import errno
 import functools
 import io
 import itertools
 import json
 import os
-import re
 import secrets
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 FilePath: TypeAlias = str | os.PathLike[str]
 
-FILE, FAULTS = "botohe_moo file", "botohe_moo faults"  # attributes of tables read from files
+FILE = "botohe_moo file"  # the attribute of tables that says what file they were read from
 
 
 class Source:
@@ -47,12 +46,9 @@ class Source:
     def data(self) -> bytes:
         """The bytes of the file; a FaultsError names one that cannot be read."""
         try:
-            return read_bytes(self.path)
-        except FileNotFoundError:
-            fault = "no such file"
+            return self.path.read_bytes()
         except OSError as error:
-            fault = f"cannot be read: {error.strerror}"
-        raise FaultsError(fault, str(self.path))
+            raise FaultsError(str(error.strerror).lower(), str(self.path)) from None
 
     @functools.cached_property
     def text(self) -> str:
@@ -70,94 +66,60 @@ class Source:
         # Imported late: it takes time, and most missions are not in YAML.
         from botohe_moo.base.documents import Document
 
-        try:
-            return Document(self.text)
-        except ValueError as error:
-            raise ValueError(f"line {error}") from None
-
-
-def read_bytes(path: Path) -> bytes:
-    """Read a file; an OSError refuses folders, and devices and pipes, which may have no end."""
-    _check_regular(path)
-    return path.read_bytes()
+        return Document(self.text)
 
 
 def read_json(text: str | bytes) -> Any:
     """Return the content of a JSON text; a ValueError if it is not JSON, or repeats a key."""
-    try:
-        return json.loads(text, object_pairs_hook=_object)
-    except json.JSONDecodeError as error:
-        raise ValueError(f"expected JSON: {error}") from None
+    return json.loads(text, object_pairs_hook=_object)
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     content = dict(pairs)
     if len(content) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
+        [(twice, _)] = Counter(key for key, _ in pairs).most_common(1)
         raise ValueError(f"expected each key of an object once, found {quoted(twice)} twice")
     return content
 
 
-def _check_regular(path: Path) -> None:
-    """Refuse, with an OSError, a folder, a device or a pipe; the file need not exist."""
-    if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, "expected a file, found a folder", str(path))
-    if path.exists() and not path.is_file():
-        raise OSError(errno.EINVAL, "expected a file, found a device or a pipe", str(path))
-
-
 def check_file(path: Path) -> None:
-    """Refuse, with an OSError, a file in a folder that does not exist, or in place of a folder."""
-    if not path.parent.exists():
-        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(path.parent))
+    """Refuse, with an OSError, a file that cannot be written; it need not exist, its folder must.
+
+    Devices and pipes are refused, since a file would replace them.
+    """
     if not path.parent.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, "expected a folder, found a file", str(path.parent))
-    _check_regular(path)
+        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(path.parent))
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "expected a file, found a folder, device or pipe", str(path))
 
 
 def check_folder(folder: Path) -> None:
     """Refuse, with an OSError, a folder that cannot be written to; it need not exist."""
     there = next(path for path in (folder, *folder.parents) if path.exists())
-    if not there.is_dir() or not os.access(there, os.W_OK):
-        place = "it" if there == folder else str(there)
-        fault = "cannot be written to" if there.is_dir() else "is a file"
-        raise OSError(f"{folder}: expected a folder to write to; {place} {fault}.")
-
-
-def suffix_fault(path: Path, known: Collection[str]) -> str:
-    """Say what is wrong with the suffix of a file's name; nothing if it is a ``known`` one."""
-    if path.suffix.lower() in known:
-        return ""
-    found = f"the suffix {path.suffix!r}" if path.suffix else "no suffix"
-    return f"expected a file name that ends in one of {', '.join(known)}; found {found}"
+    if not (there.is_dir() and os.access(there, os.W_OK)):
+        raise OSError(errno.EACCES, "expected a folder to write to", str(there))
 
 
 def check_suffix(path: Path, known: Collection[str]) -> None:
-    """Refuse, with a ValueError, a file name that has none of the ``known`` suffixes."""
-    if fault := suffix_fault(path, known):
-        raise ValueError(f"{path}: {fault}.")
+    """Refuse, with a FaultsError, a file name that has none of the ``known`` suffixes."""
+    if path.suffix.lower() not in known:
+        found = f"the suffix {path.suffix!r}" if path.suffix else "no suffix"
+        expected = f"a file name that ends in one of {', '.join(known)}"
+        raise FaultsError(f"expected {expected}; found {found}", str(path))
 
 
-@contextlib.contextmanager
-def new_folder(wanted: Path) -> Iterator[Path]:
-    """Make a folder that was not there; it is removed, with its parents, if it is left empty.
+def new_folder(wanted: Path) -> Path:
+    """Make a folder that was not there: ``-2``, ``-3`` and so on is added to a name that is taken.
 
-    Where there is a folder of the ``wanted`` name, ``-2``, ``-3`` and so on is added.
+    It is made at once, so that no other process takes it.
     """
-    missing = [path for path in wanted.parents if not path.exists()]
-    wanted.parent.mkdir(parents=True, exist_ok=True)
-    names = (wanted.with_name(f"{wanted.name}-{number}") for number in itertools.count(2))
-    for made in itertools.chain([wanted], names):
+    made = wanted
+    for number in itertools.count(2):
         with contextlib.suppress(FileExistsError):
-            made.mkdir()  # at once, so that no other process takes it
+            made.mkdir(parents=True)
             break
-    try:
-        yield made
-    finally:
-        for path in (made, *missing):
-            with contextlib.suppress(OSError):
-                path.rmdir()
+        made = wanted.with_name(f"{wanted.name}-{number}")
+    return made
 
 
 def replace_file(path: Path, data: bytes) -> None:
@@ -180,45 +142,33 @@ def replace_file(path: Path, data: bytes) -> None:
     except OSError as error:  # which would name the temporary file
         raise OSError(error.errno, error.strerror, str(path)) from None
     finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+        temporary.unlink(missing_ok=True)
 
 
 def read_table(path: FilePath) -> pd.DataFrame:
     """Read a CSV file of texts, whose index is the number of each row in a spreadsheet.
 
-    Cells are separated by commas, semicolons or tabs: by what a first line such as ``sep=;`` says,
-    or by what the header has most of. Empty rows are left out, and so are rows with too few or too
-    many cells: they are in the attribute `FAULTS`. A ValueError names the file and what is wrong
-    with it.
+    Cells are separated by commas, semicolons or tabs: by what the header has most of. Empty rows
+    are left out, and cells that a row lacks are empty. A ValueError names the file and what is
+    wrong with it.
     """
     import pandas as pd
 
+    data = Source(path).data
     try:
-        text = Source(path).text
-    except UnicodeDecodeError as error:
-        remedy = "save it as 'CSV UTF-8', as spreadsheets call it"
-        raise ValueError(f"{path}: {error}; {remedy}") from None
-    first, _, rest = text.lstrip().partition("\n")
-    separator = max(",;\t", key=first.count)
-    if re.fullmatch(r'"?sep=[,;\t]"?\r?', first, re.IGNORECASE):  # of Excel
-        text = f"\n{rest}"
-    lines = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    try:
-        rows = {i: cells for i, cells in enumerate(lines, 1) if any(map(str.strip, cells))}
-    except csv.Error as error:  # such as a quote that does not end
-        raise ValueError(f"{path}: line {lines.line_num}: {error}") from None
-    if not rows:
-        raise ValueError(f"{path}: expected a first row of column names, found an empty file")
-    header = rows.pop(next(iter(rows)))
-    whole = {i: cells for i, cells in rows.items() if len(cells) == len(header)}
-    table = pd.DataFrame([*whole.values()], pd.Index([*whole], dtype=int), header, dtype=object)
+        text = data.decode("utf-8-sig")
+        separator = max(",;\t", key=text.partition("\n")[0].count)
+        options: Any = {"dtype": object, "na_filter": False, "skip_blank_lines": False}
+        # Without a header, which would be without names for the first of too many cells.
+        rows = pd.read_csv(io.StringIO(text), sep=separator, header=None, **options)
+    except ValueError as error:  # such as a row with too many cells
+        remedy = "; save it as 'CSV UTF-8', as spreadsheets call it"
+        found = f"{str(error).strip()}{remedy if isinstance(error, UnicodeError) else ''}"
+        raise ValueError(f"{path}: {found}") from None
+    rows.index += 1
+    table: pd.DataFrame = rows[1:].set_axis([*rows.iloc[0]], axis=1)
+    table = table[table.astype(bool).any(axis=1)]
     table.attrs[FILE] = str(path)
-    table.attrs[FAULTS] = [
-        f"{path}, row {i}: expected {len(header)} cells, as the first row has, found {len(cells)}"
-        for i, cells in rows.items()
-        if i not in whole
-    ]
     return table
 
 

@@ -1,18 +1,17 @@
 """Errors, and how messages name what was expected and what was found."""
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from difflib import SequenceMatcher
-from numbers import Integral, Real
+from numbers import Real
 from reprlib import Repr
-from typing import Any
+from typing import Any, TypeAlias
 
-_LONG = 120
-_MOST_SHOWN = 100  # a file may have a million faults
+# The parameter that is wrong, or None for all together, and what is wrong with it.
+Fault: TypeAlias = tuple[str | None, str]
 
 _REPR = Repr()
-_REPR.maxlevel, _REPR.maxdict = 2, 8
-_REPR.maxstring, _REPR.maxother = 60, _LONG
+_REPR.maxlevel, _REPR.maxdict, _REPR.maxstring, _REPR.maxother = 2, 8, 122, 120
 
 
 class ParameterError(ValueError):
@@ -24,15 +23,11 @@ class ParameterError(ValueError):
     """
 
     def __init__(
-        self,
-        message: str,
-        parameter: str | None = None,
-        faults: Iterable[tuple[str | None, str]] = (),
-        source: str = "",
+        self, message: str, name: str | None = None, faults: Iterable[Fault] = (), source: str = ""
     ) -> None:
         super().__init__(f"{source}: {message}" if source else message)
-        self.parameter = parameter
-        self.faults = tuple(faults) or ((parameter, message),)
+        self.parameter = name
+        self.faults = tuple(faults) or ((name, message),)
 
 
 class FaultsError(ValueError):
@@ -64,47 +59,10 @@ class PluginError(ValueError):
     """What a name stands for is not registered, or cannot be used; says why."""
 
 
-def check_integer(name: str, value: Any, *, at_least: int, at_most: float = math.inf) -> int:
-    """Return ``value`` as an int, or raise the ParameterError that says what was expected."""
-    if isinstance(value, bool) or not isinstance(value, Integral):
-        expected = f"{name} to be an integer >= {at_least}"
-    elif at_least <= int(value) <= at_most:
-        return int(value)
-    else:
-        value = int(value)
-        expected = f"{name} >= {at_least}" if value < at_least else f"{name} <= {at_most}"
-    raise ParameterError(f"Expected {expected}, got {quoted(value)}.", name)
-
-
-def check_number(
-    name: str,
-    value: Any,
-    *,
-    above: float = -math.inf,
-    at_least: float = -math.inf,
-    below: float = math.inf,
-    at_most: float = math.inf,
-) -> float:
-    """Return ``value`` as a finite float, or raise a ParameterError that says what was expected."""
-    number = as_float(value)
-    if math.isfinite(number) and above < number < below and at_least <= number <= at_most:
-        return number
-    low, high = max(above, at_least), min(below, at_most)
-    expected = " to be a finite number"
-    if high < math.inf:
-        opening, closing = "(" if above == low else "[", ")" if below == high else "]"
-        expected = f" in {opening}{low:g}, {high:g}{closing}"
-    elif low > -math.inf:
-        finite = " and finite" if number == math.inf else ""
-        expected = f" {'>' if above == low else '>='} {low:g}{finite}"
-    raise ParameterError(f"Expected {name}{expected}, got {quoted(value)}.", name)
-
-
 def as_float(value: Any) -> float:
     """Convert a number; NaN for anything else."""
-    number = isinstance(value, Real) and not isinstance(value, bool)
     try:
-        return float(value) if number else math.nan
+        return float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
     except OverflowError:
         return math.inf if value > 0 else -math.inf
 
@@ -122,52 +80,27 @@ def check_choice(parameter: str, name: Any, known: Collection[str]) -> None:
         raise ParameterError(f"Expected {parameter} among {among}, got {quoted(name)}.", parameter)
 
 
-def check_weights(
-    parameter: str, given: Any, known: Collection[str], *, needed: str = ""
-) -> dict[str, float]:
-    """Return a mapping from known names to weights >= 0, or raise a ParameterError.
-
-    With ``needed``, what one of them is called, some weight has to be above 0.
-    """
-    if not isinstance(given, Mapping):
-        expected = f"{parameter} to be a mapping from names to weights"
-        raise ParameterError(f"Expected {expected}, got {quoted(given)}.", parameter)
-    weights = {}
-    for name, weight in given.items():
-        check_choice(parameter, name, known)
-        weights[name] = check_number(f"{parameter}[{name!r}]", weight, at_least=0)
-    if needed and not any(weights.values()):
-        expected = f"a {needed} of weight above 0"
-        raise ParameterError(f"Expected {expected}, got {quoted(given)}.", parameter)
-    return weights
-
-
 def unknown_parameter(name: object, known: Iterable[str]) -> str:
     """Write that there is no parameter of this name, and which there are, nearest first."""
-    among = ", ".join(nearest_first(str(name), known))
-    remedy = f"known are {among}" if among else "it takes none"
-    return f"there is no parameter {name!r}; {remedy}."
+    among = ", ".join(nearest_first(str(name), known)) or "none"
+    return f"there is no parameter {name!r}; known are {among}."
 
 
 def nearest_first(word: str, words: Iterable[str]) -> list[str]:
     """Sort ``words`` by how much they look like ``word``, those alike by name."""
-    word = word[:_LONG].lower()  # how long it takes grows with the square of the lengths
-    return sorted(words, key=lambda w: (-SequenceMatcher(None, word, w[:_LONG].lower()).ratio(), w))
+    word = word[:100].lower()  # how long it takes grows with the length
+    return sorted(words, key=lambda w: (-SequenceMatcher(None, word, w.lower()).ratio(), w))
 
 
 def most_alike(word: str, words: Iterable[str]) -> str:
     """Write which five words look most like ``word``; nothing if there are none."""
-    near = [repr(other[:_LONG])[1:-1] for other in nearest_first(word, words)[:5]]
-    return f"; most alike are {', '.join(near)}" if near else ""
+    near = ", ".join(nearest_first(word, words)[:5])
+    return f"; most alike are {near}" if near else ""
 
 
 def quoted(value: object) -> str:
     """Write a value as ``repr`` does; of a long one, which may be a whole file, only a part."""
-    if not isinstance(value, str):
-        return _REPR.repr(value)
-    if len(value) <= _LONG:
-        return repr(value)
-    return f"{value[: _LONG - 20]!r}... ({len(value):,} characters)"
+    return _REPR.repr(value)
 
 
 def counted(number: int, thing: str) -> str:

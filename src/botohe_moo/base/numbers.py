@@ -44,28 +44,17 @@ def probability_text(probability: float, decimals: int) -> str:
     >>> [probability_text(p, 2) for p in (0.25, 0.9996, 1e-9, 1)]
     ['0.25', '>0.99', '<0.01', '1.00']
     """
-    unit = 10.0**-decimals
     text = f"{probability:.{decimals}f}"
     if float(text) == 0 < probability:
-        return f"<{unit:.{decimals}f}"
+        return f"<{10**-decimals:.{decimals}f}"
     if float(text) == 1 and probability < 1 - 1e-12:
-        return f">{1 - unit:.{decimals}f}"
+        return f">{1 - 10**-decimals:.{decimals}f}"
     return text
 
 
 def short_text(value: float) -> str:
     """Write a number with four significant digits."""
     return f"{value:.4g}"
-
-
-def exact_text(value: float) -> str:
-    """Write a number with all the digits that it takes to read the same number again.
-
-    >>> exact_text(0.5), exact_text(2.0), exact_text(1 / 3)
-    ('0.5', '2', '0.3333333333333333')
-    """
-    text = f"{value:g}"
-    return text if float(text) == value else repr(value)
 
 
 def difference_text(value: float, what: str) -> str:

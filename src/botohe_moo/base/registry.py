@@ -2,23 +2,22 @@
 
 import contextlib
 import functools
-import inspect
 import pkgutil
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from importlib.metadata import Distribution, EntryPoint, entry_points
-from typing import Any, Self, get_args, get_origin
+from typing import Any, Self
 
 from botohe_moo.base.messages import PluginError, nearest_first
-from botohe_moo.base.parameters import UNIONS, resolved
+from botohe_moo.base.parameters import resolved, scope_of
 
 _OURS = "botohe-moo"
 
 
 @dataclass(frozen=True, eq=False)
-class Registry(Mapping[str, Any]):
+class Registry:
     """The entries of a group of entry points, by name; they are imported when they are asked for.
 
     Algorithms, operators, missions, formats and indicators are registered like this. What this
@@ -42,17 +41,19 @@ class Registry(Mapping[str, Any]):
     own: dict[str, Any] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[str]:
-        return iter([*self.own, *sorted(self.claims().keys() - self.own.keys())])
-
-    def __len__(self) -> int:
-        return len(self.claims().keys() | self.own.keys())
+        return iter({**self.own, **self.entries})
 
     def __contains__(self, name: object) -> bool:
-        return name in self.own or name in self.claims()
+        return name in self.own or name in self.entries
 
     def __getitem__(self, name: str) -> Any:
         """Return what a name stands for, as `find` does."""
         return self.find(name)
+
+    @property
+    def entries(self) -> dict[str, EntryPoint]:
+        """The entry points by name, sorted, which need not be imported."""
+        return _registered(self.group, tuple(sys.path))
 
     def source(self, name: object) -> str:
         """Return the words with which messages about an entry begin."""
@@ -67,20 +68,28 @@ class Registry(Mapping[str, Any]):
         """
         if name in self.own:
             return self.own[name]
-        if name in self or not is_path(name):
-            entry = self.entry(name)
-            origin = f"{entry.value} of package {_package(entry)}"
-            found = _imported(entry.load, origin)
+        entry = self.entries.get(name)
+        if entry:
+            load, origin = entry.load, f"{entry.value} of package {entry.dist and entry.dist.name}"
+        elif is_path(name):
+            load, origin = functools.partial(pkgutil.resolve_name, name), "it"
         else:
-            origin = "it"
-            found = _imported(functools.partial(pkgutil.resolve_name, name), origin)
-            targets = {entry.value for entries in self.claims().values() for entry in entries}
-            if makes and name not in targets and not says_it_makes(found, makes):
-                raise PluginError(
-                    f"expected a class derived from {makes.__name__}, or a function that returns "
-                    f"one (-> {makes.__name__}), got {found!r}; or register it as entry point of "
-                    f"{self.group!r}"
-                )
+            known = ", ".join(nearest_first(name, self))
+            raise PluginError(
+                f"there is no such {self.kind}; known are {known}; "
+                "a package that registers it may not be installed"
+            )
+        try:
+            with contextlib.redirect_stdout(sys.stderr):  # results, which may be piped, are printed
+                found = load()
+        except (Exception, SystemExit) as error:
+            raised = f"{type(error).__name__}: {error}"
+            raise PluginError(f"{origin} cannot be imported ({raised})") from error
+        if makes and not entry and not says_it_makes(found, makes):
+            raise PluginError(
+                f"expected a class derived from {makes.__name__}, or a function that makes one (-> "
+                f"{makes.__name__}), got {found!r}; or register it as entry point of {self.group!r}"
+            )
         if not isinstance(found, self.holds):
             expected = "function or class" if self.holds is Callable else self.holds.__name__
             raise PluginError(f"expected {origin} to be a {expected}, got {found!r}")
@@ -96,36 +105,10 @@ class Registry(Mapping[str, Any]):
                 warnings.warn(f"{self.source(name)}: {error}; it is left out.", stacklevel=3)
         return found
 
-    def claims(self) -> dict[str, list[EntryPoint]]:
-        """List the entry points of each name, without importing them."""
-        claims: dict[str, list[EntryPoint]] = {}
-        for entry in _registered(self.group, tuple(sys.path)):
-            claims.setdefault(entry.name, []).append(entry)
-        return claims
-
-    def entry(self, name: str) -> EntryPoint:
-        """Find the entry point of a name; a PluginError if there is none, or packages disagree."""
-        claims = self.claims()
-        if name not in claims:
-            known = ", ".join(nearest_first(name, self))
-            raise PluginError(
-                f"there is no such {self.kind}; known are {known}; "
-                "a package that registers it may not be installed"
-            )
-        packages = {_package(entry): entry for entry in reversed(claims[name])}
-        if _OURS not in packages and len({entry.value for entry in claims[name]}) > 1:
-            raise PluginError(f"the packages {' and '.join(packages)} both register this name")
-        return packages.get(_OURS, claims[name][0])
-
-    def is_ours(self, name: str) -> bool:
-        """Return whether this package registers the entry of a name."""
-        return name in self.own or _package(self.entry(name)) == _OURS
-
 
 def package_of(owner: Distribution | None) -> dict[str, str | None]:
     """Return the ``package`` and the ``version`` of a distribution; None for code without one."""
-    found = (owner.name, owner.version) if owner else (None, None)
-    return dict(zip(("package", "version"), found, strict=True))
+    return {"package": owner.name if owner else None, "version": owner.version if owner else None}
 
 
 def is_path(name: str) -> bool:
@@ -138,36 +121,21 @@ def says_it_makes(factory: Any, wanted: type) -> bool:
 
     Classes state it, and functions by the annotation of what they return.
     """
-    while isinstance(factory, functools.partial):
-        factory = factory.func
+    factory = getattr(factory, "func", factory)  # of a partial
     if isinstance(factory, type):
         return issubclass(factory, wanted)
-    function = inspect.unwrap(getattr(factory, "__func__", factory))
-    stated = getattr(function, "__annotations__", {}).get("return")
-    stated = resolved(stated, getattr(function, "__globals__", {}))
-    members = get_args(stated) if get_origin(stated) in UNIONS else (stated,)
-    kinds = [factory.__self__ if member is Self else member for member in members]
-    return all(isinstance(kind, type) and issubclass(kind, wanted) for kind in kinds)
-
-
-def _imported(load: Callable[[], Any], origin: str) -> Any:
-    """Import another package's code; a PluginError says what that raises.
-
-    It can neither end the process nor print among results, which may be piped.
-    """
-    try:
-        with contextlib.redirect_stdout(sys.stderr):
-            return load()
-    except (Exception, SystemExit) as error:
-        found = f"{type(error).__name__}: {error}"
-        raise PluginError(f"{origin} cannot be imported ({found})") from error
+    annotation = getattr(factory, "__annotations__", {}).get("return")
+    stated = resolved(annotation, scope_of(factory))
+    kind = factory.__self__ if stated is Self else stated
+    return isinstance(kind, type) and issubclass(kind, wanted)
 
 
 @functools.lru_cache(maxsize=16)
-def _registered(group: str, _path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """Return the entry points of a group, looked up once for each search path: it takes 10 ms."""
-    return tuple(entry_points(group=group))
+def _registered(group: str, _path: tuple[str, ...]) -> dict[str, EntryPoint]:
+    """Return the entry points of a group, looked up once for each search path: it takes 10 ms.
 
-
-def _package(entry: EntryPoint) -> str:
-    return (entry.dist and entry.dist.name) or "(unknown)"
+    Of a name that several packages register, this package's entry is taken.
+    """
+    found = entry_points(group=group)
+    ours_last = sorted(found, key=lambda e: (e.name, bool(e.dist and e.dist.name == _OURS)))
+    return {entry.name: entry for entry in ours_last}

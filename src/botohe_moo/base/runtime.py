@@ -1,8 +1,8 @@
 """What the package asks of Python: late imports, processors, signals."""
 
-import ast
 import math
 import os
+import re
 import signal
 import sys
 import threading
@@ -11,8 +11,6 @@ from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
-
-_USUAL = (signal.SIG_DFL, signal.default_int_handler)
 
 
 def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
@@ -28,12 +26,9 @@ def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[st
     >>> get("TrailPlan").__module__, "TrailPlan" in names(), "TrailPlan" in listed
     ('botohe_moo.trails', True, True)
     """
-    loader: Any = sys.modules[package].__loader__
-    tree = ast.parse(loader.get_source(package))
-    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-    homes = {
-        alias.asname: str(node.module) for node in imports for alias in node.names if alias.asname
-    }
+    source: str = sys.modules[package].__loader__.get_source(package)  # type: ignore[union-attr]
+    imports = re.findall(r"^ +from (\S+) import (\w+) as \2$", source, re.MULTILINE)
+    homes = {name: home for home, name in imports}
     listed = sorted(homes)
 
     def get(name: str) -> Any:
@@ -47,24 +42,14 @@ def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[st
 def n_cpus(groups: Path = Path("/sys/fs/cgroup")) -> int:
     """Return how many processors this process may use, at least 1.
 
-    Those are the ones of its affinity (``taskset``), or as many as Python was told (from 3.13 on,
-    ``PYTHON_CPU_COUNT``), but no more than a container's share of time allows, as the files of the
-    control ``groups`` have it.
+    Those are the ones of its affinity (``taskset``), but no more than a container's share of time
+    allows, as version 2 of the control ``groups`` has it.
     """
-    system: Any = os  # whose functions differ by platform and version
-    if hasattr(system, "process_cpu_count"):
-        n = system.process_cpu_count() or 1
-    elif hasattr(system, "sched_getaffinity"):
-        n = len(system.sched_getaffinity(0))
-    else:
-        n = os.cpu_count() or 1
-    for names in (("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")):
-        with suppress(OSError, ValueError):  # of the other version, no quota ("max"), or no groups
-            words = " ".join((groups / name).read_text() for name in names).split()
-            quota, period = map(int, words)
-            if quota > 0:
-                n = min(n, math.ceil(quota / period))
-    return max(n, 1)
+    n = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with suppress(OSError, ValueError):  # no quota ("max"), or no groups
+        quota, period = map(int, (groups / "cpu.max").read_text().split())
+        n = min(n, math.ceil(quota / period))
+    return n
 
 
 class Stop(threading.Event):
@@ -83,10 +68,6 @@ def hold_signals(*numbers: int, handled: bool = False) -> Iterator[Stop]:
     """
     stop = Stop()
     usual: dict[int, Any] = {}
-    for number in numbers if threading.current_thread() is threading.main_thread() else ():
-        handler = signal.getsignal(number)
-        if handler in _USUAL or (handled and callable(handler)):
-            usual[number] = handler
 
     def note(number: int, _: object) -> None:
         # Not the usual handler, which may end the process at once, without any cleaning up.
@@ -95,8 +76,11 @@ def hold_signals(*numbers: int, handled: bool = False) -> Iterator[Stop]:
             stop.signal = number
             stop.set()
 
-    for number in usual:
-        signal.signal(number, note)
+    for number in numbers if threading.current_thread() is threading.main_thread() else ():
+        handler = signal.getsignal(number)
+        is_usual = handler in (signal.SIG_DFL, signal.default_int_handler)
+        if is_usual or (handled and callable(handler)):
+            usual[number] = signal.signal(number, note)
     try:
         yield stop
     finally:

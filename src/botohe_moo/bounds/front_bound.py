@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, FiniteFloat, PositiveInt, ValidationError
 
-from botohe_moo.base.files import read_bytes, replace_file
+from botohe_moo.base.files import replace_file
 from botohe_moo.base.messages import quoted
 from botohe_moo.base.parameters import NotNegative, Probability
 from botohe_moo.base.types import FloatArray, OffsetArray
@@ -86,7 +86,7 @@ class BoundRecord(BaseModel):
 def read_record(path: Path, mission: Mission) -> BoundRecord:
     """Read the bound of a mission; an OSError or a ValueError names the file."""
     try:
-        record = BoundRecord.model_validate_json(read_bytes(path))
+        record = BoundRecord.model_validate_json(path.read_bytes())
     except ValidationError as error:
         fault = error.errors()[0]
         where = ".".join(map(str, fault["loc"])) or "the whole"

@@ -214,11 +214,11 @@ def _value(name: str, text: str) -> Any:
     for number in (int, float):
         with suppress(ValueError):
             return number(text)
-    from botohe_moo.base.documents import Document, DocumentError
+    from botohe_moo.base.documents import Document
 
     try:
         return Document(text).content
-    except DocumentError:
+    except ValueError:
         raise ValueError(
             f"Expected a number, true, false or text for {name!r}, got {text!r}."
         ) from None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import shlex
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from threading import Event
@@ -85,15 +84,13 @@ def solve(
         files.check_folder(default.parent if out is None else out)
     limits = {"min_survival": min_survival, "max_length": max_length}
     how = {"mission": loaded, "algorithm": algorithm, "problem": kind, **limits, **parameters}
-    with (
-        stoppable(_STOP_SEARCH) as stop,
-        files.new_folder(default) if out is None else nullcontext(out) as folder,
-    ):
+    with stoppable(_STOP_SEARCH) as stop:
         tell(f"{loaded.title}: {brief(loaded, searched.max_length)}\n")
         solution = _search(stop, evaluations=evaluations, seed=seed, **how)
         solution = replace(solution, source={**options, "name_or_path": mission})
         tell(solution.describe())
         with failing(FAILED):
+            folder = files.new_folder(default) if out is None else out
             paths = solution.write(folder)
         tell("\n" + "\n".join(f"wrote {path}" for path in paths))
     choice = solution.choose(*wishes) if wishes else None

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo.base.messages import check_choice, check_number
+from botohe_moo.base.messages import check_choice
 from botohe_moo.base.numbers import difference_text, price_text, short_text
+from botohe_moo.base.parameters import NotNegative, check
 from botohe_moo.decide import fronts
 from botohe_moo.decide import wishes as w
 from botohe_moo.decide.fronts import TradeOff, arc_counts, distances
@@ -238,8 +239,8 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
     (2, False)
     """
     wanted = (
-        w.Wish("expected", check_number("reward", reward, at_least=0), "reward"),
-        w.Wish("expected", check_number("survivors", survivors, at_least=0), "survivors"),
+        w.Wish("expected", check("reward", reward, NotNegative), "reward"),
+        w.Wish("expected", check("survivors", survivors, NotNegative), "survivors"),
     )
     front = w.Candidates(mission, plans)
     reference = np.array([wish.at_least for wish in wanted])

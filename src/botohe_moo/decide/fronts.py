@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from botohe_moo import objectives
-from botohe_moo.base.messages import check_integer
 from botohe_moo.base.numbers import difference_text, short_text
+from botohe_moo.base.parameters import check
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, Plans
@@ -65,7 +65,8 @@ def front_rows(objectives: FloatArray) -> OffsetArray:
 
 def check_row(name: str, row: object, n_plans: int) -> int:
     """Check the index of a plan, counted from 0."""
-    return check_integer(name, row, at_least=0, at_most=n_plans - 1)
+    checked: int = check(name, row, int, ge=0, le=n_plans - 1)
+    return checked
 
 
 def survivor_price(mission: Mission, plans: PlansOrObjectives, index: int) -> float:
@@ -335,7 +336,7 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     >>> representatives(toy, [toy.plan(team) for team in teams], k=2)
     (3, 0)
     """
-    k = check_integer("k", k, at_least=1)
+    k = check("k", k, int, ge=1)
     batch = check_mission(mission).batch(plans)
     objectives = objectives_of(mission, batch)
     rows = front_rows(objectives)

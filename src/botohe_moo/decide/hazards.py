@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo.base.messages import check_integer, check_number
+from botohe_moo.base.parameters import NotNegative, Positive, check
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.core import evaluate as kernels
 from botohe_moo.decide.fronts import objectives_of
@@ -86,10 +86,10 @@ def robustness(
     """
     import pandas as pd
 
-    factors = [check_number("each of factors", factor, above=0) for factor in factors]
-    spread = check_number("spread", spread, at_least=0)
-    n_scenarios = check_integer("n_scenarios", n_scenarios, at_least=1)
-    rng = np.random.default_rng(check_integer("seed", seed, at_least=0))
+    factors = [check("each of factors", factor, Positive) for factor in factors]
+    spread = check("spread", spread, NotNegative)
+    n_scenarios = check("n_scenarios", n_scenarios, int, ge=1)
+    rng = np.random.default_rng(check("seed", seed, int, ge=0))
     objectives = objectives_of(mission, batch := check_mission(mission).batch(plans))
     world, n = mission.world, len(mission.nodes)
     # Of each arc of the world which arc of the mission it is: an arc is as wrong for all kinds.
@@ -172,7 +172,7 @@ def worst_case(mission: Mission, plans: Plans, losses: int = 1) -> FloatArray:
     [0.0, 0.9]
     """
     objectives_of(mission, batch := check_mission(mission).batch(plans))  # checks them
-    losses = check_integer("losses", losses, at_least=0, at_most=mission.robots)
+    losses = check("losses", losses, int, ge=0, le=mission.robots)
     return np.array([worst_loss(mission, plan, losses) for plan in batch])
 
 

@@ -17,10 +17,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import FiniteFloat
 
 from botohe_moo import outcomes
 from botohe_moo.base import files as f
-from botohe_moo.base.messages import check_choice, check_number, quoted
+from botohe_moo.base.messages import check_choice, quoted
+from botohe_moo.base.parameters import check
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.formats.routes import write_route_graph
 from botohe_moo.mission.hazards import places_of
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
 VEHICLES = {"multicopter": 2, "fixed-wing": 1, "vtol": 20, "rover": 10, "boat": 11, "submarine": 12}
 MULTICOPTER = "multicopter"
 # Altitudes, which are above 0 for vehicles that fly.
-_ALTITUDES: dict[str, dict[str, float]] = {"rover": {}, "boat": {}, "submarine": {"at_most": 0.0}}
+_ALTITUDES: dict[str, dict[str, int]] = {"rover": {}, "boat": {}, "submarine": {"le": 0}}
 # QGroundControl's defaults; its format of plans is version 1, missions are version 2, for PX4 (12).
 # Waypoints (MAV_CMD_NAV_WAYPOINT, 16) have heights above the start (MAV_FRAME_GLOBAL_RELATIVE_ALT).
 _QGC = json.loads(Path(__file__).with_name("qgroundcontrol.json").read_text("utf-8"))
@@ -300,10 +302,11 @@ def _stops(mission: Mission, nodes: Sequence[Any]) -> list[dict[str, Any]]:
 def _altitude(vehicle: str, altitude: float | None) -> float:
     """Return a checked altitude of waypoints, by default 0 for vehicles that stay on a surface."""
     check_choice("vehicle", vehicle, VEHICLES)
-    allowed = _ALTITUDES.get(vehicle, {"above": 0.0})
+    allowed = _ALTITUDES.get(vehicle, {"gt": 0})
     if altitude is None and not allowed:
         return 0.0
-    return check_number(f"altitude (of a {vehicle}, in metres)", altitude, **allowed)
+    of: float = check(f"altitude (of a {vehicle}, in metres)", altitude, FiniteFloat, **allowed)
+    return of
 
 
 def check_geographic(mission: Mission) -> None:

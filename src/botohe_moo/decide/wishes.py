@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import json
-import math
 import re
 from collections.abc import Callable, Container, Hashable, Iterable, Iterator
 from contextlib import suppress
@@ -13,8 +12,8 @@ from typing import Any, Literal
 
 from botohe_moo import outcomes as o
 from botohe_moo.base import messages as checks
+from botohe_moo.base import parameters as p
 from botohe_moo.base.messages import quoted
-from botohe_moo.base.numbers import exact_text
 from botohe_moo.decide.fronts import SLACK
 from botohe_moo.decide.hazards import worst_loss
 from botohe_moo.mission.formats.nodelink import plain_label
@@ -120,7 +119,7 @@ class Wish:
         kind = "" if self.kind is None else f"{label_text(self.kind)} "
         losses = "1 loss" if self.losses == 1 else f"{self.losses} losses"
         numbers = {name: getattr(self, name) for name in ("value", "alpha", "at_least")}
-        texts = {name: exact_text(of) for name, of in numbers.items() if of is not None}
+        texts = {name: str(of).removesuffix(".0") for name, of in numbers.items() if of is not None}
         texts |= {"subject": f"{kind}{self.quantity}", "losses": losses}
         return _TEXTS[self.form].format(**texts, node=label_text(self.node))
 
@@ -220,15 +219,15 @@ def _meant(text: str, known: Container[Any]) -> Hashable:
 def _known(mission: Mission, wish: Wish) -> Wish:
     """Return a wish whose numbers are in range, and whose node or kind the mission has."""
     checks.check_choice("form", wish.form, _TEXTS)
-    most = 1.0 if wish.form in _PROBABILITIES else math.inf
-    checks.check_number("at_least", wish.at_least, at_least=0, at_most=most)
+    most = p.Probability if wish.form in _PROBABILITIES else p.NotNegative
+    p.check("at_least", wish.at_least, most)
     match wish.form:
         case "chance":
-            checks.check_number("value", wish.value, at_least=0)
+            p.check("value", wish.value, p.NotNegative)
         case "tail mean":
-            checks.check_number("alpha", wish.alpha, above=0, at_most=1)
+            p.check("alpha", wish.alpha, float, gt=0, le=1)
         case "worst case":
-            checks.check_integer("losses", wish.losses, at_least=0, at_most=mission.robots)
+            p.check("losses", wish.losses, int, ge=0, le=mission.robots)
         case "reach" if wish.node not in mission.graph:
             raise _unknown(mission, "node", wish.node, mission.nodes)
     kinds = [kind.name for kind in mission.kinds]

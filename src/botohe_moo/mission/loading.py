@@ -182,11 +182,10 @@ def load_mission(
         source, accepted = MISSIONS.source(str(name_or_path)), p.accepted_parameters(function)
         if robots is not None and any(each.name == "robots" for each in accepted):
             parameters["robots"] = robots
-        of_all = ("robots", "lengths_from_pos")
+        of_all = (p.Parameter("robots", None), p.Parameter("lengths_from_pos", False))
+        known = (*accepted, *of_all)
         try:
-            mission = p.call_factory(
-                source, function, accepted, parameters, wanted=Mission, also=of_all
-            )
+            mission = p.call_factory(source, function, known, parameters, wanted=Mission)
         except (m.PluginError, m.FaultsError) as error:
             raise reading.within(source, error) from error
         mission = mission if robots in (None, mission.robots) else mission.with_robots(robots)
@@ -349,7 +348,8 @@ def relative_to(folder: Path, name: FilePath, parameters: Mapping[str, Any]) -> 
     relative = dict(parameters)
     with suppress(ValueError):  # whoever loads the mission says why it cannot be found
         for parameter in mission_parameters(name):
-            if parameter.is_path and isinstance(path := relative.get(parameter.name), str):
+            path = relative.get(parameter.name)
+            if "Path" in parameter.annotation and isinstance(path, str):
                 relative[parameter.name] = str(folder / path)
     return relative
 
@@ -375,7 +375,7 @@ def mission_origin(name_or_path: FilePath) -> dict[str, str | None]:
     name: Any = name_or_path
     if isinstance(name, str) and name.startswith(PREFIX):
         name = ENTRIES[name.removeprefix(PREFIX)].source
-    return package_of(MISSIONS.entry(name).dist if name in MISSIONS else None)
+    return package_of(MISSIONS.entries[name].dist if name in MISSIONS else None)
 
 
 def find_factory(name: FilePath) -> Callable[..., Any] | None:

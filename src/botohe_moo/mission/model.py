@@ -15,7 +15,8 @@ from typing import Any, NoReturn, Self
 import networkx as nx
 import numpy as np
 
-from botohe_moo.base.messages import check_integer, counted, listed, quoted
+from botohe_moo.base.messages import counted, listed, quoted
+from botohe_moo.base.parameters import check
 from botohe_moo.base.types import FloatArray
 from botohe_moo.core import evaluate as kernels
 from botohe_moo.core import world as worlds
@@ -232,7 +233,7 @@ class Mission:
         if len(self.kinds) > 1:
             fault = f"it has {self.team}: expected no number of robots, got {quoted(robots)}"
             raise MissionError(fault, f"Mission {quoted(self.name)}")
-        kinds = (replace(self.kinds[0], robots=check_integer("robots", robots, at_least=1)),)
+        kinds = (replace(self.kinds[0], robots=check("robots", robots, int, ge=1)),)
         other = copy.copy(self)
         other.robots, other.kinds = kinds[0].robots, kinds
         other.world = other._new_world()

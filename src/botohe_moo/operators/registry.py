@@ -66,7 +66,7 @@ def named_operators(parameters: Mapping[str, Any]) -> list[tuple[str, Factory]]:
         for name in names:
             with contextlib.suppress(ParameterError):
                 factory = find_operator(kind, name)
-                path = name if is_path(name) else OPERATORS.entry(name).value
+                path = name if is_path(name) else OPERATORS.entries[name].value
                 found.append((path, factory))
     return sorted(found, key=lambda pair: pair[0])
 

@@ -13,8 +13,8 @@ from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.repair import Repair
 
-from botohe_moo.base.messages import ParameterError, check_number
-from botohe_moo.base.parameters import Probability, checked
+from botohe_moo.base.messages import ParameterError
+from botohe_moo.base.parameters import Positive, Probability, check, checked
 from botohe_moo.base.types import ObjectArray, OffsetArray, Rng
 from botohe_moo.core.rng import draw_state
 from botohe_moo.core.threads import in_spans
@@ -267,7 +267,7 @@ class Mixture(Generic[Part]):
                 raise TypeError(f"Expected a {what} to be a {kind.__name__}, got {part!r}.")
         weights = parts.values() if isinstance(parts, Mapping) else [1.0] * len(self.parts)
         name = f"weight of a {what}"
-        self.weights = np.array([check_number(name, weight, above=0) for weight in weights])
+        self.weights = np.array([check(name, weight, Positive) for weight in weights])
 
     def do(
         self, problem: BOTOHE, X: ObjectArray, *args: Any, random_state: Rng, **options: Any

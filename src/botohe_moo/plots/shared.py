@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from botohe_moo.base.messages import check_choice, check_frame, check_number
+from botohe_moo.base.messages import check_choice, check_frame
+from botohe_moo.base.parameters import Probability, check
 from botohe_moo.plots.style import MARKERS, MUTED, Palette, palette_of
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ def draw_bound(ax: Axes, bound: float | None, which: Literal["x", "y"]) -> None:
     A line that would more than double the areas that are shown is left out.
     """
     low, high = (ax.xaxis if which == "x" else ax.yaxis).get_view_interval()
-    if bound is not None and check_number("bound", bound, at_least=0, at_most=1) <= 2 * high - low:
+    if bound is not None and check("bound", bound, Probability) <= 2 * high - low:
         draw = ax.axvline if which == "x" else ax.axhline
         label = f"no front exceeds {bound:.4f}"
         draw(bound, color=MUTED, ls="--", lw=1.0, zorder=1, label=label)

@@ -12,7 +12,7 @@ from typing import Any
 import filelock
 import numpy as np
 
-from botohe_moo.base.files import FilePath, read_bytes, replace_file
+from botohe_moo.base.files import FilePath, replace_file
 from botohe_moo.bounds import FrontBound
 from botohe_moo.mission.loading import read_mission, save_mission
 from botohe_moo.mission.model import mission_digest
@@ -124,7 +124,7 @@ class StudyFolder:
             for path in sorted((other / part).glob("[!.]*")):
                 copy = self.path / part / path.name
                 if not copy.exists():
-                    replace_file(copy, read_bytes(path))
+                    replace_file(copy, path.read_bytes())
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -133,7 +133,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if not path.exists():
         raise StudyError(f"{folder}: there is no study in this folder.")
     with _reading(path):
-        content: dict[str, Any] = json.loads(read_bytes(path))
+        content: dict[str, Any] = json.loads(path.read_bytes())
         content["name"]  # raises if this is something else
     return content
 
@@ -176,7 +176,7 @@ def _pack_run(run: Run, outcome: Outcome) -> bytes:
 def _read_run(path: Path, run: Run) -> Outcome:
     """Read the outcome of a run; a StudyError names a file that is damaged, or of another run."""
     with _reading(path):
-        with np.load(io.BytesIO(read_bytes(path)), allow_pickle=False) as file:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             arrays: dict[str, Any] = dict(file)
         header = json.loads(arrays["header"].tobytes())
         if digest_of(header["identity"]) != run.digest:

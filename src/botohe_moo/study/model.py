@@ -134,7 +134,7 @@ def algorithm_origin(
         path, package = name, _VERSIONED.get(name.partition(":")[0].partition(".")[0])
         owner = metadata.distribution(package) if package else None
     else:
-        entry = ALGORITHMS.entry(name)
+        entry = ALGORITHMS.entries[name]
         path, owner = entry.value, entry.dist
     parts: list[tuple[str, Any]] = [(path, factory)]
     if {"sampling", "crossover", "mutation", "repair"} & parameters.keys():

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from botohe_moo.base.messages import check_integer, check_number
+from botohe_moo.base.parameters import Positive, check
 from botohe_moo.base.runtime import hold_signals
 from botohe_moo.library import Finder
 from botohe_moo.mission.loading import library_name_of
@@ -163,8 +163,8 @@ def run_study(
     >>> tables.runs[["algorithm", "seed", "status"]].values.tolist()
     [['random', 1, 'done'], ['random', 2, 'done'], ['greedy', 1, 'done'], ['greedy', 2, 'done']]
     """
-    workers = check_integer("workers", workers, at_least=1, at_most=1_024)
-    patience = check_number("patience", patience, above=0)
+    workers = check("workers", workers, int, ge=1, le=1_024)
+    patience = check("patience", patience, Positive)
     study = source if isinstance(source, m.Study) else load_study(source)
     folder = StudyFolder(m.study_folder(study.name, out))
     with folder.locked(study):

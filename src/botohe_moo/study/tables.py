@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from botohe_moo.base.files import read_bytes, replace_file
+from botohe_moo.base.files import replace_file
 from botohe_moo.base.registry import is_path
 from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.mission.loading import read_mission
@@ -304,14 +304,14 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
         read_manifest(folder)  # raises if there is no study at all
         raise StudyError(f"{path}: not written yet, or by an older version. {remedy}")
     try:
-        index = json.loads(read_bytes(path))
+        index = json.loads(path.read_bytes())
         if index["version"] != _VERSION:
             raise ValueError("the tables are of another version")
         tables = {}
         for name in SCHEMAS:
             of = index["tables"][name]
             path = folder / of["file"]
-            data = read_bytes(path)
+            data = path.read_bytes()
             if hashlib.sha256(data).hexdigest() != of["sha256"]:
                 raise ValueError("it was changed, or a process was killed that made tables")
             tables[name] = _parsed(name, data, of["columns"])

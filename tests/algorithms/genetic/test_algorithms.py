@@ -173,8 +173,7 @@ def test_names_of_this_package_stay(install):
 
 def test_what_cannot_be_had_is_one_error(install):
     others = {"gone": "Gone", "wreck": "Wreck", "odd": "odd", "single": "Single"}
-    install(tide="Tide", wave="Wave", both="Tide", **others)
-    install("sand", both="Wave")
+    install(tide="Tide", wave="Wave", **others)
     for given, message in [
         ({"mutation": {"tid": 1}}, "Expected mutation among tide, .*ruin.*, got 'tid'"),
         ({"mutation": "splice"}, "Expected mutation among .*ruin.*, got 'splice'"),
@@ -183,7 +182,6 @@ def test_what_cannot_be_had_is_one_error(install):
         ({"mutation": "odd"}, "'odd': expected an object of type Mutation, got Swap"),
         ({"mutation": "gone"}, "'gone': reef:Gone of package reef cannot be imported"),
         ({"mutation": "wreck"}, r"Mutation 'wreck': cannot be made \(SystemExit: no more\)"),
-        ({"mutation": "both"}, "Mutation 'both': the packages .* both register this"),
         ({"mutation": {"tide": 0}}, "Expected a mutation of weight above 0"),
         ({"crossover": {"single": 1, "splice": 1}}, "as many parents and children as each other"),
         ({"mutation": "pymoo.operators.mutation.pm:PM"}, "pymoo's own operators do not work"),

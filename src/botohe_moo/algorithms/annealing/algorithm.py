@@ -16,8 +16,7 @@ from botohe_moo.algorithms import base
 from botohe_moo.algorithms.annealing import kernels
 from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
-from botohe_moo.base.messages import check_weights
-from botohe_moo.base.parameters import Count, Positive, Probability, Size
+from botohe_moo.base.parameters import Count, Positive, Probability, Size, check_weights
 from botohe_moo.base.types import FloatArray, ObjectArray
 from botohe_moo.core.rng import seed_states
 from botohe_moo.core.world import World, find_arc

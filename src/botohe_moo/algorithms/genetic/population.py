@@ -20,8 +20,13 @@ from pymoo.core.sampling import Sampling
 from botohe_moo.algorithms import base
 from botohe_moo.algorithms.base import BudgetedAlgorithm, MaxTies, PopulationArchive, Threads
 from botohe_moo.algorithms.genetic import sampling as samplings
-from botohe_moo.base.messages import check_weights
-from botohe_moo.base.parameters import Probability, check_keywords, checked, signature_parameters
+from botohe_moo.base.parameters import (
+    Probability,
+    check_keywords,
+    check_weights,
+    checked,
+    signature_parameters,
+)
 from botohe_moo.base.types import FloatArray, ObjectArray
 from botohe_moo.operators.registry import KINDS, find_operator, make_operator
 from botohe_moo.operators.variation import (
@@ -147,7 +152,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         mro = type(self).__mro__
         pymoos = mro[mro.index(BudgetedAlgorithm) + 1 :]
         known = {p.name for kind in pymoos for p in signature_parameters(kind)}
-        check_keywords(arguments, known.union(base.PYMOO_OPTIONS), pymoos)
+        check_keywords(pymoos[0], arguments, known.union(base.PYMOO_OPTIONS))
         self.max_ties = max_ties
         self.settings = {
             "sampling": sampling,

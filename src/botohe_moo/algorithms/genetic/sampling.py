@@ -12,7 +12,7 @@ from botohe_moo.algorithms.bo_aco.algorithm import (
     ColonySettings,
 )
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
-from botohe_moo.base.messages import check_integer
+from botohe_moo.base.parameters import check
 from botohe_moo.base.types import ObjectArray, Rng
 from botohe_moo.operators.variation import Mixture, check_part
 from botohe_moo.problem import BOTOHE
@@ -51,7 +51,7 @@ class PlanSampling(Sampling):
         random_state
             Where all random numbers come from.
         """
-        n_samples = check_integer("n_samples", n_samples, at_least=1)
+        n_samples = check("n_samples", n_samples, int, ge=1)
         plans = self._sample(problem, n_samples, random_state)
         if self.rest is not None and len(plans) < n_samples:
             others = self.rest.sample_batch(problem, n_samples - len(plans), random_state)

@@ -12,8 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from botohe_moo.algorithms.greedy import kernels
-from botohe_moo.base.messages import check_number
-from botohe_moo.base.parameters import Probability, TravelBudget, checked
+from botohe_moo.base.parameters import Probability, TravelBudget, check, checked
 from botohe_moo.base.types import FloatArray
 from botohe_moo.core.paths import new_near
 from botohe_moo.core.walk import new_visits, walk
@@ -156,7 +155,7 @@ class SequentialPlanner:
 
         Kinds are planned in the order, of a few, that gives the best plan.
         """
-        weight = check_number("weight", weight, at_least=0, at_most=1)
+        weight = check("weight", weight, Probability)
         kinds = np.unique(self.world.team.first).tolist()  # the first robot of each
         orders = list(permutations(kinds)) if len(kinds) <= _ALL_ORDERS_UP_TO else [tuple(kinds)]
         found = [self._trails(weight, order) for order in orders]

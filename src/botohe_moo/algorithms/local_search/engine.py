@@ -31,8 +31,7 @@ from botohe_moo.algorithms.local_search.kernels.recreate import recreate
 from botohe_moo.algorithms.local_search.kernels.routes import FULL_UP_TO, Routes, find_routes
 from botohe_moo.algorithms.local_search.kernels.search import improve, trim
 from botohe_moo.algorithms.local_search.kernels.state import Search, TrailStore
-from botohe_moo.base.messages import check_weights
-from botohe_moo.base.parameters import Probability
+from botohe_moo.base.parameters import Probability, check_weights
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, RecordArray, SeedArray
 from botohe_moo.core import ordered
 from botohe_moo.core.compile import own_time

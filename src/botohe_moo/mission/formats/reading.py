@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from botohe_moo.base.files import FilePath, suffix_fault
+from botohe_moo.base.files import FilePath, check_suffix
 from botohe_moo.base.files import Source as Source  # what readers are given
 from botohe_moo.base.registry import Registry
 from botohe_moo.mission.hazards import Zone
@@ -161,7 +161,8 @@ def formats() -> dict[str, Format]:
     Those of this package come last: of formats with one suffix the others are asked first whether
     they know a file, and the last one writes it.
     """
-    return dict(sorted(FORMATS.loaded().items(), key=lambda pair: FORMATS.is_ours(pair[0])))
+    ours, found = "botohe_moo.", FORMATS.loaded()
+    return dict(sorted(found.items(), key=lambda pair: pair[1].read.__module__.startswith(ours)))
 
 
 def suffixes() -> tuple[str, ...]:
@@ -201,9 +202,9 @@ def format_of(file: FilePath | Source) -> Format:
     Raises
     ------
     MissionError
-        If no format has the suffix, or the file is of a known kind that is no mission: names it.
+        If the file is of a known kind that is no mission: names it.
     ValueError
-        If the file cannot be read.
+        If no format has the suffix, or the file cannot be read.
 
     Examples
     --------
@@ -223,7 +224,7 @@ def format_of(file: FilePath | Source) -> Format:
     if kind := _seen(_unsupported_kind, source):
         raise MissionError(f"expected a mission, found {kind}", str(source.path))
     if not found:
-        raise MissionError(suffix_fault(source.path, suffixes()), str(source.path))
+        check_suffix(source.path, suffixes())
     return min(found, key=lambda pair: pair[1].suffixes.index(pair[0]))[1]  # says what it misses
 
 

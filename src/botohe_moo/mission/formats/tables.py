@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 
-from botohe_moo.base.files import FAULTS, FILE, FilePath, filled_cells
+from botohe_moo.base.files import FILE, FilePath, filled_cells
 from botohe_moo.base.messages import ParameterError, as_float, check_frame, listed, quoted
 from botohe_moo.base.numbers import read_flag, read_number
 from botohe_moo.base.parameters import NotNegative, Positive, checked
@@ -413,7 +413,7 @@ def _rows(table: str, frame: pd.DataFrame, labels: tuple[str, ...]) -> tuple[lis
     if wrong:
         found = quoted(", ".join(map(str, frame.columns)))
         return [], [f"{table}: expected one column {quoted(name)}, found {found}" for name in wrong]
-    rows, faults = [], list(frame.attrs.get(FAULTS, ()))
+    rows, faults = [], []
     for where, row in filled_cells(frame, names, table):
         if missing := [key for key in labels if key not in row]:
             faults.append(f"{where}: expected {missing[0]}, found nothing")
