@@ -100,6 +100,7 @@ class ForkedSubprocess:
 
     Popen = Forked
     TimeoutExpired = subprocess.TimeoutExpired
+    run = staticmethod(subprocess.run)
 
 
 @functools.cache
