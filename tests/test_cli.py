@@ -252,7 +252,7 @@ class TestSolve:
         ended = botohe("solve", "toy", "-n", 9, "-o", "out", code=code)
         assert ended.status == 1
         assert re.search(r"area 0\.\d{4}, \d+ plans on the front\ndrawing\n$", ended.out)
-        assert "RuntimeError: No such glyph." in ended.err
+        assert ended.err == "botohe: no picture (No such glyph.); the tables are in out.\n"
         assert names_in(tmp_path / "out") == ["front.csv", "mission.json", "plans.json"]
 
     @pytest.mark.slow

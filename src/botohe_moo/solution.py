@@ -256,8 +256,6 @@ class Solution:
             Folder to write to; made if it does not exist. An OSError is raised if it cannot be
             written to.
         """
-        from botohe_moo.plots import plot_front, plot_mission, plot_pairs, save_plot
-
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         front = io.StringIO()  # not by pandas, whose import would take a second
@@ -272,6 +270,8 @@ class Solution:
                 replace_file(folder / name, tables[name])
             else:
                 (folder / name).unlink(missing_ok=True)
+        from botohe_moo.plots import plot_front, plot_mission, plot_pairs, save_plot
+
         if self.problem is None:
             save_plot(plot_front(self.objectives, self.mission), folder / FRONT_PICTURE)
         else:

@@ -25,12 +25,27 @@ from botohe_moo.problem import BOTOHE, find_problem, problem_path
 from botohe_moo.solution import Solution
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["solve"]
+__all__ = ["RefusalError", "solve"]
 
 N_ISLANDS = 8  # of a search that nobody has told how many
 
 Progress = Callable[[int, Callable[[], float]], None]
 """Takes the evaluations so far, and a function that computes the area of what was found."""
+
+
+class RefusalError(ValueError):
+    """The algorithm cannot search this mission; says why.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.solving import RefusalError
+    >>> try:
+    ...     solve("toy", "exact", evaluations=10, problem="least-survival")
+    ... except RefusalError as error:
+    ...     print(str(error)[:32])
+    Algorithm 'exact': LeastSurvival
+    """
 
 
 def solve(
@@ -134,7 +149,7 @@ def solve(
     try:
         algorithm.setup(searched, termination=("n_eval", evaluations), seed=seed)
     except (AssertionError, TypeError, ValueError) as error:  # pymoo asserts what it demands
-        raise ValueError(f"Algorithm {name!r}: {error}") from error
+        raise RefusalError(f"Algorithm {name!r}: {error}") from error
 
     def area() -> float:
         return area_indicator(_front(algorithm)[0], searched.objectives)

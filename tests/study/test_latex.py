@@ -9,13 +9,15 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from botohe_moo.study.report import tables_latex
+from botohe_moo.study.report import matrix, tables_latex
 from botohe_moo.study.tables import SCHEMAS, StudyTables
 from tests.study.test_report import lost, random_records, study
 
 RESULTS = Path(__file__).parents[2] / "results"
 ODD = "MOEA {x}_1^2 #5 & 100 % ~ \\ [b] <c|d>"
 LABELS = ["BO-ACO, journal", "NSGA-II (repair=safest-path, pop_size=1000)", ODD]
+GREEK = "[αβγδεζηθικλμνξοπρςστυφχψω] − ± × ≤ ≥"
+HEADINGS = ["seconds", "algorithm", "mission", "average rank", "area", GREEK]
 
 
 def committed(name):
@@ -48,7 +50,7 @@ class TestTables:
     def test_special_characters_are_escaped(self, odd):
         escaped = (
             r"MOEA \{x\}\_1\textasciicircum 2 \#5 \& 100 \% \textasciitilde \space "
-            r"\textbackslash \space [b] <c|d>"
+            r"\textbackslash \space {[}b] \textless{}c\textbar{}d\textgreater{}"
         )
         assert escaped in tables_latex(odd)["summary.tex"]
 
@@ -73,6 +75,21 @@ class TestTables:
         assert "no Friedman test" in tables_latex(odd)["ranks.tex"]
 
 
+@pytest.fixture(scope="module")
+def headings(tmp_path_factory):
+    """Labels that are headings of the report, too, or begin as an option of LaTeX."""
+    records = random_records(HEADINGS, HEADINGS[1:], (1, 2), n_records=2)
+    folder = tmp_path_factory.mktemp("headings")
+    return study(folder, HEADINGS, records, labels=HEADINGS[1:])
+
+
+def test_labels_may_be_headings(headings):
+    header, *rows = rows_of(tables_latex(headings)["outcome.tex"])
+    assert header[:-1] == ["", *HEADINGS[1:-1]]
+    assert [row[0] for row in rows] == [*HEADINGS[:-1], header[-1], "average rank"]
+    assert matrix(headings).html(1).count("average rank") == 3  # a mission, an algorithm, and ours
+
+
 PDFLATEX = shutil.which("pdflatex")
 MOST_OVER = 2.0  # pt
 DOCUMENT = r"""\documentclass[conference]{IEEEtran}
@@ -90,8 +107,9 @@ DOCUMENT = r"""\documentclass[conference]{IEEEtran}
 
 
 @pytest.mark.skipif(PDFLATEX is None, reason="pdflatex is not installed")
-def test_tables_are_no_wider_than_a_two_column_page(odd, tmp_path):
-    for name, text in tables_latex(odd).items():
+@pytest.mark.parametrize("labels", ["odd", "headings"])
+def test_tables_are_no_wider_than_a_two_column_page(labels, tmp_path, request):
+    for name, text in tables_latex(request.getfixturevalue(labels)).items():
         (tmp_path / name).write_text(text, "utf-8")
     for name, known in (("small", "smoke"), ("baselines", "baselines")):
         (tmp_path / f"{name}.tex").write_text(

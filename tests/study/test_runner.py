@@ -459,6 +459,15 @@ class TestAgain:
         assert watcher.performed == []
         assert set(tables.comparisons["other"]) == {"greedy"}
 
+    def test_a_damaged_run_is_named_before_others_begin(self, tmp_path):
+        folder = tmp_path / "study"
+        watched(study_of(seeds=1), folder)
+        path, *others = (folder / "runs").iterdir()
+        path.write_bytes(b"damaged")
+        with pytest.raises(StudyError, match=f"{path.name}: damaged"):
+            watched(study_of(seeds=2), folder)
+        assert len([*(folder / "runs").iterdir()]) == 1 + len(others)
+
     def test_failed_runs_are_tried_again(self, tmp_path):
         stone = tmp_path / "stone"
         stone.touch()

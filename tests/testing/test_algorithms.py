@@ -1,11 +1,13 @@
 """Conformance of algorithms: those of this package, and those that break a promise."""
 
 import json
+import re
 from importlib.metadata import distribution
 
 import pytest
 from typer.testing import CliRunner
 
+from botohe_moo import RandomTrails
 from botohe_moo.cli.app import app
 from botohe_moo.testing import algorithms, check_plugin, parametrize_with_checks
 from botohe_moo.testing.rules import rules_of
@@ -144,3 +146,31 @@ class TestCommand:
         ran = self.check(*given)
         assert ran.exit_code == 2
         assert named in " ".join(ran.output.split())
+
+
+class Endless(RandomTrails):
+    """Goes on without evaluations when half of its budget is spent."""
+
+    def next(self):
+        if self.evaluator.n_eval < 150:
+            super().next()
+
+
+def test_a_run_without_end_is_a_broken_rule():
+    *_, last = check_plugin(Endless)
+    assert (last.rule, last.status) == ("runs_end", "failed")
+    assert "it goes on after 4,001 generations" in last.message
+
+
+class Asserting(RandomTrails):
+    """Breaks a promise of its own."""
+
+    def next(self):
+        assert self is None, "two\nlines"
+
+
+def test_an_assertion_of_the_algorithm_is_told_with_its_place():
+    *_, last = check_plugin(Asserting)
+    assert re.fullmatch(
+        r"AssertionError: two lines .*\(test_algorithms.py, line \d+\)", last.message
+    )

@@ -10,6 +10,8 @@ from typing import Any, TypeAlias
 # The parameter that is wrong, or None for all together, and what is wrong with it.
 Fault: TypeAlias = tuple[str | None, str]
 
+_MOST_SHOWN = 100  # a file may have a million faults
+
 _REPR = Repr()
 _REPR.maxlevel, _REPR.maxdict, _REPR.maxstring, _REPR.maxother = 2, 8, 122, 120
 

@@ -91,7 +91,10 @@ def solve(
         tell(solution.describe())
         with failing(FAILED):
             folder = files.new_folder(default) if out is None else out
-            paths = solution.write(folder)
+            try:
+                paths = solution.write(folder)
+            except (RuntimeError, ValueError) as error:  # fonts may fail on what texts hold
+                raise ValueError(f"no picture ({error}); the tables are in {folder}.") from error
         tell("\n" + "\n".join(f"wrote {path}" for path in paths))
     choice = solution.choose(*wishes) if wishes else None
     if choice is not None:
@@ -109,11 +112,12 @@ def solve(
 def _search(stop: Event, **how: Any) -> bm.Solution:
     """Search and show it; the command ends if the algorithm refuses, or finds nothing."""
     from botohe_moo.cli.progress import showing_search
+    from botohe_moo.solving import RefusalError
 
     try:
         with showing_search(how["evaluations"]) as progress:
             solution = bm.solve(**how, progress=progress, stop=stop)
-    except ValueError as error:  # it cannot search this mission
+    except (RefusalError, bm.algorithms.TooLargeError) as error:
         fail(error)
     if not solution.plans:
         found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"

@@ -200,7 +200,7 @@ def _start() -> subprocess.Popen[bytes] | None:
     """
     if not Path(sys.executable).name.startswith("python"):
         return None
-    path = os.pathsep.join(folder or str(Path.cwd()) for folder in sys.path)
+    path = os.pathsep.join(str(folder or Path.cwd()) for folder in sys.path)
     return subprocess.Popen(
         [sys.executable, "-P", "-c", f"from {__name__} import compile_tasks; compile_tasks()"],
         stdin=subprocess.PIPE,

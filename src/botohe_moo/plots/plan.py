@@ -30,7 +30,7 @@ from botohe_moo.trails import Plans, TrailPlan
 if TYPE_CHECKING:
     from botohe_moo.underway import Replan
 
-_MAXwideS = 24
+_MOST_MAPS = 24
 _GROUND = "#c9c9c9"
 
 # In points:
@@ -109,7 +109,7 @@ def plot_plan(
     behind = where.read_background(background, mission)
     with look.theme():
         if ax is None:
-            robots = shown.leaving[:_MAXwideS]
+            robots = shown.leaving[:_MOST_MAPS]
             # Between more than three, the map of all robots is larger: trails share its arcs.
             axes = _open_sheet(
                 mission, len(robots), 2 if len(robots) == 2 or len(robots) > 3 else 1

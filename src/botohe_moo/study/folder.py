@@ -45,10 +45,10 @@ class StudyFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         lock = filelock.FileLock(self.path / _LOCK, timeout=0)
         try:
-            lock.acquire()
+            held = lock.acquire()
         except filelock.Timeout:
             raise StudyError(f"{self.path}: another runner is at work in this folder.") from None
-        with lock:
+        with held:
             for part in PARTS:
                 (self.path / part).mkdir(exist_ok=True)
             for unfinished in self.path.rglob(_UNFINISHED):  # of a runner that was killed
@@ -58,12 +58,12 @@ class StudyFolder:
     def check(self, study: Study) -> None:
         """Raise a StudyError unless the folder is missing, empty or holds this study."""
         names = sorted(path.name for path in self.path.iterdir()) if self.path.exists() else []
-        found = (
-            "" if _LOCK in names else "".join(map(repr, names[:1]))
-        )  # a killed runner may have made no more
+        found = ""
         if MANIFEST in names:
-            name = read_manifest(self.path)["name"]
-            found = f"the study {name!r}" if name != study.name else ""
+            if (name := read_manifest(self.path)["name"]) != study.name:
+                found = f"the study {name!r}"
+        elif names and _LOCK not in names:  # a runner that was killed may have made no more
+            found = repr(names[0])
         if found:
             raise StudyError(
                 f"{self.path}: expected an empty folder or that of the study {study.name!r}, found "
@@ -116,7 +116,7 @@ class StudyFolder:
 
     def save_bound(self, mission: StudyMission, bound: FrontBound, seconds: float) -> None:
         """Write the bound of a mission that was allowed these seconds."""
-        bound.save(self.path / BOUNDS / f"{mission.bound_digest}-{seconds:g}.json")
+        bound.save(self.path / BOUNDS / f"{mission.bound_digest}-{seconds:.12g}.json")
 
     def take_from(self, other: Path) -> None:
         """Copy the files of runs, failures, missions and bounds that are not there yet."""

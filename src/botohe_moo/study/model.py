@@ -13,10 +13,7 @@ from typing import Any
 
 from pydantic import InstanceOf, TypeAdapter
 
-from botohe_moo.algorithms.registry import (
-    ALGORITHMS,
-    find_algorithm,
-)
+from botohe_moo.algorithms.registry import ALGORITHMS, find_algorithm
 from botohe_moo.base.registry import is_path, package_of
 from botohe_moo.mission.loading import library_name_of
 from botohe_moo.mission.model import Mission, numbers_digest

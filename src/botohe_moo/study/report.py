@@ -27,6 +27,13 @@ _LATEX = r"""%% %s
 %s}
 \end{center}
 """
+# What pandas leaves as it is. After the end of a row, [ would begin an option.
+_ESCAPES = {"<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}", "[": "{[}"}
+_SIGNS = {"−": "-", "±": r"\pm", "×": r"\times", "≤": r"\leq", "≥": r"\geq", "ο": "o"}
+_GREEK = "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi rho"
+_GREEK += " varsigma sigma tau upsilon phi chi psi omega"
+_MATHS = {chr(ord("α") + i): rf"\{name}" for i, name in enumerate(_GREEK.split())} | _SIGNS
+_ESCAPED = str.maketrans(_ESCAPES | {sign: f"${name}$" for sign, name in _MATHS.items()})
 
 
 @dataclass(frozen=True)
@@ -44,9 +51,13 @@ class ReportTable:
         return str(styler.to_html(table_uuid=number))
 
     def latex(self, corner: str) -> str:
-        """Return it as a ``tabular`` with booktabs; ``corner`` stands above its first column."""
-        cells = self.cells.rename(columns={self.cells.columns[0]: corner})
-        return str(self._styler(cells, "latex").to_latex(hrules=True, convert_css=True))
+        """Return it as a ``tabular`` with booktabs; ``corner`` stands above its first column.
+
+        Letters of other scripts than Greek are left to XeLaTeX and LuaLaTeX.
+        """
+        cells = self.cells.rename(columns={self.cells.columns[0]: f" {corner}"})
+        text: str = self._styler(cells, "latex").to_latex(hrules=True, convert_css=True)
+        return text.translate(_ESCAPED)
 
     def _styler(self, cells: pd.DataFrame, escape: str) -> Any:
         styles = pd.DataFrame("", cells.index, cells.columns)
@@ -151,11 +162,12 @@ def matrix(tables: StudyTables) -> ReportTable:
     overall = tables.ranks[tables.ranks["indicator"] == main].set_index("algorithm")
     if len(missions) > 1 and len(overall):
         averages = overall["average_rank"].reindex(algorithms)
-        cells["average rank"] = averages.map(words.number_text)
-        best["average rank"] = averages == averages.min()
-    name = "algorithm"
+        # Labels do not begin with a space, and may be the same otherwise.
+        cells[" average rank"] = averages.map(words.number_text)
+        best[" average rank"] = averages == averages.min()
+    name = " algorithm"
     if len(algorithms) < len(missions):
-        name, cells, best = "mission", cells.T, best.T
+        name, cells, best = " mission", cells.T, best.T
     return ReportTable(cells.rename_axis(name).reset_index(), best.to_dict("list"))
 
 
@@ -175,14 +187,10 @@ def tables_latex(tables: StudyTables) -> dict[str, str]:
     """Return the files of the report in LaTeX, by their names."""
     compared: Any = tables.comparisons.groupby(["mission", "indicator"], sort=False)
     ranked: Any = tables.ranks.groupby("indicator", sort=False)
-    of_missions = {label: tables.of_mission(label) for label in tables.mission_labels}
+    shown = {label: tables.of_mission(label) for label in tables.summary["mission"].unique()}
     parts = {
         "outcome.tex": [(matrix_caption(tables), "", matrix(tables))],
-        "summary.tex": [
-            ("Medians", label, summary_table(of))
-            for label, of in of_missions.items()
-            if not of.summary.empty
-        ],
+        "summary.tex": [("Medians", label, summary_table(of)) for label, of in shown.items()],
         "comparisons.tex": [
             ("Mann-Whitney", mission, comparison_table(rows)) for (mission, _), rows in compared
         ],

@@ -8,6 +8,7 @@ import json
 import os
 import signal
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -169,6 +170,8 @@ def run_study(
     folder = StudyFolder(m.study_folder(study.name, out))
     with folder.locked(study):
         plan = plan_study(study, folder)
+        if plan.missing:  # name a damaged file before, not after, hours of work
+            deque(folder.outcomes(run for run in plan.runs if run.digest in plan.finished), 0)
         folder.write_study(study)
         progress(study, plan)
         with hold_signals(*_STOPS) as stop, contextlib.closing(WorkerPool()) as pool:
@@ -331,13 +334,10 @@ def _plans_in(folder: Path) -> Iterator[tuple[Mission, Plans, str]]:
         yield solution.mission, solution.plans, _method(*how)
         return
     tables = read_study(folder)
-    plans = tables.plans.groupby("run")["trails"]
+    plans, algorithms = tables.plans.groupby("run")["trails"], tables.manifest["algorithms"]
     rows: Any = tables.runs[tables.runs["front_size"] > 0].to_dict("records")
     for row in rows:
-        mission, how = (
-            tables.mission(row["mission"]),
-            tables.manifest["algorithms"][row["algorithm"]],
-        )
+        mission, how = tables.mission(row["mission"]), algorithms[row["algorithm"]]
         index_of = {node: i for i, node in enumerate(mission.nodes)}
         trails = map(json.loads, plans.get_group(row["run"]))
         packed = [[[index_of[node] for node in trail] for trail in plan] for plan in trails]

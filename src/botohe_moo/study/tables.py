@@ -254,7 +254,7 @@ def write_tables(
     for name, table in tables.items():
         file, data = f"{name}.csv", table.to_csv(index=False, lineterminator="\n").encode()
         if name in _LARGE:
-            file, data = f"{file}.gz", gzip.compress(data, mtime=0)
+            file, data = f"{file}.gz", gzip.compress(data, 6, mtime=0)
         files[file] = data
         dtypes = {column: str(dtype) for column, dtype in table.dtypes.items()}
         index[name] = {"file": file, "sha256": hashlib.sha256(data).hexdigest(), "columns": dtypes}

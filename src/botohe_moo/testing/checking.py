@@ -122,5 +122,5 @@ def parametrize_with_checks(
     import pytest
 
     checks = [check for factory in factories for check in _checks(factory, {})]
-    ids = [f"{check.factory.__qualname__}-{check.rule}" for check in checks]
+    ids = [f"{getattr(check.factory, '__qualname__', '')}-{check.rule}" for check in checks]
     return pytest.mark.parametrize("check", checks, ids=ids)

@@ -8,6 +8,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal
 
+_OURS = str(Path(__file__).parents[1])
+
 
 @dataclass(frozen=True)
 class CheckResult:
@@ -64,15 +66,14 @@ class Check:
         """Check, and return what was found."""
         try:
             self()
-        except AssertionError as error:
-            message = str(error)
         except (Exception, SystemExit) as error:  # whatever another package's code may raise
-            frame = traceback.extract_tb(error.__traceback__)[-1]
-            where = f"{Path(frame.filename).name}, line {frame.lineno}"
-            message = f"{type(error).__name__}: {str(error).rstrip('.')} ({where})"
-        else:
-            return CheckResult(self.rule, "passed")
-        return CheckResult(self.rule, "failed", message, said_by(self.function)[1])
+            message = " ".join(str(error).split())
+            frames = traceback.extract_tb(error.__traceback__)
+            if theirs := [each for each in frames if not each.filename.startswith(_OURS)]:
+                where = f"{Path(theirs[-1].filename).name}, line {theirs[-1].lineno}"
+                message = f"{type(error).__name__}: {message.rstrip('.')} ({where})"
+            return CheckResult(self.rule, "failed", message, said_by(self.function)[1])
+        return CheckResult(self.rule, "passed")
 
 
 def said_by(rule: Callable[..., None]) -> tuple[str, str]:
