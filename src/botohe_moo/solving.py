@@ -139,10 +139,8 @@ def solve(
     if isinstance(algorithm, str):
         name, (algorithm, parameters) = algorithm, make_for_this_machine(algorithm, parameters)
     elif parameters:
-        raise ValueError(
-            f"Expected parameters only for an algorithm that is given by its name, got "
-            f"{', '.join(parameters)} for {name}."
-        )
+        expected = "parameters only for an algorithm that is given by its name"
+        raise ValueError(f"Expected {expected}, got {', '.join(parameters)} for {name}.")
     started = time.perf_counter()
     if algorithm.is_initialized:
         raise ValueError(f"Expected an algorithm that has not run yet, got {name!r} after a run.")

@@ -247,8 +247,7 @@ def _search(
     search = LocalSearch(mission, Costs(mission.limited(*limits)), random_state=random_state)
     search.insert(mission.batch([plan, mission.stay_home()]))
     search.run(evaluations)
-    batch, objectives, _ = search.plans()
-    return batch, objectives
+    return search.plans()[:2]
 
 
 def _price_of(mission: Mission, plan: TrailPlan, price: float | None, *limits: Any) -> float:
@@ -258,8 +257,7 @@ def _price_of(mission: Mission, plan: TrailPlan, price: float | None, *limits: A
     same seed, since a plan implies one price.
     """
     if price is not None:
-        checked: float = check("price", price, NotNegative)
-        return checked
+        return float(check("price", price, NotNegative))
     generator = np.random.default_rng(1)
     _, front = _search(mission, limits, plan, _EVALUATIONS_OF_A_PRICE, generator)
     return float(survivor_prices(front, mission.evaluate([plan])[0, 1]))

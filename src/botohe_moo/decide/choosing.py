@@ -238,10 +238,11 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
     >>> choice.index, choice.met
     (2, False)
     """
-    wanted = (
-        w.Wish("expected", check("reward", reward, NotNegative), "reward"),
-        w.Wish("expected", check("survivors", survivors, NotNegative), "survivors"),
+    reward, survivors = (
+        check("reward", reward, NotNegative),
+        check("survivors", survivors, NotNegative),
     )
+    wanted = w.Wish("expected", reward, "reward"), w.Wish("expected", survivors, "survivors")
     front = w.Candidates(mission, plans)
     reference = np.array([wish.at_least for wish in wanted])
     beyond = (front.objectives - reference) / fronts.scales(mission)
@@ -407,5 +408,4 @@ def _matched(mission: Mission, first: TrailPlan, second: TrailPlan) -> list[int]
     apart = distances(counts, other_counts) + 1e-9 * np.array(differ)
     kinds = np.array([mission.kinds.index(kind) for kind in mission.kind_of])
     apart[kinds[:, None] != kinds] = np.inf
-    matched: list[int] = linear_sum_assignment(apart)[1].tolist()
-    return matched
+    return list(map(int, linear_sum_assignment(apart)[1]))

@@ -59,14 +59,12 @@ def front_rows(objectives: FloatArray) -> OffsetArray:
     order = np.lexsort((-objectives[:, 1], -objectives[:, 0]))
     survivors = objectives[order, 1]
     before = np.maximum.accumulate(np.append(-np.inf, survivors))[:-1]
-    rows: OffsetArray = order[survivors > before]
-    return rows
+    return order[survivors > before]  # type: ignore[no-any-return]
 
 
 def check_row(name: str, row: object, n_plans: int) -> int:
     """Check the index of a plan, counted from 0."""
-    checked: int = check(name, row, int, ge=0, le=n_plans - 1)
-    return checked
+    return int(check(name, row, int, ge=0, le=n_plans - 1))
 
 
 def survivor_price(mission: Mission, plans: PlansOrObjectives, index: int) -> float:
@@ -113,8 +111,7 @@ def survivor_prices(objectives: FloatArray, survivors: FloatArray) -> FloatArray
     rewards, corners = np.array(hull).T
     slopes = -np.diff(rewards) / np.diff(corners)
     edges = [np.searchsorted(corners[1:-1], survivors, side) for side in ("left", "right")]
-    prices: FloatArray = slopes[edges].mean(axis=0)
-    return prices
+    return slopes[edges].mean(axis=0)  # type: ignore[no-any-return]
 
 
 def _is_below(point: FloatArray, one: FloatArray, other: FloatArray) -> bool:

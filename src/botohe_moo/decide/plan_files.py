@@ -305,8 +305,7 @@ def _altitude(vehicle: str, altitude: float | None) -> float:
     allowed = _ALTITUDES.get(vehicle, {"gt": 0})
     if altitude is None and not allowed:
         return 0.0
-    of: float = check(f"altitude (of a {vehicle}, in metres)", altitude, FiniteFloat, **allowed)
-    return of
+    return float(check(f"altitude (of a {vehicle}, in metres)", altitude, FiniteFloat, **allowed))
 
 
 def check_geographic(mission: Mission) -> None:
