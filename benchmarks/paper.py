@@ -96,6 +96,6 @@ def _draw(trace: pd.DataFrame, path: Path) -> None:
     lines = {line.get_label(): line.get_color() for line in ax.get_lines()}
     for name, (published, deviations) in CURVES.items():
         at = [mark * ANTS for mark in MARKS]
-        ax.errorbar(at, published, deviations, fmt="o", color=lines.get(name), capsize=3)
-    ax.set_title("Art museum: our curves, and the published means ± standard deviations")
+        ax.errorbar(at, published, deviations, fmt="s", mfc="w", c=lines[name], capsize=3)
+    ax.set_title("Art museum: our curves, and the published means ± sd (white squares)")
     save_plot(ax, path)

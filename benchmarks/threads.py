@@ -70,8 +70,8 @@ def _mission(name: str) -> Mission:
     return load_mission(name)
 
 
-def search(mission: Mission, algorithm: Any, evaluations: int, seed: int = 1) -> None:
-    """Search a mission."""
-    algorithm.setup(BOTOHE(mission), termination=("n_eval", evaluations), seed=seed)
+def search(mission: Mission, algorithm: Any, evaluations: int) -> None:
+    """Search a mission, with seed 1."""
+    algorithm.setup(BOTOHE(mission), termination=("n_eval", evaluations), seed=1)
     while algorithm.has_next():
         algorithm.next()

@@ -157,13 +157,15 @@ def speed():
 
 
 def islands():
-    """Areas by evaluations of each island, a column for each number of islands."""
+    """Areas by evaluations of the longest island, at two marks of each mission."""
+    rows = {}
     found = pd.read_csv(ROOT / "results" / "islands" / "areas.csv")
-    found["column"] = [f"{n} island{'s' * (n > 1)}" for n in found["islands"]]
-    found["area"] = found["area"].map("{:.4f}".format)
-    shown = found.pivot_table("area", ["mission", "evaluations"], "column", "first", sort=False)
-    shown = shown[list(dict.fromkeys(found["column"]))].reset_index()
-    return shown.rename(columns={"evaluations": "evaluations of an island"})
+    for one in found[found["counted"] == "an island"].itertuples():
+        first = {"mission": one.mission, "evaluations of an island": one.mark}
+        row = rows.setdefault(tuple(first.values()), first)
+        row["1 island" if one.islands == 1 else f"{one.islands} islands"] = f"{one.area:.4f}"
+    shown = pd.DataFrame(list(rows.values()))
+    return shown[shown["evaluations of an island"].isin((30_000, 125_000))]
 
 
 def gaps():
