@@ -365,7 +365,7 @@ def test_names_of_highlighted_plans_do_not_overlap():
 def test_front_of_bad_values_is_refused():
     with pytest.raises(ValueError, match=r"without NaN and infinity, got \[nan, 1.0\] in row 1"):
         plot_front([[1, 1], [math.nan, 1]])
-    with pytest.raises(ValueError, match="Expected highlight <= 0, got 1"):
+    with pytest.raises(ValueError, match=r"Expected highlight in \[0, 0\], got 1"):
         plot_front([[1, 1]], highlight=1)
 
 

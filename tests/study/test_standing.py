@@ -88,7 +88,7 @@ class TestMatrix:
     def test_marks_are_against_the_control(self, tmp_path):
         tables = judged(tmp_path, AREAS, control="A")
         found = rows_of(tables)
-        assert list(matrix(tables).cells)[:3] == ["algorithm", "m", "n"]
+        assert list(matrix(tables).cells)[:3] == [" algorithm", "m", "n"]
         marks = {label: [cell.mark for cell in row[:2]] for label, row in found.items()}
         assert marks == {"A": ["", ""], "B": ["+", "="], "C": ["–", ""]}
         texts = {label: [cell.text for cell in row] for label, row in found.items()}
@@ -130,7 +130,7 @@ class TestMatrix:
     def test_the_longer_list_goes_down_the_page(self, tmp_path):
         areas = {m: {"A": [0.3], "B": [0.4]} for m in "mno"}
         found = matrix(judged(tmp_path, areas))
-        assert list(found.cells) == ["mission", "A", "B"]
+        assert list(found.cells) == [" mission", "A", "B"]
         assert found.cells["mission"].tolist() == ["m", "n", "o", "average rank"]
 
     def test_marks_are_those_of_the_comparisons(self, tmp_path):
