@@ -32,7 +32,13 @@ def _type(hint: Any, annotation: str) -> str:
 
 def _types(documented: Any) -> dict[str, str]:
     """Give types and ranges of what a function or a class is given, by name."""
-    stated = signature_parameters(documented)
+    try:
+        stated = list(signature_parameters(documented))
+    except (
+        TypeError,
+        ValueError,
+    ):  # a property, or an exception without a constructor of its own has no signature
+        stated = []
     parts = {p.name: (_type(p.hint, p.annotation), p.range) for p in stated}
     return {name: ", ".join(filter(None, said)) for name, said in parts.items()}
 

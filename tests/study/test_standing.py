@@ -131,7 +131,7 @@ class TestMatrix:
         areas = {m: {"A": [0.3], "B": [0.4]} for m in "mno"}
         found = matrix(judged(tmp_path, areas))
         assert list(found.cells) == [" mission", "A", "B"]
-        assert found.cells["mission"].tolist() == ["m", "n", "o", "average rank"]
+        assert found.cells[" mission"].tolist() == ["m", "n", "o", " average rank"]
 
     def test_marks_are_those_of_the_comparisons(self, tmp_path):
         rng = np.random.default_rng(3)
