@@ -375,11 +375,11 @@ def failing_ways(world: World) -> Iterator[tuple[int, Way]]:
 
     Such a way may not even lead to the end.
     """
-    team = world.team
-    for robot, way in enumerate(ways_to_ends(world)):
+    team, ways = world.team, ways_to_ends(world)
+    for robot in np.unique(team.first).tolist():
+        way = ways[robot]
         arrives = way.nodes[-1] == team.end[team.start[robot]]
-        fits = arrives and keeps(world.limits, robot, way.survival, way.length)
-        if robot in team.first and not fits:
+        if not (arrives and keeps(world.limits, robot, way.survival, way.length)):
             yield robot, way
 
 
