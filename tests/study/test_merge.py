@@ -137,3 +137,8 @@ def test_from_the_command_line(parts, tmp_path):
     done = CliRunner().invoke(app, ["study", "merge", *given])
     assert done.exit_code == 0, done.output
     assert "6 runs merged" in done.output
+
+
+def test_nothing_to_merge_is_refused():
+    with pytest.raises(StudyError, match="Expected folders of a study, got none"):
+        merge_studies([])

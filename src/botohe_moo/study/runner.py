@@ -274,6 +274,8 @@ def merge_studies(
     [1, 2]
     """
     paths = [Path(folder) for folder in folders]
+    if not paths:
+        raise m.StudyError("Expected folders of a study, got none.")
     first = restore_study(paths[0])
     target = StudyFolder(m.study_folder(first.name, out))
     if (target.path / m.MANIFEST).exists():
