@@ -43,9 +43,11 @@ BESIDE = ("pace", "start")  # which measure another checkout, too
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks")
-    parser.add_argument("names", nargs="*", choices=[*FOLDERS, []], metavar="NAME")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(FOLDERS))
     parser.add_argument("--before", type=Path, help=f"another checkout, for {', '.join(BESIDE)}")
     given = parser.parse_args()
+    if unknown := [name for name in given.names if name not in FOLDERS]:
+        parser.error(f"there is no benchmark {unknown[0]!r}; known are {', '.join(FOLDERS)}.")
     failed = False
     with pd.option_context("display.width", 200, "display.max_columns", 30):
         for name in given.names or FOLDERS:

@@ -464,7 +464,7 @@ seeds: 1
                 {"budget": {"seconds": math.nan}},
                 "budget.seconds: Expected seconds to be a finite number, got nan.",
             ),
-            ({"seeds": "3"}, "seeds: Expected seeds to be a list, got '3'."),
+            ({"seeds": "3"}, "seeds: expected a count or a list of seeds, got '3'."),
             ({"seeds": [-1]}, "seeds.0: Expected seeds[0] >= 0, got -1."),
             ({"algorithms": ["random", "random"]}, "expected each name once; 'random' is there 2"),
             ({"missions": {"m": seeds}}, "missions.m.grid.seed: expected each value once; 3 is"),
@@ -650,3 +650,9 @@ def test_published_results_can_be_made_again():
         assert list(read_manifest(folder)["algorithms"]) == [a.label for a in study.algorithms]
         compared[study.name] = {algorithm.algorithm for algorithm in study.algorithms}
     assert compared["baselines"] >= set(algorithm_names()) - {"exact", "pareto-local-search"}
+
+
+def test_robots_are_stated_once():
+    entry = {"mission": "toy", "robots": 3, "parameters": {"robots": 2}}
+    [line] = lines(changed(missions={"a": entry}))
+    assert "expected robots once, found it among the parameters, too" in line

@@ -45,6 +45,8 @@ def _all_distinct(what: str) -> AfterValidator:
 def _counted_seeds(value: Any) -> Any:
     """Return a count of seeds as the list of them; all else as it is."""
     is_count = isinstance(value, int) and not isinstance(value, bool)
+    if not (is_count or isinstance(value, list)):
+        raise ValueError(f"expected a count or a list of seeds, got {quoted(value)}")
     return [*range(1, min(value, _MAX_SEEDS + 1) + 1)] if is_count else value
 
 

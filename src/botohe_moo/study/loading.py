@@ -144,6 +144,8 @@ def _read_mission(
         name = str(folder / name)
     parameters = dict(relative_to(folder, name, {**entry.parameters, **grid}))
     if entry.robots is not None:
+        if "robots" in parameters:
+            raise ValueError("expected robots once, found it among the parameters, too")
         parameters["robots"] = entry.robots
     mission, package = load_mission(name, **parameters), mission_origin(name)["package"]
     mission_content(mission)  # raises if it cannot be saved
