@@ -497,7 +497,7 @@ class TestCommands:
             assert said in " ".join(re.sub("[│\\n]", " ", ended.output).split())
         status, out, err = finish(start("run", "missing.yaml"))
         assert (status, out) == (2, "")
-        assert err == "botohe: missing.yaml: no such file.\n"
+        assert err == "botohe: missing.yaml: no such file or directory.\n"
 
     def test_columns_of_the_plan_allow_for_wide_letters(self):
         runs = load_study({**SMALL, "seeds": 1, "missions": {"美术馆": "toy", "m": "art_museum"}})

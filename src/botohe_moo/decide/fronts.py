@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from botohe_moo import objectives
 from botohe_moo.base.numbers import difference_text, short_text
@@ -364,5 +363,7 @@ def arc_counts(batch: PlanBatch, *, per_robot: bool) -> FloatArray:
 
 def distances(ours: FloatArray, others: FloatArray) -> FloatArray:
     """Compute 1 − |A ∩ B| / |A ∪ B| of multisets (n, n_arcs) and (m, n_arcs), in [0, 1] (n, m)."""
+    from scipy.spatial.distance import cdist  # a search need not wait for it
+
     apart = np.nan_to_num(cdist(ours, others, "braycurtis"))  # Σ |a - b| / Σ (a + b)
     return np.asarray(2 * apart / (1 + apart))

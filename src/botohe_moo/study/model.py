@@ -205,11 +205,16 @@ class Run:
     mission: StudyMission
     algorithm: StudyAlgorithm
     seed: int
-    identity: Mapping[str, Any] = field(repr=False)  # everything that its result depends on
+    setting: Mapping[str, Any] = field(repr=False)  # all that its result depends on, but the seed
     digest: str  # of its identity, which names the run's file
     # Seconds without an evaluation after which a run of another package's algorithm fails, unless
     # it has a budget of seconds. Not part of the identity: no result depends on it.
     patience: float = PATIENCE
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Everything that the result of the run depends on."""
+        return {**self.setting, "seed": self.seed}
 
     @property
     def problem(self) -> str | None:
@@ -296,8 +301,8 @@ class Study:
         for mission, algorithm in itertools.product(self.missions, self.algorithms):
             key = result_key(mission, algorithm, self.file.recording)
             for seed in self.seeds:
-                identity = {**key, "seed": seed}
-                runs.append(Run(mission, algorithm, seed, identity, digest_of(identity)))
+                digest = digest_of({**key, "seed": seed})
+                runs.append(Run(mission, algorithm, seed, key, digest))
         return tuple(runs)
 
     def manifest(self) -> dict[str, Any]:
