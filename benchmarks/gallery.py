@@ -22,5 +22,4 @@ def run(out: Path) -> bool:
             small = picture.convert("RGB")
         small.thumbnail((WIDEST, WIDEST))
         small.save(path, optimize=True)
-        print(f"{path.name}: {path.stat().st_size // 1024} KiB")
     return True

@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import pandas as pd
 
+from benchmarks.bounds import one_way
 from benchmarks.measure import in_process
 from benchmarks.memory import peak_resident
-from benchmarks.missions import one_way
 from benchmarks.threads import search
 from botohe_moo import BOTOHE, Mission, area_indicator, load_mission, make_algorithm
 from botohe_moo.base.runtime import n_cpus

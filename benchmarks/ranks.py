@@ -19,5 +19,4 @@ def run(folder: Path) -> bool:
     ax.set(xlabel="", ylabel="")
     ax.tick_params(axis="x", rotation=30)
     figure.savefig(folder / "ranks.png", dpi=110)
-    print(table.round(1).to_string())
     return True

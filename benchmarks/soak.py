@@ -31,7 +31,6 @@ WARM_UP = 0.2  # of the time since the first run: kernels are loaded, buffers gr
 # MiB for each thousand runs. The runner keeps a line about each of them; workers keep nothing.
 MOST_GROWTH = {"runner": 1.0, "worker": 0.25}
 NOISE = 8.0  # MiB that memory may seem to grow by in all
-_TO_END = 1_800.0  # seconds to make the tables
 
 
 def study(seconds: float) -> dict[str, Any]:
@@ -76,7 +75,7 @@ def main() -> int:
             table = pd.DataFrame(rows, columns=["s", "process", "pid", "runs", "resident MiB"])
             table.to_csv(RESULTS / "memory.csv", index=False)
             runner.send_signal(signal.SIGTERM)
-            status = runner.wait(_TO_END)
+            status = runner.wait(1_800)  # seconds to make the tables
         finally:
             runner.kill()
     return judge(table, stopped=status == 128 + signal.SIGTERM)
