@@ -58,7 +58,7 @@ COMPILE = """
 import sys
 from pymoo.optimize import minimize
 from botohe_moo import BOTOHE, bound_front, load_mission, make_algorithm
-from botohe_moo.core.ready import kernels
+from botohe_moo.core.compile import kernels
 for name in sys.argv[1:]:
     if name == "bounds":  # its limit of time is for its own steps
         bound_front(load_mission("terrain", nodes=30, robots=2, seed=3), time_limit=2)

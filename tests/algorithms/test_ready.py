@@ -3,7 +3,7 @@
 import pytest
 
 from botohe_moo import BOTOHE, Kind, Mission, load_mission, make_algorithm
-from botohe_moo.core.ready import kernels
+from botohe_moo.core.compile import kernels
 from tests.algorithms.test_contract import DOTTED, NAMES, SEARCHING
 
 pytestmark = pytest.mark.compiled_only

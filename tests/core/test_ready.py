@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from botohe_moo.core import ready
-from botohe_moo.core.ready import at_once, begin_run, kernels, prepare, remaining
+from botohe_moo.core.compile import at_once, begin_run, kernels, prepare, remaining
 
 pytestmark = pytest.mark.compiled_only
 

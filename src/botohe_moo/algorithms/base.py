@@ -22,7 +22,7 @@ from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.base.messages import quoted
 from botohe_moo.base.parameters import SameResult, check_keywords, checked
 from botohe_moo.base.types import FloatArray, ObjectArray, OffsetArray
-from botohe_moo.core.ready import begin_run, remaining
+from botohe_moo.core.compile import begin_run, remaining
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE, FrontOutput, overrides
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans

@@ -16,7 +16,7 @@ from botohe_moo.bounds.plain import check_boundable, relaxed_to_plain
 from botohe_moo.bounds.proof import Proof
 from botohe_moo.bounds.schedule import Schedule
 from botohe_moo.bounds.turns import Clock, Turns
-from botohe_moo.core.ready import kernels
+from botohe_moo.core.compile import kernels
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.objectives import check_objectives
 

@@ -5,8 +5,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.core.compile import array_maker, helper, inlined, shared
-from botohe_moo.core.ready import at_once
+from botohe_moo.core.compile import array_maker, at_once, helper, inlined, shared
 from botohe_moo.core.walk import Visits, begin_walk, end_walk, new_visits, sort_trails, visit
 from botohe_moo.core.world import Graph, Returns, Team, World, find_arc
 

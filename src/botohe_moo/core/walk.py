@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from botohe_moo.base.types import BoolArray, FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.core import world as worlds
-from botohe_moo.core.compile import array_maker, helper, inlined
-from botohe_moo.core.ready import at_once
+from botohe_moo.core.compile import array_maker, at_once, helper, inlined
 from botohe_moo.core.rng import GOLDEN, hash_step, mixed
 from botohe_moo.core.world import Graph, Returns, Team, World
 

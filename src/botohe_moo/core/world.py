@@ -16,8 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
-from botohe_moo.core.compile import helper, inlined
-from botohe_moo.core.ready import begin_run
+from botohe_moo.core.compile import begin_run, helper, inlined
 
 # Relative tolerances. Searches plan with limits that are loosened by ``PLANNING``, and plans are
 # checked with ``CHECKING``: rounding never makes a plan that a search has found infeasible.

@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo.base.types import IntArray, OffsetArray, SeedArray
-from botohe_moo.core.compile import helper, shared
+from botohe_moo.core.compile import at_once, helper, shared
 from botohe_moo.core.paths import Paths, leads_home, new_paths, safest_path, way_home
-from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import below, uniform
 from botohe_moo.core.world import Graph, Team, World, find_arc, layer_of
 

@@ -135,7 +135,7 @@ def algorithm_origin(
         path, owner = entry.value, entry.dist
     parts: list[tuple[str, Any]] = [(path, factory)]
     if {"sampling", "crossover", "mutation", "repair"} & parameters.keys():
-        from botohe_moo.operators.registry import named_operators  # loads all operators
+        from botohe_moo.operators.variation import named_operators  # loads all operators
 
         parts += named_operators(parameters)
     versions = {package: metadata.version(package) for package in _VERSIONED.values()}

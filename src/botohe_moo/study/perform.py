@@ -17,8 +17,7 @@ from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.genetic.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.base.types import FloatArray
-from botohe_moo.core.compile import own_time
-from botohe_moo.core.ready import kernels
+from botohe_moo.core.compile import kernels, own_time
 from botohe_moo.objectives import SLACK
 from botohe_moo.problem import BOTOHE, problem_path
 from botohe_moo.study.content import Budget

@@ -10,10 +10,9 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.core.compile import helper, inlined, shared
+from botohe_moo.core.compile import at_once, helper, inlined, shared
 from botohe_moo.core.evaluate import Reached, begin_plan, combine, expected_reward, new_reached
 from botohe_moo.core.paths import Paths, new_paths, safest_path
-from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import below, draw_weighted, uniform
 from botohe_moo.core.walk import Visits, new_visits, sort_trails, walk
 from botohe_moo.core.world import Graph, World, find_arc, keeps, layer_of

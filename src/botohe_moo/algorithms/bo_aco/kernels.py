@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.core.compile import helper, inlined, shared
+from botohe_moo.core.compile import at_once, helper, inlined, shared
 from botohe_moo.core.paths import Paths, leads_home, way_within
-from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import uniform
 from botohe_moo.core.world import (
     AT_NEXT_DEPOT,

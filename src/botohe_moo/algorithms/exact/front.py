@@ -16,10 +16,9 @@ from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.base.messages import counted, quoted
 from botohe_moo.base.parameters import Positive, Probability, TravelBudget, checked
 from botohe_moo.base.types import FloatArray, Record
-from botohe_moo.core.compile import own_time
+from botohe_moo.core.compile import kernels, own_time
 from botohe_moo.core.evaluate import evaluate, new_values
 from botohe_moo.core.ordered import best_reward, grow_front, insert, new_front, read_front
-from botohe_moo.core.ready import kernels
 from botohe_moo.core.world import CHECKING, World, read_only
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, TrailPlan

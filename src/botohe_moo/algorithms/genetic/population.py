@@ -28,8 +28,8 @@ from botohe_moo.base.parameters import (
     signature_parameters,
 )
 from botohe_moo.base.types import FloatArray, ObjectArray
-from botohe_moo.operators.registry import KINDS, find_operator, make_operator
 from botohe_moo.operators.variation import (
+    KINDS,
     MixedCrossover,
     MixedMutation,
     Mixture,
@@ -37,6 +37,8 @@ from botohe_moo.operators.variation import (
     PlanDuplicates,
     PlanRepair,
     TrailSplice,
+    find_operator,
+    make_operator,
 )
 from botohe_moo.problem import FrontOutput
 from botohe_moo.trails import TrailPlan

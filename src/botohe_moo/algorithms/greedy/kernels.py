@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray, RecordArray, SeedArray
-from botohe_moo.core.compile import helper, inlined, shared
+from botohe_moo.core.compile import at_once, helper, inlined, shared
 from botohe_moo.core.paths import (
     Near,
     Paths,
@@ -20,7 +20,6 @@ from botohe_moo.core.paths import (
     way_along,
     way_within,
 )
-from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import hash_keys, mixed
 from botohe_moo.core.world import CHECKING, Shortest, World
 

@@ -34,8 +34,7 @@ from botohe_moo.algorithms.local_search.kernels.state import Search, TrailStore
 from botohe_moo.base.parameters import Probability, check_weights
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, RecordArray, SeedArray
 from botohe_moo.core import ordered
-from botohe_moo.core.compile import own_time
-from botohe_moo.core.ready import prepare
+from botohe_moo.core.compile import own_time, prepare
 from botohe_moo.core.rng import draw_state
 from botohe_moo.core.threads import apart
 from botohe_moo.trails import PlanBatch

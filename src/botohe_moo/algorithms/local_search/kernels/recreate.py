@@ -18,9 +18,8 @@ import numpy as np
 from botohe_moo.algorithms.local_search.kernels import plans, state
 from botohe_moo.algorithms.local_search.kernels.children import connect_child, write_child
 from botohe_moo.algorithms.local_search.kernels.state import Search, Workspace
-from botohe_moo.core.compile import helper, shared, ticks
+from botohe_moo.core.compile import at_once, helper, shared, ticks
 from botohe_moo.core.ordered import nearest_place, slope_at
-from botohe_moo.core.ready import at_once
 from botohe_moo.core.rng import below, uniform
 
 NONE = -1  # instead of a leg or a node

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray, RecordArray
-from botohe_moo.core.compile import helper, shared
+from botohe_moo.core.compile import at_once, helper, shared
 from botohe_moo.core.paths import (
     ANYWHERE,
     Near,
@@ -20,7 +20,6 @@ from botohe_moo.core.paths import (
     search_near,
     search_paths,
 )
-from botohe_moo.core.ready import at_once
 from botohe_moo.core.world import Graph, World
 
 FULL_UP_TO = 1_000

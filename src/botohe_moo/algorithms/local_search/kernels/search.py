@@ -9,8 +9,7 @@ from botohe_moo.algorithms.local_search.kernels import children, plans, state
 from botohe_moo.algorithms.local_search.kernels.moves import draw_trail, make_child
 from botohe_moo.algorithms.local_search.kernels.state import Given, Search
 from botohe_moo.core import ordered
-from botohe_moo.core.compile import helper, shared, ticks
-from botohe_moo.core.ready import at_once
+from botohe_moo.core.compile import at_once, helper, shared, ticks
 from botohe_moo.core.rng import below, draw_weighted, uniform
 from botohe_moo.core.world import find_arc
 
