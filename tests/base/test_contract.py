@@ -4,8 +4,6 @@ import inspect
 import math
 import re
 from importlib.metadata import distribution
-from types import UnionType
-from typing import Annotated, Union, get_args, get_origin
 
 import pytest
 from typer.testing import CliRunner
@@ -27,7 +25,9 @@ GENERATORS = [
 ]
 BOTH = [*((name, "algorithm") for name in ALGORITHMS), *((name, "mission") for name in GENERATORS)]
 
-# At their bounds these take memory for arrays.
+# Where a value is just outside: on a bound that is excluded, or below or above it.
+SIDES = {"minimum": -1, "maximum": 1, "exclusiveMinimum": 0, "exclusiveMaximum": 0}
+# At their upper bounds these take memory for arrays.
 COSTLY = {"nodes"}
 
 
@@ -35,58 +35,39 @@ def stated(name, kind):
     return (algorithm_parameters if kind == "algorithm" else mission_parameters)(name)
 
 
-def numbers(hint):
-    """The types in a hint that are numbers, with their constraints."""
-    if get_origin(hint) in (Union, UnionType):
-        return [number for member in get_args(hint) for number in numbers(member)]
-    inner = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    return [hint] if inner in (int, float) else []
-
-
-def bounds(hint):
-    """The bounds that a type states: pairs of ``gt``, ``ge``, ``lt`` or ``le`` and a number."""
-    parts = [part for mark in hint.__metadata__ for part in getattr(mark, "metadata", [])]
-    named = [
-        (name, getattr(part, name, None)) for part in parts for name in ("gt", "ge", "lt", "le")
-    ]
-    return [(name, bound) for name, bound in named if bound is not None]
-
-
-def outside(kind, bound, hint):
-    """The value just outside a bound."""
-    number = get_args(hint)[0]
-    if kind in ("gt", "lt"):
-        return number(bound)
-    way = -1 if kind == "ge" else 1
-    parts = [part for mark in hint.__metadata__ for part in getattr(mark, "metadata", [])]
-    step = next((part.multiple_of for part in parts if hasattr(part, "multiple_of")), 1)
-    return bound + way * step if number is int else math.nextafter(bound, way * math.inf)
+def bounds_of(parameter):
+    """Yield side, bound and the value just outside, of all numbers that it may be."""
+    for kind in parameter.schema.get("anyOf", [parameter.schema]):
+        number = {"integer": int, "number": float}.get(kind.get("type"))
+        assert number is None or SIDES.keys() & kind, f"{parameter.name} states no range"
+        for side in SIDES.keys() & kind:
+            bound, way = number(kind[side]), SIDES[side]
+            if number is int:
+                yield side, bound, bound + way * kind.get("multipleOf", 1)
+            else:
+                yield side, bound, math.nextafter(bound, way * math.inf) if way else bound
 
 
 @pytest.mark.parametrize(("name", "kind"), BOTH)
 def test_each_number_states_its_range_and_keeps_it(name, kind):
-    algorithm = kind == "algorithm"
     make, check = (
-        (make_algorithm, algorithm_faults) if algorithm else (load_mission, mission_faults)
+        (make_algorithm, algorithm_faults)
+        if kind == "algorithm"
+        else (load_mission, mission_faults)
     )
     for parameter in stated(name, kind):
-        for hint in numbers(parameter.hint):
-            assert get_origin(hint) is Annotated, parameter
-            assert bounds(hint), parameter
-            number = get_args(hint)[0]
-            for side, bound in bounds(hint):
-                value = outside(side, bound, hint)
-                [(blamed, said)] = check(name, {parameter.name: value})
-                assert blamed == parameter.name
-                assert said.startswith(f"Expected {parameter.name} {parameter.range}")
-                assert said.endswith(f", got {value!r}.")
-                with pytest.raises(ValueError, match=re.escape(said)) as caught:
-                    make(name, **{parameter.name: value})
-                assert caught.value.parameter == parameter.name
-                if side in ("ge", "le"):
-                    assert parameter.checked(number(bound)) == (bound, [])
-                    if parameter.name not in COSTLY or side == "ge":
-                        assert make(name, **{parameter.name: number(bound)})
+        for side, bound, outside in bounds_of(parameter):
+            [(blamed, said)] = check(name, {parameter.name: outside})
+            assert blamed == parameter.name
+            assert said.startswith(f"Expected {parameter.name} {parameter.range}")
+            assert said.endswith(f", got {outside!r}.")
+            with pytest.raises(ValueError, match=re.escape(said)) as caught:
+                make(name, **{parameter.name: outside})
+            assert caught.value.parameter == parameter.name
+            if SIDES[side]:
+                assert parameter.checked(bound) == (bound, [])
+                if parameter.name not in COSTLY or side == "minimum":
+                    assert make(name, **{parameter.name: bound})
 
 
 @pytest.mark.parametrize(("name", "kind"), BOTH)

@@ -35,45 +35,41 @@ def test_json_is_yaml(content):
 
 
 def test_values_are_those_of_yaml_1_2():
-    numbers = Document("[1e-2, 1e5, .5, 2., 1_000_000, 10, -.inf]").content
-    assert numbers == [0.01, 100_000.0, 0.5, 2.0, 1_000_000, 10, -math.inf]
-    assert [type(number) for number in numbers] == [float] * 4 + [int, int, float]
-    assert Document("[False, ~, on, 1:30, 2026-11-21, '1']").content == [
-        *(False, None, "on", "1:30", "2026-11-21", "1"),
-    ]
-
-
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        *(("0o17", 15), ("0x1f", 31), ("-7", -7), ("+1_0", 10), ("1e3", 1000.0), (".5e3", 500.0)),
-        *(("+.INF", math.inf), ("Null", None), ("TRUE", True), ("", None)),
-        *(
-            ("!!str 3", "3"),
-            ("!!int '3'", 3),
-            ("!!float 3", 3.0),
-            ("!!float -.inf", -math.inf),
-            ("!!bool True", True),
-        ),
-        ("!!null x", None),
-    ],
-)
-def test_scalars_of_yaml_1_2(text, value):
-    found = Document(text).content
-    assert (found, type(found)) == (value, type(value))
+    for text, values in (
+        ("[1e-2, 1e5, .5, 2., .5e3]", [0.01, 100_000.0, 0.5, 2.0, 500.0]),
+        ("[1_000_000, -7, +1_0, 0o17, 0x1f]", [1_000_000, -7, 10, 15, 31]),
+        ("[-.inf, +.INF, !!float 3, !!float -.inf]", [-math.inf, math.inf, 3.0, -math.inf]),
+        ("[False, TRUE, !!bool True]", [False, True, True]),
+        ("[~, Null, !!null x, '1', !!str 3]", [None, None, None, "1", "3"]),
+        ("!!int '3'", 3),
+        ("", None),
+    ):
+        found = Document(text).content
+        assert repr(found) == repr(values)  # of the same types, too
+    assert math.isnan(Document(".NaN").content)
 
 
 @pytest.mark.parametrize(
     "text",
-    ["yes", "no", "On", "off", "y", "tRUE", "nULL", "0b1", "-0x1F", "0o8", "1:30:45.5", "=", "._"],
+    [
+        "yes",
+        "On",
+        "off",
+        "y",
+        "tRUE",
+        "nULL",
+        "0b1",
+        "-0x1F",
+        "0o8",
+        "1:30",
+        "2026-11-21",
+        "=",
+        "._",
+    ],
 )
 def test_texts_that_other_versions_of_yaml_take_for_values(text):
     assert Document(text).content == text
     assert Document(f"{{{text}: 1}}").content == {text: 1}
-
-
-def test_not_a_number():
-    assert math.isnan(Document(".NaN").content)
 
 
 def test_keys_are_texts():
@@ -95,19 +91,15 @@ merged:
 """
 
 
-def test_merged_mappings_are_overridden():
+def test_mappings_are_merged_and_overridden():
     assert Document(TEXT).content["merged"] == {"p": 1, "q": 3}
     assert list(Document("q: 3\n<<: {p: 1, q: 2}\n").content) == ["p", "q"]
-
-
-def test_of_several_mappings_that_are_merged_the_first_one_wins():
+    # Of several, the first one wins; a text that looks like a merge is a key.
     content = Document("<<: [{a: 1}, {a: 2, b: 3}]\nc: 4\n'<<': 5\n").content
     assert content == {"a": 1, "b": 3, "c": 4, "<<": 5}
-    assert Document("'<<': 5\n<<: {a: 1}\n").content == {"a": 1, "<<": 5}
 
 
-def test_anchors():
-    """They are of values and of what is a key."""
+def test_anchors_are_of_values_and_of_keys():
     assert Document("[&x 1, *x, &y 2, *y]").content == [1, 1, 2, 2]
     assert Document("&k a: 1\nb: *k\n").content == {"a": 1, "b": "a"}
     assert Document("a: &k b\n*k : 2\n").content == {"a": "b", "b": 2}
@@ -127,46 +119,33 @@ def test_lines_are_found():
         assert document.line(place) == line, place
 
 
-def test_what_cannot_be_read():
+def test_what_cannot_be_read_is_named_with_its_line():
     for text, line, said in (
         ("a: 1\nb: 2\na: 3\n", 3, 'mapping (line 1): found duplicate key "a".'),
         ("x:\n  1: 2\n  '1': 3\n", 3, "duplicate key"),
-        ("a: 1\nb:\n  [1, 2]: 3\n", 3, "found unhashable key"),
-        ("a: [1,\n", 2, "parsing a flow node (line 2): did not find expected node content."),
-        ("a: 'b\n\nc: d\n", 4, "scanning a quoted scalar (line 1): found unexpected end"),
-        ("a: 1\nb: \x07\n", 0, "control characters are not allowed"),
-        ("a: éééé\nb: \x07\nc: d\n", 0, "control characters are not allowed"),
+        ("<<: {}\n<<: {}\n", 2, 'duplicate key "<<"'),
+        ("a: 1\nb:\n  [1, 2]: 3\n", 3, "unhashable key"),
+        ("a: [1,\n", 2, "(line 2): did not find expected node content."),
+        ("a: 'b\n\nc: d\n", 4, "quoted scalar (line 1)"),
+        ("a: éééé\nb: \x07\nc: d\n", 0, "control characters"),
         ("a: 1\nb: !mine x\n", 2, "'!mine'"),
         ("a: 1\nb: !!python/object/apply:os.system ['true']\n", 2, "os.system'"),
-        ("- " * 2_000 + "a", 0, "maximum recursion depth"),
         ("a: !!int x", 0, "invalid literal"),
         (f"a: 1\nb: {'9' * 5_000}", 0, "4300 digits"),
-        ("a: 1\nb: !!seq {}", 2, "expected a sequence node, but found mapping."),
-        ("a: 1\nb: *c\n", 2, "found undefined alias 'c'."),
-        ("a: 1\n---\nb: 2\n", 2, "but found another document"),
-        (
-            "a:\n  <<: 3\n",
-            2,
-            "mapping (line 2): expected a mapping or list of mappings for",
-        ),
+        ("a: 1\nb: !!seq {}", 2, "expected a sequence node"),
+        ("a: 1\nb: *c\n", 2, "undefined alias 'c'."),
+        ("a: 1\n---\nb: 2\n", 2, "another document"),
+        ("a:\n  <<: 3\n", 2, "mapping (line 2): expected a mapping"),
         ("<<: [{}, 3]\n", 1, "expected a mapping for merging"),
-        ("<<: {}\n<<: {}\n", 2, 'found duplicate key "<<"'),
-        ("a: &a [*a]\n", 1, "found unconstructable recursive node"),
-        ("a: b: c\n", 1, "mapping values are not allowed in this context"),
-        ("a:\n\t- 1\n", 2, "found character that cannot start any token"),
-        ("a: '\ud800'\n", 0, "surrogates not allowed"),
+        ("a: &a [*a]\n", 1, "recursive node"),
+        ("a: '\ud800'\n", 0, "surrogates"),
+        *((opened * 100_000, 0, "recursion depth") for opened in ("[", "{a: ", "- ", "? ")),
     ):
         with pytest.raises(ValueError, match="not valid YAML") as caught:
             Document(text)
         where = f"line {line}: " if line else ""
         assert str(caught.value).startswith(f"{where}not valid YAML: ")
         assert said in str(caught.value)
-
-
-@pytest.mark.parametrize("opened", ["[", "{a: ", "- ", "? "])
-def test_what_is_nested_a_hundred_thousand_times_is_refused(opened):
-    with pytest.raises(ValueError, match="maximum recursion depth"):
-        Document(opened * 100_000)
 
 
 @given(st.text(max_size=60))

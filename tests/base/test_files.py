@@ -1,4 +1,4 @@
-"""A file appears complete or stays as it was, and nothing else is left behind."""
+"""Files appear complete or stay as they were; damage of those that are read is named."""
 
 import errno
 import os
@@ -6,23 +6,21 @@ from pathlib import Path
 
 import pytest
 
-from botohe_moo.base.files import Source, new_folder, read_json, replace_file
+from botohe_moo.base.files import Source, new_folder, read_json, read_table, replace_file
 
 
 def contents(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_a_new_file(tmp_path):
-    replace_file(tmp_path / "plans.json", b"[]\r\n\x00\xff")
-    assert contents(tmp_path) == {"plans.json": b"[]\r\n\x00\xff"}
-
-
-def test_a_file_is_replaced(tmp_path):
+def test_a_file_is_written_as_it_is_given_and_keeps_its_permissions(tmp_path):
     path = tmp_path / "plans.json"
-    path.write_bytes(b"a longer text than the new one")
+    replace_file(path, b"a longer text \r\n\x00\xff")
+    assert contents(tmp_path) == {"plans.json": b"a longer text \r\n\x00\xff"}
+    path.chmod(0o600)
     replace_file(path, b"new")
     assert contents(tmp_path) == {"plans.json": b"new"}
+    assert path.stat().st_mode & 0o777 == 0o600
 
 
 def test_a_symlink_stays_and_its_file_is_written(tmp_path):
@@ -41,19 +39,19 @@ def test_devices_pipes_and_folders_are_refused(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "device").symlink_to("/dev/null")
     (tmp_path / "folder").mkdir()
-    for name, found in (("pipe", "pipe"), ("device", "device"), ("folder", "folder")):
-        with pytest.raises(OSError, match=f"found a .*{found}"):
+    for name in ("pipe", "device", "folder"):
+        with pytest.raises(OSError, match=f"found a .*{name}"):
             replace_file(tmp_path / name, b"new")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["device", "folder", "pipe"]
     assert Path("/dev/null").is_char_device()
 
 
-def test_permissions_stay(tmp_path):
-    path = tmp_path / "secret.json"
-    path.write_bytes(b"old")
-    path.chmod(0o600)
-    replace_file(path, b"new")
-    assert path.stat().st_mode & 0o777 == 0o600
+def test_a_missing_folder_is_named(tmp_path):
+    path = tmp_path / "missing" / "plans.json"
+    with pytest.raises(FileNotFoundError, match="there is no such folder") as raised:
+        replace_file(path, b"new")
+    assert raised.value.filename == str(path.parent)
+    assert contents(tmp_path) == {}
 
 
 @pytest.mark.parametrize(
@@ -71,42 +69,54 @@ def test_whatever_fails_leaves_the_old_file(tmp_path, monkeypatch, stage, failur
     def fail(*_, **__):
         raise failure
 
-    owner = os if stage == "fsync" else type(path)
     with monkeypatch.context() as patched:
-        patched.setattr(owner, stage, fail)
+        patched.setattr(os if stage == "fsync" else type(path), stage, fail)
         with pytest.raises(type(failure)) as raised:
             replace_file(path, b"new")
     assert contents(tmp_path) == {"plans.json": b"old"}
-    if isinstance(failure, OSError):
+    if isinstance(failure, OSError):  # which does not name the temporary file
         assert (raised.value.errno, raised.value.filename) == (errno.ENOSPC, str(path))
-        assert str(raised.value) == f"[Errno {errno.ENOSPC}] No space left on device: {str(path)!r}"
 
 
-def test_a_missing_folder(tmp_path):
-    path = tmp_path / "missing" / "plans.json"
-    with pytest.raises(FileNotFoundError) as raised:
-        replace_file(path, b"new")
-    assert raised.value.filename == str(path.parent)
-    assert raised.value.strerror == "there is no such folder"
-    assert contents(tmp_path) == {}
+def test_json_whose_objects_repeat_a_key_is_refused(tmp_path):
+    path = tmp_path / "site.json"
+    path.write_text('{"nodes": [{"reward": 1, "id": "reef", "reward": 2}]}')
+    with pytest.raises(ValueError, match="'reward' twice"):
+        Source(path).json  # noqa: B018
+    assert read_json('{"a": {"b": 1}, "b": [{"a": 2}]}') == {"a": {"b": 1}, "b": [{"a": 2}]}
 
 
-class TestJson:
-    def test_a_key_that_stands_twice_is_refused(self, tmp_path):
-        path = tmp_path / "site.json"
-        path.write_text('{"nodes": [{"reward": 1, "id": "reef", "reward": 2}]}')
-        said = "^expected each key of an object once, found 'reward' twice$"
-        with pytest.raises(ValueError, match=said):
-            Source(path).json  # noqa: B018
-        assert read_json('{"a": {"b": 1}, "b": [{"a": 2}]}') == {"a": {"b": 1}, "b": [{"a": 2}]}
-
-    def test_what_is_not_json(self):
-        with pytest.raises(ValueError, match=r"^Expecting value: line 1 column 7"):
-            read_json('{"a": }')
+def test_a_new_folder_is_new_every_time(tmp_path):
+    for name in ("run", "run-2", "run-3"):
+        assert new_folder(tmp_path / "all" / "run") == tmp_path / "all" / name
+    assert len(list((tmp_path / "all").iterdir())) == 3
 
 
-class TestNewFolder:
-    def test_it_is_new_every_time(self, tmp_path):
-        for name in ("run", "run-2", "run-3"):
-            assert new_folder(tmp_path / "all" / "run") == tmp_path / "all" / name
-        assert len(list((tmp_path / "all").iterdir())) == 3
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_tables_are_read_as_spreadsheets_write_them(tmp_path, separator):
+    lines = ["Label,Reward", "dock,0", "", '"north ""hall""",5', ",", " 7 ,NA"]
+    text = "\ufeff" + "\r\n".join(lines).replace(",", separator)
+    (tmp_path / "nodes.csv").write_bytes(text.encode())
+    table = read_table(tmp_path / "nodes.csv")
+    assert list(table.columns) == ["Label", "Reward"]
+    assert list(table.index) == [2, 4, 6]  # as a spreadsheet counts them
+    assert table.to_numpy().tolist() == [["dock", "0"], ['north "hall"', "5"], [" 7 ", "NA"]]
+
+
+@pytest.mark.parametrize(
+    ("data", "fault"),
+    [
+        (None, "no such file"),
+        (b"", "No columns"),
+        (b"label,reward\ndock,0,1\n", "line 2"),
+        (b'label,reward\ndock,"0\nreef,5\n', "EOF inside string"),
+        ("label,reward\ncafé,1\n".encode("cp1252"), "0xe9 .* 'CSV UTF-8'"),
+    ],
+)
+def test_what_is_wrong_with_a_table_is_named(tmp_path, data, fault):
+    path = tmp_path / "nodes.csv"
+    if data is not None:
+        path.write_bytes(data)
+    with pytest.raises(ValueError, match=fault) as caught:
+        read_table(path)
+    assert str(caught.value).startswith(str(path))

@@ -1,16 +1,15 @@
 """Algorithms and missions of other packages, from ``pip install`` to the command line and back.
 
 The packages are wheels made by hand, so that pip needs neither a build backend nor a network, and
-are installed by pip into a folder of their own, as ``pip install --target`` does.
+are installed by pip into a folder of their own, as ``pip install --target`` does. What those of the
+guides do is in ``tests/docs/test_examples.py``.
 """
 
 import base64
-import csv
 import functools
 import hashlib
 import os
 import re
-import shutil
 import subprocess
 import sys
 import textwrap
@@ -40,44 +39,20 @@ DIVERS = '''
 
 
     class Diver(Algorithm):
-        """Dive at random, and keep what is best.
+        """Dive at random, and keep what is best."""
 
-        Parameters
-        ----------
-        n_dives
-            Dives in a generation.
-        breath
-            Share of the trails that go on.
-        """
-
-        def __init__(
-            self,
-            *,
-            n_dives: Annotated[int, Field(ge=1, le=100)] = 8,
-            breath: Annotated[float, Field(gt=0)],
-            **options,
-        ):
+        def __init__(self, *, n_dives: Annotated[int, Field(ge=1, le=100)] = 7, **options):
             super().__init__(**options)
             self.n_dives = n_dives
-            self.breath = breath
 
         def _infill(self):
-            mission = self.problem.mission
-            plans = np.empty((self.n_dives, 1), object)
+            mission, plans = self.problem.mission, np.empty((self.n_dives, 1), object)
             for i in range(self.n_dives):
-                trails = [self._trail(mission) for _ in range(mission.robots)]
-                plans[i, 0] = mission.plan(trails)
+                islands = self.random_state.integers(1, len(mission.nodes), mission.robots)
+                plans[i, 0] = mission.plan([[0, int(island), 0] for island in islands])
             return Population.new("X", plans)
 
         _initialize_infill = _infill
-
-        def _trail(self, mission):
-            base = mission.base
-            nodes = list(mission.graph.successors(base))
-            node = nodes[self.random_state.integers(len(nodes))]
-            if self.random_state.random() > self.breath or not mission.graph.has_edge(node, base):
-                return [base]
-            return [base, node, base]
 
         def _initialize_advance(self, infills=None, **kwargs):
             self._advance(infills, **kwargs)
@@ -87,23 +62,21 @@ DIVERS = '''
 
 
     def lagoon(*, depth: Annotated[int, Field(ge=1, le=50)] = 3, robots: int = 2):
-        """Give a base with islands around it.
-
-        Parameters
-        ----------
-        depth
-            Islands in the lagoon.
-        robots
-            Team size.
-        """
-        graph = nx.DiGraph(name="lagoon", title="A lagoon", base=0, robots=robots)
-        graph.add_node(0, reward=0, pos=[0, 0])
+        """Give a base with islands around it."""
+        graph = nx.DiGraph(name="lagoon", base=0, robots=robots)
+        graph.add_node(0, reward=0)
         for node in range(1, depth + 1):
-            graph.add_node(node, reward=node, pos=[node, node % 2])
+            graph.add_node(node, reward=node)
             graph.add_edge(0, node, survival=0.9)
             graph.add_edge(node, 0, survival=1)
         return Mission(graph)
 '''
+
+# Packages that cannot be imported, with the name and the module of their entry.
+BROKEN = {
+    "botohe-wreck": ("import no_such_dependency", "wreck = botohe_wreck:Wreck"),
+    "botohe-quitter": ("raise SystemExit(7)", "quit = botohe_quitter:X"),
+}
 
 
 class Ended(NamedTuple):
@@ -165,13 +138,9 @@ def botohe(*args, site=None, cwd=None, run=run_forked):
     return Ended(done.returncode, done.stdout, done.stderr)
 
 
-@pytest.fixture(scope="session")
-def third_party_site(tmp_path_factory):
-    """A folder into which pip has installed ``botohe-divers``: ``diver`` and ``lagoon``.
-
-    Processes see it with ``PYTHONPATH``; who removes anything works on a copy. Tests of studies
-    use this fixture, too.
-    """
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """A folder into which pip has installed ``diver``, ``lagoon``, and what is broken."""
     folder = tmp_path_factory.mktemp("third_party")
     entry_points = """
         [botohe_moo.algorithms]
@@ -180,166 +149,78 @@ def third_party_site(tmp_path_factory):
         [botohe_moo.missions]
         lagoon = botohe_divers:lagoon
     """
-    wheel = write_wheel(folder, "botohe-divers", {"botohe_divers": DIVERS}, entry_points)
-    pip_install(folder / "site", wheel)
-    return folder / "site"
-
-
-@pytest.fixture(scope="module")
-def broken_site(tmp_path_factory, third_party_site):
-    """The same, and packages that are broken."""
-    folder = tmp_path_factory.mktemp("broken")
-    shutil.copytree(third_party_site, folder / "site")
-    wheels = [
-        write_wheel(folder, name, {name.replace("-", "_"): code}, entry_points)
-        for name, code, entry_points in (
-            (
-                "botohe-wreck",
-                "import no_such_dependency",
-                "[botohe_moo.algorithms]\nwreck = botohe_wreck:Wreck\n"
-                "[botohe_moo.missions]\nwreck = botohe_wreck:wreck\n",
-            ),
-            (
-                "botohe-quitter",
-                "raise SystemExit(7)",
-                "[botohe_moo.algorithms]\nquit = botohe_quitter:X\n",
-            ),
-        )
-    ]
+    wheels = [write_wheel(folder, "botohe-divers", {"botohe_divers": DIVERS}, entry_points)]
+    for package, (code, entry) in BROKEN.items():
+        modules = {package.replace("-", "_"): code}
+        wheels.append(write_wheel(folder, package, modules, f"[botohe_moo.algorithms]\n{entry}\n"))
     pip_install(folder / "site", *wheels)
     return folder / "site"
-
-
-@pytest.mark.slow
-class TestInstalled:
-    def test_they_are_listed_beside_ours(self, third_party_site):
-        ended = botohe("algorithms", site=third_party_site, run=run_anew)
-        assert (ended.status, ended.err) == (0, "")
-        assert re.search(r"^diver +Dive at random, and keep what is best\.$", ended.out, re.M)
-        assert re.search(r"^bo-aco +\w", ended.out, re.M)
-        ended = botohe("missions", site=third_party_site)
-        assert (ended.status, ended.err) == (0, "")
-        assert re.search(r"^lagoon +Give a base with islands around it\.$", ended.out, re.M)
-
-    def test_their_algorithm_solves_their_mission(self, third_party_site, tmp_path):
-        given = ["-p", "breath=0.9", "-p", "n_dives=10", "-m", "depth=2", "-n", 200, "-o", "out"]
-        ended = botohe(
-            "solve", "lagoon", "-a", "diver", *given,
-            site=third_party_site, cwd=tmp_path, run=run_anew,
-        )  # fmt: skip
-        assert (ended.status, ended.err) == (0, "")
-        with (tmp_path / "out" / "front.csv").open(newline="") as file:
-            rows = [(float(row["reward"]), float(row["survivors"])) for row in csv.DictReader(file)]
-        # Reckoned by hand: rewards 1 and 2, each way out survived with 0.9, two robots.
-        assert rows[0] == pytest.approx((2.7, 1.8))  # one robot to each island
-        assert rows[-1] == pytest.approx((0, 2))
-        assert any(row == pytest.approx((1.8, 1.9)) for row in rows)  # one robot to the richer
-
-    @pytest.mark.parametrize(
-        ("given", "message"),
-        [
-            (
-                ["-a", "diver", "-p", "breath=deep", "-p", "n_dives=0"],
-                "Algorithm 'diver': Expected n_dives in [1, 100], got 0. "
-                "Expected breath to be a number > 0, got 'deep'.",
-            ),
-            (["-m", "depth=60"], "Mission 'lagoon': Expected depth in [1, 50], got 60."),
-        ],
-    )
-    def test_what_they_state_is_checked(self, third_party_site, tmp_path, given, message):
-        ended = botohe("solve", "lagoon", *given, site=third_party_site, cwd=tmp_path)
-        assert ended == Ended(2, "", f"botohe: {message}\n")
-        assert list(tmp_path.iterdir()) == []
-
-    def test_without_them_their_names_are_unknown(self, third_party_site, tmp_path):
-        site = tmp_path / "site"
-        shutil.copytree(third_party_site, site)
-        assert botohe("missions", "show", "lagoon", site=site).status == 0
-        shutil.rmtree(site)
-        for kind, args in (
-            ("algorithm", ["solve", "toy", "-a", "diver"]),
-            ("algorithm", ["algorithms", "diver"]),
-            ("mission", ["solve", "lagoon"]),
-        ):
-            ended = botohe(*args, site=site, cwd=tmp_path)
-            name = "lagoon" if kind == "mission" else "diver"
-            begin = f"botohe: {kind.capitalize()} '{name}': there is no such {kind}; known are "
-            assert (ended.status, ended.out) == (2, "")
-            assert ended.err.startswith(begin)
-            assert "; a package that registers it may not be installed" in ended.err
-
-
-@pytest.mark.slow
-class TestBroken:
-    def test_they_are_named_and_left_out(self, broken_site):
-        ended = botohe("algorithms", site=broken_site)
-        assert ended.status == 0
-        names = [line.split()[0] for line in ended.out.splitlines() if line]
-        assert {"diver", "bo-aco"} <= set(names)
-        assert not {"wreck", "quit"} & set(names)
-        assert ended.err.splitlines() == [
-            "botohe: Algorithm 'quit': botohe_quitter:X of package botohe-quitter cannot be "
-            "imported (SystemExit: 7); it is left out.",
-            "botohe: Algorithm 'wreck': botohe_wreck:Wreck of package botohe-wreck cannot be "
-            "imported (ModuleNotFoundError: No module named 'no_such_dependency'); it is left out.",
-        ]
 
 
 STUDY = """\
 name: lagoons
 missions:
-  lagoon: {mission: lagoon, parameters: {depth: 5}}
+  lagoon: {mission: lagoon, parameters: {depth: 2}}
 algorithms:
-  divers: {algorithm: diver, parameters: {breath: 0.5, n_dives: 7}}
+  divers: {algorithm: diver, parameters: {n_dives: 7}}
   ants: bo-aco
 budget: {evaluations: 100}
 seeds: 2
 """
 
 
-@pytest.fixture(scope="module")
-def studied(third_party_site, tmp_path_factory):
-    """A folder in which the study has run, and the site it ran with."""
-    folder = tmp_path_factory.mktemp("study")
-    site = folder / "site"
-    shutil.copytree(third_party_site, site)
-    (folder / "lagoons.yaml").write_text(STUDY)
-    ended = botohe("study", "run", "lagoons.yaml", site=site, cwd=folder)
-    assert ended.status == 0, ended.err
-    return folder, site
+@pytest.mark.slow
+def test_they_are_listed_beside_ours_and_broken_ones_are_named_and_left_out(site):
+    ended = botohe("algorithms", site=site, run=run_anew)
+    assert ended.status == 0
+    assert re.search(r"^diver +Dive at random, and keep what is best\.$", ended.out, re.M)
+    assert re.search(r"^bo-aco +\w", ended.out, re.M)
+    assert not re.search(r"^(wreck|quit) ", ended.out, re.M)
+    quitter, wreck = ended.err.splitlines()
+    assert quitter.startswith(
+        "botohe: Algorithm 'quit': botohe_quitter:X of package botohe-quitter"
+    )
+    assert "(SystemExit: 7); it is left out" in quitter
+    assert "'wreck'" in wreck
+    assert "No module named 'no_such_dependency'" in wreck
+    ended = botohe("missions", site=site)
+    assert (ended.status, ended.err) == (0, "")
+    assert re.search(r"^lagoon +Give a base with islands around it\.$", ended.out, re.M)
 
 
 @pytest.mark.slow
-class TestStudies:
-    def test_both_are_in_the_study(self, studied):
-        tables = read_study(studied[0] / "results" / "lagoons")
-        runs = tables.runs[tables.runs["algorithm"] == "divers"]
-        assert runs["status"].tolist() == ["done", "done"]
-        # 100 is no multiple of 7: who knows only pymoo's own budgets would spend 105.
-        assert runs["evaluations"].tolist() == [100, 100]
-        assert len(tables.mission("lagoon").nodes) == 6
-        entry = tables.manifest["algorithms"]["divers"]
-        assert (entry["package"], entry["version"]) == ("botohe-divers", "1.2")
-
-    def test_and_in_its_report(self, studied):
-        folder, site = studied
-        ended = botohe("study", "report", "results/lagoons", site=site, cwd=folder)
-        assert ended.status == 0, ended.err
-        page = (folder / "results" / "lagoons" / "report" / "report.html").read_text()
-        assert "divers" in page
-        assert "lagoon" in page
-
-    def test_once_it_is_removed_the_study_says_so(self, studied):
-        folder, site = studied
-        away = site.rename(folder / "away")
-        try:
-            ended = botohe("study", "run", "lagoons.yaml", site=site, cwd=folder)
-        finally:
-            away.rename(site)
+def test_what_they_state_is_checked(site, tmp_path):
+    for given, message in (
+        (["-a", "diver", "-p", "n_dives=0"], "'diver': Expected n_dives in [1, 100], got 0."),
+        (["-m", "depth=60"], "'lagoon': Expected depth in [1, 50], got 60."),
+    ):
+        ended = botohe("solve", "lagoon", *given, site=site, cwd=tmp_path)
         assert (ended.status, ended.out) == (2, "")
-        lines = ended.err.splitlines()
-        assert any("'diver': there is no such algorithm" in line for line in lines)
-        assert any("'lagoon': there is no such mission" in line for line in lines)
-        # What is there can still be read and reported.
-        ended = botohe("study", "report", "results/lagoons", site=site, cwd=folder)
-        assert ended.status == 0, ended.err
+        assert ended.err.endswith(f"{message}\n")
+        assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_they_are_studied_and_once_they_are_removed_the_study_says_so(site, tmp_path):
+    (tmp_path / "lagoons.yaml").write_text(STUDY)
+    ended = botohe("study", "run", "lagoons.yaml", site=site, cwd=tmp_path)
+    assert ended.status == 0, ended.err
+    tables = read_study(tmp_path / "results" / "lagoons")
+    runs = tables.runs[tables.runs["algorithm"] == "divers"]
+    assert runs["status"].tolist() == ["done", "done"]
+    # 100 is no multiple of 7: who knows only pymoo's own budgets would spend 105.
+    assert runs["evaluations"].tolist() == [100, 100]
+    entry = tables.manifest["algorithms"]["divers"]
+    assert (entry["package"], entry["version"]) == ("botohe-divers", "1.2")
+    # Reckoned by hand: a robot to each island, of reward 1 and 2, survives the way out with 0.9.
+    fronts = tables.plans[tables.plans["run"].isin(runs.index)]
+    assert fronts["reward"].to_numpy() == pytest.approx(2.7)
+    assert fronts["survivors"].to_numpy() == pytest.approx(1.8)
+    # Without the package:
+    ended = botohe("study", "run", "lagoons.yaml", cwd=tmp_path)
+    assert (ended.status, ended.out) == (2, "")
+    assert "'diver': there is no such algorithm" in ended.err
+    assert "'lagoon': there is no such mission" in ended.err
+    # What is there can still be read and reported.
+    ended = botohe("study", "report", "results/lagoons", cwd=tmp_path)
+    assert ended.status == 0, ended.err

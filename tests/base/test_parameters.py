@@ -1,6 +1,8 @@
-"""What factories can be given, and what is wrong with what they are given."""
+"""What factories can be given, how values are checked, and what is said of wrong ones."""
 
 import functools
+import math
+import pickle
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
@@ -10,13 +12,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BeforeValidator, Field
 
-from botohe_moo.base.messages import ParameterError
+from botohe_moo.base import parameters
+from botohe_moo.base.messages import (
+    ParameterError,
+    check_choice,
+    nearest_first,
+    quoted,
+    unknown_parameter,
+)
 from botohe_moo.base.parameters import (
     Parameter,
     SameResult,
     accepted_parameters,
     call_factory,
     changes_nothing,
+    check,
+    check_weights,
     checked,
     plain_value,
     raised_faults,
@@ -25,12 +36,8 @@ from botohe_moo.base.parameters import (
 )
 
 
-def value_faults(name, value, hint):
-    return Parameter(name, hint=hint).checked(value)[1]
-
-
-def range_text(hint):
-    return Parameter("x", hint=hint).range
+def value_faults(value, hint):
+    return Parameter("x", hint=hint).checked(value)[1]
 
 
 def faults_of(factory, values):
@@ -49,21 +56,24 @@ Few = Annotated[int, Field(ge=1, le=5)]
 
 
 class TestValues:
-    def test_right_ones(self):
-        for hint, value in [
-            (int, np.int64(3)),
-            (int, 10**400),
-            (float, 3),
-            (bool, np.True_),
-            (int | None, None),
-            (float | Literal["bounds"], "bounds"),
-            (Mapping[str, float], {"a": 1}),
-            (Sequence[int], [1, 2]),
-            (Rope | str, "rope"),
-            (np.ndarray, np.zeros(2)),
-            ("a name that leads nowhere", 3),
+    def test_right_ones_arrive_as_pythons_types(self):
+        for hint, value, expected in [
+            (int, np.int64(3), 3),
+            (int, np.array([3])[0], 3),
+            (int, 10**400, 10**400),
+            (float, np.float32(0.5), 0.5),
+            (Share, 5e-324, 5e-324),
+            (Share, 1 - 2**-53, 1 - 2**-53),
+            (bool, np.True_, True),
+            (int | None, None, None),
+            (float | Literal["bounds"], "bounds", "bounds"),
+            (Mapping[str, float], {"a": 1}, {"a": 1.0}),
+            (Sequence[int], [1, 2], [1, 2]),
+            (Rope | str, "rope", "rope"),
+            ("a name that leads nowhere", 3, 3),
         ]:
-            assert value_faults("x", value, hint) == []
+            found, faults = Parameter("x", hint=hint).checked(value)
+            assert (found, type(found), faults) == (expected, type(expected), [])
 
     @pytest.mark.parametrize(
         ("hint", "value", "message"),
@@ -74,14 +84,13 @@ class TestValues:
             (bool, 1, "Expected x to be true or false, got 1."),
             (float | Literal["a"], "c", "Expected x to be a number or 'a', got 'c'."),
             (Share, "much", "Expected x to be a number in (0, 1), got 'much'."),
+            (Share, 1, "Expected x in (0, 1), got 1."),
             (Few | None, 0, "Expected x in [1, 5], got 0."),
             (Positive | Literal["a"], -1, "Expected x > 0 or 'a', got -1."),
+            (Positive, -0.0, "Expected x > 0, got -0.0."),
+            (parameters.Positive, math.inf, "Expected x to be a finite number > 0, got inf."),
+            (parameters.NotNegative, -5e-324, "Expected x >= 0, got -5e-324."),
             (Annotated[int, Field(multiple_of=3)], 4, "Expected x to be a multiple of 3, got 4."),
-            (
-                Annotated[float, Field(allow_inf_nan=False)],
-                float("inf"),
-                "Expected x to be a finite number, got inf.",
-            ),
             (Rope | str, 3, "Expected x to be an instance of Rope or a text, got 3."),
             (
                 dict[str, list[int]],
@@ -97,18 +106,16 @@ class TestValues:
         ],
     )
     def test_wrong_ones(self, hint, value, message):
-        assert value_faults("x", value, hint) == [message]
+        assert value_faults(value, hint) == [message]
 
     def test_validators_of_others(self):
         def refuse(value):
             raise value
 
-        def check(value):
-            return value_faults("x", value, Annotated[Any, BeforeValidator(refuse)])
-
-        assert check(ValueError("Odd.")) == ["x: Odd."]
+        hint = Annotated[Any, BeforeValidator(refuse)]
+        assert value_faults(ValueError("Odd."), hint) == ["x: Odd."]
         with pytest.raises(KeyError, match="odd"):
-            check(KeyError("odd"))
+            value_faults(KeyError("odd"), hint)
 
     @given(
         st.integers()
@@ -119,12 +126,9 @@ class TestValues:
         | st.lists(st.integers())
     )
     def test_types_are_told_apart_as_python_does(self, value):
-        kind = type(value)
-        assert (value_faults("x", value, int) == []) == (kind is int)
-        assert (value_faults("x", value, bool) == []) == (kind is bool)
-        assert (value_faults("x", value, str) == []) == (kind is str)
-        assert (value_faults("x", value, list) == []) == (kind is list)
-        assert (value_faults("x", value, float) == []) == (kind in (int, float))
+        for hint in (int, bool, str, list, float):
+            expected = (int, float) if hint is float else (hint,)
+            assert (value_faults(value, hint) == []) == (type(value) in expected)
 
     @given(st.integers(-20, 20), st.integers(-10, 10), st.integers(-10, 10))
     def test_ranges_hold_exactly(self, value, low, high):
@@ -134,51 +138,79 @@ class TestValues:
         ):
             hint = Annotated[int, Field(**bounds)]
             expected = f"Expected x {Parameter('x', hint=hint).range}, got {value}."
-            assert value_faults("x", value, hint) == ([] if inside else [expected])
+            assert value_faults(value, hint) == ([] if inside else [expected])
+
+    def test_an_error_holds_the_name_as_data_also_in_another_process(self):
+        with pytest.raises(ParameterError) as error:
+            check("n_ants", 0, int, ge=1)
+        copied = pickle.loads(pickle.dumps(error.value))
+        assert (str(copied), copied.parameter) == ("Expected n_ants >= 1, got 0.", "n_ants")
 
 
-class TestTypes:
-    def test_ranges(self):
-        for hint, text in [
-            (int, ""),
-            (Share, "in (0, 1)"),
-            (Few | None, "in [1, 5]"),
-            (Annotated[float, Field(ge=0.5, lt=1)], "in [0.5, 1)"),
-            (Annotated[Few, Field(description="How many.")], "in [1, 5]"),
-            (Annotated[int, "of no meaning here"], ""),
-        ]:
-            assert range_text(hint) == text
+class TestNames:
+    def test_unknown_ones_list_the_known_ones_nearest_first(self):
+        assert check_choice("move", "visit", {"visit": 1, "splice": 2}) is None
+        for name in ["visti", 3, None, ["visit"]]:
+            with pytest.raises(ParameterError, match=r"^Expected move among ") as error:
+                check_choice("move", name, ["splice", "visit"])
+            assert str(error.value).endswith(f", got {name!r}.")
+            assert error.value.parameter == "move"
+            assert name != "visti" or "among visit, splice" in str(error.value)
+        names = ["toy", "terrain", "terrain_200", "power_plant"]
+        assert nearest_first("terain", names) == ["terrain", "terrain_200", "power_plant", "toy"]
+        message = unknown_parameter("nods", iter(["seed", "radius", "nodes", "robots"]))
+        assert message == "there is no parameter 'nods'; known are nodes, radius, robots, seed."
 
-    def test_texts(self):
-        for hint, text in [
-            (Few, "int"),
-            (Share | None, "float | None"),
-            (Mapping[str, Positive] | str, "Mapping[str, float] | str"),
-            (Literal["a", 1], "Literal['a', 1]"),
-            (tuple[int, ...], "tuple[int, ...]"),
-            (Callable[[int], str], "Callable[[int], str]"),
-            (Any, "Any"),
-            (Rope, "Rope"),
-        ]:
-            assert type_text(hint) == text
+    def test_weights(self):
+        weights = check_weights("moves", {"a": np.float64(2), "b": 0}, ["a", "b", "c"])
+        assert weights == {"a": 2.0, "b": 0.0}
+        assert {type(weight) for weight in weights.values()} == {float}
+        assert check_weights("moves", {}, ["a"]) == {}
+        for weights, needed, message in (
+            ("a", "", "Expected moves to be a mapping, got 'a'."),
+            ({"d": 1}, "", "Expected moves among a, b, got 'd'."),
+            ({"a": -1}, "", "Expected moves['a'] >= 0, got -1."),
+            ({"a": 0}, "move", "Expected a move of weight above 0, got {'a': 0}."),
+        ):
+            with pytest.raises(ParameterError) as error:
+                check_weights("moves", weights, ["a", "b"], needed=needed)
+            assert str(error.value) == message
 
-    def test_what_texts_can_say(self):
-        for hint, plain in [
-            (int, True),
-            (Few | None, True),
-            (Any, True),
-            (Mapping[str, float], True),
-            (Sequence[Few], True),
-            (list, True),
-            (Literal["a"], True),
-            (Rope | str, True),
-            (Rope, False),
-            (Rope | None, False),
-            (Iterable[Rope], False),
-            (Mapping[str, Rope], False),
-            (Callable[[int], float], False),
-        ]:
-            assert Parameter("x", hint=hint).plain is plain
+    def test_short_values_are_quoted_whole_and_long_ones_are_not(self):
+        for value in ["a" * 120, 3, None, 2.5, [1, "a"], {"a": 1}, (), np.int8(3)]:
+            assert quoted(value) == repr(value)
+        many = {str(i): i for i in range(99)}
+        for value in ["a" * 121, 10**400, list(range(10**4)), many, [[[[1]]]]]:
+            assert "..." in quoted(value)
+            assert len(quoted(value)) < 200
+
+
+@pytest.mark.parametrize(
+    ("hint", "text", "range_", "is_plain"),
+    [
+        (int, "int", "", True),
+        (Few | None, "int | None", "in [1, 5]", True),
+        (Share | None, "float | None", "in (0, 1)", True),
+        (Annotated[float, Field(ge=0.5, lt=1)], "float", "in [0.5, 1)", True),
+        (Annotated[Few, Field(description="How many.")], "int", "in [1, 5]", True),
+        (Annotated[int, "of no meaning here"], "int", "", True),
+        (Mapping[str, Positive] | str, "Mapping[str, float] | str", "", True),
+        (Literal["a", 1], "Literal['a', 1]", "", True),
+        (tuple[int, ...], "tuple[int, ...]", "", True),
+        (Sequence[Few], "Sequence[int]", "", True),
+        (Any, "Any", "", True),
+        (Rope | str, "Rope | str", "", True),
+        (Rope, "Rope", "", False),
+        (Rope | None, "Rope | None", "", False),
+        (Iterable[Rope], "Iterable[Rope]", "", False),
+        (Mapping[str, Rope], "Mapping[str, Rope]", "", False),
+        (Callable[[int], str], "Callable[[int], str]", "", False),
+    ],
+)
+def test_types_as_texts(hint, text, range_, is_plain):
+    """How a type is written, its range, and whether a text can say its values."""
+    found = Parameter("x", hint=hint)
+    assert (type_text(hint), found.range, found.plain) == (text, range_, is_plain)
 
 
 def climb(*, n: Few = 2, share: "Share", rope: "Rope | None" = None, lost: "Nowhere" = 3, **rest):  # noqa: F821
@@ -203,12 +235,8 @@ class Wide:
 class TestAccepted:
     def test_of_a_signature(self):
         n, share, rope, lost = accepted_parameters(climb)
-        assert (n.default, n.annotation, n.range, n.description) == (
-            2,
-            "int",
-            "in [1, 5]",
-            "As usual.",
-        )
+        stated = n.default, n.annotation, n.range, n.description
+        assert stated == (2, "int", "in [1, 5]", "As usual.")
         assert (share.required, share.annotation, share.range) == (True, "float", "in (0, 1)")
         assert (rope.plain, lost.plain, lost.hint) == (False, True, Any)
         assert takes_any_name(climb)
@@ -227,22 +255,45 @@ class TestAccepted:
         assert found == {"a": (3, True), "b": (2, False)}
         assert all(p.own for p in accepted_parameters(Wide))
 
+    def test_those_that_change_no_result_are_marked(self):
+        def search(
+            *,
+            n: int = 1,
+            a: Annotated[int, SameResult()] = 1,
+            b: Annotated[int, Field(ge=1), SameResult] = 1,
+            c: Annotated[int, SameResult()] | None = None,
+            d: "Annotated[int, SameResult()]" = 1,
+            e: "Annotated[int, NowhereToBeFound()]" = 1,  # noqa: F821
+        ): ...
 
-class TestCheckValues:
-    def test_all_faults_at_once(self):
-        faults = faults_of(climb, {"m": 1, "n": 6, "rope": 3})
-        assert [name for name, _ in faults] == ["m", "n", "rope"]
-        unknown, low, rope = (message for _, message in faults)
-        assert unknown == "there is no parameter 'm'; known are lost, n, rope, share."
-        assert low == "Expected n in [1, 5], got 6."
-        assert rope == "Expected rope to be an instance of Rope, got 3."
+        found = {p.name: changes_nothing(p.hint) for p in accepted_parameters(search)}
+        assert found == {"n": False, "a": True, "b": True, "c": True, "d": True, "e": False}
+        assert accepted_parameters(search)[2].range == ">= 1"
+        assert faults_of(search, {"a": 3, "b": 2, "c": None}) == []
 
-    def test_other_names(self):
-        [(blamed, _)] = faults_of(climb, {"share": 0.5, "m": 1})
-        assert blamed == "m"  # whatever it would take
-        assert faults_of(lambda: 0, {"m": 1}) == [
-            ("m", "there is no parameter 'm'; known are none.")
+
+class TestCall:
+    def test_values_are_handed_over_as_they_are(self):
+        rope, share = Rope(), np.float64(0.5)
+        accepted = accepted_parameters(climb)
+        made = call_factory("X", climb, accepted, {"share": share, "rope": rope})
+        assert made == (2, 0.5, rope, 3, {})
+        assert made[1] is share
+
+    def test_all_that_is_wrong_is_said_at_once(self):
+        said = [
+            ("m", "there is no parameter 'm'; known are lost, n, rope, share."),
+            ("n", "Expected n in [1, 5], got 6."),
+            ("rope", "Expected rope to be an instance of Rope, got 3."),
         ]
+        given = {"m": 1, "n": 6, "rope": 3}
+        assert faults_of(climb, given) == said
+        with pytest.raises(ParameterError) as caught:
+            call_factory("X", climb, accepted_parameters(climb), given)
+        assert str(caught.value) == "X: " + " ".join(each for _, each in said)
+        assert caught.value.parameter == "m"
+        [(blamed, message)] = faults_of(lambda: 0, {"m": 1})
+        assert (blamed, message) == ("m", "there is no parameter 'm'; known are none.")
 
     def test_a_default_is_always_in_order(self):
         def odd(*, n: int = None, m: Few = 0): ...  # noqa: RUF013
@@ -265,75 +316,7 @@ class TestCheckValues:
         assert {name for name, _ in faults} <= {*values, None}  # Python names what is missing
         assert all(message for _, message in faults)
 
-
-class TestChecked:
-    @staticmethod
-    @checked
-    def swim(x=None, /, *, n: Few = 2, share: Share | Literal["all"] = 0.5, rope: "Rope" = None):
-        """Swim."""
-        return x, n, share, rope
-
-    def test_defaults_and_what_is_positional_are_left_alone(self):
-        assert self.swim() == (None, 2, 0.5, None)
-        assert self.swim("n") == ("n", 2, 0.5, None)
-
-    def test_numbers_of_all_kinds_become_pythons(self):
-        _, n, share, _ = self.swim(n=np.int64(3), share=np.float32(0.5))
-        assert (n, share, type(n), type(share)) == (3, 0.5, int, float)
-        assert self.swim(share="all")[2] == "all"
-
-    def test_what_is_wrong_is_said(self):
-        with pytest.raises(ParameterError) as error:
-            self.swim(share=1, n=2)
-        assert str(error.value) == "Expected share in (0, 1) or 'all', got 1."
-        assert error.value.parameter == "share"
-
-
-class TestCall:
-    def test_values_are_handed_over_as_they_are(self):
-        accepted = accepted_parameters(climb)
-        rope, share = Rope(), np.float64(0.5)
-        made = call_factory("X", climb, accepted, {"share": share, "rope": rope})
-        assert made == (2, 0.5, rope, 3, {})
-        assert made[1] is share
-
-    def test_all_that_is_wrong_is_said(self):
-        with pytest.raises(ParameterError) as caught:
-            call_factory("X", climb, accepted_parameters(climb), {"m": 1, "n": 9, "share": 2})
-        assert str(caught.value) == (
-            "X: there is no parameter 'm'; known are lost, n, rope, share. "
-            "Expected n in [1, 5], got 9. Expected share in (0, 1), got 2."
-        )
-        assert caught.value.parameter == "m"
-
-    def test_who_knows_the_range_is_heard(self):
-        called = []
-
-        def dive(*, depth: int, breath: float = 1.0):
-            if depth == 31:
-                raise ValueError("Expected depth in [1, 30], got 31.")
-            if breath < 0:
-                raise KeyError("breath")
-            called.append(depth)
-
-        def call(**values):
-            return call_factory("X", dive, accepted_parameters(dive), values)
-
-        with pytest.raises(ParameterError, match=r"^X: Expected depth in \[1, 30\], got 31\.$"):
-            call(depth=31)
-        with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got 'deep'\.$"):
-            call(depth="deep")
-        with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got '3'\.$"):
-            call(depth="3")
-        with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got '3'\.$"):
-            call(depth="3", breath=0)
-        with pytest.raises(KeyError, match="breath"):
-            call(depth=3, breath=-1)
-        assert called == []
-        call(depth=3)
-        assert called == [3]
-
-    def test_what_was_raised(self):
+    def test_what_a_factory_raises_is_translated_where_it_is_of_values(self):
         def fault(error):
             def fall(*, n=1, share=2):
                 raise error
@@ -344,37 +327,38 @@ class TestCall:
         assert fault(ParameterError("X: A small share.", "share")) == ("share", "A small share.")
         assert fault(ValueError("X: Expected n >= 1, got 0.")) == (None, "Expected n >= 1, got 0.")
         assert fault(ValueError("")) == (None, "")
+        assert fault(KeyError("n")) == (None, "KeyError: 'n'")
 
 
-class TestResults:
-    def test_parameters_that_change_no_result_are_marked(self):
-        def search(
-            *,
-            n: int = 1,
-            a: Annotated[int, SameResult()] = 1,
-            b: Annotated[int, Field(ge=1), SameResult] = 1,
-            c: Annotated[int, SameResult()] | None = None,
-            d: "Annotated[int, SameResult()]" = 1,
-            e: "Annotated[int, NowhereToBeFound()]" = 1,  # noqa: F821
-        ): ...
+class TestChecked:
+    @staticmethod
+    @checked
+    def swim(x=None, /, *, n: Few = 2, share: Share | Literal["all"] = 0.5, rope: "Rope" = None):
+        """Swim."""
+        return x, n, share, rope
 
-        found = {p.name: changes_nothing(p.hint) for p in accepted_parameters(search)}
-        assert found == {"n": False, "a": True, "b": True, "c": True, "d": True, "e": False}
-        assert accepted_parameters(search)[2].range == ">= 1"
-        assert faults_of(search, {"a": 3, "b": 2, "c": None}) == []
+    def test_what_is_given_by_keyword_is_checked(self):
+        assert self.swim("n") == ("n", 2, 0.5, None)
+        _, n, share, _ = self.swim(n=np.int64(3), share=np.float32(0.5))
+        assert (n, share, type(n), type(share)) == (3, 0.5, int, float)
+        assert self.swim(share="all")[2] == "all"
+        with pytest.raises(ParameterError) as error:
+            self.swim(share=1, n=2)
+        assert str(error.value) == "Expected share in (0, 1) or 'all', got 1."
+        assert error.value.parameter == "share"
 
-    def test_plain_values(self):
-        for value, plain in [
-            (None, None),
-            (np.float64(0.5), 0.5),
-            (np.True_, True),
-            (((1, "reef"), ()), [[1, "reef"], []]),
-            ({"a": (1,)}, {"a": [1]}),
-            (Rope(), NotImplemented),
-            ([Rope()], NotImplemented),
-            ({"a": {1}}, NotImplemented),
-            (1j, NotImplemented),
-        ]:
-            found = plain_value(value)
-            assert found == plain
-            assert type(found) is type(plain)
+
+def test_plain_values():
+    for value, plain in [
+        (None, None),
+        (np.float64(0.5), 0.5),
+        (np.True_, True),
+        (((1, "reef"), ()), [[1, "reef"], []]),
+        ({"a": (1,)}, {"a": [1]}),
+        ([Rope()], NotImplemented),
+        ({"a": {1}}, NotImplemented),
+        (1j, NotImplemented),
+    ]:
+        found = plain_value(value)
+        assert found == plain
+        assert type(found) is type(plain)

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 import pytest
 
-from botohe_moo.core import ready
+from botohe_moo.core import compile as ready
 from botohe_moo.core.compile import at_once, begin_run, kernels, prepare, remaining
 
 pytestmark = pytest.mark.compiled_only
@@ -175,7 +175,7 @@ COLD = """
 import sys
 from botohe_moo import load_mission, solve
 from botohe_moo.algorithms.local_search.kernels.search import improve
-from botohe_moo.core import ready
+from botohe_moo.core import compile as ready
 
 ready.n_cpus = lambda: int(sys.argv[1])
 found = solve("toy", evaluations=int(sys.argv[2]), seed=1)

@@ -25,17 +25,6 @@ from tests.twins import Repairer, ends_of
 REPAIRS = [SafestPathRepair, TruncateRepair]
 
 
-def repaired(repair, mission, *trails):
-    """Repair one plan of labels; robots that are not given stay at base."""
-    index = {label: i for i, label in enumerate(mission.nodes)}
-    drafts = [[index.get(label, 99) for label in trail] for trail in trails]
-    drafts += [[index[mission.base]]] * (mission.robots - len(drafts))
-    batch = PlanBatch.from_plans([TrailPlan(drafts)], mission.robots)
-    plan = repair.repair_batch(mission, batch)[0]
-    mission.evaluate([plan])
-    return [list(trail) for trail in mission.labels(plan)][: len(trails)]
-
-
 def ring():
     """Base 0 in a ring 0-1-2-3-0 whose arcs lead both ways, 1-2 the most dangerous."""
     graph = nx.DiGraph()
@@ -55,47 +44,47 @@ def one_way():
     return Mission(graph, base=0, robots=1)
 
 
-class TestSafestPath:
-    def test_by_hand(self):
-        for draft, expected in [
-            ([0], [0]),
-            ([0, 1, 0], [0, 1, 0]),  # valid
-            ([0, 2, 0], [0, 3, 2, 3, 0]),  # by 3 both ways: 2-3 is another arc than 3-2
-            ([2], [0, 3, 2, 3, 0]),
-            ([0, 1, 0, 1, 0], [0, 1, 0]),  # the loop that uses 0-1 again is cut
-            ([0, 3, 2, 1, 0, 3, 2], [0, 3, 2, 3, 0]),  # with all its nodes
-            ([1, 1, 1], [0, 1, 0]),  # nobody stays where he is
-            ([0, 1, 2, 3], [0, 1, 2, 3, 0]),  # goes home at the end
-            ([99, 1], [0, 1, 0]),  # there is no such node
-            ([3, 0, 1], [0, 3, 0, 1, 0]),  # out again
-            # From 3 the safest way to 1 is 3-0-1. With 0-1 used it is 3-2-1, and home not by 1-0.
-            ([0, 1, 0, 3, 1], [0, 1, 0, 3, 2, 1, 2, 3, 0]),
-        ]:
-            assert repaired(SafestPathRepair(), ring(), draft) == [expected]
+BY_HAND = {
+    SafestPathRepair: [
+        (ring, [0], [0]),
+        (ring, [0, 1, 0], [0, 1, 0]),  # valid
+        (ring, [0, 2, 0], [0, 3, 2, 3, 0]),  # by 3 both ways: 2-3 is another arc than 3-2
+        (ring, [2], [0, 3, 2, 3, 0]),
+        (ring, [0, 1, 0, 1, 0], [0, 1, 0]),  # the loop that uses 0-1 again is cut
+        (ring, [0, 3, 2, 1, 0, 3, 2], [0, 3, 2, 3, 0]),  # with all its nodes
+        (ring, [1, 1, 1], [0, 1, 0]),  # nobody stays where he is
+        (ring, [0, 1, 2, 3], [0, 1, 2, 3, 0]),  # goes home at the end
+        (ring, [99, 1], [0, 1, 0]),  # there is no such node
+        (ring, [3, 0, 1], [0, 3, 0, 1, 0]),  # out again
+        # From 3 the safest way to 1 is 3-0-1. With 0-1 used it is 3-2-1, and home not by 1-0.
+        (ring, [0, 1, 0, 3, 1], [0, 1, 0, 3, 2, 1, 2, 3, 0]),
+        # Nodes from which no way leads home are left out: 1-2 is the only one.
+        (one_way, [0, 1, 2, 4], [0, 1, 2, 0]),
+        (one_way, [0, 4, 0], [0]),
+        (one_way, [0, 3, 2], [0, 1, 3, 1, 2, 0]),
+    ],
+    TruncateRepair: [
+        (ring, [0], [0]),
+        (ring, [0, 1, 0], [0, 1, 0]),
+        (ring, [0, 2, 0], [0]),  # 0-2 is no arc
+        (ring, [2, 1, 0], [0]),  # does not begin at base
+        (ring, [0, 1, 2], [0, 1, 2, 3, 0]),  # safest way home
+        (ring, [0, 1, 0, 1, 2], [0, 1, 0]),  # up to the arc that is used again
+        (ring, [0, 0, 1], [0]),  # nobody stays where he is
+        (ring, [0, 1, 99], [0, 1, 0]),
+        (one_way, [0, 1, 2, 4], [0, 1, 2, 0]),  # from 4 all that is left never leads home
+    ],
+}
 
-    def test_nodes_from_which_no_way_leads_home_are_left_out(self):
-        mission = one_way()
-        assert repaired(SafestPathRepair(), mission, [0, 1, 2, 4]) == [[0, 1, 2, 0]]
-        # 1-2 is the only way home: once it is used on the way to 4 there is none.
-        assert repaired(SafestPathRepair(), mission, [0, 4, 0]) == [[0]]
-        assert repaired(SafestPathRepair(), mission, [0, 3, 2]) == [[0, 1, 3, 1, 2, 0]]
 
-
-class TestTruncate:
-    def test_by_hand(self):
-        for draft, expected in [
-            ([0], [0]),
-            ([0, 1, 0], [0, 1, 0]),
-            ([0, 2, 0], [0]),  # 0-2 is no arc
-            ([2, 1, 0], [0]),  # does not begin at base
-            ([0, 1, 2], [0, 1, 2, 3, 0]),  # safest way home
-            ([0, 1, 0, 1, 2], [0, 1, 0]),  # up to the arc that is used again
-            ([0, 0, 1], [0]),  # nobody stays where he is
-            ([0, 1, 99], [0, 1, 0]),
-        ]:
-            assert repaired(TruncateRepair(), ring(), draft) == [expected]
-        # From 4 all that is left leads to 1 and 3, never home: the prefix ends at 2.
-        assert repaired(TruncateRepair(), one_way(), [0, 1, 2, 4]) == [[0, 1, 2, 0]]
+@pytest.mark.parametrize("repair", REPAIRS)
+def test_by_hand(repair):
+    for make, draft, expected in BY_HAND[repair]:
+        mission = make()
+        batch = PlanBatch.from_plans([TrailPlan([draft])], 1)  # labels are indices
+        plan = repair().repair_batch(mission, batch)[0]
+        mission.evaluate([plan])
+        assert [list(trail) for trail in plan.trails] == [expected], draft
 
 
 @st.composite
@@ -170,47 +159,37 @@ def test_repairs_are_their_readable_twins(seed, has_kinds):
             assert list(repair().repair_batch(mission, batch)[0].trails) == expected
 
 
-class TestCounts:
-    def test_by_hand(self):
-        mission = ring()
-        repair = SafestPathRepair()
-        plans = [TrailPlan([trail]) for trail in ([0, 1, 0], [0, 2, 0], [0, 1, 0, 1, 0])]
-        repair.repair_batch(mission, PlanBatch.from_plans(plans, 1))
-        # Two hops dropped and four arcs added; two hops dropped.
-        assert (repair.counts.plans, repair.counts.repaired) == (3, 2)
-        assert repair.counts.arcs_changed == 6 + 2
-        assert repair.counts.seconds > 0
+def test_counts_by_hand():
+    repair = SafestPathRepair()
+    plans = [TrailPlan([trail]) for trail in ([0, 1, 0], [0, 2, 0], [0, 1, 0, 1, 0])]
+    repair.repair_batch(ring(), PlanBatch.from_plans(plans, 1))
+    # Two hops dropped and four arcs added; two hops dropped.
+    counts = repair.counts
+    assert (counts.plans, counts.repaired, counts.arcs_changed) == (3, 2, 6 + 2)
+    assert counts.seconds > 0
+    # Single nodes and empty trails are repaired, too; operators may share one repair.
+    drafts = PlanBatch(np.array([99, -5], np.int32), np.array([0, 1, 2, 2]), 1)
+    assert [plan.trails for plan in repair.repair_batch(ring(), drafts)] == [((0,),)] * 3
+    assert (counts.plans, counts.repaired, counts.arcs_changed) == (6, 5, 8 + 3)
+    assert len(repair.repair_batch(ring(), PlanBatch.from_plans([], 1))) == 0
 
-    def test_single_nodes_and_empty_trails_are_repaired_too(self):
-        mission, repair = ring(), SafestPathRepair()
-        drafts = PlanBatch(np.array([99, -5], np.int32), np.array([0, 1, 2, 2]), 1)
-        repaired = repair.repair_batch(mission, drafts)
-        assert [plan.trails for plan in repaired] == [((0,),)] * 3
-        assert (repair.counts.repaired, repair.counts.arcs_changed) == (3, 3)
 
-    def test_no_plans_and_plans_of_another_team(self):
-        none = PlanBatch.from_plans([], 1)
-        assert len(SafestPathRepair().repair_batch(ring(), none)) == 0
-        pairs = PlanBatch.from_plans([TrailPlan([[0], [0]])], 2)
-        with pytest.raises(ValueError, match="expected 1 trails, got 2"):
-            SafestPathRepair().repair_batch(ring(), pairs)
-
-    def test_are_readable_from_a_result_of_plain_pymoo(self):
-        mission = load_mission("toy")
-        algorithm = NSGA2(
-            pop_size=20,
-            sampling=mission.batch([mission.stay_home()] * 20).to_array(),
-            crossover=TrailSplice(repair=PenaltyOnly()),
-            mutation=RuinRecreate(repair=PenaltyOnly()),
-            repair=SafestPathRepair(),
-            eliminate_duplicates=PlanDuplicates(),
-        )
-        result = minimize(BOTOHE(mission), algorithm, ("n_gen", 5), seed=1)
-        counts = result.algorithm.repair.counts
-        assert counts.plans >= 100
-        assert 0 < counts.repaired < counts.plans
-        assert counts.arcs_changed >= counts.repaired
-        assert algorithm.repair.counts.plans == 0  # the run's own copy counts
+def test_counts_are_readable_from_a_result_of_plain_pymoo():
+    mission = load_mission("toy")
+    algorithm = NSGA2(
+        pop_size=20,
+        sampling=mission.batch([mission.stay_home()] * 20).to_array(),
+        crossover=TrailSplice(repair=PenaltyOnly()),
+        mutation=RuinRecreate(repair=PenaltyOnly()),
+        repair=SafestPathRepair(),
+        eliminate_duplicates=PlanDuplicates(),
+    )
+    result = minimize(BOTOHE(mission), algorithm, ("n_gen", 5), seed=1)
+    counts = result.algorithm.repair.counts
+    assert counts.plans >= 100
+    assert 0 < counts.repaired < counts.plans
+    assert counts.arcs_changed >= counts.repaired
+    assert algorithm.repair.counts.plans == 0  # the run's own copy counts
 
 
 def test_penalty_only_needs_a_problem_that_allows_it():

@@ -10,11 +10,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import BOTOHE, TrailPlan, load_mission
 from botohe_moo.operators import (
-    MixedCrossover,
-    MixedMutation,
     PenaltyOnly,
-    PlanCrossover,
-    PlanMutation,
     RuinRecreate,
     ShareTrails,
     TrailSplice,
@@ -80,13 +76,6 @@ def test_robots_get_trails_of_their_kind(operator, mission, data):
             assert len({node // len(mission.nodes) for node in trail}) == 1
 
 
-@pytest.mark.parametrize("prob", [-1, 7])
-def test_mixtures_check_their_probability(prob):
-    for mixture, part in ((MixedCrossover, TrailSplice()), (MixedMutation, RuinRecreate())):
-        with pytest.raises(ValueError, match=r"Expected prob in \[0, 1\]"):
-            mixture([part], prob=prob)
-
-
 class TestSplice:
     def test_children_swap_what_comes_after_a_shared_node(self, toy):
         # The one robot of each that is out; both visit 2 once.
@@ -125,22 +114,23 @@ class TestRuin:
                 expected[(trail[: low + 1] + put_in + trail[high:],)] += weight
         assert_frequencies(mutated(RuinRecreate(max_via=1), alone, [trail], 20_000), expected)
 
-    def test_only_one_robot_is_changed(self, toy):
+    def test_one_robot_is_changed_also_one_at_base(self, toy):
         for draft in mutated(RuinRecreate(), toy, [A, B], 500):
             assert A in draft or B in draft
-
-    def test_a_robot_at_base_may_go_out(self, toy):
         found = mutated(RuinRecreate(), toy, [HOME, HOME], 500)
         assert any(len(trail) == 4 for draft in found for trail in draft)
 
 
 class TestShare:
-    def test_copies(self, toy):
+    def test_who_is_out_is_copied(self, toy):
         found = mutated(ShareTrails(prob_copy=1), toy, [A, B])
         assert_frequencies(found, {(A, A): 0.5, (B, B): 0.5})
-
-    def test_who_is_out_is_copied(self, toy):
         assert mutated(ShareTrails(prob_copy=1), toy, [A, HOME], 50) == {(A, A): 50}
+
+    def test_copies_are_as_frequent_as_they_should_be(self, toy):
+        found = mutated(ShareTrails(prob_copy=0.3), toy, [A, B])
+        n_copies = found[A, A] + found[B, B]
+        assert_frequencies(Counter(copy=n_copies, swap=N - n_copies), {"copy": 0.3, "swap": 0.7})
 
     def test_swaps_at_a_shared_node(self, toy):
         one, other = (1, 2, 4, 3, 1), (1, 3, 4, 2, 1)
@@ -162,25 +152,3 @@ class TestShare:
 
     def test_a_single_robot_has_nobody_to_share_with(self, toy):
         assert mutated(ShareTrails(), toy.with_robots(1), [A], 10) == {(A,): 10}
-
-
-class Short(PlanMutation):
-    """An operator that loses a plan."""
-
-    def _draft(self, mission, plans, rng):
-        return plans.take(np.arange(len(plans) - 1))
-
-
-class Childless(PlanCrossover):
-    """Likewise."""
-
-    _draft = Short._draft
-
-
-def test_operators_that_lose_plans_are_named(toy):
-    rng = np.random.default_rng(0)
-    plans = toy.batch([toy.stay_home()] * 4)
-    with pytest.raises(ValueError, match=r"_draft of Short to give 4 drafts, got 3\."):
-        Short().mutate_batch(toy, plans, rng)
-    with pytest.raises(ValueError, match=r"_draft of Childless to give 4 drafts, got 3\."):
-        Childless()._do(BOTOHE(toy), plans.to_array().reshape(2, 2, 1), random_state=rng)
