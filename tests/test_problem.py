@@ -1,4 +1,4 @@
-"""BOTOHE through pymoo's own machinery, with foreign algorithms, and what pymoo prints."""
+"""BOTOHE through pymoo's own machinery, its limits, and what pymoo prints."""
 
 import copy
 import itertools
@@ -9,17 +9,13 @@ import networkx as nx
 import numpy as np
 import pytest
 from pymoo.algorithms.moo.nsga2 import NSGA2
-from pymoo.algorithms.moo.spea2 import SPEA2
-from pymoo.core.crossover import Crossover
-from pymoo.core.duplicate import ElementwiseDuplicateElimination
 from pymoo.core.evaluator import Evaluator
-from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
-from pymoo.core.sampling import Sampling
 from pymoo.optimize import minimize
 
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.mission import Mission, load_mission
+from botohe_moo.operators import PlanDuplicates, RuinRecreate, TrailSplice
 from botohe_moo.problem import BOTOHE, FrontOutput, LeastSurvival
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -50,110 +46,52 @@ EXPECTED = [
 ]
 
 
-def random_trail(mission, random_state):
-    """Walk at random, and return the way one came."""
-    trail = [mission.index(mission.base)]
-    for _ in range(random_state.integers(6)):
-        arcs = mission.world.graph.first[trail[-1] : trail[-1] + 2]
-        head = int(mission.world.graph.head[random_state.integers(*arcs)])
-        if head not in trail:
-            trail.append(head)
-    return trail + trail[-2::-1]
-
-
-class RandomPlans(Sampling):
-    def _do(self, problem, n_samples, *args, random_state=None, **kwargs):
-        mission, found = problem.mission, []
-        while len(found) < n_samples:
-            robots = range(mission.robots)
-            plan = TrailPlan([random_trail(mission, random_state) for _ in robots])
-            if plan not in found:
-                found.append(plan)
-        return mission.batch(found).to_array()
-
-
-class SwapLastTrails(Crossover):
-    # pymoo's NoCrossover hands over the parents themselves, which mutation then changes in place.
-    def __init__(self):
-        super().__init__(n_parents=2, n_offsprings=2)
-
-    def _do(self, problem, X, *args, random_state=None, **kwargs):
-        children = np.empty_like(X)
-        for i, (one, other) in enumerate(zip(*X[:, :, 0], strict=True)):
-            children[0, i, 0] = TrailPlan([*one.trails[:-1], other.trails[-1]])
-            children[1, i, 0] = TrailPlan([*other.trails[:-1], one.trails[-1]])
-        return children
-
-
-class OtherTrail(Mutation):
-    """Give one robot another trail."""
-
-    def _do(self, problem, X, *args, random_state=None, **kwargs):
-        mutated = np.empty_like(X)
-        for i, (plan,) in enumerate(X):
-            trails = list(plan.trails)
-            trails[random_state.integers(len(trails))] = random_trail(problem.mission, random_state)
-            mutated[i, 0] = TrailPlan(trails)
-        return mutated
-
-
-class NoSamePlan(ElementwiseDuplicateElimination):
-    def is_equal(self, a, b):
-        return a.X[0] == b.X[0]
-
-
-def foreign(algorithm=NSGA2, *, sampling=None, **options):
-    return algorithm(
+def plain(**options):
+    """An algorithm of pymoo's with this package's operators."""
+    return NSGA2(
         pop_size=16,
-        sampling=RandomPlans() if sampling is None else sampling,
-        crossover=SwapLastTrails(),
-        mutation=OtherTrail(),
-        eliminate_duplicates=NoSamePlan(),
+        crossover=TrailSplice(),
+        mutation=RuinRecreate(),
+        eliminate_duplicates=PlanDuplicates(),
         **options,
     )
 
 
-class TestObjectives:
-    def test_they_are_the_negatives_of_the_mission_s(self, toy, plans):
+class TestProblem:
+    def test_objectives_are_the_negatives_of_the_mission_s(self, toy, plans, x):
         batch = PlanBatch.from_plans(plans, 2)
         f = BOTOHE(toy).evaluate_batch(batch)
         assert (f.shape, f.dtype) == ((3, 2), np.float64)
         assert np.array_equal(-f, toy.evaluate(plans))
         assert -f == pytest.approx(np.array(EXPECTED), abs=1e-15)
-
-    def test_an_evaluator_fills_a_population(self, toy, x):
         evaluator = Evaluator()
         population = evaluator.eval(BOTOHE(toy), Population.new(X=x))
-        assert -population.get("F") == pytest.approx(np.array(EXPECTED), abs=1e-15)
+        assert population.get("F").tolist() == f.tolist()
         assert population.get("feas").all()
         assert evaluator.n_eval == 3
-        evaluator.eval(BOTOHE(toy), population)
-        assert evaluator.n_eval == 3
 
-
-class TestProblem:
-    def test_it_says_what_it_is(self, toy):
+    def test_it_says_what_it_is_also_as_a_copy_and_in_another_process(self, toy, x):
         problem = BOTOHE(toy)
-        assert problem.mission is toy
-        assert problem.name() == "BOTOHE(toy)"
-        assert (problem.n_var, problem.n_obj, problem.n_constr) == (1, 2, 0)
-        assert problem.vtype is object
-        assert not problem.has_bounds()
-        assert not problem.has_constraints()
+        assert copy.deepcopy(problem).mission is problem.mission is toy
+        for each in (problem, copy.deepcopy(problem), pickle.loads(pickle.dumps(problem))):
+            assert each.mission == toy
+            assert each.name() == "BOTOHE(toy)"
+            assert (each.n_var, each.n_obj, each.n_constr) == (1, 2, 0)
+            assert each.vtype is object
+            assert not each.has_bounds()
+            assert not each.has_constraints()
+            assert np.array_equal(each.evaluate(x), problem.evaluate(x))
 
-    def test_a_copy_shares_the_mission(self, toy, x):
-        problem = BOTOHE(toy)
-        again = copy.deepcopy(problem)
-        assert again is not problem
-        assert again.mission is toy
-        assert np.array_equal(again.evaluate(x), problem.evaluate(x))
+    def test_algorithms_of_pymoo_find_plans(self, toy, x):
+        result = minimize(BOTOHE(toy), plain(sampling=x), ("n_gen", 12), seed=1)
+        assert (result.X.shape, result.X.dtype) == ((len(result.F), 1), object)
+        assert all(type(plan) is TrailPlan for plan in result.X[:, 0])
+        assert len(set(result.X[:, 0])) == len(result.X) > 3
+        assert np.array_equal(-result.F, toy.evaluate(result.X))
 
-    def test_pickle(self, toy, x):
-        problem = BOTOHE(toy)
-        again = pickle.loads(pickle.dumps(problem))
-        assert again.mission == toy
-        assert again.name() == problem.name()
-        assert np.array_equal(again.evaluate(x), problem.evaluate(x))
+    def test_operators_of_pymoo_are_refused_with_what_to_take_instead(self, toy):
+        with pytest.raises(TypeError, match=r"got numbers.*make_algorithm\('nsga2'\) has sampling"):
+            minimize(BOTOHE(toy), NSGA2(pop_size=10), ("n_gen", 1), seed=1)
 
 
 class Doubled(BOTOHE):
@@ -185,15 +123,17 @@ class TestSubclasses:
         population = Evaluator().eval(problem, Population.new(X=x))
         assert -population.get("F") == pytest.approx(expected)
 
-    def test_so_do_foreign_algorithms(self, toy):
-        result = minimize(Doubled(toy), foreign(), ("n_gen", 3), seed=1)
-        expected = toy.evaluate(result.X) * [1, 2]
-        assert pytest.approx(expected) == -result.F
+        result = minimize(problem, plain(sampling=x), ("n_gen", 3), seed=1)
+        assert pytest.approx(toy.evaluate(result.X) * [1, 2]) == -result.F
 
     def test_constraints_can_be_added(self, toy, x):
         f, g = ShortOfTarget(toy, 0.5).evaluate(x)
         assert -f == pytest.approx(np.array(EXPECTED), abs=1e-15)
         assert g.tolist() == [[pytest.approx(0.5 - reward)] for reward, _ in EXPECTED]
+        problem = ShortOfTarget(toy, 3.0)
+        result = minimize(problem, make_algorithm("nsga2", pop_size=20), ("n_eval", 200), seed=1)
+        assert (-result.F[:, 0] >= 3.0).all()
+        assert result.G.tolist() == (3.0 + result.F[:, :1]).tolist()
 
 
 class TestLeastSurvival:
@@ -212,18 +152,6 @@ class TestLeastSurvival:
         assert (-result.F[:, 2]).min() >= 0.5
 
 
-class TestForeignAlgorithms:
-    @pytest.mark.parametrize("algorithm", [NSGA2, SPEA2])
-    def test_they_find_plans(self, toy, algorithm):
-        result = minimize(BOTOHE(toy), foreign(algorithm), ("n_gen", 12), seed=1)
-        assert result.X.shape == (len(result.F), 1)
-        assert result.X.dtype == object
-        assert all(type(plan) is TrailPlan for plan in result.X[:, 0])
-        assert len(set(result.X[:, 0])) == len(result.X)
-        assert np.array_equal(-result.F, toy.evaluate(result.X))
-        assert result.algorithm.evaluator.n_eval == 12 * 16
-
-
 def columns(line):
     return [cell.strip() for cell in line.split("|")]
 
@@ -236,29 +164,25 @@ def printed(captured):
 
 
 class TestFrontOutput:
-    def test_by_hand(self, toy, x, capsys):
-        # The toy pays 10 to 2 robots, so its objective space is 20. The plans are all
-        # non-dominated: a staircase with the rewards 5.2 and a bit, 0.9 and 0.
-        sampled = foreign(sampling=x, output=FrontOutput())
-        minimize(BOTOHE(toy), sampled, ("n_gen", 1), seed=1, verbose=True)
+    @pytest.mark.parametrize("target", [None, 0.95, 9.5])
+    def test_by_hand(self, toy, x, capsys, target):
+        """The toy pays 10 to 2 robots, so its objective space is 20; the plans are a staircase.
+
+        With a target only the last of them is feasible, or none.
+        """
+        problem = BOTOHE(toy) if target is None else ShortOfTarget(toy, target)
+        sampled = plain(sampling=x, output=FrontOutput())
+        minimize(problem, sampled, ("n_gen", 1), seed=1, verbose=True)
         header, rows = printed(capsys)
         assert header == ["n_gen", "n_eval", "area", "max E[R]", "n_front"]
         reward, survivors = EXPECTED[2]
-        area = (reward * survivors + 0.9 * (0.9**2 + 1 - survivors)) / 20
-        assert rows == [["1", "3", f"{area:.5f}", f"{reward:.7f}", "3"]]
-
-    def test_without_a_feasible_plan(self, toy, x, capsys):
-        sampled = foreign(sampling=x, output=FrontOutput())
-        result = minimize(ShortOfTarget(toy, 9.5), sampled, ("n_gen", 1), seed=1, verbose=True)
-        assert result.F is None
-        assert printed(capsys)[1] == [["1", "3", "0.0E+00", "-", "0"]]
-
-    def test_infeasible_plans_do_not_count(self, toy, x, capsys):
-        sampled = foreign(sampling=x, output=FrontOutput())
-        minimize(ShortOfTarget(toy, 0.95), sampled, ("n_gen", 1), seed=1, verbose=True)
-        reward, survivors = EXPECTED[2]
-        area = f"{reward * survivors / 20:.5f}"
-        assert printed(capsys)[1] == [["1", "3", area, f"{reward:.7f}", "1"]]
+        of_one, of_others = reward * survivors / 20, 0.9 * (0.9**2 + 1 - survivors) / 20
+        expected = {
+            None: [f"{of_one + of_others:.5f}", f"{reward:.7f}", "3"],
+            0.95: [f"{of_one:.5f}", f"{reward:.7f}", "1"],
+            9.5: ["0.0E+00", "-", "0"],
+        }
+        assert rows == [["1", "3", *expected[target]]]
 
 
 def there_and_back(*lengths, **own):
@@ -283,8 +207,6 @@ class TestTravelBudget:
         assert (problem.n_ieq_constr, problem.max_length) == (1, 4)
         G = problem.constrain_batch(toy.batch(plans))
         assert G[:, 0] == pytest.approx([-1, -0.5, 0.5])
-        out = problem.evaluate(toy.batch(plans).to_array(), return_as_dictionary=True)
-        assert out["G"].tolist() == G.tolist()
 
     def test_beside_the_survival_floor_and_invalid_plans(self, toy, plans):
         problem = BOTOHE(toy, min_survival=0.5, max_length=4).allowing_invalid()
@@ -337,15 +259,16 @@ class TestTravelBudget:
 
 
 class TestSurvivalFloor:
-    def test_by_hand(self, toy, plans):
+    def test_by_hand(self, toy, plans, x):
         # Survivals: everybody 1; 0.9²; 0.81² and 0.81² · 0.729².
         problem = BOTOHE(toy, min_survival=0.5)
         assert problem.n_ieq_constr == 1
         G = problem.constrain_batch(toy.batch(plans))
         assert G[:, 0] == pytest.approx([0.5 - 1, 0.5 - 0.81, 0.5 - 0.81**2 * 0.729**2])
-        out = problem.evaluate(toy.batch(plans).to_array(), return_as_dictionary=True)
+        out = problem.evaluate(x, return_as_dictionary=True)
         assert out["G"].tolist() == G.tolist()
-        assert out["F"].tolist() == BOTOHE(toy).evaluate(toy.batch(plans).to_array()).tolist()
+        assert out["F"].tolist() == BOTOHE(toy).evaluate(x).tolist()
+        assert BOTOHE(toy).constrain_batch(toy.batch(x)).shape == (3, 0)  # without a floor
 
     def test_a_floor_that_is_just_met_is_kept_whatever_rounding_does(self):
         graph = nx.DiGraph()
@@ -358,15 +281,6 @@ class TestSurvivalFloor:
             problem = BOTOHE(mission, min_survival=round(survival * survival, 10))
             assert problem.constrain_batch(mission.batch([mission.plan([[0, 1, 0]])])) <= 0
 
-    def test_no_floor_is_no_constraint(self, toy, x):
-        assert BOTOHE(toy).n_ieq_constr == 0
-        assert BOTOHE(toy).constrain_batch(toy.batch(x)).shape == (3, 0)
-
-    @pytest.mark.parametrize("floor", [-0.1, 1.01])
-    def test_it_is_a_probability(self, toy, floor):
-        with pytest.raises(ValueError, match=r"Expected min_survival .*in \[0, 1\], got"):
-            BOTOHE(toy, min_survival=floor)
-
     def test_invalid_plans_may_be_allowed(self, toy):
         problem = BOTOHE(toy, min_survival=0.5)
         assert problem.allowing_invalid().n_ieq_constr == 2
@@ -375,18 +289,17 @@ class TestSurvivalFloor:
         G = problem.allowing_invalid().constrain_batch(PlanBatch.from_plans(drafts, 2))
         # Two missing arcs; a trail from elsewhere to elsewhere. Both robots are lost.
         assert G.tolist() == [[4.0, pytest.approx(0.5)]]
-        with pytest.raises(ValueError, match="Expected allow_invalid to be true or false, got 1"):
-            BOTOHE(toy, allow_invalid=1)
-
-    def test_own_constraints_are_in_the_result(self, toy):
-        from botohe_moo import make_algorithm
-
-        problem = ShortOfTarget(toy, 3.0)
-        result = minimize(problem, make_algorithm("nsga2", pop_size=20), ("n_eval", 200), seed=1)
-        assert (-result.F[:, 0] >= 3.0).all()
-        assert result.G.tolist() == (3.0 + result.F[:, :1]).tolist()
 
 
-def test_operators_of_pymoo_are_refused_with_what_to_take_instead(toy):
-    with pytest.raises(TypeError, match=r"got numbers.*make_algorithm\('nsga2'\) has sampling"):
-        minimize(BOTOHE(toy), NSGA2(pop_size=10), ("n_gen", 1), seed=1)
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"min_survival": -0.1}, r"Expected min_survival .*in \[0, 1\], got"),
+        ({"min_survival": 1.01}, r"Expected min_survival .*in \[0, 1\], got"),
+        ({"max_length": -1}, "Expected max_length >= 0, got -1"),
+        ({"allow_invalid": 1}, "Expected allow_invalid to be true or false, got 1"),
+    ],
+)
+def test_limits_that_are_refused(toy, options, message):
+    with pytest.raises(ValueError, match=message):
+        BOTOHE(toy, **options)

@@ -62,15 +62,6 @@ class Teleports(Walks):
         return found
 
 
-class Boasts(Walks):
-    """Reports twice the reward."""
-
-    def result(self):
-        found = super().result()
-        found.F = found.F * [2.0, 1.0]
-        return found
-
-
 class OwnWay(Walks):
     """Computes objectives itself, whatever the problem says."""
 
@@ -142,14 +133,6 @@ class SaysDeterministic(Walks):
     deterministic = True
 
 
-class Lambda(Walks):
-    """Holds what cannot be pickled."""
-
-    def _setup(self, problem, **options):
-        super()._setup(problem, **options)
-        self.key = lambda plan: plan.trails
-
-
 class LosesItsState(Walks):
     """Leaves out of its pickle what the run needs."""
 
@@ -170,16 +153,8 @@ class BackTheSameWay(Walks):
         graph, rng = mission.world.graph, self.random_state
         base = mission.index(mission.base)
         there = graph.head[graph.first[base] : graph.first[base + 1]]
-        home = [base]
-        plans = [
-            TrailPlan(
-                [
-                    [*home, int(rng.choice(there)), *home] if rng.random() < 0.8 else home
-                    for _ in range(mission.robots)
-                ]
-            )
-            for _ in range(n)
-        ]
+        trails = [[base, int(node), base] for node in rng.choice(there, n * mission.robots)]
+        plans = [TrailPlan(trails[i::n]) for i in range(n)]
         return PlanBatch.from_plans(plans, mission.robots)
 
 

@@ -5,27 +5,17 @@ import itertools
 import networkx as nx
 import pytest
 
-from botohe_moo import Mission, load_mission
+from botohe_moo import Mission
 from botohe_moo.testing import check_plugin, missions, parametrize_with_checks
 from botohe_moo.testing.rules import rules_of
 
 RULES = [rule.__name__ for rule in rules_of(missions)]
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "art_museum",
-        "building",
-        "complete",
-        "lattice",
-        "orienteering",
-        "random",
-        "town",
-        "toy",
-        "two_communities",
-    ],
-)
+NAMES = ("art_museum", "building", "complete", "lattice", "orienteering", "random", "town", "toy")
+
+
+@pytest.mark.parametrize("name", [*NAMES, "two_communities"])
 def test_conforms(name):
     assert [each for each in check_plugin(name) if each.status != "passed"] == []
 
@@ -41,6 +31,7 @@ def fork(*, seed: int = 0, robots: int = 2) -> Mission:
 @parametrize_with_checks([fork])
 def test_what_says_that_it_makes_a_mission_is_checked_as_one(check):
     assert check.rule in RULES
+    check()
 
 
 def nothing() -> Mission:
@@ -87,11 +78,6 @@ BROKEN = {
     unpicklable: ("pickle", {"can_be_pickled", "file_round_trip"}),
     pointless: ("no robot can collect anything", {"something_to_gain"}),
 }
-
-
-def test_a_fork_conforms():
-    assert {result.status for result in check_plugin(fork)} == {"passed"}
-    assert load_mission("tests.testing.test_missions:fork", seed=3).total_reward == 6.0
 
 
 @pytest.mark.parametrize("mission", BROKEN, ids=lambda mission: mission.__name__)
