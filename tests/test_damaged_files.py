@@ -13,7 +13,6 @@ import shutil
 import sys
 from pathlib import Path
 
-import networkx as nx
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -136,54 +135,9 @@ def check_message(error, named):
     assert max(map(len, lines)) < 2000
 
 
-def graphml():
-    graph = nx.relabel_nodes(nx.DiGraph(load_mission("toy").graph), str)
-    return b"\n".join(nx.generate_graphml(nx.DiGraph(graph)))
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("damaged")
-
-
-def read_and_saved(path, data, **given):
-    """Read a changed mission; what can be read can be saved, and comes back."""
-    path.write_bytes(data)
-    try:
-        with WATCH.over():
-            mission = read_mission(path, **given)
-    except MissionError as error:
-        check_message(error, path)
-        return
-    saved = path.with_name("saved.json")
-    try:
-        save_mission(mission, saved)
-    except ValueError as error:
-        assert "surrogates" in str(error)  # noqa: PT017 - no file can hold a lone one
-        check_message(error, saved)
-        return
-    again = read_mission(saved)
-    assert again == mission
-    assert (again.name, again.title) == (mission.name, mission.title)
-    assert mission_digest(again) == mission_digest(mission)
-
-
-@examples(200)
-@given(data=changed((DATA / "pier.json").read_bytes(), is_json=True))
-def test_node_link_json(folder, data):
-    read_and_saved(folder / "mission.json", data)
-
-
-@examples(200)
-@given(data=changed((DATA / "gephi.graphml").read_bytes()))
-def test_graphml(folder, data):
-    read_and_saved(folder / "mission.graphml", data)
-
-
-@examples(200)
-@given(data=changed((DATA / "points.txt").read_bytes()))
-def test_a_benchmark(folder, data):
-    read_and_saved(folder / "mission.txt", data)
 
 
 SITE = {
@@ -203,11 +157,39 @@ SITE = {
 }  # fmt: skip
 
 
+FORMS = {  # of missions: a suffix, and a file
+    "json": (DATA / "pier.json").read_bytes(),
+    "graphml": (DATA / "gephi.graphml").read_bytes(),
+    "txt": (DATA / "points.txt").read_bytes(),
+    "geojson": json.dumps(SITE).encode(),
+}
+
+
 @pytest.mark.filterwarnings("ignore:Left out")
+@pytest.mark.parametrize("suffix", FORMS)
 @examples(200)
-@given(data=changed(json.dumps(SITE).encode(), is_json=True))
-def test_a_route_graph(folder, data):
-    read_and_saved(folder / "mission.geojson", data)
+@given(draw=st.data())
+def test_missions(suffix, folder, draw):
+    """What can be read can be saved, and comes back."""
+    path = folder / f"mission.{suffix}"
+    path.write_bytes(draw.draw(changed(FORMS[suffix], is_json=suffix.endswith("json"))))
+    try:
+        with WATCH.over():
+            mission = read_mission(path)
+    except MissionError as error:
+        check_message(error, path)
+        return
+    saved = path.with_name("saved.json")
+    try:
+        save_mission(mission, saved)
+    except ValueError as error:
+        assert "surrogates" in str(error)  # noqa: PT017 - no file can hold a lone one
+        check_message(error, saved)
+        return
+    again = read_mission(saved)
+    assert again == mission
+    assert (again.name, again.title) == (mission.name, mission.title)
+    assert mission_digest(again) == mission_digest(mission)
 
 
 NODES = b"label,reward,x,y,zone\ndock,0,0,0,\nreef,5,1,0.5,north\nwreck,2.5,,,south\n"

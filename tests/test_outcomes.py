@@ -1,9 +1,7 @@
 """Distributions against hand-computed numbers and enumeration; simulation against both."""
 
-import json
 from collections import defaultdict
-from itertools import pairwise
-from pathlib import Path
+from itertools import pairwise, product
 
 import networkx as nx
 import numpy as np
@@ -12,11 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import botohe_moo.mission
-from botohe_moo.mission import Mission, PlanError
+from botohe_moo import Kind, Mission, load_mission
+from botohe_moo.mission import PlanError
 from botohe_moo.outcomes import (
     Distribution,
     Outcomes,
+    collect_probabilities,
     plan_outcomes,
     reach_probabilities,
     reward_distribution,
@@ -25,15 +24,14 @@ from botohe_moo.outcomes import (
     team_reach,
 )
 from tests import twins
-from tests.strategies import missions_with_plans
+from tests.strategies import missions_with_plans, team_missions_with_plans
 
 
-@pytest.fixture
-def harbour():
+def harbour(robots=2, *, kinds=None, pays=None, **nodes):
     """Dock (base, pays 1) between reef (pays 4) and cape (pays 5); powers of two survive."""
-    graph = nx.DiGraph(base="dock", robots=2)
-    graph.add_nodes_from(["dock", "reef", "cape"])
-    nx.set_node_attributes(graph, {"dock": 1, "reef": 4, "cape": 5}, "reward")
+    graph = nx.DiGraph()
+    for node, reward in (("dock", 1), ("reef", 4), ("cape", 5)):
+        graph.add_node(node, reward=reward, **nodes.get(node, {}))
     for tail, head, survival in [
         ("dock", "reef", 0.5),
         ("reef", "dock", 0.75),
@@ -43,13 +41,12 @@ def harbour():
         ("cape", "dock", 0.5),
     ]:
         graph.add_edge(tail, head, survival=survival)
-    return Mission(graph)
+    team = {"robots": robots} if kinds is None else {"kinds": kinds}
+    return Mission(graph, base="dock", pays=pays, **team)
 
 
 def museum(robots):
-    data = Path(botohe_moo.mission.__file__).parent / "data" / "art_museum.json"
-    graph = nx.node_link_graph(json.loads(data.read_text("utf-8")), edges="edges")
-    return Mission(graph, robots=robots)
+    return load_mission("art_museum", robots=robots)
 
 
 def wandering_plan(mission, hops, seed):
@@ -82,28 +79,72 @@ def ring(n_nodes, survival):
 # --- distributions of tiny plans, by hand
 
 
-def test_reward_of_one_robot_is_the_base_and_what_its_fate_reaches(harbour):
-    plan = harbour.with_robots(1).plan([["dock", "reef", "cape", "dock"]])
-    reward = reward_distribution(harbour.with_robots(1), plan)
-    assert as_dict(reward) == {1.0: 0.5, 5.0: 0.375, 10.0: 0.125}
-    assert reward.exact
-    assert reward.n_samples is None
-    assert as_dict(survivors_distribution(harbour.with_robots(1), plan)) == {0: 0.9375, 1: 0.0625}
+@pytest.mark.parametrize(
+    ("pays", "nodes", "trails", "expected"),
+    [
+        # The base, and what its fate reaches.
+        (None, {}, [["dock", "reef", "cape", "dock"]], {1: 0.5, 5: 0.375, 10: 0.125}),
+        # Nodes and base visited again pay once: the cape is behind two more arcs, 1/2 · 3/4.
+        (None, {}, [["dock", "cape", "reef", "dock", "reef", "cape", "dock"]], {10: 1.0}),
+        (
+            None,
+            {},
+            [["dock", "reef", "dock", "cape", "reef", "cape", "dock"]],
+            {1: 0.5, 5: 0.125, 10: 0.375},
+        ),
+        # Nobody at the reef: 1/4; the second at the cape: 1/8, for which it was at the reef.
+        (
+            None,
+            {},
+            [["dock", "reef", "dock"], ["dock", "reef", "cape", "dock"]],
+            {1: 0.25, 5: 0.625, 10: 0.125},
+        ),
+        # What one sortie brings is paid together, at the base or at a depot.
+        ("return", {}, [["dock", "reef", "cape", "dock"]], {1: 0.9375, 10: 0.0625}),
+        (
+            "return",
+            {"cape": {"depot": True}},
+            [["dock", "reef", "cape", "dock"]],
+            {1: 0.875, 10: 0.125},
+        ),
+        (
+            "return",
+            {"reef": {"pays": "arrival"}},
+            [["dock", "reef", "cape", "dock"]],
+            {1: 0.5, 5: 0.4375, 10: 0.0625},
+        ),
+        # Passing the base deposits.
+        (
+            "return",
+            {},
+            [["dock", "reef", "dock", "cape", "dock"]],
+            {1: 0.625, 5: 0.1875, 10: 0.1875},
+        ),
+    ],
+)
+def test_rewards_by_hand(pays, nodes, trails, expected):
+    mission = harbour(len(trails), pays=pays, **nodes)
+    found = reward_distribution(mission, mission.plan(trails))
+    assert as_dict(found) == expected
+    assert (found.exact, found.n_samples) == (True, None)
 
 
-def test_nodes_and_base_visited_again_pay_once(harbour):
-    one = harbour.with_robots(1)
-    plan = one.plan([["dock", "cape", "reef", "dock", "reef", "cape", "dock"]])
-    assert as_dict(reward_distribution(one, plan)) == {10.0: 1.0}
-    plan = one.plan([["dock", "reef", "dock", "cape", "reef", "cape", "dock"]])
-    # the reef with 1/2, the cape behind two more arcs with 1/2 · 3/4
-    assert as_dict(reward_distribution(one, plan)) == {1.0: 0.5, 5.0: 0.125, 10.0: 0.375}
-
-
-def test_robots_that_share_a_node_are_paid_for_it_once(harbour):
-    plan = harbour.plan([["dock", "reef", "dock"], ["dock", "reef", "cape", "dock"]])
-    # nobody at the reef: 1/4; the second at the cape: 1/8, for which it was at the reef
-    assert as_dict(reward_distribution(harbour, plan)) == {1.0: 0.25, 5.0: 0.625, 10.0: 0.125}
+def test_each_robot_of_each_kind_collects_by_its_own_share():
+    kinds = [Kind("boat", 2), Kind("diver", 1)]
+    reef = {"pays": "arrival", "share": {"boat": 0.5, "diver": 0.25}}
+    mission = harbour(kinds=kinds, pays="return", reef=reef, dock={"share": {"diver": 0}})
+    trail = ["dock", "reef", "dock"]
+    plan = mission.plan([trail, trail, trail])
+    assert collect_probabilities(mission, plan).tolist() == [
+        [1, 0.25, 0],
+        [1, 0.25, 0],
+        [0, 0.125, 0],
+    ]
+    missed = 0.75 * 0.75 * 0.875
+    assert as_dict(reward_distribution(mission, plan)) == {1: missed, 5: 1 - missed}
+    assert as_dict(survivors_distribution(mission, plan, kind="diver")) == {0: 0.625, 1: 0.375}
+    with pytest.raises(ValueError, match="Expected kind among diver, boat, got 'dive'"):
+        survivors_distribution(mission, plan, kind="dive")
 
 
 def test_rewards_of_robots_apart_add_up_and_equal_sums_merge():
@@ -145,26 +186,20 @@ def test_survivals_that_vanish_leave_no_outcome():
 # --- distributions of drawn plans, against the enumeration of all joint fates
 
 
-def test_the_probabilities_to_reach_nodes_by_hand(harbour):
-    plan = harbour.plan([["dock", "reef", "cape", "reef", "dock"], ["dock", "cape", "dock"]])
+def test_the_probabilities_to_reach_nodes_by_hand():
+    mission = harbour()
+    plan = mission.plan([["dock", "reef", "cape", "reef", "dock"], ["dock", "cape", "dock"]])
     # 0.5 to the reef, 0.125 to the cape; the second visit of the reef does not count.
-    reached = reach_probabilities(harbour, plan)
+    reached = reach_probabilities(mission, plan)
     assert reached.tolist() == [[1, 0.5, 0.125], [1, 0, 1]]
     assert team_reach(reached).tolist() == [1, 0.5, 1]
     assert team_reach(np.array([[0.5, 0.25], [0.5, 0]])).tolist() == [0.75, 0.25]
     with pytest.raises(PlanError):
-        reach_probabilities(harbour.with_robots(3), plan)
-
-
-@given(missions_with_plans())
-def test_rewards_times_probabilities_to_reach_nodes_are_the_expected_reward(drawn):
-    mission, plan = drawn
-    reached = reach_probabilities(mission, plan)
-    assert reached.shape == (mission.robots, len(mission.nodes))
-    team = team_reach(reached)
-    assert team @ mission.rewards == pytest.approx(mission.evaluate([plan])[0, 0])
-    for robot, trail in enumerate(plan.trails):
-        assert set(np.flatnonzero(reached[robot]).tolist()) == set(trail)
+        reach_probabilities(mission.with_robots(3), plan)
+    mission = harbour(1, pays="return", reef={"pays": "arrival"})
+    plan = mission.plan([["dock", "reef", "cape", "dock"]])
+    assert collect_probabilities(mission, plan).tolist() == [[1, 0.5, 0.0625]]
+    assert reach_probabilities(mission, plan).tolist() == [[1, 0.5, 0.125]]
 
 
 def merged(pairs):
@@ -174,28 +209,55 @@ def merged(pairs):
     return {value: p for value, p in found.items() if p > 0}
 
 
-def with_whole_rewards(mission):
-    graph = nx.DiGraph(mission.graph)
-    for node in graph:
-        graph.nodes[node]["reward"] = round(graph.nodes[node]["reward"])
-    return Mission(graph, base=mission.base, robots=mission.robots)
+def collected_sets(mission, kind, trail):
+    """With what probability a robot collects each set of nodes."""
+    nodes, found, alive = mission.graph.nodes, defaultdict(float), 0.0
+    for chance, paid, survives in twins.fates(mission, kind, trail):
+        alive += chance * survives
+        shares = [twins.of_kind(nodes[node].get("share", 1.0), kind) for node in paid]
+        for takes in product([False, True], repeat=len(paid)):
+            p = np.prod([q if take else 1 - q for q, take in zip(shares, takes, strict=True)])
+            found[frozenset(node for node, take in zip(paid, takes, strict=True) if take)] += (
+                chance * p
+            )
+    return found, alive
 
 
-@given(missions_with_plans())
-def test_distributions_equal_enumeration(drawn):
-    mission, plan = with_whole_rewards(drawn[0]), drawn[1]
-    joint = list(twins.enumerate_outcomes(mission, mission.labels(plan)))
-    found = plan_outcomes(mission, plan)
-    assert found.reward.exact
-    expected_reward = merged((p, reward) for p, reward, _ in joint)
-    expected_survivors = merged((p, survivors) for p, _, survivors in joint)
-    for distribution, expected in [
-        (found.reward, expected_reward),
-        (found.survivors, expected_survivors),
-    ]:
-        got = as_dict(distribution)
-        for value in got.keys() | expected.keys():
-            assert got.get(value, 0) == pytest.approx(expected.get(value, 0), abs=1e-12)
+@given(team_missions_with_plans(), st.integers(1, 30))
+def test_distributions_equal_enumeration(drawn, few):
+    mission, plan = drawn
+    sets, survivors = {frozenset(): 1.0}, {0: 1.0}
+    for kind, trail in zip(mission.kind_of, mission.labels(plan), strict=True):
+        found, alive = collected_sets(mission, kind, trail)
+        both, joint = defaultdict(float), defaultdict(float)
+        for (a, p), (b, q) in product(sets.items(), found.items()):
+            both[a | b] += p * q
+        for n, p in survivors.items():
+            joint[n] += p * (1 - alive)
+            joint[n + 1] += p * alive
+        sets, survivors = both, joint
+    reward = reward_distribution(mission, plan)
+    assert reward.exact
+    rewards = dict.fromkeys(reward.values.round().tolist(), 0.0)
+    for nodes, chance in sets.items():
+        if chance > 0:
+            rewards[sum(mission.graph.nodes[node]["reward"] for node in nodes)] += chance
+    assert list(rewards.values()) == pytest.approx(reward.probabilities.tolist(), abs=1e-12)
+    assert reward.values == pytest.approx(list(rewards))
+    got = as_dict(survivors_distribution(mission, plan))
+    assert all(got.get(n, 0) == pytest.approx(p, abs=1e-12) for n, p in survivors.items())
+    expected = mission.evaluate([plan])[0, 0]
+    assert reward.mean == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    reached = reach_probabilities(mission, plan)
+    for robot, trail in enumerate(plan.trails):
+        visited = {node % len(mission.nodes) for node in trail}
+        assert set(np.flatnonzero(reached[robot]).tolist()) == visited
+    collected = team_reach(collect_probabilities(mission, plan))
+    assert collected @ mission.rewards == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    simulated = reward_distribution(
+        mission, plan, max_outcomes=few, n_samples=200, random_state=1
+    ).values
+    assert np.isclose(simulated[:, None], reward.values, rtol=1e-9, atol=0).any(axis=1).all()
 
 
 @given(missions_with_plans(), st.integers(1, 40))
@@ -216,15 +278,16 @@ def test_a_small_bound_simulates_or_changes_nothing(drawn, max_outcomes):
 # --- the bound on the exact computation, and the simulation beyond it
 
 
-def test_max_outcomes_counts_what_is_looked_at(harbour):
+def test_max_outcomes_counts_what_is_looked_at():
+    mission = harbour()
     for trails, needed in [
         ([["dock"], ["dock", "reef", "cape", "dock"]], 3),
         ([["dock", "reef", "dock"], ["dock", "reef", "cape", "dock"]], 2 + 2 * 3),
         ([["dock", "cape", "dock"], ["dock", "reef", "cape", "dock"]], 2),
     ]:
-        plan = harbour.plan(trails)
-        assert reward_distribution(harbour, plan, max_outcomes=needed).exact
-        assert not reward_distribution(harbour, plan, max_outcomes=needed - 1, n_samples=10).exact
+        plan = mission.plan(trails)
+        assert reward_distribution(mission, plan, max_outcomes=needed).exact
+        assert not reward_distribution(mission, plan, max_outcomes=needed - 1, n_samples=10).exact
 
 
 def test_robots_that_share_nodes_in_a_row_stay_exact():
@@ -340,9 +403,9 @@ def test_mean_variance_and_standard_error_equal_numpys(sample):
         assert np.isnan(found.standard_error)
 
 
-def test_summary(harbour):
-    found = plan_outcomes(harbour, harbour.plan([["dock", "reef", "cape", "dock"], ["dock"]]))
-    assert isinstance(found, Outcomes)
+def test_summary():
+    mission = harbour()
+    found = plan_outcomes(mission, mission.plan([["dock", "reef", "cape", "dock"], ["dock"]]))
     table = found.summary(alpha=0.625)
     assert list(table.columns) == ["mean", "std", "q05", "median", "q95", "cvar", "exact"]
     assert list(table.index) == ["reward", "survivors"]
@@ -352,15 +415,14 @@ def test_summary(harbour):
     assert table.loc["survivors", "std"] == np.sqrt(0.9375 * 0.0625)
     assert table.loc["survivors", ["q05", "median", "q95"]].tolist() == [1, 1, 2]
     assert table["exact"].tolist() == [True, True]
-    assert table.dtypes.tolist() == [float] * 6 + [bool]
     assert found.summary().loc["reward", "cvar"] == 1
 
 
 # --- simulation
 
 
-def test_a_simulated_row_tells_one_mission(harbour):
-    mission = harbour.with_robots(3)
+def test_a_simulated_row_tells_one_mission():
+    mission = harbour(3)
     trails = [
         ["dock", "reef", "cape", "dock"],
         ["dock"],
@@ -410,6 +472,23 @@ def test_same_seed_same_missions():
     pd.testing.assert_frame_equal(frame, longer.head(300))
 
 
+def test_simulation_agrees_with_the_exact_distribution():
+    kinds = [Kind("boat", 2), Kind("diver", 1, start="cape")]
+    shares = {"reef": {"share": 0.5}, "cape": {"share": {"boat": 0.75}, "pays": "arrival"}}
+    mission = harbour(kinds=kinds, pays="return", **shares)
+    far, near = ["dock", "reef", "cape", "dock"], ["dock", "reef", "dock"]
+    plan = mission.plan([far, near, ["cape", "dock", "reef", "dock"]])
+    exact = reward_distribution(mission, plan)
+    drawn = simulate(mission, plan, 40_000, random_state=1)
+    assert exact.exact
+    assert sorted(set(drawn["reward"])) == exact.values.tolist()
+    for value, chance in as_dict(exact).items():
+        error = (chance * (1 - chance) / 40_000) ** 0.5
+        assert (drawn["reward"] == value).mean() == pytest.approx(chance, abs=4 * error + 1e-12)
+    longer = simulate(mission, plan, 50_000, random_state=1)
+    assert longer.head(40_000).equals(drawn)
+
+
 # --- what is refused
 
 
@@ -432,18 +511,19 @@ def test_what_distributions_refuse():
             Distribution(values, probabilities)
 
 
-def test_what_outcomes_refuse(harbour):
-    plan, other = harbour.stay_home(), harbour.with_robots(1).stay_home()
+def test_what_outcomes_refuse():
+    mission, other = harbour(), harbour(1).stay_home()
+    plan = mission.stay_home()
     for number in (0, 2.0):
         with pytest.raises(ValueError, match=f"Expected n_missions .*>= 1, got {number!r}"):
-            simulate(harbour, plan, number)
+            simulate(mission, plan, number)
         for name in ("n_samples", "max_outcomes"):
             with pytest.raises(ValueError, match=f"Expected {name} (to be an integer )?>= 1, got"):
-                plan_outcomes(harbour, plan, **{name: number})
+                plan_outcomes(mission, plan, **{name: number})
     for function in (plan_outcomes, lambda *args, **seed: simulate(*args, 3, **seed)):
         with pytest.raises(PlanError, match="expected 2 trails, got 1"):
-            function(harbour, other)
+            function(mission, other)
         with pytest.raises(TypeError, match="expected a TrailPlan"):
-            function(harbour, [["dock"], ["dock"]])
+            function(mission, [["dock"], ["dock"]])
         with pytest.raises(ValueError, match=r"^Expected random_state to be None, an integer >= 0"):
-            function(harbour, plan, random_state=-1)
+            function(mission, plan, random_state=-1)

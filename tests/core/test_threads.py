@@ -1,6 +1,5 @@
 """Arrays with cache lines of their own."""
 
-import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -19,12 +18,6 @@ class Parts(NamedTuple):
     n: np.record
     items: np.ndarray
     name: str
-
-
-def lines(array):
-    """The first and the last line that an array lies in."""
-    start = array.ctypes.data
-    return start // LINE, (start + max(array.nbytes, 1) - 1) // LINE
 
 
 @pytest.mark.parametrize("shape", [0, 1, 7, (3, 5), (0, 4), 8_000])
@@ -46,8 +39,7 @@ def test_copies_are_equal_and_begin_a_line(shape, dtype):
 
 def test_no_two_share_a_line():
     moved = apart(tuple(np.full(1, i) for i in range(200)))
-    taken = sorted(lines(array) for array in moved)
-    assert all(before[1] < after[0] for before, after in itertools.pairwise(taken))
+    assert len({array.ctypes.data // LINE for array in moved}) == 200
     assert [int(array[0]) for array in moved] == list(range(200))
 
 
