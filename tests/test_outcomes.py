@@ -249,9 +249,10 @@ def test_distributions_equal_enumeration(drawn, few):
     expected = mission.evaluate([plan])[0, 0]
     assert reward.mean == pytest.approx(expected, rel=1e-12, abs=1e-12)
     reached = reach_probabilities(mission, plan)
-    for robot, trail in enumerate(plan.trails):
+    for kind, trail, chances in zip(mission.kind_of, plan.trails, reached, strict=True):
         visited = {node % len(mission.nodes) for node in trail}
-        assert set(np.flatnonzero(reached[robot]).tolist()) == visited
+        visited |= {mission.index(label) for label in kind.aboard}
+        assert set(np.flatnonzero(chances).tolist()) == visited
     collected = team_reach(collect_probabilities(mission, plan))
     assert collected @ mission.rewards == pytest.approx(expected, rel=1e-12, abs=1e-12)
     simulated = reward_distribution(

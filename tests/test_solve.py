@@ -431,10 +431,15 @@ class TestWriting:
         assert (tmp_path / "front.csv").read_text() == "of an earlier search"
 
 
+def undraw(patch):
+    """Draw no pictures, which would take most of the time."""
+    for name in ("plot_front", "plot_mission", "save_plot"):
+        patch.setattr(plots, name, lambda *_: None)
+
+
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Pictures are not drawn, which would take most of the time."""
-    monkeypatch.setattr(plots, "save_plot", lambda *_: None)
+    undraw(monkeypatch)
 
 
 class TestReading:
@@ -477,7 +482,7 @@ class TestReading:
             moves={"graft": {"tried": 7, "entered": 2}},
         )
         with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patched:
-            patched.setattr(plots, "save_plot", lambda *_: None)
+            undraw(patched)
             solved.write(Path(folder))
             assert parts(read_solution(folder)) == parts(solved)
 
