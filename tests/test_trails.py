@@ -174,27 +174,23 @@ class TestBatch:
                 batch[index]
 
     @pytest.mark.parametrize(
-        ("make", "error", "message"),
+        ("make", "arguments", "message"),
         [
-            (lambda: PlanBatch.from_plans(TrailPlan([A]), 1), TypeError, "Expected .* got one"),
             (
-                lambda: PlanBatch.from_plans([TrailPlan([A]), [A]], 1),
-                TypeError,
-                "Plan 1: expected a TrailPlan, got",
+                PlanBatch.from_plans,
+                (TrailPlan([A]), 1),
+                "a sequence of TrailPlans, got one",
             ),
-            (
-                lambda: PlanBatch.from_plans([TrailPlan([A, A]), TrailPlan([A, A, A])], 2),
-                ValueError,
-                r"Plan 1: expected 2 trails, got 3\.$",
-            ),
-            (lambda: PlanBatch([0], [0, 1], 0), ValueError, r"Expected n_robots >= 1, got 0\."),
-            (lambda: PlanBatch([0, 0], [1, 2], 1), ValueError, r"Expected offsets .* \(2\), got"),
-            (lambda: PlanBatch([0, 0], [0, 1], 1), ValueError, r"Expected offsets .* \(2\), got"),
-            (lambda: PlanBatch([0, 0], [0, 2, 1, 2], 1), ValueError, "Expected offsets that asc"),
-            (lambda: PlanBatch([0, 0, 0], [0, 1, 2, 3], 2), ValueError, "a multiple of n_robots"),
-            (lambda: listed_plans([[A]]), TypeError, "Expected sampling to hold TrailPlans, got"),
+            (PlanBatch.from_plans, ([TrailPlan([A]), [A]], 1), "Plan 1: expected a TrailPlan, got"),
+            (PlanBatch.from_plans, ([TrailPlan([A])], 2), r"Plan 0: expected 2 trails, got 1\.$"),
+            (PlanBatch, ([0], [0, 1], 0), r"Expected n_robots >= 1, got 0\."),
+            (PlanBatch, ([0, 0], [1, 2], 1), r"Expected offsets that .* \(2\), got \[1 2\]"),
+            (PlanBatch, ([0, 0], [0, 1], 1), r"Expected offsets that .* \(2\), got \[0 1\]"),
+            (PlanBatch, ([0, 0], [0, 2, 1, 2], 1), "Expected offsets that ascend from 0"),
+            (PlanBatch, ([0, 0, 0], [0, 1, 2, 3], 2), "a multiple of n_robots = 2 trails, got 3"),
+            (listed_plans, ([[A]],), "Expected sampling to hold TrailPlans, got"),
         ],
     )
-    def test_what_is_refused(self, make, error, message):
-        with pytest.raises(error, match=message):
-            make()
+    def test_what_is_refused(self, make, arguments, message):
+        with pytest.raises((TypeError, ValueError), match=message):
+            make(*arguments)

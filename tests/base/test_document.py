@@ -49,24 +49,10 @@ def test_values_are_those_of_yaml_1_2():
     assert math.isnan(Document(".NaN").content)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "yes",
-        "On",
-        "off",
-        "y",
-        "tRUE",
-        "nULL",
-        "0b1",
-        "-0x1F",
-        "0o8",
-        "1:30",
-        "2026-11-21",
-        "=",
-        "._",
-    ],
-)
+OTHERS = "yes On off y tRUE nULL 0b1 -0x1F 0o8 1:30 2026-11-21 = ._"
+
+
+@pytest.mark.parametrize("text", OTHERS.split())
 def test_texts_that_other_versions_of_yaml_take_for_values(text):
     assert Document(text).content == text
     assert Document(f"{{{text}: 1}}").content == {text: 1}
