@@ -43,7 +43,7 @@ ENTRIES: dict[str, tuple[int, tuple[str, ...]]] = {
     "mission": (14, ("mission", "test_boundaries.py")),
     "outcomes.py": (5, ("test_outcomes.py",)),
     "problem.py": (3, ("test_problem.py",)),
-    "indicators.py": (3, ("test_indicators.py",)),
+    "indicators.py": (3, ("test_indicators.py", "study/test_indicators.py")),
     "bounds": (12, ("bounds",)),
     "operators": (8, ("operators",)),
     "algorithms": (8, ("algorithms",)),

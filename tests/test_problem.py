@@ -286,3 +286,25 @@ class TestSurvivalFloor:
 def test_limits_that_are_refused(toy, options, message):
     with pytest.raises(ValueError, match=message):
         BOTOHE(toy, **options)
+
+
+@pytest.mark.parametrize(
+    ("what", "values", "message"),
+    [
+        (
+            "F",
+            np.zeros((2, 3)),
+            r"evaluate_batch of BOTOHE to give F of shape \(2, 2\), got \(2, 3\)",
+        ),
+        (
+            "F",
+            [[0, 1], [0, np.nan]],
+            r"evaluate_batch of BOTOHE to give finite F, got \[ 0\. nan\]",
+        ),
+        ("G", np.zeros((2, 1)), r"constrain_batch .* G of shape \(2, 0\) \(columns of its own"),
+    ],
+)
+def test_what_a_problem_must_not_give(toy, what, values, message):
+    with pytest.raises(ValueError, match=f"^Expected {message}"):
+        BOTOHE(toy).checked(what, values, 2)
+    assert BOTOHE(toy).checked("F", [[0, 1], [2, 3]], 2).tolist() == [[0, 1], [2, 3]]
