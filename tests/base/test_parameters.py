@@ -14,6 +14,7 @@ from pydantic import BeforeValidator, Field
 
 from botohe_moo.base import parameters
 from botohe_moo.base.messages import (
+    FaultsError,
     ParameterError,
     check_choice,
     nearest_first,
@@ -175,6 +176,17 @@ class TestNames:
             with pytest.raises(ParameterError) as error:
                 check_weights("moves", weights, ["a", "b"], needed=needed)
             assert str(error.value) == message
+
+    @pytest.mark.parametrize("n", [1, 2, 100, 103])
+    def test_a_hundred_faults_are_listed(self, n):
+        error = pickle.loads(pickle.dumps(FaultsError(map(str, range(n)), "site.json")))
+        shown = str(error).split("\n  - ")
+        assert error.faults == tuple(map(str, range(n)))
+        if n == 1:
+            assert shown == ["site.json: 0"]
+        else:
+            more = [f"and {n - 100} more"] * (n > 100)
+            assert shown == [f"site.json has {n} faults:", *map(str, range(min(n, 100))), *more]
 
     def test_short_values_are_quoted_whole_and_long_ones_are_not(self):
         for value in ["a" * 120, 3, None, 2.5, [1, "a"], {"a": 1}, (), np.int8(3)]:
