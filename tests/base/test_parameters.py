@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import BeforeValidator, Field
+from pydantic import BaseModel, BeforeValidator, Field
 
 from botohe_moo.base import parameters
 from botohe_moo.base.messages import (
@@ -34,6 +34,7 @@ from botohe_moo.base.parameters import (
     raised_faults,
     takes_any_name,
     type_text,
+    validated,
 )
 
 
@@ -223,6 +224,27 @@ def test_types_as_texts(hint, text, range_, is_plain):
     """How a type is written, its range, and whether a text can say its values."""
     found = Parameter("x", hint=hint)
     assert (type_text(hint), found.range, found.plain) == (text, range_, is_plain)
+
+
+class Zone(BaseModel, strict=True, extra="forbid"):
+    rate: Positive
+
+
+class Site(BaseModel, strict=True, extra="forbid"):
+    name: str
+    zones: list[Zone] = []
+
+
+def test_all_faults_of_a_file_are_named_with_their_place():
+    assert validated(b'{"name": "pier"}', Site).name == "pier"
+    content = {"zones": [{"rate": -1}, {"rat": 2}]}
+    for line, places in ((None, ("", "zones.0: ")), (len, ("line 1: ", "line 3: "))):
+        with pytest.raises(FaultsError, match=r"^site\.yaml has 4 faults") as error:
+            validated(content, Site, line, "site.yaml")
+        first, negative, *_ = error.value.faults
+        assert first == f"{places[0]}expected the key 'name', which is missing"
+        assert negative == f"{places[1]}expected rate > 0, got -1"
+        assert error.value.faults[-1].endswith("there is no key 'rat'")
 
 
 def climb(*, n: Few = 2, share: "Share", rope: "Rope | None" = None, lost: "Nowhere" = 3, **rest):  # noqa: F821
