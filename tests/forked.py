@@ -137,8 +137,7 @@ _LIBRARIES = (
     "rich.progress", "scipy.stats", "typer", "yaml",
 )  # fmt: skip
 _OURS = (
-    "plots.front", "plots.mission", "solving", "study.loading", "study.loading",
-    "study.runner", "study.report", "study.runner",
+    "plots.front", "plots.mission", "solving", "study.loading", "study.report", "study.runner",
 )  # fmt: skip
 
 

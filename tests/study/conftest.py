@@ -9,8 +9,7 @@ import pytest
 
 from botohe_moo.study import pool, runner
 from botohe_moo.study.perform import perform
-from botohe_moo.study.pool import BoundTask, checked_outcome, environment
-from botohe_moo.study.worker import perform_bound
+from botohe_moo.study.pool import BoundTask, checked_outcome, environment, perform_bound
 from tests.forked import ForkedSubprocess
 
 

@@ -18,16 +18,14 @@ from botohe_moo.study import (
     load_study,
     make_tables,
     merge_studies,
-    pictures,
     read_study,
     run_study,
 )
+from botohe_moo.study import report as pictures
 from botohe_moo.study.folder import StudyFolder
-from botohe_moo.study.pool import WorkerPool
-from botohe_moo.study.report import render_page, tables_latex, write_report
+from botohe_moo.study.pool import WorkerPool, perform_bound
+from botohe_moo.study.report import number_text, render_page, tables_latex, write_report
 from botohe_moo.study.runner import _bound_task
-from botohe_moo.study.words import number_text
-from botohe_moo.study.worker import perform_bound
 from tests.study.conftest import InProcess
 from tests.study.test_perform import marked_processes
 from tests.study.test_runner import Watcher

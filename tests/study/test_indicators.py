@@ -30,7 +30,7 @@ NEW_COLUMNS = {"trace": ["gain", "missed"], "summary": ["gain_median", "missed_m
 
 @pytest.fixture(autouse=True)
 def one_format(monkeypatch):
-    monkeypatch.setattr("botohe_moo.study.pictures.FORMATS", ("png",))
+    monkeypatch.setattr("botohe_moo.study.report.FORMATS", ("png",))
 
 
 def most_reward(points, mission):

@@ -23,6 +23,7 @@ from pymoo.optimize import minimize
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
 from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.local_search.kernels import children, recreate, search
+from botohe_moo.study import pool as pool_module
 from botohe_moo.study.loading import load_study
 from botohe_moo.study.model import PATIENCE
 from botohe_moo.study.perform import (
@@ -348,7 +349,7 @@ def marked_processes(folder):
     found = []
     for process in psutil.process_iter(["cmdline", "environ"]):
         marked = (process.info["environ"] or {}).get("BOTOHE_TEST_FOLDER") == str(folder)
-        if "botohe_moo.study.worker" in (process.info["cmdline"] or []) and marked:
+        if pool_module._WORK in (process.info["cmdline"] or []) and marked:
             found.append(process)
     return found
 

@@ -23,7 +23,8 @@ from rich.cells import cell_len
 from typer.testing import CliRunner
 
 from botohe_moo.cli.study import _plan_table, study_app
-from botohe_moo.study import StudyError, cluster, make_tables, read_study, run_study
+from botohe_moo.study import StudyError, make_tables, read_study, run_study
+from botohe_moo.study import pool as cluster
 from botohe_moo.study.loading import load_study
 from botohe_moo.study.runner import Plan
 from tests.forked import Forked, run_forked

@@ -15,10 +15,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
-from botohe_moo.study import pictures
-from botohe_moo.study.pictures import rivals
-from botohe_moo.study.report import mission_table, render_page, write_report
-from botohe_moo.study.words import number_text, parameter_words, slug
+from botohe_moo.study import report as pictures
+from botohe_moo.study.report import (
+    mission_table,
+    number_text,
+    parameter_words,
+    render_page,
+    rivals,
+    slug,
+    write_report,
+)
 from tests.study.made import Record, make_study, random_record
 
 TOY = load_mission("toy")

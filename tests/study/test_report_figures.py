@@ -13,8 +13,8 @@ import pytest
 
 from botohe_moo import load_mission
 from botohe_moo.plots.comparisons import two_parameter_grids
-from botohe_moo.study import pictures
-from botohe_moo.study.pictures import FORMATS, draw_figures
+from botohe_moo.study import report as pictures
+from botohe_moo.study.report import FORMATS, draw_figures
 from tests.study.made import make_study, random_record
 
 TOY = load_mission("toy")

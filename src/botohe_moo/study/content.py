@@ -3,7 +3,7 @@
 import itertools
 import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any, Literal, Self
 
@@ -21,6 +21,11 @@ _MAX_SEEDS = 100_000
 def value_text(value: Any) -> str:
     """Return a parameter's value as a study file has it: a text as it is, all others as JSON."""
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def parameter_words(parameters: Mapping[str, Any]) -> str:
+    """Return parameters as name=value."""
+    return ", ".join(f"{name}={value_text(value)}" for name, value in parameters.items())
 
 
 def canonical(value: Any) -> str:
@@ -148,8 +153,7 @@ class _Family(_Entry):
         """Yield a label and the values of each combination of the grid; one if there is no grid."""
         for values in itertools.product(*self.grid.values()):
             grid = dict(zip(self.grid, values, strict=True))
-            words = ", ".join(f"{name}={value_text(value)}" for name, value in grid.items())
-            yield f"{label} ({words})" if words else label, grid
+            yield f"{label} ({parameter_words(grid)})" if grid else label, grid
 
 
 class MissionEntry(_Family):

@@ -1,6 +1,8 @@
-"""Processes of this machine that perform runs: one that hangs or crashes loses no other run.
+"""Where runs are performed: in processes of this machine, or in those of a Dask cluster.
 
-Each process is in one of these states. It sends the messages that are in brackets::
+A process that hangs or crashes loses no other run. Its standard input is a connection to the
+process that has started it. Each process is in one of these states. It sends the messages that are
+in brackets::
 
     started ──[None]──> at work ──[result]──> started, with the next task
                         │    ^
@@ -13,32 +15,41 @@ why it ended, and the next task gets another process.
 
 import contextlib
 import functools
+import math
 import os
 import platform
+import random
+import select
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Generator, Iterable, Sequence
+from concurrent import futures
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from itertools import islice
-from multiprocessing.connection import Pipe, wait
+from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 from llvmlite.binding import get_host_cpu_name  # type: ignore[import-untyped]
+from numba.core import event
 
 from botohe_moo.base.runtime import n_cpus
 from botohe_moo.base.types import FloatArray
-from botohe_moo.study.model import Run, StudyMission, digest_of
-from botohe_moo.study.perform import Outcome, Record, in_a_line, verify
+from botohe_moo.study.model import PATIENCE, Run, StudyError, StudyMission, check_code, digest_of
+from botohe_moo.study.perform import Outcome, Record, in_a_line, perform, verify
 
 _SECONDS_BETWEEN_LOOKS = 0.1
 _SECONDS_TO_DIE = 5.0  # the system may be writing a core dump
+_SECONDS_TO_CONNECT = 10
 _MOST_OUTPUT = 4_000  # bytes of what a process printed last, which are kept
 _PACKAGES = ("numpy", "numba", "llvmlite", "pymoo", "moocore", "scipy", "networkx")
 
@@ -52,6 +63,7 @@ class BoundTask:
     seconds: float
 
 
+_WORK = "from botohe_moo.study.pool import work; work()"
 Given = TypeVar("Given", Run, BoundTask)
 
 
@@ -130,7 +142,7 @@ class _Worker:
         with childs_end:
             self._process = subprocess.Popen(
                 # -P: a file of the current folder must not stand in for a standard module.
-                [sys.executable, "-P", "-m", "botohe_moo.study.worker"],
+                [sys.executable, "-P", "-c", _WORK],
                 stdin=childs_end.fileno(),
                 stdout=self._output,
                 stderr=self._output,
@@ -275,3 +287,151 @@ def _commit() -> str | None:
     git = ["git", "--no-optional-locks", "-C", str(root), "describe", "--always", "--dirty=+"]
     asked = subprocess.run([*git, "--abbrev=40", "--exclude=*"], capture_output=True, text=True)
     return asked.stdout.strip() or None
+
+
+# In the process of runs and bounds.
+
+
+def work() -> None:
+    """Perform one task after another until the connection is closed."""
+    connection = Connection(os.dup(0))
+    # An algorithm that reads from standard input finds its end.
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    threading.Thread(target=_end_with_parent, args=(connection.fileno(),), daemon=True).start()
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    event.register("numba:compiler_lock", _Paused())
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            connection.send(None)
+            task: Run | BoundTask = connection.recv()
+            if isinstance(task, BoundTask):
+                result = perform_bound(task)
+            else:
+                result = _run(task, connection.send)
+            _end_unless_within(math.inf)
+            connection.send(result)
+
+
+def _run(run: Run, send: Callable[[Any], None]) -> Outcome:
+    """Perform a run, and send its records; a run that takes too long ends the process."""
+    _end_unless_within(PATIENCE)
+    try:
+        check_code(run)
+    except Exception as error:  # whatever the algorithm's module raises
+        return Outcome(error=in_a_line(error), traceback=traceback.format_exc())
+    # Algorithms have generators of their own. One that draws from a global generator nevertheless
+    # should draw the same numbers each time.
+    random.seed(run.seed)
+    np.random.seed(run.seed)  # noqa: NPY002
+    evaluated = functools.partial(_end_unless_within, run.seconds_allowed)
+    evaluated()
+    unlimited = run.mission.budget.seconds is None
+    return perform(run, send, evaluated if unlimited else lambda: None)
+
+
+def perform_bound(task: BoundTask) -> Any:
+    """Bound the front of a mission; an exception becomes a line that says what it was."""
+    # Imported late: runs do not need it.
+    from botohe_moo.bounds import bound_front
+
+    mission = task.mission
+    try:
+        return bound_front(
+            mission.mission,
+            front=task.front,
+            time_limit=task.seconds,
+            min_survival=mission.min_survival,
+            max_length=mission.longest,
+        )
+    except Exception as error:
+        return in_a_line(error)
+
+
+class _Paused(event.Listener):
+    """Stops the clock of a run while numba compiles, which is not the algorithm's own time."""
+
+    def __init__(self) -> None:
+        self._left: list[float] = []  # seconds, once for each function within another
+
+    def on_start(self, _event: Any) -> None:
+        self._left.append(signal.setitimer(signal.ITIMER_REAL, 0.0)[0])
+
+    def on_end(self, _event: Any) -> None:
+        if left := self._left.pop():
+            signal.setitimer(signal.ITIMER_REAL, left)
+
+
+def _end_unless_within(seconds: float) -> None:
+    """Let SIGALRM end this process, unless this function is called again within the time."""
+    signal.setitimer(signal.ITIMER_REAL, 0.0 if seconds == math.inf else seconds)
+
+
+def _end_with_parent(descriptor: int) -> None:
+    """Wait until the other end of the connection is closed, and end this process."""
+    poll = select.poll()
+    poll.register(descriptor, 0)  # a closed connection is always reported
+    poll.poll()
+    if os.getpgid(0) == os.getpid():  # and everything that algorithms have started
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
+
+
+# On a Dask cluster.
+
+
+def dask_outcomes(
+    runs: Sequence[Run], *, address: str, stopped: Callable[[], bool]
+) -> Generator[tuple[Run, Outcome], None, None]:
+    """Perform runs on a Dask cluster; yield their outcomes as they end.
+
+    Workers need no access to this machine's disk. Runs of a worker that has another version of this
+    package or an algorithm fail, and say why. If a worker dies, Dask gives its runs to another.
+    ``stopped`` is asked five times a second; when it is true, waiting runs are cancelled, and the
+    others are not waited for.
+    """
+    try:
+        import distributed
+
+        connect: Any = distributed.Client  # untyped
+        client = connect(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False)
+    except ImportError:
+        raise StudyError("Dask is not installed: pip install 'botohe-moo[dask]'.") from None
+    except (OSError, ValueError) as error:
+        reason = str(error).partition("\n")[0]
+        raise StudyError(f"No Dask scheduler answers at {address!r} ({reason}).") from None
+    with client:
+        answers = client.run(environment, on_error="return")
+        for worker, answer in answers.items():
+            if isinstance(answer, Exception):  # it would end, and its runs would wait for others
+                raise StudyError(f"{worker} cannot perform runs: {in_a_line(answer)}.")
+        if not answers:
+            warnings.warn(f"{address} has no Dask workers; waiting for one.", stacklevel=3)
+        # Retries are of a run whose worker fails; Dask's own limit holds for workers that die.
+        executor = client.get_executor(pure=False, retries=3)
+        run_of = {executor.submit(_perform_on_worker, run): run for run in runs}
+        try:
+            while run_of and not stopped():
+                ended, _ = futures.wait(run_of, 0.2, futures.FIRST_COMPLETED)
+                for future in ended:
+                    yield run_of.pop(future), _outcome(future)
+        finally:
+            executor.shutdown(wait=False)
+
+
+def _outcome(future: futures.Future[Outcome]) -> Outcome:
+    try:
+        return future.result()
+    except (futures.CancelledError, OSError):
+        raise StudyError("The Dask scheduler is gone; run the study again to go on.") from None
+    except Exception as error:
+        return Outcome(error=f"the Dask worker failed ({in_a_line(error)})")
+
+
+# One pool serves all threads of a Dask worker; its processes end with the worker's.
+_POOL = WorkerPool()
+
+
+def _perform_on_worker(run: Run) -> Outcome:
+    outcome: Outcome
+    [(_, outcome)] = _POOL.perform([run])
+    return outcome

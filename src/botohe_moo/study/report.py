@@ -1,8 +1,18 @@
-"""The report of a study: a page that embeds its figures and styles, and tables in LaTeX."""
+"""The report of a study: a page that embeds its figures and styles, and tables in LaTeX.
+
+The captions of its figures are in ``captions.toml``.
+"""
 
 import base64
+import functools
+import hashlib
 import itertools
-from collections.abc import Mapping, Sequence
+import math
+import multiprocessing
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,15 +20,24 @@ from typing import Any
 import jinja2
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from botohe_moo.base.files import replace_file
 from botohe_moo.base.messages import counted
 from botohe_moo.indicators import INDICATORS
-from botohe_moo.study import words
-from botohe_moo.study.pictures import Figure, draw_figures
+from botohe_moo.plots import comparisons, curves, front
+from botohe_moo.plots.style import palette_of, save_plot
+from botohe_moo.study.content import parameter_words
 from botohe_moo.study.statistics import best_first
 from botohe_moo.study.tables import SCHEMAS, StudyTables
 
+FORMATS = ("png", "pdf", "svg")
+_SHARES = np.arange(50, 100) / 100  # of the reference front's area, as targets
+_CAPTIONS = tomllib.loads(Path(__file__).with_name("captions.toml").read_text("utf-8"))
+
+Picture = tuple[str, Axes, str]  # name, axes, caption
+Figure = tuple[list[Path], str]  # its files, one for each of FORMATS, and its caption
+_LONGEST_SLUG = 60
 MARKS = BETTER, EQUAL, WORSE = ("+", "=", "–")  # of a median beside another
 _HEADINGS = {"n": "runs", "p_holm": "p (Holm)", "p_value": "p (Nemenyi)"}
 _LATEX = r"""%% %s
@@ -34,6 +53,34 @@ _GREEK = "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu 
 _GREEK += " varsigma sigma tau upsilon phi chi psi omega"
 _MATHS = {chr(ord("α") + i): rf"\{name}" for i, name in enumerate(_GREEK.split())} | _SIGNS
 _ESCAPED = str.maketrans(_ESCAPES | {sign: f"${name}$" for sign, name in _MATHS.items()})
+
+
+def number_text(number: float) -> str:
+    """Return a number with four significant digits, or whole; a tiny one as 1.234e-09."""
+    if not math.isfinite(number) or number == int(number):
+        return f"{number:,.0f}"
+    places = 3 - math.floor(math.log10(abs(number)))
+    return f"{number:,.{max(places, 0)}f}" if places <= 8 else f"{number:.4g}"
+
+
+def slug(label: str) -> str:
+    """Return a label as part of a file's name; different labels give different names."""
+    plain = re.sub(r"[^a-z0-9._-]+", "-", label.lower()).strip(".-_")[:_LONGEST_SLUG]
+    if plain == label:
+        return plain
+    # Two labels may differ only in characters that are left out.
+    return f"{plain}-{hashlib.sha256(label.encode()).hexdigest()[:8]}".lstrip("-")
+
+
+def further_of(tables: StudyTables) -> list[str]:
+    """Return the indicators that the study names beside the area and the size of the front."""
+    return [name for name in tables.manifest["indicators"] if name not in ("area", "front_size")]
+
+
+def main_indicator(tables: StudyTables) -> str:
+    """Return the indicator that algorithms are ranked by: the area, or the first one without it."""
+    compared = dict.fromkeys(tables.comparisons["indicator"])
+    return "area" if "area" in compared else next(iter(compared), "area")
 
 
 @dataclass(frozen=True)
@@ -63,7 +110,7 @@ class ReportTable:
         styles = pd.DataFrame("", cells.index, cells.columns)
         for column, bold in self.bold.items():
             styles.loc[np.asarray(bold), column] = "font-weight: bold"
-        formats = dict.fromkeys(cells.select_dtypes("number"), words.number_text)
+        formats = dict.fromkeys(cells.select_dtypes("number"), number_text)
         styler: Any = cells.style.hide(axis="index").apply(lambda _: styles, axis=None)
         styler.format_index(escape=escape, axis=1)
         return styler.format(formats, escape=escape, na_rep="–")
@@ -78,7 +125,7 @@ def _headed(rows: pd.DataFrame) -> pd.DataFrame:
 
 def summary_table(tables: StudyTables) -> ReportTable:
     """Return the summary of one mission's tables, a row for each algorithm; the best is bold."""
-    further = {f"{name}_median": INDICATORS[name].label for name in words.further_of(tables)}
+    further = {f"{name}_median": INDICATORS[name].label for name in further_of(tables)}
     shown = ["algorithm", "n", "n_not_done", "area_median", "area_low", "area_high", "area_mean"]
     shown += ["area_share", "area_gap", *further]
     shown += ["front_size_median", "evaluations_median", "seconds_median"]
@@ -118,7 +165,7 @@ def mission_table(tables: StudyTables) -> ReportTable:
     sources = [entry["source"] for entry in entries]
     given = [{key: of[key] for key in of if key != "name_or_path"} for of in sources]
     cells = tables.missions[["mission", "name"]].assign(
-        parameters=list(map(words.parameter_words, given)),
+        parameters=list(map(parameter_words, given)),
         evaluations=[entry["budget"].get("evaluations") for entry in entries],
         seconds=[entry["budget"].get("seconds") for entry in entries],
     )
@@ -130,7 +177,7 @@ def mission_table(tables: StudyTables) -> ReportTable:
 def algorithm_table(tables: StudyTables) -> ReportTable:
     """Return the algorithms of a study, with the parameters that differ among them."""
     parameters = tables.algorithms.drop(columns=[*SCHEMAS["algorithms"]]).astype(object)
-    shown = [words.parameter_words(dict(row.dropna())) for _, row in parameters.iterrows()]
+    shown = [parameter_words(dict(row.dropna())) for _, row in parameters.iterrows()]
     return ReportTable(tables.algorithms[["algorithm", "name"]].assign(parameters=shown))
 
 
@@ -140,7 +187,7 @@ def matrix(tables: StudyTables) -> ReportTable:
     The rows are the more numerous of both.
     """
     missions, algorithms = tables.mission_labels, tables.algorithm_labels
-    main, summary = words.main_indicator(tables), tables.summary
+    main, summary = main_indicator(tables), tables.summary
     found = summary.pivot_table(f"{main}_median", "algorithm", "mission")
     medians = found.reindex(index=algorithms, columns=missions)
     ranks = medians.apply(lambda of: pd.Series(best_first(main, of.dropna()), of.dropna().index))
@@ -157,13 +204,13 @@ def matrix(tables: StudyTables) -> ReportTable:
             is_better = (row["a12"] > 0.5) == (label == pair[0])  # A12 is that of the first
             mark = BETTER if is_better else WORSE
             marks.loc[label, mission] = f" {mark}" if row["significant"] else f" {EQUAL}"
-    texts = medians.map(words.number_text) + marks + ranks.map(" ({:g})".format)
+    texts = medians.map(number_text) + marks + ranks.map(" ({:g})".format)
     cells = texts.where(medians.notna(), "–")
     overall = tables.ranks[tables.ranks["indicator"] == main].set_index("algorithm")
     if len(missions) > 1 and len(overall):
         averages = overall["average_rank"].reindex(algorithms)
         # Labels do not begin with a space, and may be the same otherwise.
-        cells[" average rank"] = averages.map(words.number_text)
+        cells[" average rank"] = averages.map(number_text)
         best[" average rank"] = averages == averages.min()
     name = " algorithm"
     if len(algorithms) < len(missions):
@@ -173,7 +220,7 @@ def matrix(tables: StudyTables) -> ReportTable:
 
 def matrix_caption(tables: StudyTables) -> str:
     """Return the caption of the matrix: what it shows, and how to read it."""
-    name = INDICATORS[words.main_indicator(tables)].label
+    name = INDICATORS[main_indicator(tables)].label
     rival = tables.control or "the best on the mission"
     level = tables.manifest["comparison"]["significance"]
     return (
@@ -204,6 +251,119 @@ def tables_latex(tables: StudyTables) -> dict[str, str]:
         + "".join(_LATEX % (comment, table.latex(corner)) for comment, corner, table in tables_of)
         for file, tables_of in parts.items()
     }
+
+
+def draw_figures(tables: StudyTables, folder: Path, *, workers: int = 1) -> dict[str, list[Figure]]:
+    """Draw and save all figures of a study; return them by mission.
+
+    Under ``""`` are those of the study as a whole; a mission without runs has none. Each of
+    several workers is a process that draws the figures of one mission after the other.
+    """
+    palette, labels = palette_of(tables.algorithm_labels), tables.mission_labels
+    figures = {"": [_saved(folder, *picture) for picture in _of_study(tables, palette)]}
+    parts = [tables.of_mission(label) for label in labels]
+    draw = functools.partial(_draw_mission, folder, palette)
+    if min(workers, len(labels)) == 1:
+        return figures | dict(zip(labels, map(draw, parts, labels), strict=True))
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(workers, len(labels)), mp_context=context) as pool:
+        return figures | dict(zip(labels, pool.map(draw, parts, labels), strict=True))
+
+
+def _draw_mission(
+    folder: Path, palette: dict[str, Any], tables: StudyTables, label: str
+) -> list[Figure]:
+    pictures = _of_mission(tables, label, palette)
+    return [_saved(folder, f"{name}-{slug(label)}", ax, said) for name, ax, said in pictures]
+
+
+def _saved(folder: Path, name: str, ax: Axes, caption: str) -> Figure:
+    paths = [folder / f"{name}.{end}" for end in FORMATS]
+    save_plot(ax, *paths)
+    return paths, caption
+
+
+def _caption(name: str, **values: Any) -> str:
+    return " ".join(_CAPTIONS[name].split()).format(**values)
+
+
+def _of_study(tables: StudyTables, palette: dict[str, Any]) -> Iterator[Picture]:
+    """Draw the pictures of several missions, if there are several."""
+    summary, main = tables.summary, main_indicator(tables)
+    if len(summary["mission"].unique()) > 1 and summary["area_share"].notna().any():
+        ax = comparisons.plot_shortfalls(summary, tables.missions, palette=palette)
+        yield "shortfalls", ax, _caption("shortfalls")
+    ranks = tables.ranks[tables.ranks["indicator"] == main]
+    pairs = tables.posthoc[tables.posthoc["indicator"] == main]
+    if not pairs.empty:  # otherwise their differences were not tested
+        critical = pairs["critical_difference"].iloc[0]
+        caption = _caption("ranks", indicator=INDICATORS[main].label, critical=critical)
+        ax = comparisons.plot_ranks(ranks, pairs, palette=palette)
+        yield f"critical-difference-{main}", ax, caption
+
+
+def _of_mission(tables: StudyTables, label: str, palette: dict[str, Any]) -> Iterator[Picture]:
+    """Draw the pictures of one mission, each when it is asked for; it has all rows of tables."""
+    runs, trace, plans, summary = tables.runs, tables.trace, tables.plans, tables.summary
+    if runs.empty:
+        return
+    area = tables.missions["bound_area"].iloc[0]
+    bound = None if pd.isna(area) else float(area)
+    if not trace.empty:
+        yield from _over_time(tables, palette, bound)
+    ax = comparisons.plot_areas(runs, summary, bound=bound, palette=palette)
+    yield "areas", ax, _caption("areas")
+    medians = summary.set_index("algorithm")["area_median"]
+    grids = comparisons.two_parameter_grids(tables.algorithms)
+    for i, (family, grid) in enumerate(grids.items(), start=1):
+        values = grid.apply(lambda column: column.map(medians)).astype(float)
+        if values.notna().any(axis=None):
+            yield f"grid-{i}", comparisons.plot_heat(values), _caption("grid", family=family)
+    if plans.empty:
+        return
+    objectives = tables.objectives(label)
+    if not objectives.is_plain:
+        seeds = {name: front.median_run(own) for name, own in runs.groupby("algorithm")}
+        shown = plans[plans["seed"] == plans["algorithm"].map(seeds)]
+        ax = front.plot_pairs(shown, objectives, hue="algorithm", palette=palette)
+        yield "fronts", ax, _caption("pairs")
+        return
+    lines: Any = {"reference": tables.references, "bound": None if bound is None else tables.bounds}
+    yield "fronts", front.plot_fronts(plans, runs, **lines, palette=palette), _caption("fronts")
+    yield "attainment", front.plot_attainment(plans, runs, palette=palette), _caption("attainment")
+    if pair := rivals(tables):
+        ax, _ = front.plot_attainment_difference(plans, runs, *pair, palette=palette)
+        yield "difference", ax, _caption("difference", first=pair[0], second=pair[1])
+
+
+def _over_time(
+    tables: StudyTables, palette: dict[str, Any], bound: float | None
+) -> Iterator[Picture]:
+    """Draw how areas grow, how targets are reached, and how distances shrink."""
+    trace, targets = tables.trace, tables.targets
+    spent: tuple[curves.Spent, ...] = ("evaluations", "seconds")
+    for x, name in zip(spent, ("curves", "seconds"), strict=True):
+        ax = curves.plot_curves(trace, x=x, bound=bound, palette=palette)
+        yield name, ax, _caption("curves", spent=curves.NAMES[x])
+    if not targets.empty:  # else the reference front has no area
+        shown = _SHARES * (targets["target"].iloc[0] / targets["share"].iloc[0])
+        ax = curves.plot_reached(trace, tables.runs, shown, palette=palette)
+        yield "reached", ax, _caption("reached")
+    for value in further_of(tables):
+        rows = trace.dropna(subset=value)
+        if INDICATORS[value].is_distance and not rows.empty:
+            caption = _caption("distances", indicator=INDICATORS[value].label)
+            yield value, curves.plot_curves(rows, value=value, palette=palette), caption
+
+
+def rivals(tables: StudyTables) -> tuple[str, str] | None:
+    """Return the two algorithms of one mission whose attainment is compared, if there are two.
+
+    They are the two with the largest median areas, or the control and the best of the others.
+    """
+    ranked = tables.summary.sort_values("area_median", ascending=False, kind="stable")
+    labels = sorted(ranked["algorithm"], key=lambda label: label != tables.control)
+    return (labels[0], labels[1]) if len(labels) > 1 else None
 
 
 def write_report(tables: StudyTables, *, workers: int = 1) -> list[Path]:
@@ -254,6 +414,6 @@ def render_page(tables: StudyTables, figures: Mapping[str, Sequence[Figure]]) ->
         embedded=lambda path: base64.b64encode(path.read_bytes()).decode(),
         number=itertools.count(1).__next__,
         counted=counted,
-        slug=words.slug,
+        slug=slug,
     )
     return f"{page.strip()}\n"

@@ -23,12 +23,11 @@ from botohe_moo.mission.loading import library_name_of
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.solution import read_solution
 from botohe_moo.study import model as m
-from botohe_moo.study.cluster import dask_outcomes
+from botohe_moo.study.content import parameter_words
 from botohe_moo.study.folder import StudyFolder, restore_study
 from botohe_moo.study.loading import load_study
-from botohe_moo.study.pool import BoundTask, WorkerPool
+from botohe_moo.study.pool import BoundTask, WorkerPool, dask_outcomes
 from botohe_moo.study.tables import StudyTables, read_study
-from botohe_moo.study.words import parameter_words
 from botohe_moo.trails import Plans
 
 # Ctrl-C; what batch systems and ``docker stop`` send; what a terminal sends that is closed.
