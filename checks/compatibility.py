@@ -27,7 +27,7 @@ PYTHONS = ("3.11", "3.12", "3.13")
 LIBRARIES = ("oldest", "newest")
 SHOWN = ("pymoo", "numpy", "numba")
 TOOLS = ("hypothesis", "jsonschema", "psutil", "pytest", "pytest-timeout", "pytest-xdist")
-STUDIES = ("collect", "loading", "report", "scores", "statistics")
+STUDIES = ("loading", "report", "scores", "statistics")
 CHOSEN = (
     "tests/algorithms", "tests/base", "tests/bounds", "tests/core", "tests/decide", "tests/mission",
     "tests/operators", "tests/outcomes", "tests/plots", "tests/test_indicators.py",

@@ -258,6 +258,11 @@ def changing_mission() -> Mission:
     return generated("terrain", nodes=8, seed=int(time.monotonic_ns() % 10**9))
 
 
+def broken_mission() -> Mission:
+    """Give no mission at all."""
+    raise RuntimeError("no such place")
+
+
 class InKernel(ArchiveAlgorithm):
     """Says that it evaluates where no problem sees it; studies give it one that does not count."""
 

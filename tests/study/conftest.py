@@ -5,9 +5,12 @@ import time
 from dataclasses import replace
 from unittest import mock
 
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import psutil
 import pytest
 
-from botohe_moo.study import pool, runner
+from botohe_moo.study import pool, report, runner
 from botohe_moo.study.perform import perform
 from botohe_moo.study.pool import BoundTask, checked_outcome, environment, perform_bound
 from tests.forked import ForkedSubprocess
@@ -58,3 +61,37 @@ def forked_runs():
 def new_interpreters(monkeypatch):
     """Start the processes of runs as users do."""
     monkeypatch.setattr(pool, "subprocess", subprocess)
+
+
+@pytest.fixture
+def processes_there(new_interpreters, monkeypatch, tmp_path):
+    """Gives a function that lists the processes of runs that the test has started."""
+    monkeypatch.setenv("BOTOHE_TEST_FOLDER", str(tmp_path))
+
+    def found():
+        listed = psutil.process_iter(["cmdline", "environ"])
+        there = [(of, of.info["cmdline"] or [], of.info["environ"] or {}) for of in listed]
+        return [
+            process
+            for process, command, variables in there
+            if pool._WORK in command and variables.get("BOTOHE_TEST_FOLDER") == str(tmp_path)
+        ]
+
+    return found
+
+
+@pytest.fixture(scope="module")
+def sketched():
+    """Make figures, but write files that are no pictures: drawing takes many seconds."""
+
+    def save_plot(ax, *paths):
+        for path in paths:
+            path.write_bytes(b"\x89PNG")
+        plt.close(ax.figure.figure)
+
+    mpl.use("Agg")
+    with (
+        mock.patch.object(report, "save_plot", save_plot),
+        mock.patch.object(report, "FORMATS", ("png",)),
+    ):
+        yield

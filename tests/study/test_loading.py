@@ -2,15 +2,20 @@
 
 import json
 import math
+import os
+import re
 import subprocess
 import sys
 import textwrap
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from PIL import Image
 
 from botohe_moo import Kind, Mission, load_mission, save_mission
@@ -20,21 +25,24 @@ from botohe_moo.study.content import StudyFile
 from botohe_moo.study.folder import StudyFolder, read_manifest
 from botohe_moo.study.loading import load_study, study_schema
 from botohe_moo.study.model import StudyError
+from tests.study.made import study_of
+from tests.test_damaged_files import changed_bytes
 
-EXPERIMENTS = sorted((Path(__file__).parents[2] / "experiments").glob("*.yaml"))
-
-NSGA2 = {"algorithm": "nsga2"}
-GOOD = {
-    "name": "trial",
-    "missions": {"toy": "toy"},
-    "algorithms": {"ants": "bo-aco"},
-    "budget": {"evaluations": 100},
-    "seeds": 2,
-}
+ROOT = Path(__file__).parents[2]
+EXPERIMENTS = sorted((ROOT / "experiments").glob("*.yaml"))
+JOURNAL = "botohe_moo.algorithms.bo_aco:BOACO.journal"
+HERE = "tests.study.algorithms_made"
+MANY = {"algorithm": "bo-aco", "grid": {"n_ants": [*range(91, 111)]}}
 
 
 def changed(**changes):
-    return {key: value for key, value in {**GOOD, **changes}.items() if value is not None}
+    defaults = {"algorithms": {"ants": "bo-aco"}, "budget": {"evaluations": 100}}
+    return study_of(**{**defaults, **changes})
+
+
+def with_ants(parameters, algorithm="bo-aco", **changes):
+    entry = {"algorithm": algorithm, "parameters": parameters}
+    return changed(algorithms={"ants": entry}, **changes)
 
 
 def lines(source):
@@ -49,30 +57,41 @@ def written(tmp_path, text):
     return path
 
 
+def digests(source):
+    return {run.digest for run in load_study(source).runs()}
+
+
+@pytest.fixture
+def local(tmp_path, monkeypatch):
+    """Write a module that nobody has installed."""
+
+    def write(code, name="mine"):
+        (tmp_path / f"{name}.py").write_text(textwrap.dedent(code))
+        monkeypatch.syspath_prepend(str(tmp_path))
+        monkeypatch.delitem(sys.modules, name, raising=False)
+
+    return write
+
+
 def test_paths_are_relative_to_the_file_that_names_them(tmp_path, monkeypatch):
     folder = tmp_path / "studies"
     (folder / "maps").mkdir(parents=True)
     Image.fromarray(np.zeros((4, 4), np.uint8)).save(folder / "maps" / "black.png")
-    (folder / "maps" / "black.yaml").write_text(
-        "{image: black.png, mode: scale, resolution: 1, origin: [0, 0]}"
-    )
+    about = "{image: black.png, mode: scale, resolution: 1, origin: [0, 0]}"
+    (folder / "maps" / "black.yaml").write_text(about)
     points = [
         {"properties": {"id": i}, "geometry": {"type": "Point", "coordinates": [1 + i, 1]}}
         for i in range(2)
     ]
     line = {"type": "LineString", "coordinates": [[1, 1], [2, 1]]}
-    ends = {"startid": 0, "endid": 1}
-    features = [*points, {"properties": ends, "geometry": line}]
+    features = [*points, {"properties": {"startid": 0, "endid": 1}, "geometry": line}]
     (folder / "site.geojson").write_text(json.dumps({"features": features}))
     parameters = {"base": 0, "danger": 0.5, "hazard": "maps/black.yaml", "both_ways": True}
     mission = {"mission": "site.geojson", "robots": 1, "parameters": parameters}
     (folder / "study.yaml").write_text(json.dumps(changed(missions={"site": mission})))
     monkeypatch.chdir(tmp_path)
-    study = load_study("studies/study.yaml")
-    survivals = study.missions[0].mission.graph.edges
-    assert survivals[0, 1]["survival"] == pytest.approx(math.exp(-0.5))
-    monkeypatch.chdir(folder)
-    assert load_study("study.yaml").missions[0].digest == study.missions[0].digest
+    [mission] = load_study("studies/study.yaml").missions
+    assert mission.mission.graph.edges[0, 1]["survival"] == pytest.approx(math.exp(-0.5))
 
 
 class TestGrid:
@@ -94,13 +113,9 @@ class TestGrid:
         study = load_study(changed(algorithms={"N": entry, "ants": "botohe_moo:BOACO"}))
         *variants, ants = study.algorithms
         assert {a.label: dict(a.parameters) for a in variants} == {
-            f"N (repair={repair}, prob_mutation={prob})": {
-                "pop_size": 20,
-                "repair": repair,
-                "prob_mutation": prob,
-            }
-            for repair in ("truncate", "penalty")
-            for prob in (0.5, 1)
+            f"N (repair={r}, prob_mutation={p})": {"pop_size": 20, "repair": r, "prob_mutation": p}
+            for r in ("truncate", "penalty")
+            for p in (0.5, 1)
         }
         assert {a.family for a in variants} == {"N"}
         assert (ants.family, ants.grid) == ("ants", {})
@@ -122,22 +137,10 @@ class TestGrid:
         second = study.manifest()["missions"]["hills (seed=2)"]
         assert (second["family"], second["grid"]) == ("hills", {"seed": 2})
 
-    def test_files_are_beside_the_study(self, tmp_path):
-        (tmp_path / "sites").mkdir()
-        save_mission(load_mission("toy", robots=1), tmp_path / "sites" / "mine.json")
-        path = written(tmp_path, json.dumps(changed(missions=["sites/mine.json"])))
-        assert load_study(path).missions[0].mission == load_mission("toy", robots=1)
-
     def test_a_mission_has_its_own_team_floor_and_budget(self):
-        entry = {
-            "mission": "toy",
-            "robots": 3,
-            "min_survival": 0.5,
-            "budget": {"seconds": 2, "grace_seconds": 0},
-        }
+        entry = {"mission": "toy", "robots": 3, "min_survival": 0.5, "budget": {"seconds": 2}}
         [mission] = load_study(changed(missions={"x": entry}, budget=None)).missions
-        assert mission.mission.robots == 3
-        assert mission.min_survival == 0.5
+        assert (mission.mission.robots, mission.min_survival) == (3, 0.5)
         assert (mission.budget.evaluations, mission.budget.seconds) == (None, 2)
 
     def test_a_travel_budget(self, tmp_path):
@@ -154,176 +157,111 @@ class TestGrid:
             assert study.manifest()["missions"]["x"]["max_length"] == expected
             assert ("max_length" in study.runs()[0].identity) == (expected is not None)
 
-    def test_lengths_from_pos(self):
-        entry = {"mission": "terrain", "parameters": {"nodes": 9, "lengths_from_pos": True}}
-        study = load_study(changed(missions={"x": entry}))
-        terrain = load_mission("terrain", nodes=9)
-        assert study.missions[0].mission == terrain.with_lengths_from_pos() != terrain
-        assert study.missions[0].source == {
-            "name_or_path": "terrain",
-            "nodes": 9,
-            "lengths_from_pos": True,
-        }
-
     def test_seeds(self):
         for seeds, expected in ((3, (1, 2, 3)), ([7, 3], (7, 3))):
             assert load_study(changed(seeds=seeds)).seeds == expected
 
 
-JOURNAL = "botohe_moo.algorithms.bo_aco:BOACO.journal"
-
-
-@pytest.fixture
-def local(tmp_path, monkeypatch):
-    """Write a module that nobody has installed."""
-
-    def write(code, name="mine"):
-        (tmp_path / f"{name}.py").write_text(textwrap.dedent(code))
-        monkeypatch.syspath_prepend(str(tmp_path))
-        monkeypatch.delitem(sys.modules, name, raising=False)
-
-    return write
-
-
-def digests(source):
-    return [run.digest for run in load_study(source).runs()]
-
-
 class TestIdentity:
+    """What a run's result depends on is part of its digest, and nothing else is."""
+
     def test_labels_and_order_are_not_part_of_it(self):
         named = changed(missions={"x": "toy"}, algorithms={"y": "random", "z": "bo-aco"})
-        assert set(digests(GOOD)) < set(digests(named))
+        assert digests(changed()) < digests(named)
 
-    def test_whatever_a_result_depends_on_is(self):
-        ants = {"algorithm": "bo-aco", "parameters": {"n_ants": 99}}
-        for changes in (
+    @pytest.mark.parametrize(
+        "changes",
+        [
             {"missions": {"toy": {"mission": "toy", "robots": 3}}},
             {"missions": {"toy": {"mission": "toy", "min_survival": 0.1}}},
             {"missions": {"toy": {"mission": "toy", "max_length": 9}}},
-            {"algorithms": {"ants": ants}},
+            {"algorithms": {"ants": {"algorithm": "bo-aco", "parameters": {"n_ants": 99}}}},
+            {"algorithms": {"ants": JOURNAL}},
             {"budget": {"evaluations": 101}},
             {"budget": {"evaluations": 100, "seconds": 10}},
             {"recording": {"per_decade": 10}},
             {"seeds": [3, 4]},
-        ):
-            assert not set(digests(GOOD)) & set(digests(changed(**changes))), changes
+        ],
+    )
+    def test_whatever_a_result_depends_on_is(self, changes):
+        assert not digests(changed()) & digests(changed(**changes))
 
-    def test_nothing_else_is(self):
-        changes = {
-            "budget": {"evaluations": 100, "grace_seconds": 1},
-            "comparison": {"control": "ants"},
-            "indicators": ["area"],
-            "title": "x",
-            "bounds": {"seconds": 9},
-        }
-        assert digests(changed(**changes)) == digests(GOOD)
-
-    def test_equal_numbers_are_the_same(self):
-        whole, broken, order = (
-            digests(changed(algorithms={"N": {"algorithm": "nsga2", "parameters": p}}))
-            for p in (
-                {"prob_mutation": 1, "pop_size": 20},
-                {"prob_mutation": 1.0, "pop_size": 20},
-                {"pop_size": 20, "prob_mutation": 1.0},
-            )
-        )
-        assert whole == broken == order
+    @pytest.mark.parametrize(
+        ("one", "other"),
+        [
+            (
+                changed(),
+                changed(
+                    budget={"evaluations": 100, "grace_seconds": 1},
+                    comparison={"control": "ants"},
+                    indicators=["area"],
+                    title="x",
+                    bounds={"seconds": 9},
+                ),
+            ),
+            (changed(), with_ants({"n_ants": 100, "n_threads": 3})),  # a default, and threads
+            # A factory has a default of its own: that of the class is 0.04.
+            (with_ants({}, JOURNAL), with_ants({"evaporation": 0.1, "n_threads": 2}, JOURNAL)),
+            (
+                with_ants({"prob_mutation": 1, "pop_size": 20}, "nsga2"),
+                with_ants({"pop_size": 20, "prob_mutation": 1.0}, "nsga2"),
+            ),
+        ],
+    )
+    def test_nothing_else_is(self, one, other):
+        assert digests(one) == digests(other)
 
     def test_so_are_the_versions(self):
-        study = load_study(GOOD)
+        study = load_study(changed())
         for package in ("botohe-moo", "pymoo"):
             origin = {**study.algorithms[0].origin, package: "99.0"}
             other = replace(study, algorithms=(replace(study.algorithms[0], origin=origin),))
-            assert not set(digests(GOOD)) & {run.digest for run in other.runs()}
+            assert not digests(changed()) & {run.digest for run in other.runs()}
 
     @pytest.mark.slow
     def test_it_is_the_same_in_another_process(self):
         code = (
             "from botohe_moo.study.loading import load_study\n"
-            f"print(*(run.digest for run in load_study({GOOD!r}).runs()))"
+            f"print(*(run.digest for run in load_study({changed()!r}).runs()))"
         )
         said = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
-        assert said.stdout.decode().split() == digests(GOOD)
-
-    def test_nor_are_defaults_and_threads(self):
-        other = {"algorithm": "bo-aco", "parameters": {"n_ants": 100}}
-        assert digests(changed(algorithms={"ants": other})) == digests(GOOD)
-        other = {"algorithm": "bo-aco", "grid": {"n_threads": [3]}}
-        assert digests(changed(algorithms={"ants": other})) == digests(GOOD)
-
-    def test_a_factory_of_the_same_class_is_another_algorithm(self):
-        # Its own default counts, 0.1; not that of the class, 0.04.
-        journal, explicit, other = (
-            digests(changed(algorithms={"a": {"algorithm": path, "parameters": parameters}}))
-            for path, parameters in (
-                (JOURNAL, {}),
-                (JOURNAL, {"evaporation": 0.1, "n_threads": 2}),
-                (JOURNAL, {"evaporation": 0.04}),
-            )
-        )
-        assert journal == explicit
-        assert not set(journal) & {*digests(GOOD), *other}
-
-    def test_what_a_factory_hands_to_its_class_is_not_known_beforehand(self, local):
-        # ``tuned`` gives its class 50, where the class itself has 70.
-        local(
-            """
-            from tests.study.algorithms_made import Sampler
-
-            class Tuned(Sampler):
-                @classmethod
-                def tuned(cls, **options) -> "Tuned":
-                    return cls(**{"n": 50, **options})
-            """
-        )
-        bare, seventy = (
-            load_study(changed(algorithms={"a": {"algorithm": "mine:Tuned.tuned", **more}}))
-            for more in ({}, {"parameters": {"n": 70}})
-        )
-        assert not {r.digest for r in bare.runs()} & {r.digest for r in seventy.runs()}
-        [effective] = [a.effective for a in bare.algorithms]
-        assert effective == {"n": 50}
+        assert {*said.stdout.decode().split()} == digests(changed())
 
     def test_threads_count_where_seconds_limit_a_run(self):
-        few, many = (
-            digests(
-                changed(
-                    budget={"evaluations": 100, "seconds": 5},
-                    algorithms={"a": {"algorithm": "bo-aco", "parameters": {"n_threads": n}}},
-                )
-            )
-            for n in (1, 2)
-        )
-        assert not set(few) & set(many)
+        budget = {"evaluations": 100, "seconds": 5}
+        few, many = (digests(with_ants({"n_threads": n}, budget=budget)) for n in (1, 2))
+        assert not few & many
 
-    def test_others_say_which_of_their_parameters_change_nothing(self, local):
-        local(
-            """
+    def test_code_of_ones_own_says_what_changes_no_result_and_an_edit_does(self, local):
+        code = """
             from typing import Annotated
             from botohe_moo.algorithms import SameResult
             from tests.study.algorithms_made import Sampler
 
-            class Signed(Sampler):
+            class Mine(Sampler):
                 def __init__(self, *, cores: Annotated[int, SameResult()] = 1, n: int = 9) -> None:
                     super().__init__(n)
+
+                @classmethod
+                def tuned(cls, **options) -> "Mine":
+                    return cls(**{"n": 50, **options})
             """
-        )
-        bare, cores, n = (
-            digests(changed(algorithms={"a": {"algorithm": "mine:Signed", "parameters": given}}))
-            for given in ({}, {"cores": 4, "n": 9}, {"n": 8})
+        local(code)
+        bare, cores, n, tuned, nine = (
+            digests(with_ants(given, name))
+            for name, given in (
+                ("mine:Mine", {}),
+                ("mine:Mine", {"cores": 4, "n": 9}),
+                ("mine:Mine", {"n": 8}),
+                ("mine:Mine.tuned", {}),
+                ("mine:Mine.tuned", {"n": 9}),
+            )
         )
         assert bare == cores
-        assert not set(bare) & set(n)
-
-    def test_an_edited_local_algorithm_is_another(self, tmp_path, monkeypatch):
-        module = tmp_path / "local_ants.py"
-        module.write_text("from botohe_moo import BOACO\nclass Ants(BOACO): ...\n")
-        monkeypatch.syspath_prepend(tmp_path)
-        source = changed(algorithms={"ants": "local_ants:Ants"})
-        before = digests(source)
-        assert digests(source) == before
-        module.write_text(module.read_text() + "# edited\n")
-        assert not set(digests(source)) & set(before)
+        assert not bare & n
+        assert not tuned & nine  # the class gets 50, which nobody has stated
+        local(code + "# edited")
+        assert not bare & digests(with_ants({}, "mine:Mine"))
 
 
 class TestFaults:
@@ -391,24 +329,6 @@ seeds: 1
                 ],
                 id="names and parameters",
             ),
-            pytest.param(
-                """\
-name: study
-missions: {e: toy, f: toy}
-algorithms: {X: bo-aco, Y: bo-aco}
-comparison: {control: Q}
-indicators: [area, igd]
-budget: {evaluations: 100}
-seeds: 1
-""",
-                [
-                    (2, "'f' is the same as 'e'"),
-                    (3, "'Y' is the same as 'X': defaults and numbers of threads"),
-                    (4, "there is no algorithm 'Q'; known are X, Y."),
-                    (5, "indicators.1: 'igd': there is no such indicator; known are igd_plus,"),
-                ],
-                id="together",
-            ),
         ],
     )
     def test_all_of_a_kind_are_reported_at_once_with_lines(self, tmp_path, text, expected):
@@ -422,11 +342,67 @@ seeds: 1
             )
 
     @pytest.mark.parametrize(
-        ("changes", "place"),
+        ("changes", "said"),
         [
-            ({"algorithms": {"a": "__main__:Mine"}}, "algorithms.a: runs "),
-            ({"missions": {"m": {"mission": "__main__:Mine"}}}, "missions.m.mission: runs "),
-            ({"problem": "__main__:Mine"}, "problem: runs are performed in other processes, "),
+            ({"name": None}, "name: expected the key 'name', which is missing."),
+            ({"name": 2026}, "name: Expected name to be a text, got 2026."),
+            ({"missions": [1]}, "missions: Expected missions to be a mapping, got [1]."),
+            ({"algorithms": []}, "algorithms: Expected algorithms to have at least 1 item, got"),
+            ({"algorithms": {"a": None}}, "algorithms.a: Expected a to be a mapping, got None."),
+            ({"missions": {"e": "toy", "f": "toy"}}, "missions.f: 'f' is the same as 'e'."),
+            ({"comparison": {"control": "Q"}}, "there is no algorithm 'Q'; known are ants."),
+            ({"budget": {}}, "budget: expected evaluations or seconds, or both, found neither."),
+            ({"budget": None}, "missions.toy.mission: 'toy': expected a budget of its own or of"),
+            ({"budget": {"seconds": math.nan}}, "Expected seconds to be a finite number, got nan."),
+            ({"seeds": "3"}, "seeds: expected a count or a list of seeds, got '3'."),
+            ({"seeds": [-1]}, "seeds.0: Expected seeds[0] >= 0, got -1."),
+            ({"algorithms": ["random", "random"]}, "expected each name once; 'random' is there 2"),
+            (
+                {"missions": {"m": {"mission": "terrain", "grid": {"seed": [3, 3.0]}}}},
+                "missions.m.grid.seed: expected each value once; 3 is",
+            ),
+            ({"algorithms": {"_a": "random"}}, "(.*\\S)?$', got '_a'"),
+            ({"missions": {" a": "toy"}}, "(.*\\S)?$', got ' a'"),
+            ({"missions": {"m": {"mission": "toy", "max_length": -1}}}, ">= 0 or 'unlimited', got"),
+            (
+                {"missions": {"m": {"mission": "toy", "robots": 3, "parameters": {"robots": 2}}}},
+                "expected robots once, found it among the parameters, too",
+            ),
+            (
+                {"missions": {"m": f"{HERE}:changing_mission"}},
+                "it gives another mission each time; it needs a seed",
+            ),
+            ({"missions": [f"{HERE}:broken_mission"]}, "RuntimeError: no such place"),
+            (
+                {
+                    "algorithms": {
+                        "a": {
+                            "algorithm": "bo-aco",
+                            "grid": {"n_ants": [1]},
+                            "parameters": {"n_ants": 2},
+                        }
+                    }
+                },
+                "algorithms.a: expected each parameter once; 'n_ants' is there 2 times.",
+            ),
+            (
+                {"seeds": 100_000, "algorithms": {"a": MANY}},
+                "seeds: expected at most 250,000 runs, found 2,000,000.",
+            ),
+            (
+                {"algorithms": {"a": "bo-aco", "b": MANY}},
+                "algorithms.b: 'b (n_ants=100)' is the same as 'a': defaults and",
+            ),
+            # Processes of runs cannot import what a notebook or script defines.
+            (
+                {"algorithms": {"a": "__main__:Mine"}},
+                "save Mine in a file, such as mine.py, and write mine:Mine",
+            ),
+            (
+                {"missions": {"m": {"mission": "__main__:Mine"}}},
+                "missions.m.mission: runs are performed in other processes, which cannot import",
+            ),
+            ({"problem": "__main__:Mine"}, "problem: runs "),
             (
                 {
                     "algorithms": {
@@ -437,87 +413,19 @@ seeds: 1
             ),
         ],
     )
-    def test_what_a_notebook_or_script_defines(self, changes, place):
-        """Processes of runs cannot import it: every run would fail."""
+    def test_each_is_named_and_nothing_that_follows_from_it(self, changes, said):
         [line] = lines(changed(**changes))
-        assert line.startswith(place)
-        assert "cannot import what a notebook or script defines" in line
-        assert "save Mine in a file, such as mine.py, and write mine:Mine" in line
-
-    def test_each_is_named(self):
-        twice = {"grid": {"n_ants": [1]}, "parameters": {"n_ants": 2}}
-        many = {"algorithm": "bo-aco", "grid": {"n_ants": list(range(1, 21))}}
-        seeds = {"mission": "terrain", "grid": {"seed": [3, 3.0]}}
-        for changes, said in (
-            ({"name": None}, "name: expected the key 'name', which is missing."),
-            ({"name": 2026}, "name: Expected name to be a text, got 2026."),
-            ({"name": "a/b"}, "name: Expected name to match pattern '^[A-Za-z0-9][A-Za-z0-9._-]*"),
-            ({"missions": [1]}, "missions: Expected missions to be a mapping, got [1]."),
-            ({"algorithms": []}, "algorithms: Expected algorithms to have at least 1 item, got"),
-            (
-                {"algorithms": {"a": None}},
-                "algorithms.a: Expected a to be a mapping, got None.",
-            ),
-            ({"budget": {}}, "budget: expected evaluations or seconds, or both, found neither."),
-            ({"budget": None}, "missions.toy.mission: 'toy': expected a budget of its own or of"),
-            (
-                {"budget": {"seconds": math.nan}},
-                "budget.seconds: Expected seconds to be a finite number, got nan.",
-            ),
-            ({"seeds": "3"}, "seeds: expected a count or a list of seeds, got '3'."),
-            ({"seeds": [-1]}, "seeds.0: Expected seeds[0] >= 0, got -1."),
-            ({"algorithms": ["random", "random"]}, "expected each name once; 'random' is there 2"),
-            ({"missions": {"m": seeds}}, "missions.m.grid.seed: expected each value once; 3 is"),
-            (
-                {"algorithms": {"_a": "random"}},
-                "(.*\\S)?$', got '_a'",
-            ),
-            ({"missions": {" a": "toy"}}, "(.*\\S)?$', got ' a'"),
-            (
-                {"missions": {"m": {"mission": "tests.study.algorithms_made:changing_mission"}}},
-                "gives another mission each time",
-            ),
-            ({"missions": {"m": {"mission": "toy", "max_length": -1}}}, ">= 0 or 'unlimited', got"),
-            (
-                {"algorithms": {"a": {"algorithm": "bo-aco", **twice}}},
-                "algorithms.a: expected each parameter once; 'n_ants' is there 2 times.",
-            ),
-            (
-                {"comparison": {"control": "ant"}},
-                "there is no algorithm 'ant'; known are ants.",
-            ),
-            (
-                {"seeds": 100_000, "algorithms": {"a": many}},
-                "seeds: expected at most 250,000 runs, found 2,000,000.",
-            ),
-        ):
-            [line] = lines(changed(**changes))  # and nothing that follows from it
-            assert said in line
+        assert said in line
 
     def test_limits_that_a_kind_cannot_keep(self, tmp_path):
         graph = load_mission("toy").graph
         kinds = [Kind("drone", 1, end=next(node for node in graph if node != 1))]
         save_mission(Mission(graph, base=1, kinds=kinds), tmp_path / "site.json")
-        path = written(
-            tmp_path,
-            """\
-            name: trial
-            missions: {site: {mission: site.json, min_survival: 0.99}}
-            algorithms: [random]
-            budget: {evaluations: 9}
-            seeds: 1
-            """,
-        )
+        entry = {"site": {"mission": "site.json", "min_survival": 0.99}}
+        path = written(tmp_path, json.dumps(changed(missions=entry)))
         *_, line = lines(path)
-        place = f"{path}:2: missions.site.mission: 'site.json': "
-        assert f"{place}Mission 'toy': robots of kind 'drone' cannot keep" in line
-        assert "cannot keep min_survival 0.99. The safest way" in line
-
-    def test_runs_that_would_be_the_same(self):
-        grid = {"algorithm": "bo-aco", "grid": {"n_ants": [5, 100]}}
-        for one, label in (("bo-aco", "a"), (grid, "a (n_ants=100)")):
-            [line] = lines(changed(algorithms={"a": one, "b": "bo-aco"}))
-            assert line.startswith(f"algorithms.b: 'b' is the same as {label!r}: defaults and ")
+        place = f"{path}:1: missions.site.mission: 'site.json': "
+        assert f"{place}Mission 'toy': robots of kind 'drone' cannot keep min_survival" in line
 
     @pytest.mark.parametrize("kind", ["algorithm", "mission"])
     def test_nothing_but_algorithms_and_missions_is_called(self, local, tmp_path, kind):
@@ -527,48 +435,30 @@ seeds: 1
             entry = {kind: path, "parameters": {"command": f"touch {tmp_path / 'harm'}"}}
             [line] = lines(changed(**{f"{kind}s": {"x": entry}}))
             assert line.startswith(f"{kind}s.x.{kind}: {path!r}: expected a class derived from ")
-            assert f"register it as entry point of 'botohe_moo.{kind}s'" in line
             assert not (tmp_path / "harm").exists()
 
-    def test_what_is_no_study(self, tmp_path):
-        for text, said in (
-            ("", "1: Expected the file to be a mapping, got None."),
-            (
-                "name: x\nmissions: [\n",
-                " line 3: not valid YAML: while parsing a flow node",
-            ),
-            (
-                "name: x\nmissions: &m [*m]\n",
-                " line 2: not valid YAML: found unconstructable recursive node",
-            ),
-        ):
-            [line] = lines(written(tmp_path, text))
-            assert line.startswith(f"{tmp_path / 'study.yaml'}:{said}")
+    @pytest.mark.parametrize(
+        ("data", "said"),
+        [
+            (b"", "study.yaml:1: Expected the file to be a mapping, got None."),
+            (b"name: x\nmissions: [\n", "study.yaml: line 3: not valid YAML: while parsing a flow"),
+            (b"name: &m [*m]\n", "line 1: not valid YAML: found unconstructable recursive node"),
+            (b"name: caf\xe9\n", "utf-8"),
+            (None, "no such file or directory."),
+        ],
+    )
+    def test_what_is_no_study(self, tmp_path, data, said):
+        if data is not None:
+            (tmp_path / "study.yaml").write_bytes(data)
+        [line] = lines(tmp_path / "study.yaml")
+        assert said in line
 
-    def test_files_that_are_not_there_or_no_text(self, tmp_path):
-        (tmp_path / "trials.yaml").write_text("")
-        (tmp_path / ".pre-commit.yaml").write_text("")
-        [line] = lines(tmp_path / "trial.yaml")
-        assert line.endswith("no such file or directory.")
-        [line] = lines(tmp_path)
-        assert "is a directory" in line
-        (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9\n")
-        assert "utf-8" in lines(tmp_path / "latin.yaml")[0]
+    @pytest.mark.parametrize("content", [{("a", "b"): 1}, {"x": object()}])
+    def test_mappings_that_no_file_can_hold(self, content):
+        [line] = lines(content)
+        assert "what a study file can hold" in line
 
-    def test_mappings_that_no_file_can_hold(self):
-        for content in ({("a", "b"): 1}, {"x": object()}):
-            [line] = lines(content)
-            assert "what a study file can hold" in line
-
-    def test_a_mission_function_that_raises(self, monkeypatch):
-        def broken(*_, **__):
-            raise RuntimeError("no such place")
-
-        monkeypatch.setattr("botohe_moo.study.loading.load_mission", broken)
-        [line] = lines(GOOD)
-        assert "RuntimeError: no such place" in line
-
-    def test_a_misspelt_keyword_is_blamed_on_the_class_that_was_given_it(self, local, tmp_path):
+    def test_a_misspelt_keyword_is_blamed_on_the_class_that_was_given_it(self, local):
         local(
             """
             from botohe_moo import BOACO
@@ -587,12 +477,8 @@ seeds: 1
                     super().__init__(max_ties=3)
             """
         )
-        text = json.dumps(changed(algorithms={"a": "mine:Fast", "b": "mine:Tied"}))
-        fast, tied = lines(written(tmp_path, text))
-        assert (
-            "'mine:Fast': BOACO: there is no parameter 'evaporatoin'; known are evaporation,"
-            in fast
-        )
+        fast, tied = lines(changed(algorithms={"a": "mine:Fast", "b": "mine:Tied"}))
+        assert "'mine:Fast': BOACO: there is no parameter 'evaporatoin'; known are evap" in fast
         assert "Bare.__init__() got an unexpected keyword argument 'max_ties'" in tied
 
 
@@ -600,30 +486,18 @@ SCHEMA = jsonschema.Draft202012Validator(json.loads(study_schema()))
 
 
 class TestSchema:
-    def test_it_is_json_and_knows_all_keys(self):
+    def test_it_knows_all_keys(self):
         schema = SCHEMA.schema
         assert set(schema["properties"]) == set(StudyFile.model_fields)
         assert schema["additionalProperties"] is False
         assert all("description" in entry for entry in schema["properties"].values())
 
-    def test_the_studies_keep_to_it(self):
-        # What the schema has to allow: shorthands of missions, algorithms and seeds.
-        for path in EXPERIMENTS:
-            content = Document(path.read_text("utf-8")).content
-            SCHEMA.validate(content)
-
-    def test_shorthands_and_parameters_are_allowed_and_nothing_else(self):
-        for changes in (
-            {"seeds": [3, 4], "missions": ["toy"], "algorithms": {"a": {"algorithm": "nsga2"}}},
-            {
-                "algorithms": {
-                    "a": {"algorithm": "pareto-local-search", "grid": {"max_size": [100, None]}}
-                }
-            },
-            {"algorithms": {"a": {"algorithm": "my:Own", "parameters": {"evaporation": 2}}}},
-            {"missions": {"a": {"mission": "terrain", "grid": {"nodes": [2, 3], "robots": [1]}}}},
-        ):
-            SCHEMA.validate(changed(**changes))
+    def test_what_it_allows(self):
+        for path in EXPERIMENTS:  # with shorthands of missions, algorithms and seeds
+            SCHEMA.validate(Document(path.read_text("utf-8")).content)
+        sizes = {"algorithm": "pareto-local-search", "grid": {"max_size": [100, None]}}
+        SCHEMA.validate(changed(seeds=[3, 4], algorithms={"a": sizes}))
+        SCHEMA.validate(with_ants({"evaporation": 2}, "my:Own"))
         for changes in (
             {"seeds": 0},
             {"name": "a/b"},
@@ -652,7 +526,94 @@ def test_published_results_can_be_made_again():
     assert compared["baselines"] >= set(algorithm_names()) - {"exact", "pareto-local-search"}
 
 
-def test_robots_are_stated_once():
-    entry = {"mission": "toy", "robots": 3, "parameters": {"robots": 2}}
-    [line] = lines(changed(missions={"a": entry}))
-    assert "expected robots once, found it among the parameters, too" in line
+# Study files that were changed at random, or ask for too much: read or refused.
+# ``BOTOHE_MUTATIONS=8000 pytest tests/study/test_loading.py`` looks longer.
+
+N_MUTATED = int(os.environ.get("BOTOHE_MUTATIONS", "25"))
+GUIDE = (ROOT / "docs" / "studies.md").read_text("utf-8").split("```yaml\n")[1].split("```")[0]
+TEXTS = [path.read_text("utf-8") for path in EXPERIMENTS]
+TEXTS.append(GUIDE.replace("sites/mine.json", "art_museum"))
+TEXTS.append(
+    "name: merged\nseeds: [3, 1]\nbudget: &b {evaluations: 100}\n"
+    "missions: {a: &m {mission: toy, budget: *b}, b: {<<: *m, min_survival: 0.5}}\n"
+    "algorithms: {A: &n {algorithm: nsga2, grid: {pop_size: [5, 10]}}, "
+    "B: {<<: [*n, {}], grid: {}}}\n"
+)
+WORD = re.compile(rb"[^\s\[\]{},:#]+")
+PIECES = [
+    *("", "0", "-1", "2", "1e3", "1e999", ".inf", ".nan", "1000", "20000", "100_000", "1000000"),
+    *("4294967296", "9" * 30, "9" * 5_000, "9_" * 20_000, "true", "null", "~", "''", '""', "[]"),
+    *("{}", "*a", "*b", "*m", "&a", "<<", "<<: *m", "!x", "!!str 5", "!!int x", "!!binary eA=="),
+    *("'", '"', ":", "- ", "? ", "|", ">", "#", "%", "@", "`", "\t", "\n", "\n  ", "\n    "),
+    *("\0", "\x7f", "é", "\u2028", "😀", '"\\ud800"', '"\\UFFFFFFFF"', "x" * 3_000, "[1, 2, 3]"),
+    *("{a: 1}", "[" * 60 + "]" * 60, "{grid: {seed: [1, 2, 3]}}", "os:system", "botohe_moo:BOACO"),
+    *("pymoo.algorithms.moo.nsga3:NSGA3", "terrain", "complete", "random", "../x.json", "a:b"),
+]
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return tmp_path_factory.mktemp("mutated") / "study.yaml"
+
+
+def read(path, data):
+    """Read a file: a study, or the lines that say what is wrong, which one can read."""
+    path.write_bytes(data)
+    try:
+        return load_study(path)
+    except StudyError as error:
+        found = str(error).splitlines()
+        assert max(map(len, found)) < 2_000
+        return found
+
+
+@settings(max_examples=N_MUTATED)
+@given(
+    st.sampled_from(TEXTS).flatmap(
+        lambda text: changed_bytes(text.encode(), WORD, [piece.encode() for piece in PIECES])
+    )
+)
+def test_changed_files_are_read_or_refused(path, data):
+    found = read(path, data)
+    if isinstance(found, list):
+        for line in found:
+            assert line.startswith(f"{path}:")
+    else:
+        assert len({run.digest for run in found.runs()}) <= 250_000
+
+
+SEEDS = "name: x\nmissions: [toy]\nalgorithms: [random]\nbudget: {evaluations: 100}\nseeds: "
+ALGORITHM = "name: x\nmissions: [toy]\nbudget: {evaluations: 9}\nseeds: 1\nalgorithms: "
+TEN = ", ".join(f"p{i}: [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]" for i in range(3))
+TWO = ", ".join(f"p{i}: [1, 2]" for i in range(4_000))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(f"{SEEDS}1\ntitle: '{'x' * 1_000_000}'\n", id="a long file"),
+        pytest.param(f"{SEEDS}1\n" + "key: 1\n" * 9_000, id="repeated keys"),
+        pytest.param(
+            f"{ALGORITHM}{{a: {{algorithm: nsga2, grid: {{{TEN}, q: [1, 2]}}}}}}\n", id="a grid"
+        ),
+        pytest.param(
+            f"{ALGORITHM}{{a: {{algorithm: nsga2, grid: {{{TWO}}}}}}}\n", id="a grid of many"
+        ),
+        pytest.param(f"{SEEDS}100000\n".replace("[random]", "[random, greedy, bo-aco]"), id="runs"),
+    ],
+)
+def test_what_would_grow_is_refused(path, text):
+    """Each took minutes, gigabytes, or a message of megabytes."""
+    assert isinstance(read(path, text.encode()), list)
+
+
+@pytest.mark.slow
+def test_a_run_takes_little_memory(path):
+    study = read(path, f"{SEEDS}20000\n".encode())
+    tracemalloc.start()
+    runs = study.runs()
+    taken = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert len(runs) == 20_000
+    assert taken / len(runs) < 300

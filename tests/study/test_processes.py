@@ -1,4 +1,4 @@
-"""Studies as real processes: killed, stopped, two at a time, on a full disk, on a cluster."""
+"""Studies as real processes: killed, stopped, two at a time, at a terminal, on a cluster."""
 
 import contextlib
 import fcntl
@@ -19,17 +19,10 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
-from rich.cells import cell_len
-from typer.testing import CliRunner
 
-from botohe_moo.cli.study import _plan_table, study_app
-from botohe_moo.study import StudyError, make_tables, read_study, run_study
-from botohe_moo.study import pool as cluster
-from botohe_moo.study.loading import load_study
-from botohe_moo.study.runner import Plan
+from botohe_moo.study import StudyError, make_tables, pool, read_study, run_study
 from tests.forked import Forked, run_forked
-from tests.study.test_perform import marked_processes
-from tests.study.test_runner import MADE, Watcher, assert_same
+from tests.study.made import MADE, Watcher, assert_same, study_of
 
 pytestmark = pytest.mark.slow
 
@@ -47,12 +40,7 @@ seeds: 4
 comparison: {control: random}
 """
 
-SMALL = {
-    "name": "s",
-    "missions": ["toy"],
-    "algorithms": ["random"],
-    "budget": {"evaluations": 40},
-}
+SMALL = study_of(algorithms=["random"], budget={"evaluations": 40})
 
 
 def start(*arguments, popen=Forked, **options):
@@ -114,16 +102,15 @@ def n_done(folder):
     return len(list(folder.glob("runs/*.npz")))
 
 
-def test_five_kills_at_random_moments_change_nothing(study_file, uninterrupted, tmp_path):
+def test_five_kills_at_random_moments_change_nothing(
+    study_file, uninterrupted, processes_there, tmp_path
+):
     folder = tmp_path / "killed"
-    environment = {**os.environ, "BOTOHE_TEST_FOLDER": str(folder)}
     rng = random.Random(5)
     counts = []
     for _ in range(5):
-        process = start(
-            "run", study_file, "--out", folder, "--workers", 2, env=environment,
-            popen=subprocess.Popen,
-        )  # fmt: skip
+        command = ("run", study_file, "--out", folder, "--workers", 2)
+        process = start(*command, popen=subprocess.Popen)
         # Past the start, so that some of the kills meet runs and files; never waits for the end.
         aim = n_done(folder) + rng.randint(0, 3)
         wait_until(
@@ -135,7 +122,7 @@ def test_five_kills_at_random_moments_change_nothing(study_file, uninterrupted, 
         counts.append(n_done(folder))
     assert counts == sorted(counts)  # what is done stays done
     assert counts[0] < 24  # it was at work
-    wait_until(lambda: not marked_processes(folder), timeout=20)  # nobody works for a dead runner
+    wait_until(lambda: not processes_there(), timeout=20)  # nobody works for a dead runner
     partial = make_tables(folder)
     assert (len(partial.runs), partial.missing["missing"].sum()) == (counts[-1], 24 - counts[-1])
     status, _, err = finish(start("run", study_file, "--out", folder, "--workers", 2))
@@ -145,31 +132,23 @@ def test_five_kills_at_random_moments_change_nothing(study_file, uninterrupted, 
     assert not list(folder.rglob("*.tmp"))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_stop_it_cleanly_and_what_is_done_is_kept(
-    number, study_file, uninterrupted, tmp_path
+def test_a_signal_stops_it_cleanly_and_what_is_done_is_kept(
+    study_file, uninterrupted, processes_there, tmp_path
 ):
     folder = tmp_path / "stopped"
-    environment = {**os.environ, "BOTOHE_TEST_FOLDER": str(folder)}
-    process = start(
-        "run", study_file, "--out", folder, "--workers", 1, env=environment,
-        popen=subprocess.Popen,
-    )  # fmt: skip
+    command = ("run", study_file, "--out", folder, "--workers", 1)
+    process = start(*command, popen=subprocess.Popen)
     wait_until(lambda: n_done(folder) >= 2)
-    os.kill(process.pid, number)
+    os.kill(process.pid, signal.SIGTERM)
     status, _, err = finish(process)
-    assert status == 128 + number, err
+    assert status == 128 + signal.SIGTERM, err
     assert "stopped; what is done is in" in err
     assert "Traceback" not in err
-    assert not marked_processes(folder)
+    assert not processes_there()
     partial = read_study(folder)
     assert 2 <= len(partial.runs) == n_done(folder) < 24
     assert set(partial.runs["status"]) == {"done"}
     assert partial.missing["missing"].sum() == 24 - len(partial.runs)
-    status, _, err = finish(start("run", study_file, "--out", folder))
-    assert status == 0, err
-    assert f"{len(partial.runs)} are there" in err
-    assert_same(read_study(folder), uninterrupted)
 
 
 def test_a_terminal_that_is_closed(study_file, tmp_path):
@@ -186,7 +165,7 @@ def test_a_terminal_that_is_closed(study_file, tmp_path):
         start_new_session=True,
     )
     os.close(theirs)
-    while process.poll() is None and not list(folder.glob("runs/*.npz")):
+    while process.poll() is None and not n_done(folder):
         if select.select([ours], [], [], 0.05)[0]:
             os.read(ours, 65536)
     os.close(ours)
@@ -245,19 +224,12 @@ def test_no_thread_is_left_that_may_outlive_python(tmp_path):
     assert done.stdout == "1\n", done.stderr
 
 
-def test_two_workers_give_the_same(study_file, uninterrupted, tmp_path):
-    assert_same(run_study(study_file, tmp_path, workers=2), uninterrupted)
-
-
 def test_two_workers_work_at_the_same_time(tmp_path):
     # Runs that sleep: at the same time they overlap, whatever else the machine does.
-    source = {
-        "name": "sleepers",
-        "missions": ["toy"],
-        "algorithms": {"slow": {"algorithm": f"{MADE}:Slow", "parameters": {"seconds": 0.2}}},
-        "budget": {"evaluations": 40, "seconds": 60},  # each record is sent at once
-        "seeds": 2,
-    }
+    source = study_of(
+        algorithms={"slow": {"algorithm": f"{MADE}:Slow", "parameters": {"seconds": 0.2}}},
+        budget={"evaluations": 40, "seconds": 60},  # each record is sent at once
+    )
 
     class Overlap(Watcher):
         def __init__(self):
@@ -272,10 +244,8 @@ def test_two_workers_work_at_the_same_time(tmp_path):
             spans = [(min(times), max(times)) for times in self.times.values()]
             return max(sum(a <= moment <= b for a, b in spans) for moment, _ in spans)
 
-    one, two = Overlap(), Overlap()
-    run_study(source, tmp_path / "one", workers=1, progress=one)
-    run_study(source, tmp_path / "two", workers=2, progress=two)
-    assert one.most() == 1
+    two = Overlap()
+    run_study(source, tmp_path, workers=2, progress=two)
     assert two.most() == 2
 
 
@@ -342,7 +312,7 @@ def test_a_worker_that_lacks_the_package_is_named(scheduler, hire, tmp_path):
     # Without site, what is installed for editing is not found.
     hire("-S", path=[Path(distributed.__file__).parents[1]])
     wait_for_workers(scheduler, 1)
-    (tmp_path / "s.json").write_text(json.dumps(SMALL | {"seeds": 2}))
+    (tmp_path / "s.json").write_text(json.dumps(SMALL))
     folder = tmp_path / "out"
     process = start("run", tmp_path / "s.json", "--out", folder, "--dask", scheduler)
     status, _, err = finish(process)
@@ -358,7 +328,7 @@ def test_runs_of_workers_with_other_code_fail(scheduler, hire, tmp_path):
     (other / "METADATA").write_text("Metadata-Version: 2.1\nName: botohe-moo\nVersion: 9.9.9\n")
     ours = distribution("botohe-moo").read_text("entry_points.txt")
     (other / "entry_points.txt").write_text(ours)
-    (tmp_path / "s.json").write_text(json.dumps(SMALL | {"seeds": 2}))
+    (tmp_path / "s.json").write_text(json.dumps(SMALL))
     process = start("run", tmp_path / "s.json", "--out", tmp_path / "out", "--dask", scheduler)
     assert "waiting for one" in lines_until(process, "waiting for one")
     hire(path=[other.parent])
@@ -403,7 +373,7 @@ def test_waiting_for_workers_can_be_stopped(study_file, scheduler, tmp_path):
 
 def test_no_scheduler_at_the_address(study_file, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(cluster, "_SECONDS_TO_CONNECT", 0.5)
+    monkeypatch.setattr(pool, "_SECONDS_TO_CONNECT", 0.5)
     with pytest.raises(StudyError, match=r"No Dask scheduler answers at 'tcp://127\.0\.0\.1:1'"):
         run_study(study_file, tmp_path, dask="tcp://127.0.0.1:1")
     for address in ("localhost", "tcp://127.0.0.1:99999"):
@@ -434,74 +404,12 @@ def test_a_cluster_that_goes_away(study_file, tmp_path):
     assert len(list((tmp_path / "out" / "runs").glob("*.npz"))) >= 2
 
 
-class TestCommands:
-    def test_run_plan_and_report(self, tmp_path):
-        path, folder = tmp_path / "s.yaml", tmp_path / "out"
-        path.write_text(
-            "name: s\nmissions: [toy]\nalgorithms: [random, greedy]\n"
-            "budget: {evaluations: 200}\nseeds: 2\n"
-        )
-        status, out, err = finish(start("plan", path, "--out", folder))
-        assert status == 0
-        assert "Traceback" not in err
-        assert "4 runs: 0 are there, 4 to go" in out
-        assert not folder.exists()
-        status, out, err = finish(start("run", path, "--out", folder))
-        assert status == 0, err
-        assert "greedy" in out
-        status, out, err = finish(start("report", folder, popen=subprocess.Popen))
-        assert status == 0, err
-        assert (folder / "report" / "report.html").exists()
-        names = {path.name for path in (folder / "report").iterdir()}
-        assert "summary.tex" in names
-        assert not names & {path.name for path in folder.iterdir()}  # with other digits, perhaps
-
-    def test_the_current_folder_has_algorithms(self, tmp_path):
-        (tmp_path / "mine.py").write_text(
-            "from botohe_moo.algorithms.bo_aco.algorithm import RandomTrails as Ants\n"
-        )
-        (tmp_path / "random.py").write_text("raise SystemExit('not the standard module')\n")
-        (tmp_path / "s.yaml").write_text(
-            "name: s\nmissions: [toy]\nalgorithms: {mine: 'mine:Ants'}\n"
-            "budget: {evaluations: 50}\nseeds: 1\n"
-        )
-        botohe = Path(sys.executable).parent / "botohe"
-        done = subprocess.run(
-            [botohe, "study", "run", "s.yaml"], cwd=tmp_path, capture_output=True, text=True
-        )
-        assert done.returncode == 0, done.stderr
-        assert set(read_study(tmp_path / "results" / "s").runs["status"]) == {"done"}
-
-    def test_failed_runs_show_in_the_exit_status(self, tmp_path):
-        path = tmp_path / "s.yaml"
-        path.write_text(
-            f"name: s\nmissions: [toy]\nalgorithms: {{bad: '{MADE}:Raising', good: random}}\n"
-            "budget: {evaluations: 50}\nseeds: 1\n"
-        )
-        status, out, err = finish(start("run", path, "--out", tmp_path / "out"))
-        assert status == 1
-        assert "bad on toy, seed 1: failed: RuntimeError: out of luck" in err
-        assert "1 run failed" in err
-        assert "good" in out
-
-    def test_bad_input(self):
-        for arguments, said in (
-            (["report", "nowhere"], "nowhere: there is no study in this folder"),
-            (["tables", "nowhere"], "nowhere: there is no study in this folder"),
-            (
-                ["run", "x.yaml", "--workers", "0"],
-                "'--workers' / '-w': Input should be greater than or equal to 1",
-            ),
-        ):
-            ended = CliRunner().invoke(study_app, arguments)
-            assert ended.exit_code == 2
-            assert said in " ".join(re.sub("[│\\n]", " ", ended.output).split())
-        status, out, err = finish(start("run", "missing.yaml"))
-        assert (status, out) == (2, "")
-        assert err == "botohe: missing.yaml: no such file or directory.\n"
-
-    def test_columns_of_the_plan_allow_for_wide_letters(self):
-        runs = load_study({**SMALL, "seeds": 1, "missions": {"美术馆": "toy", "m": "art_museum"}})
-        lines = _plan_table(Plan(runs.runs(), frozenset(), {})).splitlines()
-        assert len({cell_len(line) for line in lines}) == 1
-        assert len({len(line) for line in lines}) == 2
+def test_the_current_folder_has_algorithms(tmp_path):
+    code = "from botohe_moo.algorithms.bo_aco.algorithm import RandomTrails as Ants\n"
+    (tmp_path / "mine.py").write_text(code)
+    (tmp_path / "random.py").write_text("raise SystemExit('not the standard module')\n")
+    (tmp_path / "s.yaml").write_text(json.dumps(SMALL | {"algorithms": {"mine": "mine:Ants"}}))
+    command = [Path(sys.executable).parent / "botohe", "study", "run", "s.yaml"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert set(read_study(tmp_path / "results" / "trial").runs["status"]) == {"done"}

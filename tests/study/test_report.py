@@ -1,84 +1,82 @@
-"""The report of a study: what is written, what the page says, and that nothing breaks it."""
+"""The report of a study: what is written, what it says, and which figures it has."""
 
-from __future__ import annotations
-
+import json
 import math
 import re
-from dataclasses import replace
+import shutil
+import subprocess
+from dataclasses import dataclass, replace
 from html.parser import HTMLParser
+from pathlib import Path
 
-import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import load_mission
-from botohe_moo.study import report as pictures
+from botohe_moo import load_mission, plots
+from botohe_moo.plots.comparisons import two_parameter_grids
+from botohe_moo.study import report
+from botohe_moo.study.content import parameter_words
+from botohe_moo.study.perform import Outcome
 from botohe_moo.study.report import (
-    mission_table,
+    draw_figures,
+    matrix,
+    matrix_caption,
     number_text,
-    parameter_words,
     render_page,
     rivals,
     slug,
+    tables_latex,
     write_report,
 )
-from tests.study.made import Record, make_study, random_record
+from botohe_moo.study.tables import SCHEMAS, StudyTables
+from tests.study.made import made_study, outcome_of, study_of
 
-TOY = load_mission("toy")
 ODD = "a/b_c$ <b>&\"' 50%"
-ENDS = pictures.FORMATS[:1]  # test_report_figures.py has all
 FIXED_NAMES = ["report.html", "outcome.tex", "summary.tex", "comparisons.tex", "ranks.tex"]
+KINDS = ["curves", "seconds", "reached", "igd_plus", "epsilon", "areas", "fronts", "attainment"]
+STEPS = 1e-7 * np.arange(8)
 
 
-def figure_names(label, *, without=()):
-    """Files of the figures of a mission with fewer than twelve algorithms and all runs done."""
-    kinds = ["curves", "seconds", "reached", "igd_plus", "epsilon", "areas"]
-    kinds += ["fronts", "attainment", "difference"]
-    kinds = [kind for kind in kinds if kind not in without]
-    return [f"{kind}-{slug(label)}.{end}" for kind in kinds for end in ENDS]
+pytestmark = pytest.mark.usefixtures("sketched")
 
 
-AREAS_ONLY = [f"areas-toy.{end}" for end in ENDS]
+def content_of(missions, algorithms, *, seeds=2, control=None, **changes):
+    """A study in which each mission is the toy with another team."""
+    return study_of(
+        missions={m: {"mission": "toy", "robots": 2 + i} for i, m in enumerate(missions)},
+        algorithms={
+            a: {"algorithm": "bo-aco", "parameters": {"n_ants": 5 + i}}
+            for i, a in enumerate(algorithms)
+        },
+        seeds=seeds,
+        comparison={"control": control, "significance": 0.05},
+        **changes,
+    )
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _backend():
-    mpl.use("Agg")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pictures, "FORMATS", ENDS)
-        yield
-    plt.close("all")
+def growing(run, *, n_records=4):
+    """A run whose fronts grow; the further down the algorithm stands, the further they come."""
+    strength = 0.4 + len(run.algorithm.label) % 7 / 20 + run.seed / 100
+    reached = strength * np.geomspace(0.5, 1, n_records)[:, None, None]
+    return outcome_of(run, *(reached * [[(1.0, 0.4), (0.7, 0.7), (0.4, 1.0)]]))
 
 
-def algorithms(*labels):
-    return {label: {"algorithm": "nsga2", "parameters": {}} for label in labels}
+def judged(folder, areas, **changes):
+    """A study whose final fronts are one point each, of the areas given by mission and label."""
+    labels = list(dict.fromkeys(label for found in areas.values() for label in found))
+    seeds = max(len(found) for of_one in areas.values() for found in of_one.values())
 
+    def outcome(run):
+        found = areas[run.mission.label].get(run.algorithm.label, ())
+        if run.seed <= len(found):
+            area = found[run.seed - 1]
+            return outcome_of(run, [(area / 2, 1.0)], [(area, 1.0)])
+        return None
 
-def study(folder, missions, records, *, control=None, labels=None, **manifest):
-    folder.mkdir(parents=True, exist_ok=True)
-    labels = labels or dict.fromkeys(record.algorithm for record in records)
-    made = dict.fromkeys(missions, TOY)
-    return make_study(folder, made, algorithms(*labels), records, control=control, **manifest)
-
-
-def random_records(missions, labels, seeds, **options):
-    rng = np.random.default_rng(0)
-    return [
-        random_record(rng, mission, TOY, label, seed, strength=0.4 + 0.05 * i, **options)
-        for mission in missions
-        for i, label in enumerate(labels)
-        for seed in seeds
-    ]
-
-
-def lost(mission, label, seeds, status="failed", error="ValueError: <boom> & bust"):
-    return [Record(mission, label, seed, [], status, error) for seed in seeds]
-
-
-VOID = {"meta", "img", "br", "hr", "link", "input"}
+    return made_study(folder, content_of(areas, labels, seeds=seeds, **changes), outcome)
 
 
 class Page(HTMLParser):
@@ -95,7 +93,7 @@ class Page(HTMLParser):
         self.tags.append(tag)
         self.attributes += [(tag, name, value) for name, value in attrs]
         assert len({name for name, _ in attrs}) == len(attrs)
-        if tag not in VOID:
+        if tag not in {"meta", "img", "br", "hr", "link", "input"}:
             self.open.append(tag)
 
     def handle_endtag(self, tag):
@@ -111,10 +109,6 @@ class Page(HTMLParser):
 
     def values(self, *names):
         return [value for _, name, value in self.attributes if name in names]
-
-
-def page_of(tables):
-    return checked((tables.folder / "report" / "report.html").read_text("utf-8"))
 
 
 def checked(text):
@@ -134,38 +128,136 @@ def checked(text):
     return page
 
 
+def page_text(tables):
+    return checked(render_page(tables, {})).text
+
+
 @pytest.fixture(scope="module")
-def odd(tmp_path_factory):
-    """Two missions, one with an odd label; odd and lost algorithms; and its report."""
-    records = [
-        *random_records(["toy", ODD], ["BO-ACO", ODD], (1, 2, 3)),
-        *random_records(["toy", ODD], ["single"], (1,), n_records=1),
-        *lost("toy", "lost", (1, 2, 3)),
-        *random_records([ODD], ["lost"], (1, 2)),
-        *lost(ODD, "lost", (3,), "timeout", "stopped after 60 seconds"),
-    ]
-    tables = study(
-        tmp_path_factory.mktemp("odd"),
-        ["toy", ODD],
-        records,
-        control="BO-ACO",
-        title="Title <i>& more",
-        description="About <script>alert(1)</script> it.",
-    )
-    return tables, write_report(tables)
+def odd(tmp_path_factory, sketched):
+    """Odd labels, a grid, runs that are lost or missing; the tables, its files and its page."""
+    content = content_of(["toy", ODD, "later"], ["BO-ACO", ODD, "single", "lost"], seeds=3)
+    content["missions"][ODD]["max_length"] = 30
+    grid = {"n_ants": [100, 50], "evaporation": [0.1, 0.2]}
+    content["algorithms"]["ants"] = {"algorithm": "bo-aco", "grid": grid}
+    content["comparison"]["control"] = "BO-ACO"
+    content["title"] = "Title <i>& more"
+    content["description"] = "About <script>alert(1)</script> it."
+
+    def outcome(run):
+        mission, algorithm = run.mission.label, run.algorithm.label
+        if mission == "later" or (algorithm == "single" and run.seed > 1):
+            return None
+        if algorithm == "lost" and mission == "toy":
+            return Outcome("failed", "error", error="ValueError: <boom> & bust")
+        if algorithm == "lost" and run.seed == 3:
+            return Outcome("timeout", "limit", error="stopped after 60 seconds")
+        return growing(run)
+
+    tables = made_study(tmp_path_factory.mktemp("odd"), content, outcome)
+    paths = write_report(tables)
+    return tables, paths, checked(paths[0].read_text("utf-8"))
 
 
-class TestFiles:
-    def test_all_are_written_and_named(self, odd):
-        tables, paths = odd
+class TestReport:
+    def test_all_files_are_written_and_named(self, odd):
+        tables, paths, page = odd
         folder = tables.folder / "report"
-        names = [name for label in ("toy", ODD) for name in figure_names(label)]
+        kinds = [*KINDS, "difference", "grid-1"]
+        names = [f"{kind}-{slug(label)}.png" for label in ("toy", ODD) for kind in kinds]
         expected = [folder / name for name in FIXED_NAMES]
         expected += [folder / "figures" / name for name in ("shortfalls.png", *names)]
-        assert sorted(paths) == sorted(expected)
-        assert sorted(folder.rglob("*.*")) == sorted(expected)
-        assert all(path.stat().st_size for path in paths)
+        assert sorted(paths) == sorted(expected) == sorted(folder.rglob("*.*"))
+        assert page.tags.count("img") == page.tags.count("figcaption") == len(names) + 1
+        assert "median area of ants for each combination of two parameters" in page.text
 
+    def test_labels_are_text_whatever_they_are(self, odd):
+        *_, page = odd
+        assert not {"b", "i"} & set(page.tags)
+        assert "Title <i>& more" in page.text
+        assert "About <script>alert(1)</script> it." in page.text
+        assert ODD in page.texts
+        assert "ValueError: <boom> & bust" in page.texts
+        assert any(ODD in alternative for alternative in page.values("alt"))
+
+    def test_the_outcome_comes_first(self, odd):
+        text = odd[2].text
+        outcome = text[text.index("Outcome") : text.index("What was run Missions")]
+        assert outcome.startswith(f"Outcome algorithm toy {ODD} later average rank BO-ACO 0.")
+        assert "4 runs are not done , and scored all the same" in outcome
+        assert "28 runs are missing : not performed yet, or the study was stopped." in outcome
+
+    def test_what_the_page_says(self, odd):
+        for said in (
+            "3 missions, 8 algorithms, 3 seeds; 44 runs, 40 done; 28 missing.",
+            "Seeds 1, 2, 3",
+            "others with BO-ACO, at a significance level of 0.05",
+            "min survival max length nodes",
+            "toy toy robots=2 300 0 – 5 12 2 10",
+            f"{ODD} toy robots=3 300 0 30 5 12 3 10",
+            "ants (n_ants=50, evaporation=0.1) bo-aco n_ants=50, evaporation=0.1",
+            "scored as the plan that brings nothing back: area 0",
+            "toy lost 1 failed error ValueError: <boom> & bust 0",
+            f"{ODD} lost 3 timeout limit stopped after 60 seconds 0",
+            "runs n not done area area low area high",
+            "lost 3 3 0 0 0 0",
+            f"later {load_mission('toy').title} No runs yet.",
+            f"mission algorithm missing toy single 2 {ODD} single 2 later BO-ACO 3",
+            "Runs without any recorded front are not in it.",
+            "Runs without a front reach nothing.",
+            "from the reference front, what all runs on a mission found together; 0 is best.",
+        ):
+            assert said in odd[2].text
+
+    def test_each_verdict_is_said_once(self, odd):
+        """In a word, beside its numbers."""
+        tables, _, page = odd
+        pattern = r"(better|worse), \w+|no difference found|too few runs"
+        said = [text for text in page.texts if re.fullmatch(pattern, text)]
+        assert len(said) == len(tables.comparisons) > 0
+
+    def test_best_known_fronts_are_named_as_references(self, odd):
+        tables = replace(odd[0], manifest={**odd[0].manifest, "reference": "best-known"})
+        said = "what all runs on a mission found together, with the best known front of the library"
+        assert said in page_text(tables)
+
+    def test_one_run_alone(self, tmp_path):
+        tables = made_study(tmp_path, content_of(["m"], ["A"], seeds=1), growing)
+        names = {path.name for path in write_report(tables)}
+        assert names == {*FIXED_NAMES, *(f"{kind}-m.png" for kind in KINDS)}
+        text = page_text(tables)
+        assert "1 mission, 1 algorithm, 1 seed; 1 run, all done." in text
+        assert "All runs are done." in text
+        assert "max length" not in text
+
+    def test_no_run_has_a_front(self, tmp_path):
+        lost = Outcome("failed", "error", error="it broke")
+        tables = made_study(tmp_path, content_of(["m"], ["A", "B"]), lambda _: lost)
+        assert {path.name for path in write_report(tables)} == {*FIXED_NAMES, "areas-m.png"}
+        assert "A 0 (1.5) B 0 = (1.5)" in page_text(tables)
+
+    def test_no_run_at_all(self, tmp_path):
+        tables = made_study(tmp_path, content_of(["m"], ["A"]), lambda _: None)
+        assert {path.name for path in write_report(tables)} == set(FIXED_NAMES)
+        assert "0 runs" in page_text(tables)
+
+    @pytest.mark.slow
+    @pytest.mark.filterwarnings("ignore:Glyph")  # of scripts that the font has not
+    def test_labels_of_any_script_and_length_can_be_drawn(self, tmp_path, monkeypatch):
+        labels = ["蚁群算法", "ع_ربي 😀", "Donaudampfschifffahrtselektrizitätenwerk " * 4 + "x"]
+        mission = "a very long label of a mission 美术馆 " * 4 + "y"
+        content = content_of([mission, "later"], labels)
+        tables = made_study(
+            tmp_path, content, lambda run: growing(run) if run.mission.label == mission else None
+        )
+        monkeypatch.setattr(report, "save_plot", plots.save_plot)
+        monkeypatch.setattr(report, "FORMATS", ("png", "pdf", "svg"))
+        paths = write_report(tables, workers=2)  # real pictures, by processes
+        assert len(paths) == len(FIXED_NAMES) + 3 * (len(KINDS) + 1)
+        assert {path.suffix for path in paths} == {".html", ".tex", ".png", ".pdf", ".svg"}
+        assert all(path.stat().st_size > 1_000 for path in paths if path.suffix != ".tex")
+
+
+class TestWords:
     def test_a_plain_label_is_its_own_slug(self):
         assert slug("art_museum") == "art_museum"
         assert re.fullmatch(r"art-museum-[0-9a-f]{8}", slug("Art museum"))
@@ -177,150 +269,264 @@ class TestFiles:
         assert len(slug(one)) < 80
         assert (slug(one) == slug(other)) == (one == other)
 
-
-class TestPage:
-    def test_labels_are_text_whatever_they_are(self, odd):
-        page = page_of(odd[0])
-        assert "b" not in page.tags
-        assert "i" not in page.tags
-        assert "Title <i>& more" in page.text
-        assert "About <script>alert(1)</script> it." in page.text
-        assert ODD in page.texts
-        assert "ValueError: <boom> & bust" in page.texts
-        assert any(ODD in alternative for alternative in page.values("alt"))
-
-    def test_a_title_may_be_a_number_or_a_list(self, odd):
-        for title in (2026, ["a", "<b>"]):
-            tables = replace(odd[0], manifest={**odd[0].manifest, "title": title})
-            assert Page(render_page(tables, {})).texts.count(str(title)) == 2
-
-    def test_the_outcome_comes_first(self, odd):
-        tables, _ = odd
-        text = page_of(tables).text
-        outcome = text[text.index("Outcome") : text.index("What was run Missions")]
-        assert outcome.startswith(f"Outcome algorithm toy {ODD} average rank BO-ACO 0.")
-        assert "4 runs are not done , and scored all the same" in outcome
-
-    @pytest.mark.slow
-    def test_travel_budgets_where_there_are_any(self, odd, tmp_path):
-        assert "max length" not in page_of(odd[0]).text
-        records = random_records(["toy", "far"], ["A"], (1, 2))
-        tables = study(tmp_path, ["toy", "far"], records)
-        tables.missions["max_length"] = [4.5, math.nan]
-        write_report(tables)
-        text = page_of(tables).text
-        assert "min survival max length nodes" in text
-        assert "0 4.500 5 12 2 10" in text
-        assert "0 – 5 12 2 10" in text
-
-    def test_what_was_run(self, odd):
-        text = page_of(odd[0]).text
-        assert "2 missions, 4 algorithms, 3 seeds; 20 runs, 16 done; 4 missing." in text
-        assert "Seeds 1, 2, 3" in text
-        assert "others with BO-ACO, at a significance level of 0.05" in text
-        assert "toy toy robots=2 10,000 0 5 12 2 10" in text
-
-    def test_nodes_and_arcs_of_kinds_count_once(self, tmp_path):
-        mission = load_mission("building", robots=2, wheeled=1)
-        study = make_study(tmp_path, {"two kinds": mission}, algorithms("A"), [])
-        row = mission_table(study).cells.iloc[0]
-        assert (row["nodes"], row["arcs"]) == (54, 126)
-
-    @pytest.mark.parametrize("kind", ["union", "best-known"])
-    def test_what_the_reference_is(self, odd, kind):
-        tables = replace(odd[0], manifest={**odd[0].manifest, "reference": kind})
-        known = Page(render_page(tables, {})).text
-        said = "from the reference front, what all runs on a mission found together{}; 0 is best."
-        with_known = ", with the best known front of the library"
-        assert said.format(with_known if kind == "best-known" else "") in known
-
-    def test_what_is_lost_is_said(self, odd):
-        text = page_of(odd[0]).text
-        assert "scored as the plan that brings nothing back: area 0" in text
-        assert "toy lost 1 failed error ValueError: <boom> & bust 0" in text
-        assert f"{ODD} lost 3 timeout error stopped after 60 seconds 0" in text
-        assert "Runs without any recorded front are not in it." in text
-        assert "Runs without a front reach nothing." in text
-        assert "runs n not done area area low area high" in text
-        assert "lost 3 3 0 0 0 0" in text
-
-    def test_figures_are_in_it(self, odd):
-        tables, _ = odd
-        page = page_of(tables)
-        n_figures = 2 * len(figure_names("toy")) + 1  # and one of both missions
-        assert page.tags.count("img") == n_figures
-        assert page.tags.count("figcaption") == n_figures
-        first = next(value for value in page.values("src"))
-        assert first.startswith("data:image/png;base64,iVBORw0KGgo")
-
-    def test_each_verdict_is_said_once(self, odd):
-        """In a word, beside its numbers."""
-        tables, _ = odd
-        page = page_of(tables)
-        pattern = r"(better|worse), \w+|no difference found"
-        said = [text for text in page.texts if re.fullmatch(pattern, text)]
-        assert len(said) == len(tables.comparisons)
-        found = tables.comparisons[tables.comparisons["significant"]]
-        assert len(found)
-
-
-@pytest.mark.slow
-class TestHardStudies:
-    def test_one_mission_one_algorithm_one_seed(self, tmp_path):
-        tables = study(tmp_path, ["toy"], random_records(["toy"], "A", (1,)))
-        names = {path.name for path in write_report(tables)}
-        assert names == {
-            *FIXED_NAMES,
-            *figure_names("toy", without=["difference"]),
-        }
-        text = page_of(tables).text
-        assert "1 mission, 1 algorithm, 1 seed; 1 run, all done." in text
-        assert "All runs are done." in text
-
-    def test_no_run_has_a_front(self, tmp_path):
-        tables = study(tmp_path, ["toy"], [r for x in "AB" for r in lost("toy", x, (1, 2))])
-        names = {path.name for path in write_report(tables)}
-        assert names == {*FIXED_NAMES, *AREAS_ONLY}
-        assert "A 0 (1.5) B 0 = (1.5)" in page_of(tables).text
-
-    def test_a_mission_without_runs(self, tmp_path):
-        labels = ["A", "B"]
-        tables = study(
-            tmp_path, ["toy", "later"], random_records(["toy"], "A", (1,)), labels=labels
-        )
-        names = {path.name for path in write_report(tables)}
-        assert not any("later" in name for name in names)
-        assert f"later {TOY.title} No runs yet." in page_of(tables).text
-
-    def test_a_study_without_any_run(self, tmp_path):
-        tables = study(tmp_path, ["toy"], [], labels=["A"])
-        assert {path.name for path in write_report(tables)} == set(FIXED_NAMES)
-        assert "0 runs" in page_of(tables).text
-
-
-class TestRivals:
-    def test_the_control_and_the_best_other(self, tmp_path):
-        records = random_records(["toy"], "ABC", (1, 2), n_records=1)
-        for control, expected in (("A", ("A", "C")), ("C", ("C", "B")), (None, ("C", "B"))):
-            tables = study(tmp_path / str(control), ["toy"], records, control=control)
-            assert rivals(tables) == expected
-
-
-class TestWords:
     def test_numbers_and_settings(self):
-        for written, text in (
-            (number_text(0.12345), "0.1235"),
-            (number_text(0.00123456), "0.001235"),
-            (number_text(123456.7), "123,457"),
-            (number_text(1.234e-9), "1.234e-09"),
-            (number_text(12.345), "12.35"),
-            (number_text(0), "0"),
-            (number_text(math.inf), "inf"),  # the gap of runs without a front
-            (number_text(10_000.0), "10,000"),
-            (number_text(3.5), "3.500"),
-            (
-                parameter_words({"a": 1, "b": None, "c": "x", "d": [0.5]}),
-                "a=1, b=null, c=x, d=[0.5]",
-            ),
-        ):
-            assert written == text
+        numbers = {0.12345: "0.1235", 0.00123456: "0.001235", 123456.7: "123,457", 0: "0"}
+        numbers |= {1.234e-9: "1.234e-09", 12.345: "12.35", 10_000.0: "10,000", 3.5: "3.500"}
+        numbers |= {math.inf: "inf"}  # the gap of runs without a front
+        assert {number: number_text(number) for number in numbers} == numbers
+        words = parameter_words({"a": 1, "b": None, "c": "x", "d": [0.5]})
+        assert words == "a=1, b=null, c=x, d=[0.5]"
+
+
+@dataclass
+class Cell:
+    """A cell of the matrix, taken apart."""
+
+    text: str
+    mark: str
+    rank: str
+    best: bool
+
+
+def cells_of(tables):
+    """The rows of the matrix, by the text of their first cell."""
+    table, rows = matrix(tables), {}
+    first, *columns = table.cells
+    for i, row in enumerate(table.cells.to_dict("records")):
+        parts = [re.fullmatch(r"(\S+) ?([+=–]?) ?\(?([\d.]*)\)?", row[c]).groups() for c in columns]
+        best = [table.bold[c][i] for c in columns]
+        rows[row[first]] = [Cell(*of, is_best) for of, is_best in zip(parts, best, strict=True)]
+    return rows
+
+
+def marks_of(tables):
+    return {
+        label: "".join(cell.mark or "." for cell in of) for label, of in cells_of(tables).items()
+    }
+
+
+AREAS = {
+    "m": {"A": 0.3 + STEPS, "B": 0.4 + STEPS, "C": 0.2 + STEPS},
+    "n": {"A": 0.3 + STEPS, "B": 0.3 + STEPS, "C": [0.1]},
+}
+
+
+class TestMatrix:
+    def test_marks_are_against_the_control(self, tmp_path):
+        tables = judged(tmp_path, AREAS, control="A")
+        found = cells_of(tables)
+        assert list(matrix(tables).cells)[:3] == [" algorithm", "m", "n"]
+        assert marks_of(tables) == {"A": "...", "B": "+=.", "C": "–.."}
+        assert [cell.text for cell in found["B"]] == ["0.4000", "0.3000", "1.250"]
+        assert [cell.text for cell in found["C"]] == ["0.2000", "0.1000", "3"]
+        assert [cell.rank for cell in found["A"][:2]] == ["2", "1.5"]
+        assert [cell.best for cell in found["B"][:2]] == [True, True]
+        assert "+ is better than A, – worse" in matrix_caption(tables)
+        pairs = {control: (control, other) for control, other in ("AB", "BA", "CB")}
+        for control, pair in {**pairs, None: ("B", "A")}.items():
+            comparison = {"control": control, "significance": 0.05}
+            changed = replace(tables, manifest={**tables.manifest, "comparison": comparison})
+            assert rivals(changed.of_mission("m")) == pair
+
+    def test_without_control_they_are_against_the_best(self, tmp_path):
+        assert marks_of(judged(tmp_path, AREAS)) == {"A": "–..", "B": ".=.", "C": "–.."}
+
+    def test_a_larger_median_can_lose(self, tmp_path):
+        """Most of B's runs beat most of A's, but the middle of A's is a little higher."""
+        areas = {"m": {"A": [0.1] * 7 + [0.502] * 8, "B": [0.5] * 8 + [0.6] * 7}}
+        [[a], [b]] = cells_of(judged(tmp_path, areas)).values()
+        assert (a.best, b.best, b.mark) == (True, False, "+")
+
+    def test_one_ulp_is_a_tie(self, tmp_path):
+        ulps = [np.nextafter(0.5, 1)] * 8
+        tables = judged(tmp_path, {"m": {"A": [0.5] * 8, "B": ulps, "C": [0.4] * 8}})
+        cells = {label: of[0] for label, of in cells_of(tables).items()}
+        assert [(cells[x].rank, cells[x].mark) for x in "ABC"] == [
+            ("1.5", ""),
+            ("1.5", "="),
+            ("3", "–"),
+        ]
+        assert [cells[x].best for x in "ABC"] == [True, True, False]
+        summary = tables.summary.set_index("algorithm")["rank"]
+        assert summary.to_dict() == {"A": 1.5, "B": 1.5, "C": 3.0}
+
+    def test_without_areas_it_is_of_what_is_compared(self, tmp_path):
+        areas = {"m": {"A": 0.4 + STEPS, "B": 0.5 + STEPS}}
+        tables = judged(tmp_path, areas, indicators=["igd_plus"])
+        [[a], [b]] = cells_of(tables).values()
+        assert (a.mark, b.best) == ("–", True)
+        assert matrix_caption(tables).startswith("Median IGD+ over runs")
+
+    def test_the_longer_list_goes_down_the_page(self, tmp_path):
+        found = matrix(judged(tmp_path, {m: {"A": [0.3], "B": [0.4]} for m in "mno"}))
+        assert list(found.cells) == [" mission", "A", "B"]
+        assert found.cells[" mission"].tolist() == ["m", "n", "o", " average rank"]
+
+    def test_marks_are_those_of_the_comparisons(self, tmp_path):
+        rng = np.random.default_rng(3)
+        areas = {m: {x: rng.random(8) / 2 for x in "ABCDE"} for m in "mn"}
+        tables = judged(tmp_path, areas, control="A")
+        marks, words = marks_of(tables), {"+": "better, ", "–": "worse, ", "=": "no difference"}
+        compared = tables.comparisons[tables.comparisons["indicator"] == "area"]
+        for row in compared.to_dict("records"):
+            assert words[marks[row["algorithm"]]["mn".index(row["mission"])]] in row["verdict"]
+
+
+def test_ranks_that_were_tested_are_compared_in_pairs(tmp_path):
+    """Six missions, on each of which the four rank alike."""
+    areas = {m: {x: [0.1 * (i + 1)] for i, x in enumerate("ABCD")} for m in "mnopqr"}
+    tables = judged(tmp_path, areas)
+    rows = tables.posthoc[tables.posthoc["indicator"] == "area"]
+    assert len(rows) == 6
+    # 2.569 sqrt(4 · 5 / (6 · 6)), by Demšar's table 5.
+    assert rows["critical_difference"].unique() == pytest.approx([2.569 * 0.745356], rel=2e-4)
+    apart = rows["difference"].abs() > rows["critical_difference"]
+    assert list(rows["significant"]) == list(apart)
+    assert apart.sum() == 3
+    one = {**tables.manifest, "missions": {"m": tables.manifest["missions"]["m"]}}
+    figures = draw_figures(replace(tables, manifest=one), tmp_path)[""]
+    assert [paths[0].stem for paths, _ in figures] == ["shortfalls", "critical-difference-area"]
+    page = render_page(tables, {"": figures})
+    assert "difference p (Nemenyi) A B 1 " in checked(page).text
+    assert "Post hoc by Nemenyi, whose critical difference is 1.91." in page
+    assert re.search(r'<section id="ranks">.*difference is 1.91.*</section>', page, re.DOTALL)
+    assert page.count("<figure>") == 2
+
+
+def test_targets_are_those_of_the_reference_front(tmp_path):
+    areas = {"m": {"A": [0.4, 0.4, 0.4], "B": [0.4, 0.2, 0.37]}}
+    text = page_text(judged(tmp_path, areas))
+    assert "0.9000 A 3 3 20 1 0.9000 B 2 3 20 1 0.9500 A 3 3 20 1 0.9500 B 1 3 – –" in text
+
+
+class TestTwoParameterGrids:
+    columns = ("algorithm", "name", "p", "q")
+
+    def test_rows_and_columns_ascend(self):
+        rows = [(f"A (p={p}, q={q})", "x", p, q) for p in (100, 50) for q in (0.2, 0.1)]
+        rows.append(("random", "y", None, None))
+        frame = pd.DataFrame(rows, columns=self.columns).assign(family=["A"] * 4 + ["random"])
+        [(family, grid)] = two_parameter_grids(frame).items()
+        assert (family, grid.index.name, grid.columns.name) == ("A", "p", "q")
+        assert (list(grid.index), list(grid.columns)) == ([50, 100], [0.1, 0.2])
+        assert grid.loc[50, 0.1] == "A (p=50, q=0.1)"
+
+    @pytest.mark.parametrize(
+        "rows",
+        [
+            [],
+            [("A", "x", 1, 1), ("B", "x", 1, 2)],  # one parameter
+            [("A", "x", 1, 1), ("B", "y", 2, 2)],  # two algorithms
+            [("A", "x", 1, 1), ("B", "x", 2, 2), ("C", "x", 1, 1)],  # one cell twice
+        ],
+    )
+    def test_anything_else_is_none(self, rows):
+        frame = pd.DataFrame(rows, columns=self.columns).assign(family="F")
+        assert two_parameter_grids(frame) == {}
+
+
+RESULTS = Path(__file__).parents[2] / "results"
+SPECIAL = "MOEA {x}_1^2 #5 & 100 % ~ \\ [b] <c|d>"
+LABELS = ["BO-ACO, journal", "NSGA-II (repair=safest-path, pop_size=1000)", SPECIAL]
+GREEK = "[αβγδεζηθικλμνξοπρςστυφχψω] − ± × ≤ ≥"
+HEADINGS = ["seconds", "algorithm", "mission", "average rank", "area", GREEK]
+
+
+def committed(name):
+    """The study of which the repository holds the small tables."""
+    folder, tables = RESULTS / name, {}
+    for table, schema in SCHEMAS.items():
+        path = folder / f"{table}.csv"
+        read = pd.read_csv(path) if path.exists() else pd.DataFrame()
+        tables[table] = read.reindex(columns=[*schema])
+    return StudyTables(folder, json.loads((folder / "study.json").read_text("utf-8")), **tables)
+
+
+@pytest.fixture(scope="module")
+def special(tmp_path_factory):
+    """Long labels with special characters; an algorithm without a front on one of two missions."""
+
+    def outcome(run):
+        if (run.mission.label, run.algorithm.label) == ("toy", "lost"):
+            return Outcome("failed", "error", error="it broke")
+        return None if run.algorithm.label == "lost" else growing(run, n_records=1)
+
+    content = content_of(["toy", SPECIAL], [*LABELS, "lost"])
+    return made_study(tmp_path_factory.mktemp("special"), content, outcome)
+
+
+@pytest.fixture(scope="module")
+def headings(tmp_path_factory):
+    """Labels that are headings of the report, too, or begin as an option of LaTeX."""
+    content = content_of(HEADINGS, HEADINGS[1:])
+    folder = tmp_path_factory.mktemp("headings")
+    return made_study(folder, content, lambda run: growing(run, n_records=1))
+
+
+def rows_of(latex):
+    """Cells of all rows."""
+    lines = [line.removesuffix(r" \\") for line in latex.splitlines() if line.endswith(r" \\")]
+    return [[cell.strip() for cell in re.split(r"(?<!\\)&", line)] for line in lines]
+
+
+class TestLatex:
+    def test_special_characters_are_escaped(self, special):
+        escaped = (
+            r"MOEA \{x\}\_1\textasciicircum 2 \#5 \& 100 \% \textasciitilde \space "
+            r"\textbackslash \space {[}b] \textless{}c\textbar{}d\textgreater{}"
+        )
+        assert escaped in tables_latex(special)["summary.tex"]
+
+    def test_rows_have_all_columns(self, special):
+        sizes = {"outcome": (4, 4), "summary": (13, 7), "comparisons": (10, 27), "ranks": (3, 12)}
+        for name, (n_columns, n_rows) in sizes.items():
+            header, *rows = rows_of(tables_latex(special)[f"{name}.tex"])
+            assert len(header) == n_columns
+            assert [len(row) for row in rows if row[1:] != header[1:]] == [n_columns] * n_rows
+
+    def test_what_is_best_or_significant_is_bold(self, tmp_path):
+        tables = judged(tmp_path, AREAS)
+        latex = tables_latex(tables)
+        assert "% Median area over runs, the best on a mission bold" in latex["outcome.tex"]
+        assert latex["outcome.tex"].count(r"\bfseries") == 4  # two on n, and one over both
+        rows = rows_of(latex["comparisons.tex"])
+        bold = [row for row in rows if row[5].startswith(r"\bfseries")]
+        assert len(bold) == tables.comparisons["significant"].sum() > 0
+        assert "no Friedman test" in latex["ranks.tex"]
+
+    def test_labels_may_be_headings(self, headings):
+        header, *rows = rows_of(tables_latex(headings)["outcome.tex"])
+        assert header[:-1] == ["", *HEADINGS[1:-1]]
+        assert [row[0] for row in rows] == [*HEADINGS[:-1], header[-1], "average rank"]
+        assert matrix(headings).html(1).count("average rank") == 3  # a mission, an algorithm, ours
+
+
+PDFLATEX = shutil.which("pdflatex")
+DOCUMENT = r"""\documentclass[conference]{IEEEtran}
+\usepackage{booktabs,graphicx}
+\begin{document}
+\title{T}\author{A}\maketitle
+\begin{table}\caption{C}\input{small}\end{table}
+\begin{table*}\caption{C}\input{baselines}\end{table*}
+\begin{table*}\caption{C}\input{outcome}\end{table*}
+\begin{table*}\input{summary}\end{table*}
+\begin{table*}\input{comparisons}\end{table*}
+\begin{table}\input{ranks}\end{table}
+\end{document}
+"""
+
+
+@pytest.mark.skipif(PDFLATEX is None, reason="pdflatex is not installed")
+@pytest.mark.parametrize("labels", ["special", "headings"])
+def test_tables_are_no_wider_than_a_two_column_page(labels, tmp_path, request):
+    texts = tables_latex(request.getfixturevalue(labels))
+    for name, known in (("small", "smoke"), ("baselines", "baselines")):
+        texts[f"{name}.tex"] = tables_latex(committed(known))["outcome.tex"]
+    for name, text in {**texts, "document.tex": DOCUMENT}.items():
+        (tmp_path / name).write_text(text, "utf-8")
+    command = [PDFLATEX, "-draftmode", "-interaction=nonstopmode", "-halt-on-error", "document"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=120, check=False)
+    said = done.stdout.decode("utf-8", "replace")
+    assert done.returncode == 0, said[-2_000:]
+    over = [float(size) for size in re.findall(r"Overfull \\[hv]box \(([\d.]+)pt", said)]
+    assert max(over, default=0) <= 2.0

@@ -1,89 +1,34 @@
-"""Studies in this process: what is run, what is kept, what becomes of it."""
+"""Studies in this process: what is run, what is kept and merged, what becomes of it."""
 
 import errno
 import json
+import re
 import shutil
 import sys
+from dataclasses import replace
 from unittest import mock
 
 import numpy as np
 import pandas as pd
 import pytest
+from pymoo.optimize import minimize
+from rich.cells import cell_len
+from typer.testing import CliRunner
 
-from botohe_moo import BOTOHE, area_indicator, load_mission
+from botohe_moo import BOTOHE, area_indicator, load_mission, make_algorithm
+from botohe_moo.cli.study import _plan_table, study_app
 from botohe_moo.mission.loading import save_mission
+from botohe_moo.study import StudyError, make_tables, merge_studies, read_study, run_study, runner
 from botohe_moo.study import folder as run_folder
-from botohe_moo.study import make_tables, read_study, run_study, runner
 from botohe_moo.study import tables as table_files
 from botohe_moo.study.folder import StudyFolder, restore_study
 from botohe_moo.study.loading import load_study
-from botohe_moo.study.model import StudyError
-from botohe_moo.study.perform import Outcome, Record
+from botohe_moo.study.perform import Outcome
 from botohe_moo.study.pool import WorkerPool
-from botohe_moo.study.runner import Plan
 from botohe_moo.study.tables import INDEX, SCHEMAS, as_table, write_tables
+from tests.study.made import MADE, Watcher, assert_same, outcome_of, study_of, watched
 
 pytestmark = pytest.mark.usefixtures("in_process")
-
-MADE = "tests.study.algorithms_made"
-TIMES = {"began", "seconds", "recording_seconds", "seconds_median", "bound_seconds", "traceback"}
-TABLES = tuple(SCHEMAS)
-
-
-def study_of(**changes):
-    return {
-        "name": "trial",
-        "missions": ["toy"],
-        "algorithms": ["random", "greedy"],
-        "budget": {"evaluations": 300},
-        "seeds": 2,
-        **changes,
-    }
-
-
-def without_times(tables, leave_out=()):
-    return {
-        name: getattr(tables, name).drop(
-            columns=[c for c in getattr(tables, name) if c in TIMES or c in leave_out]
-        )
-        for name in TABLES
-    }
-
-
-def assert_same(one, other):
-    one, other = without_times(one), without_times(other)
-    for name in TABLES:
-        pd.testing.assert_frame_equal(one[name], other[name], obj=name)
-
-
-class Watcher:
-    """Notes what is performed."""
-
-    def __init__(self):
-        self.performed, self.plan, self.records, self.bounded = [], None, 0, []
-
-    def __call__(self, about, news):
-        note = {Plan: self.begin, Record: self.record, Outcome: self.end}
-        note.get(type(news), self.end_bound)(about, news)
-
-    def begin(self, study, plan):
-        self.plan = plan
-
-    def record(self, run, record):
-        self.records += 1
-
-    def end(self, run, outcome):
-        self.performed.append((run.algorithm.label, run.seed, outcome.status))
-
-    def end_bound(self, mission, bound):
-        self.bounded.append((mission.label, bound if isinstance(bound, str) else None))
-
-
-def watched(source, folder, **options):
-    watcher = Watcher()
-    tables = run_study(source, folder, progress=watcher, **options)
-    return tables, watcher
-
 
 FLOOR = 0.5
 
@@ -102,66 +47,57 @@ def done(tmp_path_factory):
             "dying": f"{MADE}:Dying",
         },
         budget={"evaluations": 200, "seconds": 1, "grace_seconds": 0.2},
-        seeds=2,
+        seeds=1,
         comparison={"control": "random"},
     )
     with mock.patch.object(runner, "WorkerPool", WorkerPool):
         return run_study(source, tmp_path_factory.mktemp("study"), workers=2)
 
 
-def runs_of(tables, algorithm, mission="plant"):
-    runs = tables.runs
-    return runs[(runs["algorithm"] == algorithm) & (runs["mission"] == mission)]
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, in_process):
+    folder = tmp_path_factory.mktemp("finished")
+    run_study(study_of(), folder)
+    return folder
+
+
+@pytest.fixture
+def small(finished, tmp_path):
+    """A copy of a finished study's folder."""
+    return shutil.copytree(finished, tmp_path / "copy")
 
 
 class TestWhatComesOfRuns:
     def test_each_is_reported_as_such(self, done):
-        columns = ["status", "stopped_by", "error"]
-        by = {label: runs_of(done, label)[columns].iloc[0] for label in done.algorithm_labels}
-        assert {label: (row["status"], row["stopped_by"]) for label, row in by.items()} == {
-            "random": ("done", "evaluations"),
-            "sampler": ("done", "evaluations"),
-            "raising": ("failed", "error"),
-            "infeasible": ("infeasible", "evaluations"),
-            "never": ("timeout", "limit"),
-            "dying": ("failed", "error"),
+        runs = done.runs.set_index("algorithm")
+        ends = dict(zip(runs.index, runs[["status", "stopped_by"]].values.tolist(), strict=True))
+        assert ends == {
+            "random": ["done", "evaluations"],
+            "sampler": ["done", "evaluations"],
+            "raising": ["failed", "error"],
+            "infeasible": ["infeasible", "evaluations"],
+            "never": ["timeout", "limit"],
+            "dying": ["failed", "error"],
         }
-        assert by["raising"]["error"] == "RuntimeError: out of luck"
-        assert runs_of(done, "raising")["traceback"].str.contains("_advance").all()
-        assert "SIGABRT" in by["dying"]["error"]
-        assert "killed" in by["never"]["error"]
-        assert runs_of(done, "random")["error"].isna().all()
-
-    def test_nobody_spends_more_than_the_budget(self, done):
-        assert (done.runs["evaluations"] <= 200).all()
-        assert (runs_of(done, "sampler")["evaluations"] == 200).all()
+        assert runs["error"]["raising"] == "RuntimeError: out of luck"
+        assert "_advance" in runs["traceback"]["raising"]
+        assert "SIGABRT" in runs["error"]["dying"]
+        assert "killed" in runs["error"]["never"]
+        assert pd.isna(runs["error"]["random"])
+        assert (runs["evaluations"] <= 200).all()
+        assert done.summary.set_index("algorithm")["n_not_done"].tolist() == [0, 0, 1, 1, 1, 1]
 
     def test_runs_without_a_front_are_scored_as_bringing_nothing(self, done):
         values = done.indicators.set_index(["indicator", "algorithm"])["value"]
         for label in ("raising", "infeasible", "dying"):
-            assert (runs_of(done, label)["area"] == 0).all()
-            # NaN-free, and as bad as the base alone.
-            assert (values["igd_plus"][label] > 0).any()
-            assert np.isfinite(values["igd_plus"][label]).all()
-        assert (values["front_size"]["raising"] == 0).all()
+            assert values["area"][label] == values["front_size"][label] == 0
+            assert 0 < values["igd_plus"][label] < np.inf
 
     def test_what_a_killed_run_had_found_counts(self, done):
-        never = runs_of(done, "never")
-        assert (never["area"] > 0).all()
-        assert (never["evaluations"] == 20).all()
-        found = done.plans[done.plans["run"] == never["run"].iloc[0]]
-        assert len(found) == never["front_size"].iloc[0]
-
-    def test_the_summary_counts_them(self, done):
-        summary = done.summary.set_index(["mission", "algorithm"])["n_not_done"]
-        assert summary["plant", "raising"] == summary["plant", "never"] == 2
-        assert summary["plant", "random"] == 0
-
-
-class TestTables:
-    def test_they_are_of_their_schemas(self, done):
-        for name in TABLES:
-            as_table(name, getattr(done, name))
+        never = done.runs.set_index("algorithm").loc["never"]
+        assert never["area"] > 0
+        assert never["evaluations"] == 20
+        assert (done.plans["algorithm"] == "never").sum() == never["front_size"]
 
     def test_every_row_can_be_evaluated_again(self, done):
         for (label, run), rows in done.plans.groupby(["mission", "run"]):
@@ -172,40 +108,30 @@ class TestTables:
             assert np.allclose(found, rows[["reward", "survivors"]], rtol=1e-9)
             area = done.runs.set_index("run")["area"][run]
             assert area_indicator(found, mission) == pytest.approx(area, rel=1e-9)
+        with pytest.raises(KeyError, match="found 0"):
+            done.plan(done.runs["run"].iloc[0], 10**6)
 
     def test_runs_trace_and_fronts_agree(self, done):
-        last = done.trace.groupby("run").last()
-        runs = done.runs.set_index("run")
+        last, runs = done.trace.groupby("run").last(), done.runs.set_index("run")
         for column in ("evaluations", "area", "front_size"):
             assert (last[column] == runs.loc[last.index, column]).all()
-        for (run, evaluations), points in done.fronts.groupby(["run", "evaluations"]):
+        areas = done.trace.set_index(["run", "evaluations"])["area"]
+        for key, points in done.fronts.groupby(["run", "evaluations"]):
             mission = done.mission(points["mission"].iloc[0])
-            row = done.trace[
-                (done.trace["run"] == run) & (done.trace["evaluations"] == evaluations)
-            ]
-            [area] = row["area"]
-            assert area_indicator(points[["reward", "survivors"]], mission) == area
+            assert area_indicator(points[["reward", "survivors"]], mission) == areas[key]
 
     def test_a_run_can_be_repeated_from_its_row(self, done):
-        row = runs_of(done, "random").iloc[0]
-        from pymoo.optimize import minimize
+        row = done.runs.set_index("algorithm").loc["random"]
+        problem = BOTOHE(load_mission("power_plant", robots=3), min_survival=FLOOR)
+        spent = ("n_eval", int(row["evaluations"]))
+        result = minimize(problem, make_algorithm("random"), spent, seed=int(row["seed"]))
+        assert area_indicator(-result.F, problem.mission) == row["area"]
 
-        from botohe_moo import make_algorithm
-
-        result = minimize(
-            BOTOHE(load_mission("power_plant", robots=3), min_survival=FLOOR),
-            make_algorithm("random"),
-            ("n_eval", int(row["evaluations"])),
-            seed=int(row["seed"]),
-        )
-        assert area_indicator(-result.F, result.problem.mission) == row["area"]
-
-    def test_travel_budgets_are_in_the_tables(self, tmp_path):
+    def test_travel_budgets_are_kept_and_in_the_tables(self, tmp_path):
         missions = {"near": {"mission": "toy", "max_length": 4}, "far": "toy"}
         source = study_of(missions=missions, algorithms=["nsga2"], seeds=1)
         tables = run_study(source, tmp_path)
-        assert set(tables.runs["status"]) == {"done"}
-        for table in (tables.runs, tables.missions, pd.read_csv(tmp_path / "missions.csv")):
+        for table in (tables.runs, tables.missions):
             limits = table.set_index("mission")["max_length"]
             assert limits["near"] == 4
             assert pd.isna(limits["far"])
@@ -216,6 +142,8 @@ class TestTables:
         assert longest["near"] == 4 < longest["far"]
         assert [mission.max_length for mission in restore_study(tmp_path).missions] == [4, None]
 
+
+class TestTables:
     def test_types_and_numbers_come_back(self, tmp_path):
         columns = {
             "mission": ['a, "b"\nc', "ε", "NA"],
@@ -242,6 +170,7 @@ class TestTables:
         assert dict(read.missions.dtypes.astype(str))["bound_area"] == "float64"
 
     def test_what_is_not_of_its_schema_is_not_written(self, done):
+        as_table("runs", done.runs)
         for changed in (
             done.runs.drop(columns="evaluations"),
             done.runs.assign(area="high"),
@@ -250,25 +179,22 @@ class TestTables:
             with pytest.raises((TypeError, ValueError)):
                 as_table("runs", changed)
 
-    def test_plans_that_are_not_there(self, done):
-        with pytest.raises(KeyError, match="found 0"):
-            done.plan(done.runs["run"].iloc[0], 10**6)
-
-    def test_damaged_tables_are_named(self, small):
-        for name, damage in (
+    @pytest.mark.parametrize(
+        ("name", "damage"),
+        [
             ("trace.csv.gz", b"\x1f\x8b"),
             ("runs.csv", b"run,mission\n"),
+            ("plans.csv.gz", None),
             (INDEX, b"{"),
             (INDEX, b"[]"),
             (INDEX, b'{"tables": {"runs": 7}}'),
-        ):
-            whole = (small / name).read_bytes()
+        ],
+    )
+    def test_damaged_tables_are_named(self, small, name, damage):
+        (small / name).unlink()
+        if damage is not None:
             (small / name).write_bytes(damage)
-            with pytest.raises(StudyError, match=rf"{name}: cannot be read.*study tables"):
-                read_study(small)
-            (small / name).write_bytes(whole)
-        (small / "plans.csv.gz").unlink()
-        with pytest.raises(StudyError, match=r"plans\.csv\.gz: cannot be read.*study tables"):
+        with pytest.raises(StudyError, match=rf"{name}: cannot be read.*study tables"):
             read_study(small)
 
     def test_tables_of_another_version_are_named(self, small):
@@ -278,13 +204,9 @@ class TestTables:
         with pytest.raises(StudyError, match=r"tables are of another version.*study tables"):
             read_study(small)
         (small / INDEX).unlink()
-        (small / "runs.parquet").write_bytes(b"PAR1")
-        with pytest.raises(
-            StudyError, match=r"not written yet, or by an older version.*study tables"
-        ):
+        with pytest.raises(StudyError, match=r"or by an older version.*study tables"):
             read_study(small)
-        assert len(make_tables(small).runs) == 4
-        assert len(read_study(small).runs) == 4
+        assert len(make_tables(small).runs) == len(read_study(small).runs) == 4
 
     def test_earlier_ones_stay_readable_while_a_changed_study_runs(self, small):
         before, seen = read_study(small), []
@@ -293,13 +215,12 @@ class TestTables:
             def end(self, run, outcome):
                 seen.append(read_study(small))
 
-        after = run_study(study_of(seeds=3), small, progress=Reading())
-        assert len(seen) == 2
-        for tables in seen:
-            assert_same(tables, before)
-            assert tables.manifest["seeds"] == [1, 2]
-            assert tables.mission("toy") == load_mission("toy")
-        assert len(after.runs) == 6
+        after = run_study(study_of(seeds=3, algorithms=["greedy"]), small, progress=Reading())
+        [tables] = seen
+        assert_same(tables, before)
+        assert tables.manifest["seeds"] == [1, 2]
+        assert tables.mission("toy") == load_mission("toy")
+        assert len(after.runs) == 3
 
     @pytest.mark.parametrize("n_written", [0, 12])
     def test_a_kill_while_they_are_written_is_noticed(self, small, monkeypatch, n_written):
@@ -328,10 +249,8 @@ class TestTables:
     def test_they_are_made_without_the_file_and_the_packages(self, tmp_path, monkeypatch):
         """Of the folder alone: no code is called, and no file outside of it is read."""
         (tmp_path / "elsewhere").mkdir()
-        (tmp_path / "elsewhere" / "mine_for_a_while.py").write_text(
-            "from botohe_moo import load_mission\n"
-            "from botohe_moo.algorithms.bo_aco.algorithm import RandomTrails as Ants\n"
-        )
+        code = "from botohe_moo.algorithms.bo_aco.algorithm import RandomTrails as Ants\n"
+        (tmp_path / "elsewhere" / "mine_for_a_while.py").write_text(code)
         save_mission(load_mission("toy"), tmp_path / "elsewhere" / "site.json")
         monkeypatch.syspath_prepend(tmp_path / "elsewhere")
         source = study_of(
@@ -340,6 +259,7 @@ class TestTables:
                 "mine": {"algorithm": "mine_for_a_while:Ants", "grid": {"n_ants": [10, 20]}},
                 "random": "random",
             },
+            seeds=1,
             recording={"at": [7]},
             title="As it was",
             comparison={"control": "random", "significance": 0.1},
@@ -354,30 +274,32 @@ class TestTables:
             load_study(tmp_path / "out" / "study.yaml")
         moved = (tmp_path / "out").rename(tmp_path / "moved")
         assert [run.digest for run in restore_study(moved).runs()] == digests
-        for name in TABLES:
-            [path.unlink() for path in moved.glob(f"{name}.csv*")]
+        for path in moved.glob("*.csv*"):
+            path.unlink()
         after = make_tables(moved)
         assert_same(after, before)
         assert after.manifest == before.manifest
 
-    def test_a_mission_that_was_changed_is_named(self, small):
-        path = next((small / "missions").iterdir())
-        content = json.loads(path.read_text())
-        content["edges"][0]["survival"] *= 0.5
-        path.write_text(json.dumps(content))
-        with pytest.raises(StudyError, match=rf"{path}: damaged \(it was changed"):
-            make_tables(small)
-
-    def test_damaged_files_of_the_study_are_named(self, small):
-        for name, damage in (
-            ("missions/*.json", "{"),
-            ("study.json", '{"name": "s", "missions": [7]}'),
-            ("study.json", ""),
-        ):
-            [path] = small.glob(name)
-            path.write_text(damage)
-            with pytest.raises(StudyError, match=rf"{path}: damaged \(.*; remove the file"):
-                make_tables(small)
+    @pytest.mark.parametrize(
+        ("name", "damage", "said"),
+        [
+            ("missions/*.json", lambda data: data.replace(b"0.9", b"0.8"), "it was changed"),
+            ("missions/*.json", lambda _: b"{", ".*"),
+            ("study.json", lambda _: b'{"name": "s", "missions": [7]}', ".*"),
+            ("study.json", lambda _: b"", ".*"),
+            ("runs/*.npz", lambda data: data[: len(data) // 2], ".*"),
+            ("runs/*.npz", lambda d: d[:200] + bytes([d[200] ^ 1]) + d[201:], ".*"),
+            ("runs/*.npz", lambda _: b"\x80\x04K\x01.", ".*"),  # a pickle
+        ],
+    )
+    def test_damaged_files_of_the_study_are_named(self, small, name, damage, said):
+        path = min(small.glob(name))
+        before = path.read_bytes()
+        path.write_bytes(damage(before))
+        assert path.read_bytes() != before
+        for work in (make_tables, lambda folder: merge_studies([folder], small.parent / "all")):
+            with pytest.raises(StudyError, match=rf"{path.name}: damaged \({said}.*; remove"):
+                work(small)
 
     def test_a_run_under_the_name_of_another_is_named(self, small):
         one, other, *_ = sorted((small / "runs").glob("*.npz"))
@@ -395,123 +317,63 @@ class TestTables:
             read_study(tmp_path)
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("finished")
-    run_study(study_of(), folder)
-    return folder
-
-
-@pytest.fixture
-def small(finished, tmp_path):
-    """A copy of a finished study's folder."""
-    return shutil.copytree(finished, tmp_path / "copy")
-
-
-def a_run_of(folder):
-    return folder / "runs" / f"{read_study(folder).runs['run'][1]}.npz"
-
-
 class TestAgain:
     def test_nothing_is_performed_anew(self, small, tmp_path):
         """No run is performed, and tables stay as they are, where only a comment has changed."""
         before = {path: path.read_bytes() for path in small.glob("*.csv*")}
         path = tmp_path / "study.yaml"
         path.write_text(f"# A comment\n{json.dumps(study_of())}")
-        tables, watcher = watched(path, small)
+        _, watcher = watched(path, small)
         assert watcher.performed == []
-        assert len(tables.runs) == 4
         assert before == {path: path.read_bytes() for path in small.glob("*.csv*")}
-        assert restore_study(small).text.startswith("# A comment")
+        assert (small / "study.yaml").read_text() == path.read_text()
 
-    def test_what_has_changed_is_made_anew(self, small):
-        before = run_study(study_of(), small)
-        for path in (a_run_of(small), small / "trace.csv.gz", small / "study.json"):
-            path.unlink()
-            if path.suffix == ".npz":
-                assert (
-                    make_tables(small).missing["missing"].sum()
-                    == read_study(small).missing["missing"].sum()
-                    == 1
-                )
-            assert_same(run_study(study_of(), small), before)
-            assert_same(read_study(small), before)
+    @pytest.mark.parametrize("name", ["runs/*.npz", "trace.csv.gz", "study.json"])
+    def test_what_is_missing_is_made_anew(self, small, name):
+        before = read_study(small)
+        min(small.glob(name)).unlink()
+        if name.startswith("runs"):
+            assert make_tables(small).missing["missing"].sum() == 1
+        assert_same(run_study(study_of(), small), before)
+        assert_same(read_study(small), before)
 
     def test_only_what_is_new_is_performed(self, small, tmp_path):
         few = {"algorithm": "random", "parameters": {"n_ants": 20}}
         source = study_of(algorithms={"new": few, "random": "random", "g": "greedy"}, seeds=3)
         tables, watcher = watched(source, small)
-        assert sorted(watcher.performed) == [
-            ("g", 3, "done"),
-            ("new", 1, "done"),
-            ("new", 2, "done"),
-            ("new", 3, "done"),
-            ("random", 3, "done"),
-        ]
-        fresh = run_study(source, tmp_path / "fresh")
-        assert_same(tables, fresh)
+        expected = [("g", 3), *(("new", seed) for seed in (1, 2, 3)), ("random", 3)]
+        assert sorted(watcher.performed) == [(*run, "done") for run in expected]
+        assert_same(tables, run_study(source, tmp_path / "fresh"))
 
     def test_what_is_left_out_is_not_in_the_tables_but_kept(self, small):
         tables, watcher = watched(study_of(algorithms=["greedy"]), small)
-        assert watcher.performed == []
         assert set(tables.runs["algorithm"]) == {"greedy"}
-        tables, watcher = watched(study_of(comparison={"control": "greedy"}), small)
-        assert watcher.performed == []
+        tables, again = watched(study_of(comparison={"control": "greedy"}), small)
+        assert watcher.performed == again.performed == []
         assert set(tables.comparisons["other"]) == {"greedy"}
 
-    def test_a_damaged_run_is_named_before_others_begin(self, tmp_path):
-        folder = tmp_path / "study"
-        watched(study_of(seeds=1), folder)
-        path, *others = (folder / "runs").iterdir()
+    def test_a_damaged_run_is_named_before_others_begin(self, small):
+        path, *others = (small / "runs").iterdir()
         path.write_bytes(b"damaged")
         with pytest.raises(StudyError, match=f"{path.name}: damaged"):
-            watched(study_of(seeds=2), folder)
-        assert len([*(folder / "runs").iterdir()]) == 1 + len(others)
+            watched(study_of(seeds=3), small)
+        assert len([*(small / "runs").iterdir()]) == 1 + len(others)
 
     def test_failed_runs_are_tried_again(self, tmp_path):
-        stone = tmp_path / "stone"
+        stone, folder = tmp_path / "stone", tmp_path / "study"
         stone.touch()
-        source = study_of(
-            algorithms={
-                "x": {"algorithm": f"{MADE}:RaisingOnce", "parameters": {"path": str(stone)}}
-            },
-            seeds=1,
-        )
-        folder = tmp_path / "study"
-        with pytest.warns(UserWarning, match=r"study: all 1 runs failed, the first with: Runtime"):
-            tables, watcher = watched(source, folder)
-        assert set(tables.runs["status"]) == {"failed"}
-        with pytest.warns(UserWarning, match="all 1 runs failed"):
-            _, watcher = watched(source, folder)
-        assert [status for *_, status in watcher.performed] == ["failed"]
+        entry = {"algorithm": f"{MADE}:RaisingOnce", "parameters": {"path": str(stone)}}
+        source = study_of(algorithms={"x": entry}, seeds=1)
+        for _ in range(2):
+            with pytest.warns(UserWarning, match=r"all 1 runs failed, the first with: Runtime"):
+                tables, watcher = watched(source, folder)
+            assert watcher.performed == [("x", 1, "failed")]
         stone.unlink()
         tables, watcher = watched(source, folder)
-        assert [status for *_, status in watcher.performed] == ["done"]
+        assert watcher.performed == [("x", 1, "done")]
         assert tables.runs["error"].isna().all()
         _, watcher = watched(source, folder)
         assert watcher.performed == []
-
-    @pytest.mark.parametrize("seeds", [2, 3])
-    def test_damaged_files_are_named(self, small, seeds):
-        before = read_study(small)
-        damages = (
-            lambda data: data[: len(data) // 2],
-            lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:],
-            lambda data: b"\x80\x04K\x01.",  # a pickle
-        )
-        paths = sorted((small / "runs").iterdir())[:3]
-        for path, damage in zip(paths, damages, strict=True):
-            path.write_bytes(damage(path.read_bytes()))
-        with pytest.raises(StudyError, match=r"damaged \(.*\); remove the file, and"):
-            run_study(study_of(seeds=seeds), small)
-        for _ in paths:
-            with pytest.raises(StudyError) as caught:
-                make_tables(small)
-            [named] = [path for path in paths if str(caught.value).startswith(f"{path}: damaged (")]
-            named.unlink()
-        after, watcher = watched(study_of(), small)
-        assert len(watcher.performed) == 3
-        assert_same(before, after)
 
 
 class TestFolder:
@@ -532,13 +394,13 @@ class TestFolder:
             pytest.raises(StudyError, match="another runner is at work in this folder"),
         ):
             run_study(study_of(), small)
-        run_study(study_of(), small)
 
     def test_a_folder_is_known_when_it_holds_nothing_but_a_lock(self, tmp_path):
-        with StudyFolder(tmp_path / "out").locked(load_study(study_of())):
+        study = study_of(algorithms=["greedy"])
+        with StudyFolder(tmp_path / "out").locked(load_study(study)):
             leftover = tmp_path / "out" / "runs" / ".0123456789abcdef.tmp"
             leftover.write_bytes(b"half")  # as if killed here
-        assert len(run_study(study_of(), tmp_path / "out").runs) == 4
+        assert len(run_study(study, tmp_path / "out").runs) == 2
         assert not leftover.exists()
 
     def test_a_full_disk_loses_nothing(self, tmp_path, monkeypatch):
@@ -557,15 +419,124 @@ class TestFolder:
         _, watcher = watched(study_of(), tmp_path)
         assert len(watcher.performed) == 2
 
-    def test_the_study_is_kept_with_its_results(self, tmp_path):
-        path = tmp_path / "mine.yaml"
-        path.write_text("# mine\n" + json.dumps(study_of()))
-        tables = run_study(path, tmp_path / "out")
-        assert (tmp_path / "out" / "study.yaml").read_text() == path.read_text()
-        assert tables.mission("toy") == load_mission("toy")
-        assert len(load_study(tmp_path / "out" / "study.yaml").runs()) == 4
+    def test_the_file_of_a_run_has_all_of_it(self, tmp_path):
+        study, store = load_study(study_of()), StudyFolder(tmp_path / "study")
+        run = study.runs()[0]
+        done = outcome_of(run, [(0.4, 0.4)], [(0.6, 0.5), (0.5, 0.6)], ties=2)
+        with store.locked(study):
+            store.save(run, Outcome("failed", "error", error="it broke"))
+            found = store.load(run)
+            assert (found.status, found.error, found.records) == ("failed", "it broke", ())
+            assert store.finished([run]) == set()
+            store.save(run, done)
+        assert store.finished([run]) == {run.digest}
+        found = store.load(run)
+        assert replace(found, records=()) == replace(done, records=())
+        for one, other in zip(found.records, done.records, strict=True):
+            for name in ("evaluations", "seconds", "ties"):
+                assert getattr(one, name) == getattr(other, name)
+            assert one.objectives.tolist() == other.objectives.tolist()
+        (plans, objectives), (expected, claimed) = found.records[-1].plans, done.records[-1].plans
+        assert list(plans) == list(expected)
+        assert objectives.tolist() == claimed.tolist()
+
+    def test_workers_are_checked(self, tmp_path):
+        with pytest.raises(ValueError, match=r"Expected workers in \[1, 1024\], got 0"):
+            run_study(study_of(), tmp_path, workers=0)
 
 
-def test_workers_are_checked(tmp_path):
-    with pytest.raises(ValueError, match=r"Expected workers in \[1, 1024\], got 0"):
-        run_study(study_of(), tmp_path, workers=0)
+class TestMerged:
+    """Results of several machines become one study."""
+
+    @pytest.fixture
+    def parts(self, finished, tmp_path):
+        """Two machines' folders, whose seeds overlap: 1 and 2, 2 and 3."""
+        shutil.copytree(finished, tmp_path / "one")
+        run_study(study_of(seeds=[2, 3]), tmp_path / "two")
+        return [tmp_path / "one", tmp_path / "two"]
+
+    def test_parts_are_the_study_that_one_machine_did(self, parts, tmp_path):
+        merged = merge_studies(parts, tmp_path / "all")
+        assert_same(merged, run_study(study_of(seeds=[1, 2, 3]), tmp_path / "whole"))
+        study = load_study(tmp_path / "all" / "study.yaml")
+        assert {run.digest for run in study.runs()} == set(merged.runs["run"])
+        # One of the folders can take the others, and its own runs stay.
+        before = read_study(parts[0]).runs.set_index("run")["began"]
+        merged = merge_studies(parts[::-1], parts[0])
+        assert len(merged.runs) == 6
+        assert merged.runs.set_index("run")["began"][before.index].equals(before)
+
+    def test_what_was_stopped_or_failed_on_one_machine_comes_from_another(self, parts, tmp_path):
+        store, study = StudyFolder(parts[0]), load_study(study_of())
+        ends = {}
+        for run in study.runs()[:2]:
+            store.save(run, replace(store.load(run), status="failed", error="it broke"))
+            (parts[0] / "runs" / f"{run.digest}.npz").unlink()
+            ends[run.digest] = "done" if run.seed == 2 else "failed"
+        merged = merge_studies(parts, tmp_path / "all")
+        assert (len(merged.runs), merged.missing["missing"].sum()) == (6, 0)
+        assert merged.runs.set_index("run")["status"][[*ends]].to_dict() == ends
+
+    @pytest.mark.parametrize(
+        "other",
+        [
+            {"name": "another", "title": "Other"},
+            # Files of one name may differ.
+            {"missions": {"toy": {"mission": "toy", "robots": 1}}},
+        ],
+    )
+    def test_another_study_is_refused(self, finished, tmp_path, other):
+        run_study(study_of(**{"seeds": [4], **other}), tmp_path / "other")
+        folders = [finished, tmp_path / "other"]
+        for given, out in ((folders, tmp_path / "all"), (folders[:1], tmp_path / "other")):
+            with pytest.raises(StudyError) as caught:
+                merge_studies(given, out)
+            said = f"{folders[1]}: expected the study of {folders[0]} but for its seeds."
+            assert str(caught.value) == said
+        assert not (tmp_path / "all").exists()
+
+    def test_what_cannot_be_merged(self, finished, tmp_path):
+        with pytest.raises(StudyError, match="there is no study in this folder"):
+            merge_studies([finished, tmp_path / "nothing"], tmp_path / "all")
+        with pytest.raises(StudyError, match="Expected folders of a study, got none"):
+            merge_studies([])
+
+
+class TestCommands:
+    def invoke(self, *arguments, status=0):
+        ended = CliRunner().invoke(study_app, list(map(str, arguments)))
+        assert ended.exit_code == status, ended.output
+        return " ".join(re.sub("[│\\n]", " ", ended.output).split())
+
+    def test_plan_run_and_merge(self, tmp_path):
+        algorithms = {"bad": f"{MADE}:Raising", "good": "random"}
+        path, folder = tmp_path / "s.json", tmp_path / "out"
+        path.write_text(json.dumps(study_of(algorithms=algorithms, seeds=1)))
+        said = self.invoke("plan", path, "--out", folder)
+        assert "2 runs: 0 are there, 2 to go" in said
+        assert not folder.exists()
+        said = self.invoke("run", path, "--out", folder, status=1)
+        assert "bad on toy, seed 1: failed: RuntimeError: out of luck" in said
+        assert "1 run failed" in said
+        assert "good 1 0." in said
+        assert "2 runs: 1 are there, 1 to go" in self.invoke("plan", path, "--out", folder)
+        said = self.invoke("merge", folder, "--out", tmp_path / "all")
+        assert "2 runs merged" in said
+
+    @pytest.mark.parametrize(
+        ("arguments", "said"),
+        [
+            (["report", "nowhere"], "nowhere: there is no study in this folder"),
+            (["tables", "nowhere"], "nowhere: there is no study in this folder"),
+            (["run", "x.yaml", "--workers", "0"], "'-w': Input should be greater than or equal"),
+            (["run", "missing.yaml"], "botohe: missing.yaml: no such file or directory."),
+        ],
+    )
+    def test_bad_input(self, arguments, said):
+        assert said in self.invoke(*arguments, status=2)
+
+    def test_columns_of_the_plan_allow_for_wide_letters(self):
+        runs = load_study(study_of(missions={"美术馆": "toy", "m": "art_museum"})).runs()
+        lines = _plan_table(runner.Plan(runs, frozenset(), {})).splitlines()
+        assert len({cell_len(line) for line in lines}) == 1
+        assert len({len(line) for line in lines}) == 2
