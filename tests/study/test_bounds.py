@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from botohe_moo import load_mission
 from botohe_moo.bounds import FrontBound
+from botohe_moo.cli.progress import StudyProgress
 from botohe_moo.cli.study import study_app
 from botohe_moo.study import (
     StudyError,
@@ -21,12 +22,12 @@ from botohe_moo.study import (
     read_study,
     run_study,
 )
-from botohe_moo.study.folder import StudyFolder
+from botohe_moo.study.folder import StudyFolder, restore_study
 from botohe_moo.study.pool import WorkerPool, perform_bound
 from botohe_moo.study.report import number_text, render_page, tables_latex, write_report
 from botohe_moo.study.runner import _bound_task
 from tests.study.conftest import InProcess
-from tests.study.made import Watcher, study_of, watched
+from tests.study.made import MADE, Watcher, study_of, watched
 
 pytestmark = pytest.mark.usefixtures("in_process", "sketched")
 
@@ -80,6 +81,15 @@ class TestTables:
         assert by_floor[0.3].max_length == 6
         assert missions.loc["limited", "bound_area"] < missions.loc["toy", "bound_area"]
         assert tables.missing_bounds == []
+
+    def test_limits_are_in_the_tables(self, made):
+        tables = read_study(made)
+        for table in (tables.runs, tables.missions):
+            limits = table.drop_duplicates("mission").set_index("mission")
+            assert limits["max_length"]["limited"] == 6
+            assert np.isnan(limits["max_length"]["toy"])
+            assert limits["min_survival"].to_dict() == {"toy": 0, "limited": 0.3}
+        assert [mission.max_length for mission in restore_study(made).missions] == [None, 6]
 
     def test_a_bound_that_a_run_refutes_is_refused(self, copied):
         for path in files(copied):
@@ -231,3 +241,20 @@ def test_gaps_stand_beside_areas_in_the_report(copied):
     assert page.count("area gap</th>") == 2
     assert page.count("No plan lies beyond the line of a bound") == 2
     assert "2 seconds each" in page
+
+
+def test_progress_counts_runs_and_bounds(tmp_path):
+    shown = []
+    algorithms = {"bad": f"{MADE}:Raising", "slow": f"{MADE}:Slow"}
+    source = bounded(1, algorithms=algorithms, budget={"evaluations": 100, "seconds": 60}, seeds=1)
+    run_study(source, tmp_path, progress=StudyProgress(lambda *given: shown.append(given)))
+    words = dict.fromkeys(words for words, *_ in shown)
+    assert [*words] == [
+        "0 of 2 runs, 0 of 1 bounds",
+        "1 of 2 runs, 1 failed, 0 of 1 bounds",
+        "2 of 2 runs, 1 failed, 0 of 1 bounds",
+        "2 of 2 runs, 1 failed, 1 of 1 bounds",
+    ]
+    shares = [done / total for _, done, total in shown]
+    assert shares[0] == 0 < min(shares[1:-2]) < 0.5  # also of runs that are at work
+    assert shares[-2:] == [0, 1]  # bounds have a bar of their own

@@ -148,9 +148,9 @@ class TestBudgets:
                 return evaluate(mission, plans)
             kernels._evaluate, Mission.evaluate = watched, evaluated
             for name in ("simulated-annealing", "botohe_moo:SimulatedAnnealing.journal"):
-                for budget in (1, 97, 331):
+                for budget in (1, 97, 131):
                     n[0] = 0
-                    outcome, _ = performed(make_task(name, evaluations=budget))
+                    outcome, _ = performed(make_task(name, mission="toy", evaluations=budget))
                     assert outcome.status == "done"
                     assert outcome.evaluations == n[0] <= budget, (outcome.evaluations, n[0])
         """
@@ -209,10 +209,6 @@ class TestBudgets:
         assert (outcome.status, outcome.stopped_by) == ("done", "seconds")
         assert outcome.seconds >= 0.2
         assert outcome.evaluations % 10 == 0
-
-    def test_whichever_is_spent_first(self):
-        outcome, _ = performed(make_task("random", evaluations=300, budget={"seconds": 1_000}))
-        assert (outcome.stopped_by, outcome.evaluations) == ("evaluations", 300)
 
 
 class TestMeter:
@@ -312,23 +308,6 @@ class TestRecords:
         assert (len(record.plans[0]), record.front_size, record.ties) == (3, 2, 1)
 
 
-class TestFailures:
-    def test_what_an_algorithm_raises(self):
-        outcome, _ = performed(make_task(f"{MADE}:Raising", parameters={"message": "no way"}))
-        assert outcome.status == "failed"
-        assert outcome.error == "RuntimeError: no way"
-        assert "_advance" in outcome.traceback
-        assert outcome.evaluations == 20
-
-    def test_nothing_feasible(self):
-        mission = {"mission": "power_plant", "min_survival": 0.9999}
-        task = make_task(f"{MADE}:Infeasible", mission=mission, evaluations=100)
-        outcome, records = performed(task)
-        assert outcome.status == "infeasible", outcome.error
-        assert outcome.evaluations > 0
-        assert records == []
-
-
 @pytest.fixture(scope="module")
 def pool():
     with contextlib.closing(WorkerPool()) as made:
@@ -383,7 +362,7 @@ class TestPool:
         """At random moments, also in the middle of messages."""
         rng = random.Random(1)
         tasks = [
-            make_task("random", evaluations=20_000, at=range(100, 20_000, 100), digest=str(i))
+            make_task("random", evaluations=8_000, at=range(100, 8_000, 50), digest=str(i))
             for i in range(8)
         ]
         killed, noted, outcomes = [], [0], {}

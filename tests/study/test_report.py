@@ -245,16 +245,23 @@ class TestReport:
     def test_labels_of_any_script_and_length_can_be_drawn(self, tmp_path, monkeypatch):
         labels = ["蚁群算法", "ع_ربي 😀", "Donaudampfschifffahrtselektrizitätenwerk " * 4 + "x"]
         mission = "a very long label of a mission 美术馆 " * 4 + "y"
-        content = content_of([mission, "later"], labels)
-        tables = made_study(
-            tmp_path, content, lambda run: growing(run) if run.mission.label == mission else None
-        )
+        tables = made_study(tmp_path, content_of([mission], labels), growing)
         monkeypatch.setattr(report, "save_plot", plots.save_plot)
-        monkeypatch.setattr(report, "FORMATS", ("png", "pdf", "svg"))
-        paths = write_report(tables, workers=2)  # real pictures, by processes
-        assert len(paths) == len(FIXED_NAMES) + 3 * (len(KINDS) + 1)
-        assert {path.suffix for path in paths} == {".html", ".tex", ".png", ".pdf", ".svg"}
-        assert all(path.stat().st_size > 1_000 for path in paths if path.suffix != ".tex")
+        figures = draw_figures(tables, tmp_path)[mission]
+        assert len(figures) == len(KINDS) + 1
+        assert all(path.stat().st_size > 10_000 for paths, _ in figures for path in paths)
+
+    @pytest.mark.slow
+    def test_processes_draw_missions_in_all_formats(self, tmp_path):
+        lost = Outcome("failed", "error", error="it broke")
+        tables = made_study(tmp_path, content_of("mn", "A"), lambda _: lost)
+        figures = draw_figures(tables, tmp_path, workers=2)
+        for label in "mn":
+            [(paths, _)] = figures[label]
+            assert [path.name for path in paths] == [
+                f"areas-{label}.{e}" for e in ("png", "pdf", "svg")
+            ]
+            assert all(path.stat().st_size > 1_000 for path in paths)
 
 
 class TestWords:
