@@ -345,6 +345,7 @@ class TestAgain:
             watched(study_of(seeds=3), small)
         assert len([*(small / "runs").iterdir()]) == 1 + len(others)
 
+    @pytest.mark.filterwarnings("error:.* runs failed")
     def test_failed_runs_are_tried_again(self, tmp_path):
         stone, folder = tmp_path / "stone", tmp_path / "study"
         stone.touch()
