@@ -26,7 +26,7 @@ from botohe_moo.core.world import CHECKING
 from botohe_moo.decide import choosing, fronts, hazards
 from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator
-from botohe_moo.mission.formats.nodelink import write_node_link
+from botohe_moo.mission.formats.graphs import write_node_link
 from botohe_moo.mission.loading import read_mission
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.mission.rules import read_label

@@ -18,10 +18,10 @@ from botohe_moo.mission.formats.reading import (
     format_of,
     formats,
     is_file_name,
+    make_mission,
     stem_of,
     suffixes,
 )
-from botohe_moo.mission.formats.tables import make_mission
 
 DATA = Path(__file__).parents[1] / "data"
 FEATURES = {"type": "FeatureCollection", "features": []}

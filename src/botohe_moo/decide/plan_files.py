@@ -23,7 +23,7 @@ from botohe_moo import outcomes
 from botohe_moo.base import files as f
 from botohe_moo.base.messages import check_choice, quoted
 from botohe_moo.base.parameters import check
-from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.formats.graphs import plain_label
 from botohe_moo.mission.formats.routes import write_route_graph
 from botohe_moo.mission.hazards import places_of
 from botohe_moo.mission.model import Mission, check_mission

@@ -16,7 +16,7 @@ from botohe_moo.base import parameters as p
 from botohe_moo.base.messages import quoted
 from botohe_moo.decide.fronts import SLACK
 from botohe_moo.decide.hazards import worst_loss
-from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.formats.graphs import plain_label
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.rules import read_label
 from botohe_moo.trails import Plans

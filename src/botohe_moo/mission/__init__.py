@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from botohe_moo.mission.formats.reading import Row as Row
     from botohe_moo.mission.formats.reading import Source as Source
     from botohe_moo.mission.formats.reading import format_of as format_of
+    from botohe_moo.mission.formats.reading import mission_from_tables as mission_from_tables
     from botohe_moo.mission.formats.reading import stem_of as stem_of
-    from botohe_moo.mission.formats.tables import mission_from_tables as mission_from_tables
     from botohe_moo.mission.hazards import rewards_from_raster as rewards_from_raster
     from botohe_moo.mission.hazards import survival_from_raster as survival_from_raster
     from botohe_moo.mission.hazards import survival_from_zones as survival_from_zones

@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Hashable
-from importlib.resources import files
 from itertools import combinations, pairwise
+from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 import networkx as nx
@@ -35,6 +35,7 @@ _STEPS = 10**_DIGITS
 _LEAST = 1 / _STEPS  # the lowest survival that is drawn
 _DRAWS = 1000  # at most, until a graph is connected
 _JITTER = 2.5  # metres by which places of the plant are moved at most, each way
+_PLANT = Path(__file__).parent / "data" / "flooded_plant.json"
 _HALL = 5  # metres along a corridor from one door to the next
 
 
@@ -439,8 +440,7 @@ def drones_and_rovers(*, drones: Count = 2, rovers: Count = 2, seed: Seed = 0) -
         Seed of the random numbers.
     """
     drawing = _Drawing("drones_and_rovers", "Drones and rovers at a flooded plant", seed)
-    data = files("botohe_moo.mission").joinpath("data", "flooded_plant.json")
-    plant, rng = json.loads(data.read_text("utf-8")), drawing.rng
+    plant, rng = json.loads(_PLANT.read_text("utf-8")), drawing.rng
     for zone in plant["zones"]:
         places = np.array([*zone["places"].values()])
         samples = rng.choice(len(places), zone["n_samples"], replace=False)

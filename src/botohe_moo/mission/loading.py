@@ -16,10 +16,9 @@ from botohe_moo.base import parameters as p
 from botohe_moo.base.files import FilePath
 from botohe_moo.base.registry import Registry, package_of
 from botohe_moo.mission.formats import reading
-from botohe_moo.mission.formats.nodelink import mission_content, read_node_link
-from botohe_moo.mission.formats.tables import make_mission
+from botohe_moo.mission.formats.graphs import mission_content, read_node_link
 from botohe_moo.mission.model import Mission, check_mission, numbers_digest
-from botohe_moo.mission.rules import MissionError
+from botohe_moo.mission.rules import MissionError, blamed_on
 
 PREFIX = "library:"  # of names of missions and selections of the library
 
@@ -79,7 +78,7 @@ def library_name_of(digest: str) -> str | None:
 
 
 # The options that files of all formats take.
-OF_FILES = {each.name: each for each in p.signature_parameters(make_mission)}
+OF_FILES = {each.name: each for each in p.signature_parameters(reading.make_mission)}
 MISSIONS = Registry("botohe_moo.missions", "mission")
 
 
@@ -124,7 +123,7 @@ def toy() -> Mission:
 
 
 def _packaged(name: str) -> Mission:
-    return make_mission(read_node_link(reading.Source(_DATA / f"{name}.json")))
+    return reading.make_mission(read_node_link(reading.Source(_DATA / f"{name}.json")))
 
 
 @p.checked
@@ -174,7 +173,6 @@ def load_mission(
     >>> len(load_mission("terrain", nodes=50, seed=1).nodes)
     50
     """
-    mission: Mission
     function = find_factory(name_or_path)
     if function is None:
         mission = read_mission(name_or_path, robots=robots, **parameters)
@@ -182,12 +180,11 @@ def load_mission(
         source, accepted = MISSIONS.source(str(name_or_path)), p.accepted_parameters(function)
         if robots is not None and any(each.name == "robots" for each in accepted):
             parameters["robots"] = robots
-        of_all = (p.Parameter("robots", None), p.Parameter("lengths_from_pos", False))
-        known = (*accepted, *of_all)
+        known = (*accepted, p.Parameter("robots", None), p.Parameter("lengths_from_pos", False))
         try:
             mission = p.call_factory(source, function, known, parameters, wanted=Mission)
         except (m.PluginError, m.FaultsError) as error:
-            raise reading.within(source, error) from error
+            raise blamed_on(source, error) from error
         mission = mission if robots in (None, mission.robots) else mission.with_robots(robots)
     return mission.with_lengths_from_pos() if lengths_from_pos else mission
 
@@ -272,12 +269,12 @@ def read_mission(path: FilePath, /, **options: Any) -> Mission:
             raise m.ParameterError(f"Mission file {where}: {fault}", unknown[0])
         draft = known.read(source, **own)
         name = options.pop("name", None) or draft.graph.get("name") or reading.stem_of(path)
-        mission = make_mission(draft, name=str(name), **options)
+        mission = reading.make_mission(draft, name=str(name), **options)
         mission_content(mission)  # what cannot be saved is refused at once, not after a search
     except m.ParameterError:
         raise
     except (ValueError, RecursionError) as error:
-        raise reading.within(where, error) from None
+        raise blamed_on(where, error) from None
     return mission
 
 
@@ -323,9 +320,7 @@ def save_mission(mission: Mission, path: FilePath) -> None:
     True
     """
     path = Path(path)
-    writers = {
-        known.suffixes[0]: known.write for known in reading.formats().values() if known.write
-    }
+    writers = {one.suffixes[0]: one.write for one in reading.formats().values() if one.write}
     suffix = max((one for one in writers if path.name.lower().endswith(one)), key=len, default="")
     if not suffix:
         files.check_suffix(path, writers)
@@ -388,7 +383,6 @@ def find_factory(name: FilePath) -> Callable[..., Any] | None:
     if name.startswith(PREFIX):
         return partial(_of_library, name.removeprefix(PREFIX))
     is_known = name in MISSIONS
-    is_module = ":" in name and not is_known
     if not is_known and (reading.is_file_name(name) or Path(name).is_file()):
         return None
     try:
@@ -396,7 +390,9 @@ def find_factory(name: FilePath) -> Callable[..., Any] | None:
         return found
     except m.PluginError as error:
         known = f"mission files end in one of {', '.join(reading.suffixes())}"
-        hint = f"; {known}; botohe missions import reads tables" * (not is_known and not is_module)
+        hint = f"; {known}; botohe missions import reads tables" * (
+            not is_known and ":" not in name
+        )
         raise MissionError(f"{error}{hint}", MISSIONS.source(name)) from error
 
 

@@ -163,8 +163,7 @@ class Mission:
         self.balanced, self.rewards = self.world.graph.balanced, self.world.team.reward
         self.total_reward = float(self.rewards.sum())
         self.has_returns = self.world.returns is not None
-        ends = self.kinds[0].ends(self.base)
-        self.is_plain = self.world.is_plain and ends == (self.base, self.base)
+        self.is_plain = self.world.is_plain and {*self.kinds[0].ends(self.base)} == {self.base}
 
     def _new_world(self) -> World:
         """Return the valid mission for kernels, with a layer of nodes and arcs for each kind."""
@@ -340,11 +339,9 @@ class Mission:
             start, end = kind.ends(self.base)
             limits = f", min_survival {kind.min_survival:g}" if kind.min_survival else ""
             limits += f", max_length {kind.max_length:g}" if kind.max_length is not None else ""
-            traits[kind.name] = (
-                f"{counted(kind.robots, 'robot')} from {start!r} to {end!r}, "
-                f"can take {counted(kind_of_arc.count(k), 'arc')}, "
-                f"collects at {collects[k]} of {paying.sum()} paying nodes{limits}"
-            )
+            moves = f"from {start!r} to {end!r}, can take {counted(kind_of_arc.count(k), 'arc')}"
+            gains = f"collects at {collects[k]} of {paying.sum()} paying nodes"
+            traits[kind.name] = f"{counted(kind.robots, 'robot')} {moves}, {gains}{limits}"
         if (returns := self.world.returns) is not None:
             credit = returns.credit[:n_nodes]
             on_return = (paying & (credit == worlds.AT_NEXT_DEPOT)).sum()
@@ -370,13 +367,8 @@ class Mission:
             what is not valid.
         """
         indices = [rules.trail_indices(self, *trail) for trail in enumerate(trails)]
-        n = len(self.nodes)
-        first = [n * k for k, kind in enumerate(self.kinds) for _ in range(kind.robots)]
-        if len(indices) == len(first):  # if not, that is the fault
-            indices = [
-                [i + node for node in trail] for i, trail in zip(first, indices, strict=True)
-            ]
-        plan = TrailPlan(indices)
+        is_team = len(indices) == self.robots  # if not, that is the fault
+        plan = self.pack([indices])[0] if is_team else TrailPlan(indices)
         self.evaluate([plan])
         return plan
 
@@ -399,8 +391,7 @@ class Mission:
         >>> toy.labels(toy.stay_home())
         ((1,), (1,))
         """
-        ways = worlds.ways_to_ends(self.world if world is None else world)
-        return TrailPlan([way.nodes for way in ways])
+        return TrailPlan([way.nodes for way in worlds.ways_to_ends(world or self.world)])
 
     def after(self, plan: TrailPlan, events: Iterable[Event], **limits: Any) -> Mission:
         """Return the mission that is left after some events.
@@ -514,10 +505,9 @@ class Mission:
             (values.lengths > budgets, values.lengths, budgets, "a length of at most"),
         ):
             for plan, robot in np.argwhere(broken)[:1].tolist():
-                raise PlanError(
-                    f"Plan {plan}, robot {robot}: expected {kept} {limit[robot]:g} in mission "
-                    f"{quoted(self.name)}, got {found[plan, robot]:g}."
-                )
+                expected = f"{kept} {limit[robot]:g} in mission {quoted(self.name)}"
+                got = f"{found[plan, robot]:g}"
+                raise PlanError(f"Plan {plan}, robot {robot}: expected {expected}, got {got}.")
         return values.objectives
 
     def evaluate_drafts(self, plans: Plans) -> tuple[FloatArray, FloatArray]:

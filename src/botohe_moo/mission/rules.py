@@ -109,6 +109,17 @@ class MissionError(FaultsError):
         super().__init__(faults, source)
 
 
+def blamed_on(source: str, error: Exception) -> MissionError:
+    """Return an error as one of the mission or file that is called ``source``.
+
+    Where it is about another file, such as a map, its faults begin with the name of that file.
+    """
+    faults = getattr(error, "faults", [str(error).removeprefix(f"{source}: ").rstrip(".")])
+    inner = getattr(error, "source", source)
+    where = "" if inner in (source, "The mission", "The file") else f"{inner}: "
+    return MissionError([f"{where}{fault}" for fault in faults], source)
+
+
 class PlanError(ValueError):
     """A trail plan that is not valid for its mission; names the robot, the position and the arc.
 

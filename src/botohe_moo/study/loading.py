@@ -20,7 +20,7 @@ from botohe_moo.base.messages import FaultsError, quoted
 from botohe_moo.base.parameters import changes_nothing, faults_in, plain_value, raised_faults
 from botohe_moo.base.registry import is_path
 from botohe_moo.indicators import INDICATORS
-from botohe_moo.mission.formats.nodelink import mission_content
+from botohe_moo.mission.formats.graphs import mission_content
 from botohe_moo.mission.formats.reading import is_file_name
 from botohe_moo.mission.loading import load_mission, mission_origin, relative_to
 from botohe_moo.mission.model import mission_digest

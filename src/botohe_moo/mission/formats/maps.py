@@ -17,14 +17,13 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, Field
 
-from botohe_moo.base.files import FilePath
+from botohe_moo.base.files import FilePath, Source
 from botohe_moo.base.messages import ParameterError, quoted
 from botohe_moo.base.numbers import plain_numbers
 from botohe_moo.base.parameters import NotNegative, Positive, Probability, checked, validated
 from botohe_moo.base.types import FloatArray
-from botohe_moo.mission.formats.reading import Source, within
 from botohe_moo.mission.hazards import Raster, survived
-from botohe_moo.mission.rules import MissionError
+from botohe_moo.mission.rules import MissionError, blamed_on
 
 MODES = ("trinary", "scale")
 FREE, OCCUPIED, UNKNOWN = np.array([0, 100, -1], np.int8)  # as in ROS's OccupancyGrid
@@ -82,7 +81,7 @@ def read_raster(path: FilePath, *, modes: Sequence[str] = ("scale",)) -> Raster:
                 raise MissionError(f"line {source.yaml.line([key])}: {fault}")
         white = _read_image(source.path.parent, found.image)
     except ValueError as error:  # not valid YAML, not UTF-8, or a MissionError
-        raise within(str(path), error) from None
+        raise blamed_on(str(path), error) from None
     if (n_clear := np.isnan(white).sum()) and "trinary" not in modes:
         said = f"{n_clear} of {white.size} pixels are transparent: unknown, which counts as 0."
         warnings.warn(f"{path}: {said}", stacklevel=2)

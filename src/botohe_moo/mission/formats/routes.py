@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 from botohe_moo.base.messages import as_float, quoted
 from botohe_moo.base.parameters import checked
-from botohe_moo.mission.formats.nodelink import as_json, mission_content
+from botohe_moo.mission.formats.graphs import as_json, mission_content
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.hazards import read_zone
 from botohe_moo.mission.model import Mission
