@@ -1,4 +1,4 @@
-"""Graphs of missions that are made by hand, and the faults of those that are none."""
+"""Graphs of missions that are made by hand, the faults of some, and what Nav2 makes of files."""
 
 import networkx as nx
 import pytest
@@ -7,6 +7,14 @@ from botohe_moo.mission import Kind, Mission, MissionError
 
 DRONE, ROVER = Kind("drone", 2, start="roof", end="roof"), Kind("rover", 1)
 BOTH = (DRONE, ROVER)
+
+
+def graph_of(nodes, arcs=(), *, survival=None, **about):
+    """A graph of nodes with attributes, and of arcs (tail, head) that are survived alike."""
+    graph = nx.DiGraph(**about)
+    graph.add_nodes_from(nodes.items())
+    graph.add_edges_from(arcs, **({} if survival is None else {"survival": survival}))
+    return graph
 
 
 def harbour(**changes):
@@ -23,7 +31,7 @@ def harbour(**changes):
     return changed(graph, **changes)
 
 
-def site(**changes):
+def team_site(**changes):
     """A dock and a roof with a lab between them, for ``BOTH``."""
     graph = nx.DiGraph(base="dock")
     graph.add_node("dock", reward=0)
@@ -55,3 +63,38 @@ def faults_of(graph, **given):
     with pytest.raises(MissionError) as caught:
         Mission(graph, **given)
     return list(caught.value.faults)
+
+
+def loaded_by_nav2(content):
+    """What Nav2's loader makes of a file: points by id, and lines; it takes no other types.
+
+    Ids of points and lines are all different, as its documentation says.
+    """
+
+    def check(value):
+        if isinstance(value, dict):
+            for inner in value.values():
+                check(inner)
+        else:
+            values = value if isinstance(value, list) else [value]
+            assert all(isinstance(one, bool | int | float | str) for one in values)
+
+    points, lines, ids = {}, [], []
+    for feature in content["features"]:
+        own = feature["properties"]
+        check(own.get("metadata", {}))
+        ids.append(own["id"])
+        assert isinstance(own.get("frame", ""), str)
+        assert isinstance(own.get("cost", 0), int | float)
+        assert isinstance(own.get("overridable", True), bool)
+        operations = own.get("operations", [])
+        for operation in operations.values() if isinstance(operations, dict) else operations:
+            assert {type(operation[key]) for key in ("type", "trigger")} == {str}
+        if feature["geometry"]["type"] == "Point":
+            points[own["id"]] = tuple(feature["geometry"]["coordinates"][:2])
+        else:
+            assert {own["startid"], own["endid"]} <= points.keys()
+            lines.append(own)
+    assert all(type(number) is int and 0 <= number < 2**32 for number in ids)
+    assert len(ids) == len({*ids})
+    return points, lines

@@ -5,24 +5,24 @@ import math
 
 import networkx as nx
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from botohe_moo import Mission, MissionError, load_mission, save_mission
-from tests.strategies import missions
+from tests.mission.made import loaded_by_nav2
 
 POINTS = {3: (0, 0), 4: (3, 4), 7: (3, 0)}
 
 
+def feature(shape, at, **properties):
+    geometry = {"type": shape, "coordinates": at}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
 def point(label, place, **properties):
-    geometry = {"type": "Point", "coordinates": list(place)}
-    return {"type": "Feature", "properties": {"id": label, **properties}, "geometry": geometry}
+    return feature("Point", place, id=label, **properties)
 
 
 def line(tail, head, shape="MultiLineString", **properties):
-    ends = {"startid": tail, "endid": head}
-    geometry = {"type": shape, "coordinates": []}
-    return {"type": "Feature", "properties": {**ends, **properties}, "geometry": geometry}
+    return feature(shape, [], startid=tail, endid=head, **properties)
 
 
 def both_ways(*pairs):
@@ -103,119 +103,37 @@ def test_what_is_left_out_is_said(site):
     assert mission.graph.edges[4, 7]["survival"] == 0.99
 
 
-@pytest.mark.parametrize(
-    ("features", "given", "fault"),
-    [
-        ([], {"robots": 1}, "expected base, the label of a node, found none: give base"),
-        (
-            [line(3, 4)],
-            {"base": 3},
-            r"features\[3\]: arc 3 -> 4: expected a survival, .* give danger",
-        ),
-        ([line(3, 5)], {"base": 3, "danger": 1}, r"features\[3\]: .* there is no node 5"),
-        (
-            [line(3, 4)],
-            {"base": 9, "danger": 1},
-            "base 9: there is no such node; most alike are 3, 4, 7",
-        ),
-        (
-            [*both_ways((3, 4), (4, 7)), point(4, (1, 1))],
-            {"base": 3, "danger": 1},
-            r"features\[7\]: node 4 is listed more than once",
-        ),
-        ([line(3, 4)], {"base": [3, {}], "danger": 1}, r"expected a label, .* got {}"),
-        (
-            [*both_ways((3, 5)), point(5, (1,))],
-            {"base": 3, "danger": 1},
-            r"node 5: expected pos \[x, y\], two finite numbers, got \[1\]",
-        ),
-        (
-            [*both_ways((3, 5)), point(5, (1, math.nan))],
-            {"base": 3, "danger": 1},
-            r"node 5: expected pos .*, got \[1, nan\]",
-        ),
-        (
-            [*both_ways((3, 5)), {**point(5, (1, 1)), "geometry": {"type": "Point"}}],
-            {"base": 3, "danger": 1},
-            r"node 5: expected pos .*, got 'None'",
-        ),
-        ([point({}, (1, 1))], {"base": 3}, r"features\[3\]: expected a label, .* got {}"),
-        ([point(None, (1, 1))], {"base": 3}, r"\[3\]: expected a property 'id', found none"),
-        ([{**line(3, 4), "properties": {}}], {"base": 3}, r"\[3\]: expected a property 'startid'"),
-        (
-            [{**line(3, 4), "properties": None}],
-            {"base": 3},
-            r"\[3\]: expected a property 'startid'",
-        ),
-        ([{**line(3, 4), "properties": [1]}], {"base": 3}, r"expected properties to be an object"),
-        (
-            [{**line(3, 4), "geometry": "x"}],
-            {"base": 3},
-            r"expected geometry to be an object, got 'x'",
-        ),
-        (
-            [*both_ways((3, 5)), point(5, [[1, 2], [3, 4]])],
-            {"base": 3, "danger": 1},
-            r"node 5: expected pos .*, got \[\[1, 2\], \[3, 4\]\]",
-        ),
-        ([line(3, 4, metadata=[1])], {"base": 3}, r"\[3\]: expected metadata to be an object"),
-        ([7], {"base": 3}, r"features\[3\]: expected a feature to be an object, got 7"),
-        (
-            [*both_ways((3, 4), (4, 7)), line(3, 7, metadata={"length": -9e9})],
-            {"base": 3, "danger": 1},
-            "expected a finite length >= 0",
-        ),
-    ],
-)
-def test_what_is_wrong_is_named_by_its_feature(site, features, given, fault):
-    with pytest.raises(ValueError, match=fault) as raised:
-        load_mission(site(*features), **{"robots": 1, **given})
+def placed(at):
+    return [*both_ways((3, 5)), feature("Point", at, id=5)]
+
+
+REFUSED = [
+    ([line(3, 5)], r"features\[3\]: .* there is no node 5"),
+    ([*both_ways((3, 4), (4, 7)), point(4, (1, 1))], r"\[7\]: node 4 is listed more than once"),
+    (placed((1,)), r"node 5: expected pos \[x, y\], two finite numbers, got \[1\]"),
+    (placed((1, math.nan)), r"node 5: expected pos .*, got \[1, nan\]"),
+    (placed(None), r"node 5: expected pos .*, got 'None'"),
+    (placed([[1, 2], [3, 4]]), r"node 5: expected pos .*, got \[\[1, 2\], \[3, 4\]\]"),
+    ([point({}, (1, 1))], r"features\[3\]: expected a label, .* got {}"),
+    ([point(None, (1, 1))], r"\[3\]: expected a property 'id', found none"),
+    ([{**line(3, 4), "properties": None}], r"\[3\]: expected a property 'startid'"),
+    ([{**line(3, 4), "properties": [1]}], r"expected properties to be an object, got \[1\]"),
+    ([{**line(3, 4), "geometry": "x"}], r"expected geometry to be an object, got 'x'"),
+    ([line(3, 4, metadata=[1])], r"\[3\]: expected metadata to be an object"),
+    ([7], r"features\[3\]: expected a feature to be an object, got 7"),
+    ([*both_ways((3, 4), (4, 7)), line(3, 7, metadata={"length": -9e9})], "length >= 0, got -9"),
+    (
+        [*both_ways((3, 4), (4, 7)), line(3, 7, metadata={"length": "far"})],
+        "length >= 0, got 'far'",
+    ),
+]
+
+
+@pytest.mark.parametrize(("features", "fault"), REFUSED)
+def test_what_is_wrong_is_named_by_its_feature(site, features, fault):
+    with pytest.raises(MissionError, match=fault) as raised:
+        load_mission(site(*features), base=3, danger=1, robots=1)
     assert "site.geojson" in str(raised.value)
-
-
-@pytest.mark.parametrize("text", ["[]", '{"features": 3}', "{", '{"features": [], "mission": 3}'])
-def test_what_is_not_a_route_graph(tmp_path, text):
-    path = tmp_path / "site.geojson"
-    path.write_text(text)
-    with pytest.raises(MissionError, match=r"site\.geojson"):
-        load_mission(path, base=1)
-
-
-def loaded_by_nav2(content):
-    """What Nav2's loader makes of a file: points by id, and lines; it takes no other types.
-
-    Ids of points and lines are all different, as its documentation says.
-    """
-
-    def check(value):
-        if isinstance(value, dict):
-            for inner in value.values():
-                check(inner)
-        else:
-            values = value if isinstance(value, list) else [value]
-            assert all(isinstance(one, bool | int | float | str) for one in values)
-
-    points, lines, ids = {}, [], []
-    for feature in content["features"]:
-        own = feature["properties"]
-        check(own.get("metadata", {}))
-        ids.append(own["id"])
-        assert isinstance(own.get("frame", ""), str)
-        assert isinstance(own.get("cost", 0), int | float)
-        assert isinstance(own.get("overridable", True), bool)
-        operations = own.get("operations", [])
-        for operation in operations.values() if isinstance(operations, dict) else operations:
-            assert isinstance(operation["type"], str)
-            assert isinstance(operation["trigger"], str)
-        if feature["geometry"]["type"] == "Point":
-            points[own["id"]] = tuple(feature["geometry"]["coordinates"][:2])
-        else:
-            assert own["startid"] in points
-            assert own["endid"] in points
-            lines.append(own)
-    assert all(type(number) is int and 0 <= number < 2**32 for number in ids)
-    assert len(ids) == len(set(ids))
-    return points, lines
 
 
 def test_nav2_gets_penalties_as_decimals(tmp_path):
@@ -243,19 +161,6 @@ def test_labels_that_are_texts_are_numbered(tmp_path):
     assert load_mission(tmp_path / "plant.geojson") == mission
 
 
-@pytest.mark.parametrize("rename", [lambda node: node, str])
-def test_attributes_with_the_names_of_properties_stay_attributes(tmp_path, rename):
-    """Whether points are numbered or not."""
-    graph = nx.relabel_nodes(load_mission("toy").graph.copy(), rename)
-    for node in graph:
-        graph.nodes[node].update(label="the same", id_of_room=7, metadata={"startid": 1})
-    for arc in graph.edges:
-        graph.edges[arc].update(label="way", startid=-1, endid="x", id=2.5, metadata=[3])
-    mission = Mission(graph, base=rename(1))
-    save_mission(mission, tmp_path / "x.geojson")
-    assert load_mission(tmp_path / "x.geojson") == mission
-
-
 def test_labels_in_the_files_of_others_are_attributes(site):
     named = point(5, (1, 1), metadata={"label": "c"})
     named["properties"]["label"] = "b"
@@ -263,23 +168,6 @@ def test_labels_in_the_files_of_others_are_attributes(site):
     mission = load_mission(path, danger=0.1, base=3, robots=1)
     assert mission.nodes == (3, 5)
     assert mission.graph.nodes[5]["label"] == "c"
-
-
-def test_ids_of_lines_stay(site, tmp_path):
-    path = site(*(line(*ends, id=i) for i, ends in enumerate([(3, 4), (4, 3), (4, 7), (7, 4)], 50)))
-    mission = load_mission(path, danger=0.01, base=3, robots=1)
-    save_mission(mission, tmp_path / "again.geojson")
-    assert load_mission(tmp_path / "again.geojson") == mission
-    _, lines = loaded_by_nav2(json.loads((tmp_path / "again.geojson").read_text()))
-    assert [line["id"] for line in lines] == [50, 51, 52, 53]
-
-
-def test_a_place_is_needed(tmp_path):
-    graph = load_mission("toy").graph.copy()
-    del graph.nodes[4]["pos"]
-    with pytest.raises(ValueError, match=r"x\.geojson: node 4: expected pos \[x, y\] for GeoJSON"):
-        save_mission(Mission(graph), tmp_path / "x.geojson")
-    assert not (tmp_path / "x.geojson").exists()
 
 
 def test_a_sure_arc_costs_nothing_more(tmp_path):
@@ -292,8 +180,7 @@ def test_a_sure_arc_costs_nothing_more(tmp_path):
 
 
 def polygon(*rings, shape="Polygon", **properties):
-    geometry = {"type": shape, "coordinates": rings}
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
+    return feature(shape, rings, **properties)
 
 
 def square(x, y, side=1):
@@ -318,19 +205,6 @@ def test_polygons_with_a_rate_are_zones(site):
     assert mission.graph.edges[7, 3]["survival"] == pytest.approx(math.exp(-rate))
     zones_alone = load_mission(path, base=3, robots=1)
     assert zones_alone.graph.edges[3, 7]["survival"] == pytest.approx(math.exp(0.03 - rate))
-
-
-@pytest.mark.parametrize(
-    ("zones", "fault"),
-    [
-        (7, "Expected danger_zones to be a list, got 7"),
-        ([{}], r"danger_zones\[0\]: expected an object with rate, and circle or polygon"),
-        ([{"circle": [1, 2, 0], "rate": 1}], r"danger_zones\[0\]: expected a circle .x, y, radius"),
-    ],
-)
-def test_zones_that_are_wrong(site, zones, fault):
-    with pytest.raises(MissionError, match=fault):
-        load_mission(site(*both_ways((3, 7))), danger_zones=zones, base=3, robots=1)
 
 
 def test_a_polygon_that_is_wrong_is_named_by_its_feature(site):
@@ -364,14 +238,6 @@ def test_longitudes_and_latitudes(site, tmp_path):
     assert again == mission
     assert again.graph.graph["geographic"] is True
     assert again.with_lengths_from_pos() == mission
-
-
-@pytest.mark.parametrize(("ids", "base"), [(("3", "1"), 3), ((3, 1), "3"), ((3.0, 1.0), 3)])
-def test_a_base_that_is_written_as_a_number_or_a_text(site, ids, base):
-    path = site(*both_ways(ids), points=dict(zip(ids, [(0, 0), (3, 4)], strict=True)))
-    mission = load_mission(path, danger=1, base=base, robots=1)
-    assert mission.base == ids[0]
-    assert all(type(node) is (str if ids[0] == "3" else int) for node in mission.nodes)
 
 
 def test_lines_that_all_lead_away(site):
@@ -463,32 +329,6 @@ def test_what_nav2_reads_beside_metadata(tmp_path):
     assert back["metadata"]["speed_limit"] == 80.0
     assert not {"cost", "overridable"} & back.keys()
     again = load_mission(tmp_path / "x.geojson")
-    assert again == mission
-    assert dict(again.graph.nodes) == dict(mission.graph.nodes)
-    assert dict(again.graph.edges) == dict(mission.graph.edges)
-
-
-json_values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(-9, 9) | st.text(max_size=3),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
-    max_leaves=5,
-)
-
-
-@given(missions(max_nodes=5), st.data())
-def test_nav2_reads_whatever_is_saved(tmp_path_factory, mission, data):
-    path = tmp_path_factory.getbasetemp() / "any.geojson"
-    names = st.sampled_from(["id", "label", "metadata", "frame", "cost", "overridable", "penalty"])
-    graph = mission.graph.copy()
-    for attributes in [*graph.nodes.values(), *graph.edges.values()]:
-        attributes.update(data.draw(st.dictionaries(names, json_values, max_size=2)))
-    for node in graph:
-        graph.nodes[node].pop("id", None)  # the name of a label
-        graph.nodes[node]["pos"] = [0.5, float(node)]
-    mission = Mission(graph, base=mission.base, robots=mission.robots)
-    save_mission(mission, path)
-    loaded_by_nav2(json.loads(path.read_text()))
-    again = load_mission(path)
     assert again == mission
     assert dict(again.graph.nodes) == dict(mission.graph.nodes)
     assert dict(again.graph.edges) == dict(mission.graph.edges)

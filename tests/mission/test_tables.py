@@ -1,16 +1,17 @@
 """Missions from tables of nodes and arcs."""
 
-import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given
 
-from botohe_moo import MissionError, mission_from_tables
+from botohe_moo import Kind, MissionError, mission_from_tables
 from botohe_moo.base.files import read_table
+from tests.mission.made import BOTH, DRONE
 from tests.strategies import missions
 
 NODES = {"label": ["dock", "reef", "cave"], "reward": [0, 5, 2.5], "x": [0, 1, 2], "y": [0, 1, 0]}
 ARCS = {"tail": ["dock", "reef"], "head": ["reef", "cave"], "survival": [0.9, 0.8]}
+LOOP = {"tail": ["dock", "reef", "reef"], "head": ["reef", "dock", "cave"], "survival": [0.9] * 3}
 
 
 def made(nodes=None, arcs=None, *, base="dock", robots=2, both_ways=True, **options):
@@ -18,53 +19,47 @@ def made(nodes=None, arcs=None, *, base="dock", robots=2, both_ways=True, **opti
     return mission_from_tables(*tables, base=base, robots=robots, both_ways=both_ways, **options)
 
 
-def faults_of(*args, **options):
+def faults_of(make, *args, **options):
     with pytest.raises(MissionError) as caught:
-        made(*args, **options)
+        make(*args, **options)
     return list(caught.value.faults)
 
 
 def test_a_site():
-    mission = made(name="pier", title="The pier")
+    mission = made(name="pier", title="The pier", max_length=20)
     assert mission.nodes == ("dock", "reef", "cave")
     assert (mission.base, mission.robots, mission.name) == ("dock", 2, "pier")
-    assert (mission.title, mission.total_reward) == ("The pier", 7.5)
+    assert (mission.title, mission.max_length) == ("The pier", 20)
     assert dict(mission.graph.nodes["reef"]) == {"reward": 5, "pos": [1, 1]}
-    assert {(u, v): s for u, v, s in mission.graph.edges(data="survival")} == {
-        ("dock", "reef"): 0.9,
-        ("reef", "dock"): 0.9,
-        ("reef", "cave"): 0.8,
-        ("cave", "reef"): 0.8,
-    }
-
-
-def test_one_way():
-    arcs = {"tail": ["dock", "reef"], "head": ["reef", "dock"], "survival": [0.9, 0.8]}
-    nodes = pd.DataFrame({"label": ["dock", "reef"], "reward": [0, 1]})
-    mission = mission_from_tables(nodes, pd.DataFrame(arcs), base="dock", robots=1)
-    assert mission.graph.edges["dock", "reef"]["survival"] == 0.9
-    assert mission.graph.edges["reef", "dock"]["survival"] == 0.8
-    assert "pos" not in mission.graph.nodes["dock"]
+    both = {("dock", "reef"): 0.9, ("reef", "cave"): 0.8}
+    both |= {(head, tail): survival for (tail, head), survival in both.items()}
+    assert {(u, v): s for u, v, s in mission.graph.edges(data="survival")} == both
+    kept = made(arcs=LOOP | {"survival": [0.9, 0.8, 0.7]}).graph.edges  # an arc that has one back
+    assert (kept["reef", "dock"], kept["cave", "reef"]) == ({"survival": 0.8}, {"survival": 0.7})
 
 
 def test_names_of_columns_blanks_and_texts():
     nodes = {" Label ": ["dock ", "reef"], "REWARD": ["0", " 5 "], "Zone": ["a", ""], "": ["", ""]}
-    arcs = {"Head": ["reef"], "TAIL": ["dock"], "Survival": ["9e-1"], "length": ["12"]}
-    mission = mission_from_tables(
-        pd.DataFrame(nodes), pd.DataFrame(arcs), base=" dock", robots=1, both_ways=True
+    arcs = {"Head": ["reef", "dock"], "TAIL": ["dock", "reef"], "Survival": ["9e-1", "1"]}
+    arcs["length"] = ["12", None]
+    mission = mission_from_tables(pd.DataFrame(nodes), pd.DataFrame(arcs), base=" dock", robots=1)
+    assert dict(mission.graph.nodes) == {"dock": {"reward": 0, "zone": "a"}, "reef": {"reward": 5}}
+    assert mission.graph.edges["dock", "reef"] == {"survival": 0.9, "length": 12}
+    assert mission.graph.edges["reef", "dock"] == {"survival": 1}
+
+
+def test_labels_that_are_numbers_and_nullable_types():
+    nodes = pd.DataFrame(
+        {"label": [1, 2, 3], "x": [0, None, 2], "y": [0, None, 0], "depth": [1, None, 3]}
     )
-    assert mission.nodes == ("dock", "reef")
-    assert dict(mission.graph.nodes["dock"]) == {"reward": 0, "zone": "a"}
-    assert dict(mission.graph.nodes["reef"]) == {"reward": 5}
-    assert dict(mission.graph.edges["reef", "dock"]) == {"survival": 0.9, "length": 12}
-
-
-def test_labels_that_are_numbers():
-    nodes = {"label": [1, 2, 3], "x": [0, np.nan, 2], "y": [0, np.nan, 0]}
-    mission = made(nodes, {"tail": [1, 2], "head": [2, 3]}, base=1)
-    assert mission.nodes == (1, 2, 3)
-    assert all(type(node) is int for node in mission.nodes)
-    assert "pos" not in mission.graph.nodes[2]
+    arcs = pd.DataFrame(ARCS | {"tail": [1, 2], "head": [2, 3]})
+    for convert in (pd.DataFrame.copy, pd.DataFrame.convert_dtypes):
+        mission = mission_from_tables(
+            convert(nodes), convert(arcs), base=1, robots=1, both_ways=True
+        )
+        assert [*map(type, mission.nodes)] == [int] * 3
+        assert dict(mission.graph.nodes[2]) == {"reward": 1}
+        assert dict(mission.graph.nodes[3]) == {"reward": 1, "pos": [2, 0], "depth": 3}
 
 
 @given(missions(min_nodes=2))
@@ -77,11 +72,12 @@ def test_what_tables_hold_is_what_the_mission_has(mission):
 
 
 @pytest.mark.parametrize(
-    ("nodes", "arcs", "faults"),
+    ("nodes", "arcs", "given", "faults"),
     [
         (
             {"label": ["dock", "reef", None], "reward": [0, -1, "2,5"], "x": [0, None, 1]},
             {"head": ["reef", None], "survival": [None, 0.8], "length": [-1, True]},
+            {},
             [
                 "nodes, row 2: expected label, found nothing",
                 "arcs, row 1: expected head, found nothing",
@@ -94,94 +90,157 @@ def test_what_tables_hold_is_what_the_mission_has(mission):
             ],
         ),
         (
-            {"reward": [0, 5, "2,5"]},
-            {},
-            ["node 'cave': expected a finite reward >= 0, got '2,5'; write numbers with a point"],
-        ),
-        (
             {"label": ["dock", "reef", "reef"]},
             {"tail": ["dock", "reef"], "head": ["cavern", "dock"]},
+            {},
             [
                 "nodes, row 2: node 'reef' is listed more than once",
                 "arcs, row 0: arc 'dock' -> 'cavern': there is no node 'cavern'",
                 "arcs, row 0: arc 'cavern' -> 'dock': there is no node 'cavern'",
             ],
         ),
+        (
+            {"reward": [0, 5, "2,5"]},
+            LOOP,
+            {"robots": 0, "base": "pier"},
+            [
+                "expected robots to be an integer >= 1, got 0",
+                "node 'cave': expected a finite reward >= 0, got '2,5'; write numbers with a point",
+                "base 'pier': there is no such node; most alike are cave, reef, dock",
+            ],
+        ),
+        (
+            {},
+            {},
+            {"both_ways": False},
+            [
+                "node 'reef': has no way back to base 'dock'",
+                "node 'cave': has no way back to base 'dock'",
+                "no arc leads back; both_ways makes every arc passable both ways",
+            ],
+        ),
+        ({}, LOOP, {"both_ways": False}, ["node 'cave': has no way back to base 'dock'"]),
+        (
+            {},
+            {"head": ["reef", "reef"]},
+            {},
+            [
+                "arc 'reef' -> 'reef': a node must not have an arc to itself",
+                "node 'cave': cannot be reached from base 'dock'",
+                "node 'cave': has no way back to base 'dock'",
+            ],
+        ),
     ],
 )
-def test_rows_are_checked(nodes, arcs, faults):
-    assert faults_of(nodes, arcs) == faults
-
-
-def test_nullable_types():
-    nodes = pd.DataFrame({**NODES, "zone": ["a", None, "b"], "depth": [1, None, 3]})
-    arcs = pd.DataFrame(ARCS).convert_dtypes()
-    mission = mission_from_tables(
-        nodes.convert_dtypes(), arcs, base="dock", robots=2, both_ways=True
-    )
-    assert dict(mission.graph.nodes["reef"]) == {"reward": 5, "pos": [1, 1]}
-    assert dict(mission.graph.nodes["cave"])["depth"] == 3
+def test_rows_and_the_mission_are_checked(nodes, arcs, given, faults):
+    assert faults_of(made, nodes, arcs, **given) == faults
 
 
 def test_columns_are_checked():
     nodes, arcs = pd.DataFrame({**NODES, "Label": "x"}), pd.DataFrame({"from": [], "to": []})
-    with pytest.raises(MissionError) as caught:
-        mission_from_tables(nodes, arcs, base="dock", robots=1)
-    assert caught.value.faults == (
+    assert faults_of(mission_from_tables, nodes, arcs, base="dock", robots=1) == [
         "nodes: expected one column 'label', found 'label, reward, x, y, Label'",
         "arcs: expected one column 'tail', found 'from, to'",
         "arcs: expected one column 'head', found 'from, to'",
-    )
+    ]
+    with pytest.raises(TypeError, match=r"Expected nodes to be a pandas\.DataFrame, got {"):
+        mission_from_tables(NODES, pd.DataFrame(ARCS), base="dock", robots=1)
 
 
-def test_all_faults_of_both_files_are_listed(tmp_path):
+def test_rows_of_files_are_named_by_their_lines(tmp_path):
     (tmp_path / "a, b.csv").write_text("label;reward;x;y\ndock;0;0;0\nreef;1;1;1\n\n;1\n")
     (tmp_path / "arcs.csv").write_text("tail\thead\tsurvival\ndock\treef\t2\nreef\tpier\t1\n")
-    nodes, arcs = (read_table(tmp_path / name) for name in ("a, b.csv", "arcs.csv"))
-    with pytest.raises(MissionError) as caught:
-        mission_from_tables(nodes, arcs, base="dock", robots=1)
-    assert caught.value.faults == (
+    tables = (read_table(tmp_path / name) for name in ("a, b.csv", "arcs.csv"))
+    assert faults_of(mission_from_tables, *tables, base="dock", robots=1) == [
         f"{tmp_path}/a, b.csv, row 5: expected label, found nothing",
         f"{tmp_path}/arcs.csv, row 3: arc 'reef' -> 'pier': there is no node 'pier'",
         "arc 'dock' -> 'reef': expected survival in (0, 1], got 2",
+    ]
+
+
+class TestColumnsOfKinds:
+    NODES = pd.DataFrame(
+        {
+            "label": ["dock", "lab", "roof"],
+            "reward": ["0", "5", "1"],
+            "share": ["", "0.75", ""],
+            "Share: drone": ["", "0.5", ""],
+            "pays": ["", "Return", ""],
+            "depot": ["no", None, "Yes"],
+        }
     )
+    ARCS = pd.DataFrame({"tail": ["dock", "lab", "dock"], "head": ["lab", "roof", "roof"]})
 
+    def made(self, kinds=BOTH, **columns):
+        arcs = self.ARCS.assign(**columns)
+        return mission_from_tables(self.NODES, arcs, base="dock", kinds=kinds, both_ways=True)
 
-def test_the_mission_is_checked():
-    assert faults_of(robots=0, base="pier") == [
-        "expected robots to be an integer >= 1, got 0",
-        "base 'pier': there is no such node; most alike are cave, reef, dock",
-    ]
-    assert faults_of(both_ways=False) == [
-        "node 'reef': has no way back to base 'dock'",
-        "node 'cave': has no way back to base 'dock'",
-        "no arc leads back; both_ways makes every arc passable both ways",
-    ]
-    back = {"tail": ["dock", "reef", "reef"], "head": ["reef", "dock", "cave"], "survival": 0.9}
-    assert faults_of(arcs=back, both_ways=False) == ["node 'cave': has no way back to base 'dock'"]
+    def test_are_read(self):
+        columns = {"survival:drone": [0.5, 0.8, None], "Survival : rover": ["0.9", "", "0.7"]}
+        mission = self.made(**columns)
+        there = {
+            ("dock", "lab"): {"drone": 0.5, "rover": 0.9},
+            ("lab", "roof"): {"drone": 0.8, "rover": 0.0},
+            ("dock", "roof"): {"drone": 0.0, "rover": 0.7},
+        }
+        survivals = {way: arc["survival"] for way, arc in mission.graph.edges.items()}
+        assert survivals == there | {(v, u): values for (u, v), values in there.items()}
+        assert mission.kinds == BOTH
+        share = {"drone": 0.5, "rover": 0.75}
+        assert dict(mission.graph.nodes) == {
+            "dock": {"reward": 0, "depot": False},
+            "lab": {"reward": 5, "share": share, "pays": "return"},
+            "roof": {"reward": 1, "depot": True},
+        }
 
+    def test_stand_beside_a_column_for_all(self):
+        mission = self.made(survival=[0.9, 0.9, 0.4], **{"survival:drone": [0.5, 0, None]})
+        survivals = [arc["survival"] for *_, arc in mission.graph.edges("dock", data=True)]
+        assert survivals == [{"drone": 0.5, "rover": 0.9}, 0.4]
+        assert mission.graph.edges["lab", "roof"]["survival"] == {"drone": 0, "rover": 0.9}
 
-@pytest.mark.parametrize("both_ways", [False, True])
-def test_a_self_loop(both_ways):
-    arcs = {"tail": ["dock", "reef"], "head": ["reef", "dock"], "survival": [0.9, 0.8]}
-    nodes = pd.DataFrame({"label": ["dock", "reef"], "reward": [0, 1]})
-    looped = pd.concat([pd.DataFrame(arcs), pd.DataFrame({"tail": ["reef"], "head": ["reef"]})])
-    with pytest.raises(MissionError) as caught:
-        mission_from_tables(nodes, looped, base="dock", robots=1, both_ways=both_ways)
-    assert caught.value.faults == ("arc 'reef' -> 'reef': a node must not have an arc to itself",)
-
-
-def test_an_arc_that_has_one_back_keeps_it():
-    arcs = {"tail": ["dock", "reef", "reef"], "head": ["reef", "dock", "cave"]}
-    graph = made(arcs={**arcs, "survival": [0.9, 0.8, 0.7]}).graph
-    assert {ends: graph.edges[ends]["survival"] for ends in graph.edges} == {
-        ("dock", "reef"): 0.9,
-        ("reef", "dock"): 0.8,
-        ("reef", "cave"): 0.7,
-        ("cave", "reef"): 0.7,
-    }
-
-
-def test_what_is_not_a_table():
-    with pytest.raises(TypeError, match=r"Expected nodes to be a pandas\.DataFrame, got {"):
-        mission_from_tables(NODES, pd.DataFrame(ARCS), base="dock", robots=1)
+    @pytest.mark.parametrize(
+        ("kinds", "columns", "faults"),
+        [
+            (
+                BOTH,
+                {"survival:drone": 0.9, "survival:rovr": 0.9},
+                ["arcs, row 0: column 'survival:rovr': no such kind; the kinds are drone, rover"],
+            ),
+            (
+                None,
+                {"survival:drone": 0.9},
+                ["nodes, row 1: column 'share:drone': no such kind; the mission lists no kinds"],
+            ),
+            (
+                BOTH,
+                {"survival:drone": ["0,5", 0.9, 0.9], "survival:rover": [0.9, 2, 0.9]},
+                [
+                    "arc 'dock' -> 'lab': expected survival in [0, 1] of kind 'drone', got '0,5'",
+                    "arc 'lab' -> 'dock': expected survival in [0, 1] of kind 'drone', got '0,5'",
+                    "arc 'lab' -> 'roof': expected survival in [0, 1] of kind 'rover', got 2",
+                    "arc 'roof' -> 'lab': expected survival in [0, 1] of kind 'rover', got 2",
+                ],
+            ),
+            (
+                BOTH,
+                {"survival:drone": 0.9},
+                ["arcs, row 0: expected a column 'survival:rover', found none"],
+            ),
+            (
+                [DRONE, DRONE],
+                {"survival:rover": 0.9},
+                ["kind 'drone': there are two kinds of this"],
+            ),
+            (
+                [Kind("drone", 1)],
+                {"survival": 0.9, "survival:rover": 0.9},
+                ["arcs, row 0: column 'survival:rover': no such kind; the kinds are drone"],
+            ),
+        ],
+    )
+    def test_are_checked(self, kinds, columns, faults):
+        found = sorted(faults_of(self.made, kinds, **columns))
+        assert [
+            fault[: len(one)] for fault, one in zip(found, sorted(faults), strict=True)
+        ] == sorted(faults)
