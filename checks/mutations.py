@@ -44,6 +44,7 @@ ENTRIES: dict[str, tuple[int, tuple[str, ...]]] = {
     "outcomes.py": (5, ("test_outcomes.py",)),
     "problem.py": (3, ("test_problem.py",)),
     "indicators.py": (3, ("test_indicators.py", "study/test_indicators.py")),
+    "mission/formats": (10, ("mission",)),
     "bounds": (12, ("bounds",)),
     "operators": (8, ("operators",)),
     "algorithms": (8, ("algorithms",)),

@@ -48,7 +48,7 @@ def values(path, **options):
 
 
 @pytest.mark.parametrize("image", ["map.png", "map.pgm"])
-def test_black_is_full_scale_and_the_first_row_is_at_the_top(drawn, image):
+def test_the_first_row_is_at_the_top(drawn, image):
     raster = read_raster(drawn([[0, 255, 51], [0, 0, 255]], image=image))
     assert raster.values.tolist() == [pytest.approx([1.0, 0.0, 0.8]), [1.0, 1.0, 0.0]]
     assert (raster.resolution, raster.origin) == (0.5, (-1.0, 2.0))
@@ -67,14 +67,11 @@ def palette(*greys):
         ([[0, 65_535]], {"kind": np.uint16}, [1, 0]),
         ([[[255, 255, 255], [0, 0, 0], [255, 0, 0]]], {}, [0, 1, pytest.approx(2 / 3)]),
         (palette(255, 0), {}, [0, 1]),
-        ([[0, 255]], {"mode": "Scale"}, [1, 0]),
-        ([[0, 255]], {"mode": "SCALE"}, [1, 0]),
-        *(([[0, 255, 51]], {"negate": yes}, [0, 1, 0.2]) for yes in (1, True, "yes", "On", "true")),
-        *(([[0, 255]], {"negate": no}, [1, 0]) for no in (False, "no", "FALSE")),
+        ([[0, 255]], {"mode": "Scale", "negate": "no"}, [1, 0]),
+        *(([[0, 255, 51]], {"negate": yes}, [0, 1, 0.2]) for yes in (1, True, "yes")),
         ([[0, 255]], {"origin": [-1, 2, 0.0], "frame_id": "map", "voxels": {"a": 1}}, [1, 0]),
         # The plain scale, as in the tutorial of Nav2's speed filter.
         ([[0, 255, 51]], {"free_thresh": 0.0, "occupied_thresh": 1.0}, [1, 0, 0.8]),
-        ([[0, 255, 51]], {"free_thresh": 0, "occupied_thresh": 1}, [1, 0, 0.8]),
         # Shares 1, 0.8, 0.6, 0.4, 0.2 and 0, on a scale from 0.2 to 0.6.
         (
             [[0, 51, 102, 153, 204, 255]],
@@ -84,7 +81,6 @@ def palette(*greys):
         ([[51, 204]], {"free_thresh": 0.2}, pytest.approx([0.75, 0])),
         ([[51, 204]], {"occupied_thresh": 0.4}, pytest.approx([1, 0.5])),
         ([[0, 127, 128, 255]], {"free_thresh": 0.5, "occupied_thresh": 0.5}, [1, 1, 0, 0]),
-        ([[0, 255]], {"free_thresh": 0, "occupied_thresh": 0}, [1, 0]),
     ],
 )
 def test_shares_are_those_of_the_map_server(drawn, pixels, given, expected):
@@ -93,7 +89,7 @@ def test_shares_are_those_of_the_map_server(drawn, pixels, given, expected):
         assert values(drawn(pixels, **given)) == [expected]
 
 
-@pytest.mark.parametrize("mode", ["trinary", "Trinary", "scale", "SCALE"])
+@pytest.mark.parametrize("mode", ["Trinary", "scale"])
 @pytest.mark.parametrize(
     ("keys", "expected"),
     [
@@ -115,11 +111,7 @@ def test_cells_are_those_of_the_map_server(drawn, mode, keys, expected):
     ("pixels", "save", "n_clear"),
     [
         ([[CLEAR, [255, 255, 255, 0], [0, 0, 0, 254], [0, 0, 0, 255]]], {}, 3),  # RGBA
-        (
-            Image.fromarray(np.array([[[0, 0], [255, 0], [0, 128], [0, 255]]], np.uint8)),
-            {},
-            3,
-        ),  # LA
+        (np.array([[[0, 0], [255, 0], [0, 128], [0, 255]]]), {}, 3),  # LA
         (palette(0, 255, 0, 0), {"transparency": bytes([0, 0, 99, 255])}, 3),
         (palette(51, 51, 51, 0), {"transparency": 1}, 1),
         (Image.fromarray(np.array([[51, 51, 51, 0]], np.uint8)), {"transparency": 51}, 3),
@@ -159,30 +151,32 @@ def test_the_image_lies_beside_the_file_or_at_home(drawn, tmp_path, monkeypatch)
     ("keys", "fault"),
     [
         ({"mode": "trinary"}, "line 2: expected mode to be scale, got 'trinary'"),
-        ({"mode": "Raw"}, "line 2: expected mode to be scale, got 'Raw'"),
         ({"mode": 7}, "line 2: expected mode to be a text, got 7"),
+        ({"mode": None}, "line 1: expected mode to be scale, got None"),
         ({"free_thresh": 2}, r"line 6: expected free_thresh <= 1, got 2"),
-        ({"free_thresh": -0.1}, r"line 6: expected free_thresh >= 0, got -0\.1"),
-        ({"occupied_thresh": 1.5}, r"line 6: expected occupied_thresh <= 1, got 1\.5"),
-        (
-            {"occupied_thresh": 0.3, "free_thresh": 0.4},
-            r"line 7: expected free_thresh <= occupied_thresh, 0\.3, got 0\.4",
-        ),
+        ({"occupied_thresh": -0.1}, r"line 6: expected occupied_thresh >= 0, got -0\.1"),
+        ({"occupied_thresh": 0.3, "free_thresh": 0.4}, r"line 7: .* <= occupied_thresh, 0\.3, got"),
         ({"resolution": -1}, "line 3: expected resolution > 0, got -1"),
         ({"resolution": True}, "line 3: expected resolution to be a number, got True"),
-        (
-            {"origin": [-1, 2, 0.5]},
-            r"line 4: expected origin \[x, y, 0\], without rotation, got \[",
-        ),
+        ({"origin": [-1, 2, 0.5]}, r"line 4: expected origin \[x, y, 0\], without rotation, got"),
         ({"origin": 7}, "line 4: expected origin to be a list, got 7"),
         ({"origin": [0]}, "line 4: expected origin to have at least 2 items"),
         ({"negate": 2}, "line 5: expected negate to be true or false, got 2"),
         ({"image": [1]}, "line 1: expected image to be a text, got"),
+        ({"image": None}, "line 1: expected the key 'image', which is missing"),
+        ({"image": "no.png"}, r"image 'no\.png': no such file"),
+        ({"image": "~nobody-here/no.png"}, "image '~nobody-here/no.png': "),
+        ({"image": "map.yaml"}, r"image 'map\.yaml': expected an image, such as PNG or PGM"),
+        ({"image": "map.tif"}, r"image 'map\.tif': expected integers as pixels, found floats"),
+        ({"image": "cut.png"}, r"image 'cut\.png': cannot be read: "),
     ],
 )
-def test_wrong_values_are_named_by_their_lines(drawn, keys, fault):
-    path = drawn([[0]])
-    path.write_text("".join(f"{key}: {value}\n" for key, value in {**HAZARD, **keys}.items()))
+def test_wrong_values_are_named_by_their_lines(drawn, tmp_path, keys, fault):
+    drawn([[0.5]], kind=np.float32, image="map.tif")
+    path = drawn(np.zeros((99, 99)))
+    (tmp_path / "cut.png").write_bytes((tmp_path / "map.png").read_bytes()[:60])
+    given = {key: value for key, value in {**HAZARD, **keys}.items() if value is not None}
+    path.write_text("".join(f"{key}: {value}\n" for key, value in given.items()))
     with pytest.raises(MissionError, match=rf"map\.yaml: {fault}"):
         read_raster(path)
 
@@ -190,45 +184,19 @@ def test_wrong_values_are_named_by_their_lines(drawn, keys, fault):
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        (
-            "image: map.png\nresolution: 1\norigin: [0, 0]\n",
-            "line 1: expected mode to be scale, got",
-        ),
-        (
-            "image: map.png\nmode: raw\nresolution: 1\norigin: [0, 0]",
-            "to be trinary or scale, got 'r",
-        ),
-        ("resolution: 1\norigin: [0, 0, 0]\n", "expected the key 'image', which is missing"),
         ("[1, 2]", r"expected the file to be a mapping, got \[1, 2\]"),
         ("", "expected the file to be a mapping, got None"),
         ("a: [", "not valid YAML"),
-        ("\x00", "not valid YAML"),
+        (
+            "{image: a, resolution: 1, origin: [0, 0], mode: raw}",
+            "mode to be trinary or scale, got",
+        ),
     ],
 )
-def test_files_that_are_no_maps(drawn, text, fault):
-    path = drawn([[0]])
-    path.write_text(text)
+def test_files_that_are_no_maps(tmp_path, text, fault):
+    (tmp_path / "map.yaml").write_text(text)
     with pytest.raises(MissionError, match=rf"map\.yaml: .*{fault}"):
-        read_raster(path, modes=MODES if "raw" in text else ("scale",))
-
-
-@pytest.mark.parametrize(
-    ("image", "fault"),
-    [
-        ("no.png", r"map\.yaml: image 'no\.png': no such file"),
-        ("~nobody-here/no.png", "image '~nobody-here/no.png': "),
-        ("map.yaml", r"image 'map\.yaml': expected an image, such as PNG or PGM"),
-        ("map.tif", r"image 'map\.tif': expected integers as pixels, found floats"),
-        ("cut.png", r"image 'cut\.png': cannot be read: "),
-    ],
-)
-def test_images_that_cannot_be_shares(drawn, tmp_path, image, fault):
-    drawn([[0.5]], kind=np.float32, image="map.tif")
-    path = drawn(np.zeros((99, 99)))
-    (tmp_path / "cut.png").write_bytes((tmp_path / "map.png").read_bytes()[:60])
-    path.write_text(path.read_text().replace("map.png", image))
-    with pytest.raises(MissionError, match=fault):
-        read_raster(path)
+        read_raster(tmp_path / "map.yaml", modes=MODES)
 
 
 @pytest.mark.fuzz
@@ -265,11 +233,14 @@ class TestRouteGraphs:
     GIVEN = {"base": 3, "robots": 1, "danger": 0.03}  # noqa: RUF012
 
     def test_a_black_map_is_the_danger_alone(self, drawn, site):  # noqa: F811
-        path = site(*both_ways((3, 4), (4, 7)))
+        """Also along lines that are longer than their ends are apart."""
+        path = site(*both_ways((3, 4)), line(4, 7, metadata={"length": 9}), line(7, 3))
         alone = load_mission(path, **self.GIVEN)
-        black = load_mission(path, hazard=drawn(np.zeros((20, 20)), **AT_THE_SITE), **self.GIVEN)
-        for tail, head, arc in black.graph.edges(data=True):
-            assert arc["survival"] == pytest.approx(alone.graph.edges[tail, head]["survival"])
+        black = {"hazard": drawn(np.zeros((20, 20)), **AT_THE_SITE)}
+        zones = {"danger_zones": [{"circle": [0, 0, 99], "rate": 0.03}], "danger": 0}
+        for more in (black, zones):
+            arcs = load_mission(path, **{**self.GIVEN, **more}).world.graph
+            assert arcs.survival == pytest.approx(alone.world.graph.survival)
         white = drawn(np.full((20, 20), 255), **AT_THE_SITE)
         assert (load_mission(path, hazard=white, **self.GIVEN).world.graph.survival == 1).all()
         clear = drawn(np.full((20, 20, 4), CLEAR), **AT_THE_SITE)
@@ -277,38 +248,12 @@ class TestRouteGraphs:
             mission = load_mission(path, hazard=clear, **self.GIVEN)
         assert (mission.world.graph.survival == 1).all()
 
-    def test_a_black_map_is_the_danger_along_lines_that_are_longer(self, drawn, site):  # noqa: F811
-        path = site(*both_ways((3, 4)), line(4, 7, metadata={"length": 9}), line(7, 3))
-        black = drawn(np.zeros((20, 20)), **AT_THE_SITE)
-        zones = [{"circle": [0, 0, 99], "rate": 0.03}]
-        for more in ({"hazard": black}, {"danger_zones": zones, "danger": 0}):
-            mission = load_mission(path, **{**self.GIVEN, **more})
-            assert mission.graph.edges[4, 7]["survival"] == pytest.approx(math.exp(-0.03 * 9))
-
-    @pytest.mark.filterwarnings("ignore:All arcs have a survival")
-    def test_survivals_in_the_file_stay(self, drawn, tmp_path):
-        save_mission(load_mission("toy"), tmp_path / "toy.geojson")
-        path = drawn(np.zeros((20, 20)))
-        assert load_mission(tmp_path / "toy.geojson", danger=9, hazard=path) == load_mission("toy")
-
-    def test_a_map_that_is_too_small(self, drawn, site):  # noqa: F811
-        path = site(*both_ways((3, 4), (4, 7)))
-        for hazard, fault in (
-            (drawn([[0]]), r"site\.geojson: .*map\.yaml: expected a map that covers"),
-            ("lost.yaml", r"lost\.yaml: no such file"),
-        ):
-            with pytest.raises(MissionError, match=fault):
-                load_mission(path, hazard=hazard, **self.GIVEN)
-
     def test_rewards_by_what_is_of_interest(self, drawn, site):  # noqa: F811
-        """Full scale is worth the reward for a unit of area; the base is worth nothing."""
+        """Within half a unit of a corner of cells of half a unit lie the centres of four."""
         path = site(*both_ways((3, 4), (4, 7)))
         given = {"interest": drawn(np.zeros((20, 20)), **AT_THE_SITE), "reward": 2, **self.GIVEN}
-        mission = load_mission(path, sight=0.5, **given)
-        # Within half a unit of a corner of cells of half a unit lie the centres of four.
-        assert mission.rewards.tolist() == [0, 2 * 4 * 0.25, 2 * 4 * 0.25]
-        with pytest.raises(MissionError, match="expected interest, a map, and sight"):
-            load_mission(path, **given)
+        rewards = load_mission(path, sight=0.5, **given).rewards
+        assert rewards.tolist() == [0, 2 * 4 * 0.25, 2 * 4 * 0.25]
 
 
 ORIGIN = (-2.0, 3.0)
@@ -376,18 +321,10 @@ class TestRoadmaps:
         cells = hall(60, 110, (28, 32, 2, 107), (2, 32, 20, 24), (28, 57, 70, 74))
         graph = roadmap_from_map(drawn(cells), radius=0.25)
         assert sorted(degree for _, degree in graph.out_degree()) == [1, 1, 1, 1, 3, 3]
+        places = {(round(x), round(y)) for _, (x, y) in graph.nodes(data="pos")}
+        assert places == {(-2, 6), (0, 6), (0, 9), (5, 6), (5, 3), (9, 6)}
         # But for a cell at each crossing.
         assert lengths(graph) == pytest.approx([1.8, 2.5, 2.6, 3.3, 5.0], abs=0.15)
-
-    def test_rooms_with_doors(self, drawn):
-        """Two rooms above a corridor, and one below."""
-        rooms = [(2, 17, 10, 40), (2, 17, 60, 90), (31, 45, 60, 90)]
-        doors = [(18, 19, 20, 30), (18, 19, 70, 80), (29, 30, 70, 80)]
-        cells = hall(48, 110, (20, 28, 2, 107), *rooms, *doors)
-        graph = roadmap_from_map(drawn(cells), radius=0.3)
-        assert nx.is_strongly_connected(graph)
-        places = [(round(x), round(y)) for _, (x, y) in graph.nodes(data="pos") if not 5 < y < 5.8]
-        assert {(0, 7), (5, 7), (5, 4)} <= {*places}
 
     def test_a_loop(self, drawn):
         """A way that has neither ends nor crossings gets three nodes, equally far apart."""
@@ -432,18 +369,19 @@ class TestRoadmaps:
             with pytest.raises(ValueError, match="Expected base to be a node, 0 to 6, or a place"):
                 roadmap_from_map(base=wrong, **given)
 
-    @pytest.mark.parametrize("threshold", [0.25, 0.196])
-    def test_unknown_cells_are_not_free(self, drawn, threshold):
+    def test_unknown_cells_are_not_free(self, drawn):
         """Also with the threshold that map savers write, by which their grey would be free."""
         expected = roadmap_from_map(drawn(CORRIDOR), radius=0.25)
         grey = np.where(CORRIDOR == 0, GREY, WHITE)
         # Under a clear pixel, white is not free either.
         clear = np.stack([np.full((9, 60), 255)] * 3 + [np.where(CORRIDOR == 0, 0, 255)], axis=2)
-        half = np.where(clear == 0, 254, clear)
-        for cells in (grey, clear, half):
-            for mode in ("trinary", "Scale"):
-                path = drawn(cells, free_thresh=threshold, mode=mode)
-                assert nx.utils.graphs_equal(roadmap_from_map(path, radius=0.25), expected)
+        for cells, threshold, mode in (
+            (grey, 0.25, "trinary"),
+            (grey, 0.196, "Scale"),
+            (clear, 0.196, "trinary"),
+        ):
+            path = drawn(cells, free_thresh=threshold, mode=mode)
+            assert nx.utils.graphs_equal(roadmap_from_map(path, radius=0.25), expected)
 
     def test_what_does_not_join_the_largest_part_is_left_out(self, drawn):
         cells = hall(30, 60, (2, 6, 2, 57), (15, 19, 2, 30))
@@ -469,26 +407,18 @@ class TestRoadmaps:
     @pytest.mark.parametrize(
         ("cells", "keys", "fault"),
         [
-            (np.full((50, 50), 0), {}, "no cell is free; 0% are unknown, 100% are occupied"),
-            (np.full((50, 50), GREY), {}, "no cell is free; 100% are unknown, 0% are occupied"),
             ([[0] + [GREY] * 98 + [128]], {}, "no cell is free; 99% are unknown, 1% are occupied"),
             (np.full((50, 50, 4), CLEAR), {}, "no cell is free; 100% are unknown"),
             (CORRIDOR, {"free_thresh": 0}, "no cell is free; 52% are unknown, 48% are occupied"),
             (hall(9, 9, (4, 4, 4, 4)), {}, CLOSE),
             ([[WHITE]], {}, CLOSE),
-            (np.full((1, 5000), WHITE), {}, CLOSE),
             (CORRIDOR, {}, NO_WAY + r"the largest clearance is 0\.25$"),
-            (np.full((50, 50), WHITE), {}, HALL),
             (hall(9, 9, (1, 7, 1, 7)), {}, HALL),
         ],
     )
     def test_why_there_is_no_way(self, drawn, cells, keys, fault):
         with pytest.raises(MissionError, match=rf"map\.yaml: {fault}"):
             roadmap_from_map(drawn(cells, **keys))
-
-    def test_a_long_line(self, drawn):
-        graph = roadmap_from_map(drawn(np.full((1, 5000), WHITE)), radius=0.05)
-        assert lengths(graph) == [pytest.approx(499.9)]
 
     @pytest.mark.parametrize(
         ("given", "fault"),
@@ -517,7 +447,7 @@ class TestRoadmaps:
         with pytest.raises(MissionError, match=said):
             roadmap_from_map(drawn(CORRIDOR))
 
-    @examples(200)
+    @examples(100)
     @given(
         coarse=arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9))),
         size=st.integers(1, 9),
