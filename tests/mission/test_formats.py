@@ -449,8 +449,8 @@ def attributes_of(mission):
     """All that a file must hold: attributes of the graph, of its nodes and of its arcs."""
     graph = mission.graph
     given = {key: value for key, value in graph.graph.items() if value is not None}
-    own = {"name": mission.name, "base": mission.base, "pays": mission.pays, "kinds": ()}
-    return {**given, **own}, dict(graph.nodes), dict(graph.edges)
+    own = {name: getattr(mission, name) for name in ("name", "base", "robots", "pays")}
+    return {**given, **own, "kinds": ()}, dict(graph.nodes), dict(graph.edges)
 
 
 class TestWritten:

@@ -365,175 +365,96 @@ def test_other_coordinates(building, system, first, second, place, length):
     assert mission.graph.edges["gate", "ground/1"]["length"] == pytest.approx(length, rel=1e-4)
 
 
+OF_BUILDINGS = [
+    ("[4, 5, {", "[4, 50, {", "line 13: arc 'L1/4' -> 'L1/50': there is no node 'L1/50'"),
+    ("[2, 3, {", "[2, x, {", r"line 11: expected lanes\[0\]\[1\] to be an integer, got 'x'"),
+    ("[30, 60, 0, hall]", "[30, x]", r"line 22: expected vertices\[3\]\[1\] to be a number"),
+    ("[30, 60, 0, hall]", "7", r"line 22: expected vertices\[3\] to be a list, got 7"),
+    ("60, 0, hall]", "60, 0, hall, 7]", r"line 22: expected vertices\[3\]\[4\] to be"),
+    ("graph_idx: [2, 1]", "graph_idx: [1, a]", "line 15: expected graph_idx to be an integer"),
+    ("distance: [3, 10]", "distance: [3, -1]", "line 17: expected distance > 0, got "),
+    ("[0, 1, {distance", "[0, 0, {distance", "line 17: expected a measurement between two"),
+    ("[0, 1, {distance", "[0, 8, {distance", r"line 17: .* of level L1, got vertices \[0, 8\]"),
+    ("elevation: 4.5", "elevation: up", "line 30: expected elevation to be a number, got 'up'"),
+    ("floor_name: L1", "floor_name: L9", r"reference levels among \['L1', 'L2'\], got \['L9'\]"),
+    ("graphs: {}", "reference_level_name: L9", r"expected reference levels .*, got \['L9'\]"),
+    ("reference_image", "web_mercator", "line 1: expected coordinate_system to be 'ref"),
+    ("is_charger: [4, true]", "x: [4, true]", "expected base, found no vertex with is_charger"),
+    ("name: depot", "name: [", "52: not valid YAML"),
+]
+OF_GRAPHS = [
+    ("- - 1\n      - 2", "- - 1\n      - 40", "line 10: arc 'L1/1' -> 'L1/40': there is no node"),
+    ("[2, 1, {mutex", "[2, -1, {mutex", r"line 13: expected lanes\[3\]\[1\] >= 0, got -1"),
+    ("[2, 1, {mutex: corridor}]", "[2]", r"line 13: expected lanes\[3\] to be an integer"),
+    ("[3.0, -6.0, {", "[3.0, north, {", r"line 20: expected vertices\[1\]\[1\] to be a number"),
+    ("  L3: {", "  L3: {elevation: up, ", "line 30: expected elevation to be a number, got 'up'"),
+    ("lanes: [], ", "lanes: 3, ", "line 30: expected lanes to be a list, got 3"),
+    ("hall, is_h", "hall, reward: much, is_h", "node 'L1/1': expected a finite reward >= 0, got"),
+    ("{mutex: corridor}", "{survival: 2}", "arc .*: expected survival in .*, got 2"),
+    ("is_charger: true", "is_charger: false", "expected base, found no vertex with is_charger"),
+]
+
+
 @pytest.mark.parametrize(
-    ("kind", "old", "new", "fault"),
-    [
-        ("building", "[4, 5, {", "[4, 50, {", "line 13: arc 'L1/4' -> 'L1/50': there is no node"),
-        ("building", "[2, 3, {", "[2, x, {", r"line 11: expected lanes\[0\]\[1\] to be an integer"),
-        (
-            "building",
-            "[30, 60, 0, hall]",
-            "[30, x]",
-            r"line 22: expected vertices\[3\]\[1\] to be a",
-        ),
-        (
-            "building",
-            "[30, 60, 0, hall]",
-            "7",
-            r"line 22: expected vertices\[3\] to be a list, got 7",
-        ),
-        ("building", "60, 0, hall]", "60, 0, hall, 7]", r"line 22: expected vertices\[3\]\[4\] to"),
-        ("building", "graph_idx: [2, 1]", "graph_idx: [1, a]", "line 15: expected graph_idx to be"),
-        (
-            "building",
-            "distance: [3, 10]",
-            "distance: [3, -1]",
-            "line 17: expected distance > 0, got",
-        ),
-        ("building", "[0, 1, {dis", "[0, 0, {dis", "line 17: expected a measurement between two"),
-        ("building", "[0, 1, {dis", "[0, 8, {dis", r"line 17: .* of level L1, got vertices \[0, 8"),
-        (
-            "building",
-            "elevation: 4.5",
-            "elevation: up",
-            "line 30: expected elevation to be a number",
-        ),
-        ("building", "floor_name: L1", "floor_name: L9", r"among \['L1', 'L2'\], got \['L9'\]"),
-        (
-            "building",
-            "graphs: {}",
-            "reference_level_name: L9",
-            r"reference levels .*, got \['L9'\]",
-        ),
-        ("building", "reference_image", "web_mercator", "line 1: expected coordinate_system to be"),
-        ("building", "name: depot", "name: [", "52: not valid YAML"),
-        (
-            "building",
-            "is_charger: [4, true]",
-            "x: [4, true]",
-            "expected base, found no vertex with",
-        ),
-        ("graph", "is_charger: true", "is_charger: false", "expected base, found no vertex with"),
-        (
-            "graph",
-            "- - 1\n      - 2",
-            "- - 1\n      - 40",
-            "line 10: arc 'L1/1' -> 'L1/40': there is",
-        ),
-        (
-            "graph",
-            "[2, 1, {mutex",
-            "[2, -1, {mutex",
-            r"line 13: expected lanes\[3\]\[1\] >= 0, got",
-        ),
-        (
-            "graph",
-            "[2, 1, {mutex: corridor}]",
-            "[2]",
-            r"line 13: expected lanes\[3\] to be an integ",
-        ),
-        (
-            "graph",
-            "[3.0, -6.0, {",
-            "[3.0, north, {",
-            r"line 20: expected vertices\[1\]\[1\] to be a",
-        ),
-        ("graph", "[9.0, -6.0, {name: ward}]", "[9.0]", r"line 29: expected vertices\[1\] to be a"),
-        (
-            "graph",
-            "  L3: {",
-            "  L3: {elevation: up, ",
-            "line 30: expected elevation to be a number",
-        ),
-        ("graph", "lanes: [], ", "lanes: 3, ", "line 30: expected lanes to be a list, got 3"),
-        (
-            "graph",
-            "hall, is_h",
-            "hall, reward: much, is_h",
-            "node 'L1/1': expected a finite reward",
-        ),
-        ("graph", "{mutex: corridor}", "{survival: 2}", "arc .*: expected survival in .*, got 2"),
-    ],
+    ("kind", "change"),
+    [*(("building", row) for row in OF_BUILDINGS), *(("graph", row) for row in OF_GRAPHS)],
 )
 @pytest.mark.filterwarnings("ignore")
-def test_what_is_wrong_is_named_by_its_line(request, kind, old, new, fault):
+def test_what_is_wrong_is_named_by_its_line(request, kind, change):
+    old, new, fault = change
     path = request.getfixturevalue(kind)((old, new))
     with pytest.raises(MissionError, match=rf"{path.name}.*{fault}"):
         load_mission(path, **GIVEN)
 
 
-@pytest.mark.filterwarnings("ignore:Left out", "ignore:Without")
-@pytest.mark.parametrize("kind", ["building", "graph"])
-def test_dangers_of_a_place_are_those_of_all_levels(request, tmp_path, kind):
+@pytest.mark.filterwarnings("ignore:Left out")
+def test_dangers_of_a_place_are_those_of_all_levels(building):
     """Levels lie above each other, and a ride is at the place of its lift."""
-    path = request.getfixturevalue(kind)()
     zones = [{"circle": [8, -6, 1.5], "rate": 0.5}]
-    arcs = load_mission(path, robots=2, danger_zones=zones).graph.edges
-    ends = "L1/4" if kind == "building" else "L1/2"
-    ride = arcs[ends, "L2/0"]
-    assert ride["survival"] == pytest.approx(math.exp(-0.5 * ride["length"]))
+    arcs = load_mission(building(), robots=2, danger_zones=zones).graph.edges
+    assert arcs["L1/4", "L2/0"]["survival"] == pytest.approx(math.exp(-0.5 * 4.5))
     assert arcs["L2/0", "ward"]["survival"] == pytest.approx(math.exp(-0.5 * 2))
-    hall = "L1/3" if kind == "building" else "L1/1"
-    assert arcs[hall, ends]["survival"] == pytest.approx(math.exp(-0.5 * 0.5))
+    assert arcs["L1/3", "L1/4"]["survival"] == pytest.approx(math.exp(-0.5 * 0.5))
     # The east, where x >= 5, is black.
     values = np.full((20, 20), 255, np.uint8)
     values[:, 10:] = 0
-    Image.fromarray(values).save(tmp_path / "map.png")
-    place = "image: map.png\nresolution: 1\norigin: [-5, -15, 0]\nmode: scale\nnegate: 0\n"
-    (tmp_path / "map.yaml").write_text(place + "occupied_thresh: 0.9\nfree_thresh: 0.1\n")
-    arcs = load_mission(path, hazard=tmp_path / "map.yaml", **GIVEN).graph.edges
-    assert arcs[ends, "L2/0"]["survival"] == pytest.approx(math.exp(-0.01 * ride["length"]))
-    assert arcs["dock", hall]["survival"] == 1
+    Image.fromarray(values).save(building().with_name("map.png"))
+    hazard = building().with_name("map.yaml")
+    hazard.write_text("{image: map.png, resolution: 1, origin: [-5, -15, 0], mode: scale}")
+    arcs = load_mission(building(), hazard=hazard, **GIVEN).graph.edges
+    assert arcs["L1/4", "L2/0"]["survival"] == pytest.approx(math.exp(-0.01 * 4.5))
+    assert arcs["dock", "L1/3"]["survival"] == 1
 
 
 NAMED = """\
 levels:
   L1:
     lanes: &both [[0, 1], [1, 0], [1, 2], [2, 1]]
-    vertices: [[0, 0, %(dock)s], [1, 0, %(own)s], [2, 0, %(lift)s]]
+    vertices:
+      - [0, 0, 0, dock, {is_charger: [4, true]}]
+      - [1, 0, 0, L1/1]
+      - &lift [2, 0, 0, '', {lift_cabin: [1, Lift]}]
   L2:
     lanes: *both
-    vertices: [[2, 0, %(lift)s], [3, 0, %(none)s], [4, 0, %(alike)s]]
+    vertices: [*lift, [3, 0, 0, ''], [4, 0, 0, L2/1]]
 """
-KINDS = {
-    "building": {
-        "dock": "0, dock, {is_charger: [4, true]}",
-        "own": "0, L1/1",
-        "lift": "0, '', {lift_cabin: [1, Lift]}",
-        "none": "0, ''",
-        "alike": "0, L2/1",
-    },
-    "graph": {
-        "dock": "{name: dock, is_charger: true}",
-        "own": "{name: L1/1}",
-        "lift": "{lift: Lift}",
-        "none": "{name: ''}",
-        "alike": "{name: L2/1}",
-    },
-}
 
 
-@pytest.mark.filterwarnings("ignore:Level", "ignore:These levels", "ignore:Without")
-@pytest.mark.parametrize("kind", sorted(KINDS))
-def test_a_name_that_is_the_label_of_another_vertex(request, kind):
+@pytest.mark.filterwarnings("ignore:Level", "ignore:These levels")
+def test_a_name_that_is_the_label_of_another_vertex(building):
     """It is no label then, and as a base it means the other vertex."""
-    path = request.getfixturevalue(kind)(text=NAMED % KINDS[kind])
+    path = building(text=NAMED)
     mission = load_mission(path, **GIVEN)
     assert mission.nodes == ("dock", "L1/1", "L1/2", "L2/0", "L2/1", "L2/2")
     names = {label: node.get("name") for label, node in mission.graph.nodes(data=True)}
     assert names == dict.fromkeys(mission.nodes) | {"L2/2": "L2/1"}
     by_label = load_mission(path, base="L2/1", **GIVEN)
-    assert by_label.base == "L2/1"
-    assert by_label.graph.nodes["L2/1"]["pos"][0] == 3
+    assert (by_label.base, by_label.graph.nodes["L2/1"]["pos"][0]) == ("L2/1", 3)
     assert load_mission(path, base="L2/2", **GIVEN).base == "L2/2"
-
-
-@pytest.mark.filterwarnings("ignore:Level", "ignore:These levels")
-def test_a_name_that_would_be_the_label_of_a_vertex_without_a_lane(building):
-    text = NAMED % (KINDS["building"] | {"alike": "0, L3/0"}) + "  L3: {vertices: [[0, 0]]}"
+    # Also where the other vertex has no lane.
+    text = NAMED.replace("L2/1]]", "L3/0]]") + "  L3: {vertices: [[0, 0]]}"
     mission = load_mission(building(text=text), **GIVEN)
-    assert mission.nodes[-1] == "L2/2"
-    assert mission.graph.nodes["L2/2"]["name"] == "L3/0"
+    assert (mission.nodes[-1], mission.graph.nodes["L2/2"]["name"]) == ("L2/2", "L3/0")
 
 
 @pytest.mark.parametrize("given", [{}, {"base": "L1/0"}])

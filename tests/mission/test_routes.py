@@ -136,29 +136,42 @@ def test_what_is_wrong_is_named_by_its_feature(site, features, fault):
     assert "site.geojson" in str(raised.value)
 
 
+def saved_for_nav2(mission, path):
+    """Save a mission, which comes back; return what Nav2 loads of its file."""
+    save_mission(mission, path)
+    again = load_mission(path)
+    assert again == mission
+    assert dict(again.graph.nodes) == dict(mission.graph.nodes)
+    assert dict(again.graph.edges) == dict(mission.graph.edges)
+    return loaded_by_nav2(json.loads(path.read_text()))
+
+
 def test_nav2_gets_penalties_as_decimals(tmp_path):
-    mission = load_mission("art_museum")
-    save_mission(mission, tmp_path / "museum.geojson")
-    points, lines = loaded_by_nav2(json.loads((tmp_path / "museum.geojson").read_text()))
+    graph = load_mission("art_museum").graph.copy()
+    graph.edges[1, 2]["survival"] = 1
+    mission = Mission(graph)
+    points, lines = saved_for_nav2(mission, tmp_path / "museum.geojson")
     assert tuple(points) == mission.nodes
     assert points[1] == tuple(mission.graph.nodes[1]["pos"])
     for line in lines:
         survival = mission.graph.edges[line["startid"], line["endid"]]["survival"]
         assert type(line["metadata"]["penalty"]) is float
         assert line["metadata"]["penalty"] == pytest.approx(-math.log(survival))
+    assert '"penalty": 0.0' in (tmp_path / "museum.geojson").read_text()
 
 
-def test_labels_that_are_texts_are_numbered(tmp_path):
+@pytest.mark.parametrize("label", ["dock", 2**31 - 1, -1, 1.5, False])
+def test_labels_that_nav2_cannot_read_are_numbered(tmp_path, label):
+    """2³¹ − 1 marks deleted nodes."""
+    mission = Mission(nx.relabel_nodes(load_mission("toy").graph, {4: label}))
+    points, _ = saved_for_nav2(mission, tmp_path / "x.geojson")
+    assert list(points) == [1, 2, 3, 4, 5]
+
+
+def test_there_is_not_one_penalty_of_several_kinds(tmp_path):
     mission = load_mission("drones_and_rovers")
-    save_mission(mission, tmp_path / "plant.geojson")
-    content = json.loads((tmp_path / "plant.geojson").read_text())
-    points, lines = loaded_by_nav2(content)
-    assert list(points) == list(range(1, 35))
-    labels = [feature["properties"]["label"] for feature in content["features"][: len(points)]]
-    assert tuple(labels) == mission.nodes
-    # Each kind has its own survival, so that there is not one penalty.
+    _, lines = saved_for_nav2(mission, tmp_path / "plant.geojson")
     assert not any("penalty" in line["metadata"] for line in lines)
-    assert load_mission(tmp_path / "plant.geojson") == mission
 
 
 def test_labels_in_the_files_of_others_are_attributes(site):
@@ -168,15 +181,6 @@ def test_labels_in_the_files_of_others_are_attributes(site):
     mission = load_mission(path, danger=0.1, base=3, robots=1)
     assert mission.nodes == (3, 5)
     assert mission.graph.nodes[5]["label"] == "c"
-
-
-def test_a_sure_arc_costs_nothing_more(tmp_path):
-    graph = load_mission("toy").graph.copy()
-    graph.edges[1, 2]["survival"] = 1
-    save_mission(Mission(graph), tmp_path / "x.geojson")
-    _, lines = loaded_by_nav2(json.loads((tmp_path / "x.geojson").read_text()))
-    (sure,) = (line for line in lines if (line["startid"], line["endid"]) == (1, 2))
-    assert json.dumps(sure["metadata"]["penalty"]) == "0.0"
 
 
 def polygon(*rings, shape="Polygon", **properties):
@@ -276,27 +280,13 @@ def test_ids_and_penalties_of_lines(site, tmp_path):
         line(7, 3, id=4, metadata={"survival": 0.5}),  # as a point has
     )
     mission = load_mission(path, base=3, robots=1)
-    save_mission(mission, tmp_path / "again.geojson")
-    _, lines = loaded_by_nav2(json.loads((tmp_path / "again.geojson").read_text()))
+    _, lines = saved_for_nav2(mission, tmp_path / "again.geojson")
     of_ends = {(each["startid"], each["endid"]): each for each in lines}
     assert {ends: each["id"] for ends, each in of_ends.items()} == {
         (3, 4): 20, (4, 3): 21, (3, 7): 23, (4, 7): 24, (7, 4): 25, (7, 3): 26
     }  # fmt: skip
     penalties = {ends: each["metadata"]["penalty"] for ends, each in of_ends.items()}
     assert penalties == {ends: 0.0 if ends == (7, 4) else math.log(2) for ends in of_ends}
-    again = load_mission(tmp_path / "again.geojson")
-    assert again == mission
-    assert dict(again.graph.edges) == dict(mission.graph.edges)
-
-
-@pytest.mark.parametrize("label", [2**31 - 1, 2**32 - 1, -1, 1.5, False])
-def test_labels_that_nav2_cannot_read_are_numbered(tmp_path, label):
-    """2³¹ − 1 marks deleted nodes."""
-    mission = Mission(nx.relabel_nodes(load_mission("toy").graph, {4: label}))
-    save_mission(mission, tmp_path / "x.geojson")
-    points, _ = loaded_by_nav2(json.loads((tmp_path / "x.geojson").read_text()))
-    assert list(points) == [1, 2, 3, 4, 5]
-    assert load_mission(tmp_path / "x.geojson").nodes == mission.nodes
 
 
 def test_what_nav2_reads_beside_metadata(tmp_path):
@@ -310,9 +300,8 @@ def test_what_nav2_reads_beside_metadata(tmp_path):
     )
     graph.edges[2, 1].update(cost="low", overridable=1, penalty=50, speed_limit=80.0)
     mission = Mission(graph)
-    save_mission(mission, tmp_path / "x.geojson")
+    _, lines = saved_for_nav2(mission, tmp_path / "x.geojson")
     content = json.loads((tmp_path / "x.geojson").read_text())
-    _, lines = loaded_by_nav2(content)
     first, second = (feature["properties"] for feature in content["features"][:2])
     assert (first["frame"], first["operations"]) == ("odom", [door])
     assert "frame" not in second
@@ -328,7 +317,3 @@ def test_what_nav2_reads_beside_metadata(tmp_path):
     )
     assert back["metadata"]["speed_limit"] == 80.0
     assert not {"cost", "overridable"} & back.keys()
-    again = load_mission(tmp_path / "x.geojson")
-    assert again == mission
-    assert dict(again.graph.nodes) == dict(mission.graph.nodes)
-    assert dict(again.graph.edges) == dict(mission.graph.edges)
