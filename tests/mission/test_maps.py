@@ -212,7 +212,7 @@ def test_files_that_are_no_maps(tmp_path, text, fault):
     ],
     ids=["map", "image"],
 )
-@examples(200)
+@examples(100)
 @given(data=st.data())
 def test_changed_files(tmp_path_factory, name, content, data):
     folder = tmp_path_factory.getbasetemp() / "maps"

@@ -18,9 +18,9 @@ from botohe_moo.core.world import new_limits, uncollected
 from botohe_moo.mission import PlanError
 from botohe_moo.mission.model import mission_digest, numbers_digest
 from botohe_moo.mission.rules import by_kind
-from botohe_moo.trails import PlanBatch, TrailPlan
+from botohe_moo.trails import TrailPlan
 from tests.mission.made import BOTH, graph_of, harbour, team_site
-from tests.strategies import missions, missions_with_plans, team_missions
+from tests.strategies import missions_with_plans, team_missions
 
 ROOT = Path(__file__).parents[2]
 
@@ -73,11 +73,6 @@ class TestConstruction:
         mission = Mission(harbour(), base="dock", kinds=[Kind("robot", 2, **ends)])
         assert mission.is_plain == is_plain
         assert mission.with_robots(3).is_plain == is_plain
-
-    @given(missions())
-    def test_balanced(self, mission):
-        degrees = [mission.graph.in_degree(v) - mission.graph.out_degree(v) for v in mission.nodes]
-        assert mission.balanced == (not any(degrees))
 
 
 class TestFrozen:
@@ -317,12 +312,6 @@ class TestPlans:
         ):
             mission.evaluate([TrailPlan([[5], [2], [3]])])
 
-    def test_what_is_no_plan(self, mission):
-        with pytest.raises(TypeError, match=r"Plan 1: expected a TrailPlan, got \[\[0\], \[0\]\]"):
-            mission.evaluate([TrailPlan([[0], [0]]), [[0], [0]]])
-        with pytest.raises(TypeError, match="Expected a sequence of TrailPlans, got one TrailPlan"):
-            mission.evaluate(TrailPlan([[0], [0]]))
-
 
 class TestEvaluate:
     def test_by_hand(self, mission):
@@ -350,12 +339,3 @@ class TestEvaluate:
         assert arrival[0] == pytest.approx(math.prod(survival[:2]))
         assert later[0] == pytest.approx(math.prod(survival))
         assert later[1] == arrival[1]
-
-    def test_any_container_of_plans(self, mission):
-        plans = [mission.plan([["dock", "reef", "dock"], ["dock"]]), mission.plan([["dock"]] * 2)]
-        expected = mission.evaluate(plans)
-        assert expected.shape == (2, 2)
-        column = PlanBatch.from_plans(plans, 2).to_array()
-        for container in (iter(plans), tuple(plans), mission.batch(plans), column, column[:, 0]):
-            assert np.array_equal(mission.evaluate(container), expected)
-        assert mission.evaluate([]).shape == (0, 2)
