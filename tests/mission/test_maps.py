@@ -392,15 +392,6 @@ class TestRoadmaps:
         y = pytest.approx(3 + 25.5 * 0.1)
         assert [place[1] for _, place in graph.nodes(data="pos")] == [y, y]
 
-    def test_narrow_doors_are_for_small_robots(self, drawn):
-        """Half a metre wide."""
-        path = drawn(hall(30, 60, (5, 24, 5, 25), (5, 24, 28, 55), (12, 16, 26, 27)))
-        small = roadmap_from_map(path, radius=0.25)
-        with pytest.warns(UserWarning, match="Left out parts"):
-            large = roadmap_from_map(path, radius=0.3)
-        assert min(x for _, (x, _) in small.nodes(data="pos")) < 0.5
-        assert min(x for _, (x, _) in large.nodes(data="pos")) > 0.5
-
     NO_WAY = r"expected ways through free space for a robot of radius 0\.3, found none: "
     CLOSE, HALL = NO_WAY + r"the largest clearance is 0\.05$", NO_WAY + ".* a round or square hall"
 
