@@ -735,7 +735,8 @@ class TestGraphML:
             "label": "Reef",
         }
         assert mission.world.graph.survival.tolist() == [0.9, 0.8]
-        assert read_mission(tmp_path / "gephi.graphml", base="Reef").base == "2"
+        other = read_mission(tmp_path / "gephi.graphml", base="Reef")
+        assert (other.base, other.rewards.tolist()) == ("2", [0, 5])  # 0 is the default of nodes
 
     def test_as_networkx_writes_and_reads_it(self, tmp_path):
         path, gephis = tmp_path / "ring.graphml", read_mission(DATA / "gephi.graphml")
