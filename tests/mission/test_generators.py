@@ -119,6 +119,8 @@ def test_two_communities_are_tied_to_the_base():
     zones = [zone for _, zone in graph.nodes(data="zone")]
     assert zones == ["base"] + ["community 1"] * 12 + ["community 2"] * 8
     assert sorted(graph[0]) == [1, 13]
+    away = [math.dist(graph.nodes[v]["pos"], (0.2 if v < 13 else 0.8, 0.5)) for v in range(1, 21)]
+    assert away == pytest.approx([0.2] * 20, abs=1e-3)
     assert [arc["survival"] for *_, arc in graph.edges(0, data=True)] == [1, 1]
 
 

@@ -18,7 +18,7 @@ from botohe_moo.core.world import new_limits, uncollected
 from botohe_moo.mission import PlanError
 from botohe_moo.mission.model import mission_digest, numbers_digest
 from botohe_moo.mission.rules import by_kind
-from botohe_moo.trails import TrailPlan
+from botohe_moo.trails import PlanBatch, TrailPlan
 from tests.mission.made import BOTH, graph_of, harbour, team_site
 from tests.strategies import missions_with_plans, team_missions
 
@@ -295,8 +295,10 @@ class TestPlans:
         ],
     )
     def test_of_other_missions(self, mission, trails, message):
-        with pytest.raises(PlanError, match=re.escape(message)):
-            mission.evaluate([TrailPlan(trails)])
+        plans = [TrailPlan(trails)]
+        for each in (plans, PlanBatch.from_plans(plans, len(trails))):
+            with pytest.raises(PlanError, match=re.escape(message)):
+                mission.evaluate(each)
 
     def test_of_other_kinds(self):
         mission = Mission(team_site(), kinds=BOTH, name="site")
