@@ -14,8 +14,7 @@ from matplotlib.axes import Axes
 from benchmarks.measure import in_process
 from benchmarks.one_search import ALGORITHMS, COLUMNS, EARLY
 from botohe_moo.plots import save_plot
-from botohe_moo.plots.shared import log_axis
-from botohe_moo.plots.style import colours, theme
+from botohe_moo.plots.style import colours, log_axis, theme
 
 NODES = (100, 1_000, 10_000)
 ROBOTS = (3, 10, 50)

@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from botohe_moo import load_mission
 from botohe_moo.bounds import FrontBound
-from botohe_moo.cli.progress import StudyProgress
-from botohe_moo.cli.study import study_app
+from botohe_moo.cli.study import StudyProgress, study_app
 from botohe_moo.study import (
     StudyError,
     StudyInterrupted,

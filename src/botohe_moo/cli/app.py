@@ -18,8 +18,7 @@ import typer
 
 from botohe_moo.cli import common, plans, solve
 from botohe_moo.cli.common import command, failing, paragraph, tell
-from botohe_moo.cli.library import library_app
-from botohe_moo.cli.missions import missions_app
+from botohe_moo.cli.missions import library_app, missions_app
 from botohe_moo.cli.study import study_app
 
 if TYPE_CHECKING:

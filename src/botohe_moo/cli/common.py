@@ -1,4 +1,4 @@
-"""What all commands share: their options, what they print, and their exit statuses."""
+"""What all commands share: their options, what they print and show, and their exit statuses."""
 
 from __future__ import annotations
 
@@ -16,10 +16,12 @@ import signal
 import sys
 import textwrap
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from copy import copy
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO, get_origin
 
@@ -38,6 +40,7 @@ INTERRUPTED = 130
 PICTURES = (".png", ".svg", ".pdf")
 _MAX_WIDTH = 100
 _NO_LIMIT = 10_000  # columns, where there is no terminal to wrap to
+_SECONDS_BETWEEN_LINES = 6.0  # of progress, where there is no terminal
 _TEXTS = ("base", "start", "end", "title")  # parameters of missions that stay as they are typed
 
 
@@ -45,6 +48,8 @@ Command = Callable[..., None]
 Number = Annotated[int, typer.Option(min=0)]
 Count = Annotated[int, typer.Option(min=1)]
 CountOrNone = Annotated[int | None, typer.Option(min=1)]
+Show = Callable[..., None]
+"""Takes words, and optionally how much is done and of how much."""
 
 
 def command(app: typer.Typer, name: str | None = None) -> Callable[[Command], Command]:
@@ -349,6 +354,108 @@ def stoppable(answer: str) -> Iterator[threading.Event]:
             os.close(reader)
     if pressed.is_set():
         raise typer.Exit(INTERRUPTED)
+
+
+@contextmanager
+def showing(words: str, *, every: float = _SECONDS_BETWEEN_LINES) -> Iterator[Show]:
+    """Show words, beside a bar or in lines, until the function that is yielded shows others.
+
+    A bar without a total moves to and fro. Where standard error is not a terminal, the words are
+    printed every few seconds. It is also shown when kernels are being compiled.
+    """
+    latest = words
+    # rich would call it a terminal if FORCE_COLOR is set, as it often is for logs.
+    is_terminal = sys.stderr is not None and sys.stderr.isatty()
+    with _bar() if is_terminal else _lines(every) as put:
+
+        def show(words: str, done: float = 0.0, total: float | None = None) -> None:
+            nonlocal latest
+            latest = words
+            put(words, done, total)
+
+        show(words)
+        with _noting_compiling(lambda begins: put("compiling" if begins else latest)):
+            yield show
+
+
+@contextmanager
+def _noting_compiling(note: Callable[[bool], None]) -> Iterator[None]:
+    """Call a function when numba begins to compile a kernel, and when the kernel is compiled.
+
+    Functions that the kernel calls are compiled in between, which is not reported.
+    """
+    from numba.core import event
+
+    depth, is_first = 0, True
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:  # noqa: ARG002
+            nonlocal depth, is_first
+            if is_first:
+                say("compiling for this machine, once.")
+                is_first = False
+            depth += 1
+            if depth == 1:
+                note(True)
+
+        def on_end(self, event: Any) -> None:  # noqa: ARG002
+            nonlocal depth
+            depth -= 1
+            if depth == 0:
+                note(False)
+
+    with event.install_listener("numba:compile", Listener()):
+        yield
+
+
+@contextmanager
+def _bar() -> Iterator[Show]:
+    from rich import progress
+    from rich.console import Console
+
+    bar = progress.Progress(
+        progress.BarColumn(bar_width=16),
+        progress.TaskProgressColumn(),
+        progress.TextColumn("{task.fields[words]} ", markup=False),
+        progress.TimeElapsedColumn(),
+        progress.TimeRemainingColumn(),
+        progress.TextColumn("left"),
+        console=Console(stderr=True),
+        redirect_stdout=False,
+    )
+    task = bar.add_task("", total=None, words="")
+    bar.start()
+
+    def put(words: str, done: float = 0.0, total: float | None = None) -> None:
+        given = None if total is None else done  # without a total, both stay as they are
+        bar.update(task, words=harmless(words), completed=given, total=total)
+
+    try:
+        yield put
+    finally:
+        with suppress(OSError):  # the terminal has been closed
+            bar.stop()
+
+
+@contextmanager
+def _lines(every: float) -> Iterator[Show]:
+    latest, over, started = "", threading.Event(), time.monotonic()
+
+    def put(words: str, *_: object) -> None:
+        nonlocal latest
+        latest = words
+
+    def speak() -> None:
+        while not over.wait(every):
+            say(f"{latest}, {timedelta(seconds=int(time.monotonic() - started))}")
+
+    thread = threading.Thread(target=speak, daemon=True)
+    thread.start()
+    try:
+        yield put
+    finally:
+        over.set()
+        thread.join()
 
 
 def paragraph(text: str, indent: str = "") -> str:

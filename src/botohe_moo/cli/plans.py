@@ -13,7 +13,7 @@ import botohe_moo as bm
 from botohe_moo import decide, explorer, plots
 from botohe_moo.base import files
 from botohe_moo.cli import common
-from botohe_moo.cli.common import fail, failing, paragraph, say, tell
+from botohe_moo.cli.common import fail, failing, paragraph, say, showing, tell
 
 if TYPE_CHECKING:
     from botohe_moo import underway
@@ -220,7 +220,6 @@ def replan(
     """
     with failing():
         from botohe_moo import underway
-        from botohe_moo.cli.progress import showing
 
         solution, chosen, how = _plan_under_way(folder, plan, price)
         if out is not None:
@@ -312,7 +311,6 @@ def replay(
     """
     with failing():
         from botohe_moo import underway
-        from botohe_moo.cli.progress import showing
         from botohe_moo.explorer.page import check_page_file
 
         check_page_file(out)
@@ -358,7 +356,6 @@ def simulate(
     """
     with failing():
         from botohe_moo import underway
-        from botohe_moo.cli.progress import showing
 
         if out is not None:
             files.check_suffix(out, common.PICTURES)

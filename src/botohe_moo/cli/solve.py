@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 import shlex
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from threading import Event
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,11 +18,15 @@ import botohe_moo as bm
 from botohe_moo import decide, plots
 from botohe_moo.base import files, runtime
 from botohe_moo.cli import common
-from botohe_moo.cli.common import FAILED, brief, fail, failing, stoppable, tell
+from botohe_moo.cli.common import FAILED, brief, fail, failing, showing, stoppable, tell
 from botohe_moo.cli.plans import tell_choice
+
+if TYPE_CHECKING:
+    from botohe_moo.solving import Progress
 
 _STOP_SEARCH = "stopping; what was found will be written. Press Ctrl-C again to break off."
 _STOP_PROOF = "stopping; what is proved will be shown. Press Ctrl-C again to break off."
+_SECONDS_BETWEEN_UPDATES = 0.5  # computing the area takes a while on large fronts
 _ROWS = 8  # of the table of a bound
 
 
@@ -111,11 +118,10 @@ def solve(
 
 def _search(stop: Event, **how: Any) -> bm.Solution:
     """Search and show it; the command ends if the algorithm refuses, or finds nothing."""
-    from botohe_moo.cli.progress import showing_search
     from botohe_moo.solving import RefusalError
 
     try:
-        with showing_search(how["evaluations"]) as progress:
+        with _showing_search(how["evaluations"]) as progress:
             solution = bm.solve(**how, progress=progress, stop=stop)
     except (RefusalError, bm.algorithms.TooLargeError) as error:
         fail(error)
@@ -124,6 +130,22 @@ def _search(stop: Event, **how: Any) -> bm.Solution:
         status = common.INTERRUPTED if stop.is_set() else FAILED
         fail(f"{found}; nothing is written.", status)
     return solution
+
+
+@contextmanager
+def _showing_search(total: int) -> Iterator[Progress]:
+    """Show how many evaluations are done, and the area of the front."""
+    with showing("starting") as show:
+        shown_at = -math.inf
+
+        def progress(evaluations: int, area: Callable[[], float]) -> None:
+            nonlocal shown_at
+            elapsed = time.perf_counter() - shown_at
+            if elapsed >= _SECONDS_BETWEEN_UPDATES or evaluations >= total:
+                shown_at = time.perf_counter()
+                show(f"{evaluations:,} evaluations  area {area():.4f}", evaluations, total)
+
+        yield progress
 
 
 def bound(
@@ -212,8 +234,6 @@ def _prove(
     mission: bm.Mission, solution: bm.Solution | None, stop: Event, **how: Any
 ) -> bm.FrontBound:
     """Bound the front of a mission until the time is over or the event is set."""
-    from botohe_moo.cli.progress import showing
-
     how["n_threads"] = how["n_threads"] or min(runtime.n_cpus(), 1_024)
     front, limit = None if solution is None else solution.expected, how["time_limit"]
     with showing("starting") as show, failing():

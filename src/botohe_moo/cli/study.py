@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -12,7 +12,17 @@ from botohe_moo import study as studies
 from botohe_moo.base.messages import counted
 from botohe_moo.base.runtime import n_cpus
 from botohe_moo.cli import common
-from botohe_moo.cli.common import FAILED, Count, CountOrNone, command, fail, failing, say, tell
+from botohe_moo.cli.common import (
+    FAILED,
+    Count,
+    CountOrNone,
+    command,
+    fail,
+    failing,
+    say,
+    showing,
+    tell,
+)
 
 if TYPE_CHECKING:
     from botohe_moo.study.runner import Plan
@@ -59,7 +69,6 @@ def run(
         For algorithms of other packages, if the budget has no seconds: a run fails when it
         evaluates nothing for so long.
     """
-    from botohe_moo.cli.progress import StudyProgress, showing
     from botohe_moo.study.model import study_folder
 
     with failing():
@@ -86,6 +95,57 @@ def run(
         failures.append(f"{counted(n_unbounded, 'bound')} failed")
     if failures:
         fail(f"{'; '.join(failures)}; run the study again to retry.", FAILED)
+
+
+class StudyProgress:
+    """Counts the runs and bounds of a study that end, and shows their number."""
+
+    def __init__(self, show: common.Show) -> None:
+        self._show_words = show
+        self._shares: dict[str, float] = {}  # of their budgets, that runs at work have spent
+        self._n: Counter[str] = Counter()
+
+    def __call__(self, about: Any, news: Any) -> None:
+        """Note a study's plan, a front or the outcome of a run, or the bound of a mission."""
+        from botohe_moo.study.perform import Outcome, Record
+        from botohe_moo.study.runner import Plan
+
+        if isinstance(news, Plan):
+            self._begin(news)
+        elif isinstance(news, Record):
+            budget = about.mission.budget
+            both = ((news.evaluations, budget.evaluations), (news.seconds, budget.seconds))
+            share = max(spent / allowed for spent, allowed in both if allowed)
+            self._shares[about.digest] = min(share, 1.0)
+        elif isinstance(news, Outcome):
+            self._shares.pop(about.digest, None)
+            self._n.update(ended=1, failed=news.status == "failed")
+            if news.status != "done":
+                which = f"{about.algorithm.label} on {about.mission.label}, seed {about.seed}"
+                say(f"{which}: {news.status}: {news.error}")
+        else:
+            self._n.update(bounded=1)
+            if isinstance(news, str):
+                say(f"bound of {about.label}: failed: {news}")
+        self._show()
+
+    def _begin(self, plan: Plan) -> None:
+        """Print how many runs are finished, and how many are left."""
+        self._n.update(runs=len(plan.missing), bounds=len(plan.unbounded))
+        there = len(plan.runs) - self._n["runs"]
+        say(f"{len(plan.runs)} runs: {there} are there, {self._n['runs']} to go.")
+        if n_bounds := self._n["bounds"]:
+            say(f"{counted(n_bounds, 'bound')} to compute when the runs are done.")
+
+    def _show(self) -> None:
+        n = self._n
+        failed = f", {n['failed']} failed" if n["failed"] else ""
+        bounds = f", {n['bounded']} of {n['bounds']} bounds" if n["bounds"] else ""
+        done, total = n["ended"] + sum(self._shares.values()), n["runs"]
+        # Bounds get a bar of their own, from which the time they take is estimated.
+        if n["bounds"] and n["ended"] == n["runs"]:
+            done, total = n["bounded"], n["bounds"]
+        self._show_words(f"{n['ended']} of {n['runs']} runs{failed}{bounds}", done, total)
 
 
 def _tell_tables(tables: studies.StudyTables) -> None:
@@ -176,7 +236,6 @@ def merge(folders: list[Path], *, out: Path | None = None) -> None:
 @command(study_app)
 def report(study: Path) -> None:
     """Make the report: a page, figures and LaTeX tables."""
-    from botohe_moo.cli.progress import showing
     from botohe_moo.study.report import write_report
 
     with failing():

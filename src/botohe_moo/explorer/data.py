@@ -123,7 +123,8 @@ def page_data(
     if not n_plans:
         raise ValueError("Expected at least one plan to explore, got none.")
     candidates = Candidates(mission, front.plans)
-    choices = [_chosen(candidates, wish) for wish in wishes]
+    given = [wishes] if isinstance(wishes, str) else wishes
+    choices = [_chosen(candidates, wish) for wish in given]
     marks = [(kind, row, *map(sentence, texts)) for kind, row, *texts in _marks(front, choices)]
     expected = front.expected
     order = np.lexsort((-expected[:, 1], expected[:, 0]))

@@ -9,11 +9,11 @@ from botohe_moo.base.runtime import lazy_names
 
 if TYPE_CHECKING:
     from botohe_moo.plots.comparisons import plot_areas as plot_areas
+    from botohe_moo.plots.comparisons import plot_curves as plot_curves
     from botohe_moo.plots.comparisons import plot_heat as plot_heat
     from botohe_moo.plots.comparisons import plot_ranks as plot_ranks
+    from botohe_moo.plots.comparisons import plot_reached as plot_reached
     from botohe_moo.plots.comparisons import plot_shortfalls as plot_shortfalls
-    from botohe_moo.plots.curves import plot_curves as plot_curves
-    from botohe_moo.plots.curves import plot_reached as plot_reached
     from botohe_moo.plots.front import plot_attainment as plot_attainment
     from botohe_moo.plots.front import plot_attainment_difference as plot_attainment_difference
     from botohe_moo.plots.front import plot_front as plot_front

@@ -21,7 +21,6 @@ from botohe_moo.decide.fronts import check_objectives, check_row, front_rows
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, numbers_digest
 from botohe_moo.objectives import Objectives
-from botohe_moo.plots import shared
 from botohe_moo.plots import style as look
 from botohe_moo.plots.style import Space, title_above
 
@@ -266,7 +265,7 @@ def plot_fronts(
     looks |= {"markeredgecolor": "white", "markeredgewidth": 0.3}
     with look.theme():
         ax = ax or look.new_axes(7.5, max(4.0, 0.42 * len(fronts)))
-        for label, style in shared.line_styles(fronts, palette).items():
+        for label, style in look.line_styles(fronts, palette).items():
             front = fronts[label][seeds[label]]
             style["label"] += f" (seed {seeds[label]})" + ("" if len(front) else ": no plans")
             ax.plot(*staircase(front)[:-1].T, **style, **looks)
@@ -275,7 +274,7 @@ def plot_fronts(
                 corners = staircase(points[["reward", "survivors"]].to_numpy(float))[:-1]
                 ax.plot(*corners.T, **style)
         ax.set(xlim=(0, None), ylim=(0, None))
-        return shared.finish(ax, title, *OBJECTIVES)
+        return look.finish(ax, title, *OBJECTIVES)
 
 
 def plot_attainment(
@@ -321,7 +320,7 @@ def plot_attainment(
     fronts = final_fronts(plans, runs, algorithms)
     with look.theme():
         ax = ax or look.new_axes(7.5, max(4.0, 0.42 * len(fronts)))
-        for label, style in shared.line_styles(fronts, palette).items():
+        for label, style in look.line_styles(fronts, palette).items():
             runs_of = list(fronts[label].values())
             few, half, most = (staircase(attainment_surface(runs_of, p))[:-1] for p in (25, 50, 75))
             # Markers are not plans: a few are enough to tell the lines apart.
@@ -330,7 +329,7 @@ def plot_attainment(
                 band = np.concatenate([few, most[::-1]])
                 ax.fill(*band.T, color=style["color"], alpha=0.2, linewidth=0)
         ax.set(xlim=(0, None), ylim=(0, None))
-        return shared.finish(ax, title, *OBJECTIVES)
+        return look.finish(ax, title, *OBJECTIVES)
 
 
 def plot_attainment_difference(
@@ -415,7 +414,7 @@ def plot_attainment_difference(
             keys += ax.plot(*reach.T, **line, label="any run of both")
             keys += ax.plot(*half.T, **line, linestyle="--", label="half of its runs")
             ax.set(xlim=(0, 1.05 * most[0]), ylim=(0, 1.05 * most[1]), xlabel=OBJECTIVES[0])
-            name = shared.wrapped([label])[0]
+            name = look.wrapped([label])[0]
             ax.set_title(f"{name} reaches more often", fontweight="normal")
             ax.legend(handles=keys, **legend)
         left.set_ylabel(OBJECTIVES[1])
@@ -465,7 +464,7 @@ def plot_pairs(
     """
     import seaborn as sns
 
-    shared.check_table("table", table, (*objectives.columns, *([] if hue is None else [hue])))
+    look.check_table("table", table, (*objectives.columns, *([] if hue is None else [hue])))
     named = table.rename(columns=dict(zip(objectives.columns, objectives.names, strict=True)))
     with look.theme():
         grid = sns.PairGrid(named, vars=[*objectives.names], hue=hue, palette=palette, corner=True)
@@ -481,9 +480,9 @@ def final_fronts(
     plans: pd.DataFrame, runs: pd.DataFrame, algorithms: Sequence[str] | None
 ) -> dict[str, dict[int, FloatArray]]:
     """Return the final front (n_plans, 2) of every run, perhaps empty, by label and seed."""
-    labels = shared.chosen_algorithms("runs", runs, ("algorithm", "seed", "area"), algorithms)
+    labels = look.chosen_algorithms("runs", runs, ("algorithm", "seed", "area"), algorithms)
     point = ["reward", "survivors"]
-    shared.check_table("plans", plans, ("algorithm", "seed", *point))
+    look.check_table("plans", plans, ("algorithm", "seed", *point))
     points = plans[point].to_numpy(float)
     of_runs = plans.groupby(["algorithm", "seed"], observed=True).indices
     found = {key: points[rows] for key, rows in of_runs.items()}

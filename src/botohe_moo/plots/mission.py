@@ -19,8 +19,7 @@ from botohe_moo.plots import canvas as maps
 from botohe_moo.plots import site as where
 from botohe_moo.plots import style as look
 from botohe_moo.plots.canvas import Canvas, colour_by_value, open_axes
-from botohe_moo.plots.shared import check_table
-from botohe_moo.plots.style import title_above
+from botohe_moo.plots.style import check_table, title_above
 
 if TYPE_CHECKING:
     import pandas as pd

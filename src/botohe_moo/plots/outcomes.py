@@ -19,8 +19,7 @@ from botohe_moo.decide.wishes import Candidates
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots import style as look
 from botohe_moo.plots.front import staircase
-from botohe_moo.plots.shared import line_styles
-from botohe_moo.plots.style import Palette, objectives_text, title_above
+from botohe_moo.plots.style import Palette, line_styles, objectives_text, title_above
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:

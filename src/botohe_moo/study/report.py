@@ -25,7 +25,7 @@ from matplotlib.axes import Axes
 from botohe_moo.base.files import replace_file
 from botohe_moo.base.messages import counted
 from botohe_moo.indicators import INDICATORS
-from botohe_moo.plots import comparisons, curves, front
+from botohe_moo.plots import comparisons, front
 from botohe_moo.plots.style import palette_of, save_plot
 from botohe_moo.study.content import parameter_words
 from botohe_moo.study.statistics import best_first
@@ -341,19 +341,19 @@ def _over_time(
 ) -> Iterator[Picture]:
     """Draw how areas grow, how targets are reached, and how distances shrink."""
     trace, targets = tables.trace, tables.targets
-    spent: tuple[curves.Spent, ...] = ("evaluations", "seconds")
+    spent: tuple[comparisons.Spent, ...] = ("evaluations", "seconds")
     for x, name in zip(spent, ("curves", "seconds"), strict=True):
-        ax = curves.plot_curves(trace, x=x, bound=bound, palette=palette)
-        yield name, ax, _caption("curves", spent=curves.NAMES[x])
+        ax = comparisons.plot_curves(trace, x=x, bound=bound, palette=palette)
+        yield name, ax, _caption("curves", spent=comparisons.NAMES[x])
     if not targets.empty:  # else the reference front has no area
         shown = _SHARES * (targets["target"].iloc[0] / targets["share"].iloc[0])
-        ax = curves.plot_reached(trace, tables.runs, shown, palette=palette)
+        ax = comparisons.plot_reached(trace, tables.runs, shown, palette=palette)
         yield "reached", ax, _caption("reached")
     for value in further_of(tables):
         rows = trace.dropna(subset=value)
         if INDICATORS[value].is_distance and not rows.empty:
             caption = _caption("distances", indicator=INDICATORS[value].label)
-            yield value, curves.plot_curves(rows, value=value, palette=palette), caption
+            yield value, comparisons.plot_curves(rows, value=value, palette=palette), caption
 
 
 def rivals(tables: StudyTables) -> tuple[str, str] | None:
