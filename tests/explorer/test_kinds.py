@@ -7,7 +7,7 @@ from botohe_moo.decide import plan_csv, plan_geojson, plan_json
 from botohe_moo.explorer import explore
 from botohe_moo.explorer.data import page_data
 from tests.explorer.conftest import solution_of
-from tests.plots.test_kinds import TRAILS, mixed
+from tests.plots.made import TRAILS, mixed
 
 NAMES = ["drone 0", "drone 1", "rover 2"]
 

@@ -17,7 +17,7 @@ from botohe_moo.explorer import explore, explorer_page
 from botohe_moo.explorer.data import page_data
 from tests.explorer.conftest import solution_of, toy_plans
 from tests.explorer.test_browser import WIDTHS, at_hand, downloaded, shows, text_of
-from tests.plots.test_backgrounds import write_map
+from tests.plots.made import write_map
 
 pytestmark = pytest.mark.slow
 

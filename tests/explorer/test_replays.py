@@ -12,7 +12,7 @@ from botohe_moo.explorer.data import LITTLE
 from botohe_moo.explorer.page import replay_data
 from botohe_moo.underway import POLICIES, play_mission
 from tests.explorer.test_browser import NASTY, WIDTHS
-from tests.plots.test_kinds import TRAILS, mixed
+from tests.plots.made import TRAILS, mixed
 from tests.underway.corner import MISSION, NUMBER, PLAN, PLAYED
 
 
