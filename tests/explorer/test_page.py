@@ -64,12 +64,7 @@ class TestPage:
         )
         assert not re.search(r"\b(src|href|srcset|action)=|url\(|@import", markup + STYLE)
 
-    def test_the_same_solution_gives_the_same_page(self, toy_page):
-        mission, plans = toy_plans([1], [1, 2, 1])
-        pages = {explorer.explorer_page(solution_of(mission, plans)) for _ in range(2)}
-        assert len(pages) == 1
-
-    def test_notebooks_show_it_in_a_closed_frame(self):
+    def test_notebooks_show_the_same_page_in_a_closed_frame(self):
         solution = solution_of(*toy_plans([1], [1, 2, 1]))
         frame = solution._repr_html_()
         assert frame == notebook_frame(solution)
@@ -102,9 +97,7 @@ TEXTS = [
 ]
 
 
-class TestContrast:
-    """WCAG 2.2, level AA: 4.5 for texts."""
-
-    def test_of_texts(self):
-        for scheme, (ink, paper) in product((LIGHT, DARK), TEXTS):
-            assert contrast(scheme[ink], scheme[paper]) >= 4.5, (ink, paper)
+def test_texts_have_contrast():
+    """WCAG 2.2, level AA: 4.5."""
+    for scheme, (ink, paper) in product((LIGHT, DARK), TEXTS):
+        assert contrast(scheme[ink], scheme[paper]) >= 4.5, (ink, paper)
