@@ -51,6 +51,11 @@ ENTRIES: dict[str, tuple[int, tuple[str, ...]]] = {
     "decide": (10, ("decide",)),
     "solution.py": (4, ("test_solve.py",)),
     "testing": (4, ("testing",)),
+    "underway.py": (6, ("underway",)),
+    "library.py": (5, ("library",)),
+    "plots": (20, ("plots",)),
+    "explorer": (8, ("explorer",)),
+    "cli": (10, ("test_cli.py", "library/test_commands.py")),
     "study": (16, ("study",)),
 }
 MODULES_WITHOUT = {"compile.py", "threads.py"}  # how kernels are compiled and called

@@ -21,8 +21,9 @@ AB, AC, BC and C are not dominated; the total reward is 7.
 from functools import partial
 
 import networkx as nx
+import numpy as np
 
-from botohe_moo import Mission
+from botohe_moo import Mission, Solution
 from botohe_moo.decide import Wish
 
 Expected, Chance, TailMean = (partial(Wish, form) for form in ("expected", "chance", "tail mean"))
@@ -52,3 +53,20 @@ def trips(mission, *leaves):
 
 
 PLANS = [trips(MISSION, *name.lower()) for name in NAMES]
+
+
+def solution_of(mission, plans):
+    """A solution that has these plans."""
+    objectives = mission.evaluate(plans)
+    order = np.lexsort((-objectives[:, 1], -objectives[:, 0]))
+    return Solution(
+        mission=mission,
+        plans=tuple(plans[i] for i in order),
+        objectives=objectives[order],
+        algorithm="by hand",
+        parameters={},
+        seed=0,
+        evaluations=len(plans),
+        seconds=None,
+        interrupted=False,
+    )

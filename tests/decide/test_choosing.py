@@ -10,7 +10,6 @@ from botohe_moo.decide import choose, toward, worst_case
 from botohe_moo.decide import wishes as judged
 from botohe_moo.decide.choosing import taken
 from botohe_moo.outcomes import plan_outcomes
-from botohe_moo.solution import Solution
 from tests import strategies
 from tests.decide.made import (
     MISSION,
@@ -22,6 +21,7 @@ from tests.decide.made import (
     Reach,
     TailMean,
     WorstCase,
+    solution_of,
 )
 
 # Which plan has the most reward and meets the wishes; see the table in tests/decide/made.py.
@@ -66,16 +66,13 @@ def test_answers():
     assert {wish: NAMES[choose(MISSION, PLANS, wish).index] for wish in ANSWERS} == ANSWERS
 
 
-def test_what_there_is_to_be_most_of_can_be_said():
+def test_what_there_is_to_be_most_of_can_be_said_and_wishes_come_in_several_forms():
+    wishes = ["reach c >= 1", EveryRobot(at_least=0.6), "reward >= 1 and survivors >= 1.9"]
+    assert NAMES[choose(MISSION, PLANS, *wishes).index] == "BC"
     assert NAMES[choose(MISSION, PLANS, "reward >= 2.8", most="reward").index] == "AB"
     assert NAMES[choose(MISSION, PLANS, "P(reward >= 3) >= 0.5", most="survivors").index] == "BC"
     with pytest.raises(ValueError, match="Expected most among reward, survivors, got 'rewards'"):
         choose(MISSION, PLANS, "reward >= 1", most="rewards")
-
-
-def test_several_wishes_are_all_to_be_met():
-    wishes = ["reach c >= 1", EveryRobot(at_least=0.6), "reward >= 1 and survivors >= 1.9"]
-    assert NAMES[choose(MISSION, PLANS, *wishes).index] == "BC"
 
 
 def test_the_words():
@@ -120,10 +117,9 @@ class TestTheImpossible:
 
     def test_of_equally_near_ones_the_best(self):
         # All miss the probability by 1.
-        choice = choose(MISSION, PLANS, "P(survivors >= 3) >= 1")
-        assert NAMES[choice.index] == "AB"
-        choice = choose(MISSION, PLANS, "P(survivors >= 3) >= 1", most="survivors")
-        assert NAMES[choice.index] == "C"
+        for most, name in (("reward", "AB"), ("survivors", "C")):
+            choice = choose(MISSION, PLANS, "P(survivors >= 3) >= 1", most=most)
+            assert NAMES[choice.index] == name
 
 
 class TestTies:
@@ -149,10 +145,11 @@ class TestSmallFronts:
         assert choice.missed[0].by == pytest.approx(1)
 
     def test_none(self):
-        with pytest.raises(ValueError, match=r"^Expected at least one plan .*, got none\.$"):
-            choose(MISSION, [], "reward >= 1")
-        with pytest.raises(ValueError, match=r"^Expected at least one plan .*, got none\.$"):
-            toward(MISSION, [], reward=1, survivors=1)
+        for ask in (choose, toward):
+            given = ("reward >= 1",) if ask is choose else ()
+            point = {} if ask is choose else {"reward": 1, "survivors": 1}
+            with pytest.raises(ValueError, match=r"^Expected at least one plan .*, got none\.$"):
+                ask(MISSION, [], *given, **point)
 
 
 @st.composite
@@ -275,6 +272,8 @@ class TestToward:
         )
         choice = toward(MISSION, PLANS, reward=2, survivors=1)
         assert choice.why.endswith("survivors 1: plan 0 has at least as much of both.")
+        with pytest.raises(ValueError, match=r"^Expected reward >= 0"):
+            toward(MISSION, PLANS, reward=-1, survivors=1)
 
     @given(fronts(), st.floats(0, 20), st.floats(0, 3))
     def test_brute_force(self, front, reward, survivors):
@@ -288,10 +287,6 @@ class TestToward:
         least, most = max(scores)[0], scores[chosen][1]
         assert scores[chosen][0] >= least - 2e-9
         assert most >= max(total for low, total in scores if low == least) - 1e-12
-
-    def test_bad_points(self):
-        with pytest.raises(ValueError, match=r"^Expected reward >= 0"):
-            toward(MISSION, PLANS, reward=-1, survivors=1)
 
 
 class TestDistributions:
@@ -320,21 +315,12 @@ class TestDistributions:
 
 
 def test_a_solution_chooses_among_its_plans():
-    objectives = MISSION.evaluate(PLANS)
-    solution = Solution(
-        mission=MISSION,
-        plans=tuple(PLANS),
-        objectives=objectives,
-        algorithm="by hand",
-        parameters={},
-        seed=1,
-        evaluations=6,
-        seconds=None,
-        interrupted=False,
-    )
-    assert NAMES[solution.choose("survivors >= 1.6", "reward >= 1").index] == "BC"
-    assert NAMES[solution.choose("reward >= 1", most="reward").index] == "AB"
-    assert NAMES[solution.toward(reward=3.5, survivors=2).index] == "BC"
+    solution = solution_of(MISSION, PLANS)
+    plans, objectives = solution.plans, solution.objectives
+    wishes = "survivors >= 1.6", "reward >= 1"
+    assert solution.choose(*wishes).index == choose(MISSION, plans, *wishes).index
+    assert solution.choose("reward >= 1", most="reward").plan == PLANS[NAMES.index("AB")]
+    assert solution.toward(reward=3.5, survivors=2).plan == PLANS[NAMES.index("BC")]
     assert solution.knees() == decide.knees(MISSION, objectives)
-    assert solution.survivor_price(3) == decide.survivor_price(MISSION, PLANS, 3)
-    assert solution.representatives(2) == decide.representatives(MISSION, PLANS, 2)
+    assert solution.survivor_price(3) == decide.survivor_price(MISSION, plans, 3)
+    assert solution.representatives(2) == decide.representatives(MISSION, plans, 2)

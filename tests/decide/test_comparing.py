@@ -51,22 +51,11 @@ def test_nodes_gained_and_lost():
         "Robot 1 (robot 0 in the second plan): survival 0.9 -> 1; also visits c; no longer visits "
         "b.",
     )
-    same, changed = found.table.itertuples()
-    assert (same.robot, same.other_robot, same.same) == (0, 1, True)
-    assert (changed.gained, changed.lost, changed.same) == (("c",), ("b",), False)
-    assert (changed.survival, changed.other_survival) == (pytest.approx(0.9), 1)
-
-
-def test_more_redundancy_and_one_robot_less_at_home():
-    found = compare(MISSION, trips(MISSION, "b"), trips(MISSION, "b", "b"))
-    assert found.sentences == (
-        "The second plan has 0.18 more reward and 0.1 fewer survivors.",
-        "Robot 1 (robot 1 in the second plan): survival 1 -> 0.9; also visits b.",
-    )
 
 
 def test_the_table_has_a_row_for_each_robot():
     found = compare(MISSION, trips(MISSION, "b"), trips(MISSION, "b", "b"))
+    assert found.sentences[0] == "The second plan has 0.18 more reward and 0.1 fewer survivors."
     assert found.table.to_dict("list") == {
         "robot": [0, 1],
         "other_robot": [0, 1],

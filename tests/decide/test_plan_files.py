@@ -111,15 +111,12 @@ def test_geojson():
     ]
 
 
-def test_geojson_needs_the_places_that_are_visited():
+def test_what_cannot_be_written():
     mission = starred(**{**PLACES, "b": None})
     plan_geojson(mission, trips(mission, "a"))
     expected = r"^Node 'b': expected pos \[x, y\] for GeoJSON, found none"
     with pytest.raises(ValueError, match=expected):
         plan_geojson(mission, trips(mission, "b"))
-
-
-def test_labels_that_json_cannot_hold():
     mission = star({frozenset({3}): (1, 0.5)})
     for write in (plan_json, plan_csv):
         with pytest.raises(ValueError, match="frozenset"):
@@ -185,11 +182,8 @@ def test_legs_by_hand():
         "reward": pytest.approx(1 + 0.5 + 0.4),
     }
     # Labels are texts: nodes have the numbers 1 to 3, and lines 4 to 6.
-    assert [(leg["edge"], leg["start"], leg["goal"]) for leg in legs] == [
-        (4, 1, 2),
-        (5, 2, 3),
-        (6, 3, 1),
-    ]
+    hops = [(leg["edge"], leg["start"], leg["goal"]) for leg in legs]
+    assert hops == [(4, 1, 2), (5, 2, 3), (6, 3, 1)]
     assert [leg["survival"] for leg in legs] == [0.5, 0.4, 0.4]
     stops = [start, *legs]
     assert [stop["node"] for stop in stops] == ["dock", "reef", "pier", "dock"]
@@ -200,14 +194,13 @@ def test_legs_by_hand():
     assert turns == [facing(0), facing(0), facing(90), facing(-135)]
 
 
-def test_a_robot_that_stays_has_no_legs():
-    mission = harbour()
-    robot = json.loads(nav2_files(mission, around(mission))["robot_1.json"])
-    assert (robot["legs"], robot["start"]["node"]) == ([], "dock")
-    assert robot["start"]["pose"]["orientation"] == facing(0)
-
-
-def test_ids_of_nav2_stay():
+def test_robots_that_stay_kinds_and_ids_of_nav2():
+    mission = harbour(kinds=[Kind("boat", 1), Kind("buoy", 1)])
+    files = nav2_files(mission, around(mission))
+    boat, buoy = (json.loads(files[f"robot_{i}.json"]) for i in range(2))
+    assert (boat["kind"], buoy["kind"]) == ("boat", "buoy")
+    assert (buoy["legs"], buoy["start"]["node"]) == ([], "dock")
+    assert buoy["start"]["pose"]["orientation"] == facing(0)
     mission = harbour((7, 0, 12))
     legs = json.loads(nav2_files(mission, around(mission))["robot_0.json"])["legs"]
     assert [(leg["start"], leg["goal"]) for leg in legs] == [(7, 0), (0, 12), (12, 7)]
@@ -257,11 +250,8 @@ def test_waypoints_by_hand():
         [0, 0, 0, None, 47.5, 8.75, 30],
         [0, 0, 0, None, 47.25, 8.5, 30],
     ]
-    assert [(item["command"], item["frame"], item["doJumpId"]) for item in items] == [
-        (16, 3, 1),
-        (16, 3, 2),
-        (16, 3, 3),
-    ]
+    commands = [(item["command"], item["frame"], item["doJumpId"]) for item in items]
+    assert commands == [(16, 3, 1), (16, 3, 2), (16, 3, 3)]
 
 
 def test_positions_that_may_be_metres():
@@ -274,6 +264,9 @@ def test_positions_that_may_be_metres():
 
 def test_all_files_are_checked_before_any_is_written(tmp_path):
     mission = harbour()
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(OSError, match="expected a folder to write to"):
+        write_plan(mission, around(mission), tmp_path / "file")
     (tmp_path / "nav2" / "robot_1.json").mkdir(parents=True)
     with pytest.raises(OSError, match="expected a file, found a folder"):
         write_plan(mission, around(mission), tmp_path / "nav2")
@@ -299,68 +292,47 @@ def test_a_file_for_each_robot_that_leaves(tmp_path):
     [path] = write_plan(alone, around(alone), tmp_path / "alone.PLAN", altitude=30)
     assert path.name == "alone-0.PLAN"
     assert path.read_text() == qgc_plans(alone, around(alone), altitude=30)[0]
-    with pytest.raises(ValueError, match=r"expected a robot that leaves where it starts"):
-        write_plan(mission, mission.stay_home(), tmp_path / "none.plan", altitude=30)
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "mav_type", "altitude", "height"),
-    [
+def test_vehicles(tmp_path):
+    mission = harbour(robots=1)
+    for vehicle, mav_type, altitude, height in (
         ("multicopter", 2, 30, 30),
         ("fixed-wing", 1, np.float32(30), 30),
         ("vtol", 20, 30, 30),
         ("rover", 10, None, 0),
-        ("rover", 10, 30, 30),
-        ("boat", 11, None, 0),
+        ("boat", 11, 30, 30),
         ("submarine", 12, -4.5, -4.5),
         ("submarine", 12, 0, 0),
-    ],
-)
-def test_vehicles(tmp_path, vehicle, mav_type, altitude, height):
-    mission = harbour(robots=1)
-    given = {"altitude": altitude, "vehicle": vehicle}
-    [path] = write_plan(mission, around(mission), tmp_path / "site.plan", **given)
-    assert path.read_text() == qgc_plans(mission, around(mission), **given)[0]
-    content = json.loads(path.read_text())["mission"]
-    assert content["vehicleType"] == mav_type
-    assert {(item["frame"], item["Altitude"]) for item in content["items"]} == {(3, height)}
-    assert {item["params"][6] for item in content["items"]} == {height}
+    ):
+        given = {"altitude": altitude, "vehicle": vehicle}
+        [path] = write_plan(mission, around(mission), tmp_path / "site.plan", **given)
+        assert path.read_text() == qgc_plans(mission, around(mission), **given)[0]
+        content = json.loads(path.read_text())["mission"]
+        assert content["vehicleType"] == mav_type
+        assert {(item["frame"], item["Altitude"]) for item in content["items"]} == {(3, height)}
+        assert {item["params"][6] for item in content["items"]} == {height}
 
 
-@pytest.mark.parametrize(
-    ("given", "fault"),
-    [
-        ({}, "altitude (of a multicopter, in metres) to be a number > 0, got None."),
-        ({"altitude": -3}, "altitude (of a multicopter, in metres) > 0, got -3."),
-        ({"altitude": 0, "vehicle": "vtol"}, "altitude (of a vtol, in metres) > 0, got 0."),
-        (
-            {"altitude": math.nan},
-            "altitude (of a multicopter, in metres) to be a finite number > 0, got nan.",
-        ),
-        (
-            {"altitude": math.inf, "vehicle": "boat"},
-            "altitude (of a boat, in metres) to be a finite number, got inf.",
-        ),
-        (
-            {"vehicle": "submarine"},
-            "altitude (of a submarine, in metres) to be a number <= 0, got None.",
-        ),
-        (
-            {"altitude": 3, "vehicle": "submarine"},
-            "altitude (of a submarine, in metres) <= 0, got 3.",
-        ),
-        (
-            {"altitude": 3, "vehicle": "rovr"},
-            "vehicle among rover, boat, vtol, submarine, multicopter, fixed-wing, got 'rovr'.",
-        ),
-    ],
-)
-def test_altitudes_and_vehicles_that_are_refused(tmp_path, given, fault):
+def test_altitudes_and_vehicles_that_are_refused(tmp_path):
     mission = harbour()
-    with pytest.raises(ValueError, match=f"^Expected {re.escape(fault)}$"):
-        qgc_plans(mission, around(mission), **given)
-    with pytest.raises(ValueError, match=f"^Expected {re.escape(fault)}$"):
-        write_plan(mission, around(mission), tmp_path / "site.plan", **given)
+    for altitude, vehicle, fault in (
+        (None, "multicopter", "altitude (of a multicopter, in metres) to be a number > 0, got"),
+        (-3, "multicopter", "altitude (of a multicopter, in metres) > 0, got -3."),
+        (math.nan, "vtol", "altitude (of a vtol, in metres) to be a finite number > 0, got nan."),
+        (math.inf, "boat", "altitude (of a boat, in metres) to be a finite number, got inf."),
+        (None, "submarine", "altitude (of a submarine, in metres) to be a number <= 0, got None."),
+        (3, "submarine", "altitude (of a submarine, in metres) <= 0, got 3."),
+        (3, "rovr", "vehicle among rover, boat, vtol, submarine, multicopter, fixed-wing, got"),
+    ):
+        given = {"altitude": altitude, "vehicle": vehicle}
+        with pytest.raises(ValueError, match=f"^Expected {re.escape(fault)}"):
+            write_plan(mission, around(mission), tmp_path / "site.plan", **given)
+    for more in ({"altitude": 30}, {"vehicle": "rover"}):
+        with pytest.raises(ValueError, match=r"expected altitude and vehicle with a \.plan only"):
+            write_plan(mission, around(mission), tmp_path / "site.csv", **more)
+    with pytest.raises(ValueError, match=r"expected a robot that leaves where it starts"):
+        write_plan(mission, mission.stay_home(), tmp_path / "none.plan", altitude=30)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -397,19 +369,3 @@ def test_waypoints_of_more_robots_are_not_left_beside(tmp_path):
     write_plan(mission, mission.plan([trail, trail]), tmp_path / "site.plan", altitude=30)
     with pytest.raises(FileExistsError, match=r"site-1\.plan: a file of another plan"):
         write_plan(mission, around(mission), tmp_path / "site.plan", altitude=30)
-    for more in ({"altitude": 30}, {"vehicle": "rover"}):
-        with pytest.raises(ValueError, match=r"expected altitude and vehicle with a \.plan only"):
-            write_plan(mission, around(mission), tmp_path / "site.csv", **more)
-
-
-def test_a_file_in_the_place_of_a_folder(tmp_path):
-    mission = harbour()
-    (tmp_path / "nav2").write_text("mine")
-    with pytest.raises(OSError, match="expected a folder to write to"):
-        write_plan(mission, around(mission), tmp_path / "nav2")
-
-
-def test_kinds_have_their_names():
-    mission = harbour(kinds=[Kind("boat", 1), Kind("buoy", 1)])
-    files = nav2_files(mission, around(mission))
-    assert [json.loads(files[f"robot_{i}.json"])["kind"] for i in range(2)] == ["boat", "buoy"]

@@ -23,18 +23,7 @@ from tests.decide.made import (
     star,
 )
 
-LABELS = [
-    "north hall",
-    "a",
-    7,
-    "7",
-    (1, "x"),
-    (1, (2, 3)),
-    "and >= 0.5 and b",
-    'say "no"',
-    "漢字",
-    2.5,
-]
+LABELS = ["north hall", "a", 7, "7", (1, "x"), (1, (2, 3)), "and >= 0.5 and b", 'say "no"', 2.5]
 
 
 def labelled(labels):
@@ -58,12 +47,9 @@ FORMS_READ = [
     ("p ( reward>=5 )>=1", Chance(quantity="reward", value=5, at_least=1)),
     ("CVaR(reward, 0.1) >= 2", TailMean(quantity="reward", alpha=0.1, at_least=2)),
     ("cvar(survivors,1)>=0", TailMean(quantity="survivors", alpha=1, at_least=0)),
-    ("worst case of 1 loss >= 5", WorstCase(losses=1, at_least=5)),
     ("Worst  case of 2 losses>=.5", WorstCase(losses=2, at_least=0.5)),
     ("every robot >= 0.5", EveryRobot(at_least=0.5)),
     ("reach a >= 0.9", Reach(node="a", at_least=0.9)),
-    ("reach a>=0.9", Reach(node="a", at_least=0.9)),
-    ('reach "a" >= 0.9', Reach(node="a", at_least=0.9)),
     ("reach 'b' >= 0", Reach(node="b", at_least=0)),
 ]
 
@@ -83,7 +69,6 @@ LABELS_READ = [
     ("[1, [2, 3]]", (1, (2, 3))),
     ('"and >= 0.5 and b"', "and >= 0.5 and b"),
     (r'"say \"no\""', 'say "no"'),
-    ("漢字", "漢字"),
     ("2.5", 2.5),
 ]
 
@@ -98,20 +83,6 @@ def test_labels():
 def test_a_number_may_be_a_text_where_labels_are_texts():
     [wish] = parse_wishes(labelled(["7"]), ["reach 7 >= 0.5"])
     assert wish.node == "7"
-
-
-def test_several():
-    texts = ["reward >= 1 and reach a >= 0.5 and every robot >= 0.1", "survivors >= 1"]
-    made = EveryRobot(at_least=0.3)
-    found = parse_wishes(MISSION, [*texts, made])
-    assert [str(wish) for wish in found] == [
-        "reward >= 1",
-        "reach a >= 0.5",
-        "every robot >= 0.1",
-        "survivors >= 1",
-        "every robot >= 0.3",
-    ]
-    assert found[-1] is made
 
 
 def test_the_forms_that_are_listed_can_be_read():
@@ -139,6 +110,8 @@ wishes = st.one_of(
 @given(st.lists(wishes, min_size=1, max_size=4))
 def test_what_is_written_is_read(made):
     assert parse_wishes(PIER, [" and ".join(map(str, made))]) == tuple(made)
+    texts = list(map(str, made))
+    assert list(map(str, parse_wishes(PIER, [*texts, *made]))) == texts * 2
 
 
 simple = st.one_of(
@@ -216,12 +189,9 @@ def test_what_is_not_a_wish():
 
 
 def test_the_parts_of_typed_wishes_are_checked():
+    chance = {"quantity": "reward", "value": None, "at_least": 1}
     for kind, parts, fault in (
-        (
-            Chance,
-            {"quantity": "reward", "value": None, "at_least": 1},
-            "Expected value to be a number >= 0",
-        ),
+        (Chance, chance, "Expected value to be a number >= 0"),
         (EveryRobot, {"at_least": True}, r"Expected at_least to be a number in \[0, 1\]"),
         (WorstCase, {"at_least": -1, "losses": 1}, "Expected at_least >= 0, got -1"),
         (WorstCase, {"at_least": 1, "losses": None}, "Expected losses to be an integer in"),

@@ -5,11 +5,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import networkx as nx
-import numpy as np
 import pytest
 
-from botohe_moo import Solution, load_mission, solve
+from botohe_moo import load_mission, solve
 from botohe_moo.explorer import explore
+from tests.decide.made import solution_of
 from tests.plots.made import TRAILS, mixed
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -80,23 +80,6 @@ def museum_page(museum, tmp_path_factory):
 def toy_page(tmp_path_factory):
     path = tmp_path_factory.mktemp("explorer") / "toy.html"
     return explore(solution_of(*toy_plans([1], [1, 2, 1], [1, 3, 2, 4, 2, 3, 1])), path)
-
-
-def solution_of(mission, plans):
-    """A solution that has these plans."""
-    objectives = mission.evaluate(plans)
-    order = np.lexsort((-objectives[:, 1], -objectives[:, 0]))
-    return Solution(
-        mission=mission,
-        plans=tuple(plans[i] for i in order),
-        objectives=objectives[order],
-        algorithm="by hand",
-        parameters={},
-        seed=0,
-        evaluations=len(plans),
-        seconds=None,
-        interrupted=False,
-    )
 
 
 def toy_plans(*trails):

@@ -18,6 +18,7 @@ from botohe_moo.decide import compare, plan_csv, plan_geojson, plan_json
 from botohe_moo.explorer import explore
 from botohe_moo.explorer.data import page_data, sentence
 from botohe_moo.outcomes import reach_probabilities
+from tests.decide.made import solution_of
 from tests.explorer.conftest import (
     FILLED,
     NASTY,
@@ -29,7 +30,6 @@ from tests.explorer.conftest import (
     pinned,
     plain,
     shows,
-    solution_of,
     toy_plans,
 )
 

@@ -27,8 +27,8 @@ from botohe_moo.explorer.data import (
 from botohe_moo.explorer.page import replay_data
 from botohe_moo.outcomes import plan_outcomes
 from botohe_moo.underway import POLICIES, play_mission
-from tests.decide.made import MISSION, NAMES, PLANS, star, trips
-from tests.explorer.conftest import kinds_solution, solution_of, toy_plans
+from tests.decide.made import MISSION, NAMES, PLANS, solution_of, star, trips
+from tests.explorer.conftest import kinds_solution, toy_plans
 from tests.plots.made import write_map
 from tests.underway.corner import MISSION as CORNER
 from tests.underway.corner import NUMBER, PLAN, PLAYED

@@ -14,7 +14,8 @@ from playwright.sync_api import expect
 
 from botohe_moo import Mission, solve
 from botohe_moo.explorer import explore
-from tests.explorer.conftest import WIDTHS, at_hand, downloaded, shows, solution_of, toy_plans
+from tests.decide.made import solution_of
+from tests.explorer.conftest import WIDTHS, at_hand, downloaded, shows, toy_plans
 from tests.plots.made import write_map
 
 pytestmark = pytest.mark.slow

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from botohe_moo import explorer
 from botohe_moo.explorer.page import _REPLAY_SCRIPTS, SCRIPTS, notebook_frame, own_script
-from tests.explorer.conftest import solution_of, toy_plans
+from tests.decide.made import solution_of
+from tests.explorer.conftest import toy_plans
 
 FOLDER = Path(explorer.__file__).parent
 ASSETS, VENDOR = FOLDER / "assets", FOLDER / "vendor"

@@ -116,31 +116,25 @@ class TestMerging:
         graph.graph["max_length"] = 2.0  # two arcs, each of length 1
         short = Mission(graph)
         BestKnown(short).merged([NEAR], ADA).check()
-        with pytest.raises(
-            ValueError,
-            match=r"Plan 1, robot 0: expected a length of at most 2 in mission 'toy', got 6",
-        ):
+        fault = r"Plan 1, robot 0: expected a length of at most 2 in mission 'toy', got 6"
+        with pytest.raises(ValueError, match=fault):
             BestKnown(short).merged([NEAR, FAR], ADA)
         floors = Mission(TOY.graph, kinds=[Kind("robot", 2, min_survival=0.9)])
-        with pytest.raises(
-            ValueError, match=r"Plan 0, robot 0: expected a survival of at least 0.9 .* got 0.6561"
-        ):
+        fault = r"Plan 0, robot 0: expected a survival of at least 0.9 .* got 0.6561"
+        with pytest.raises(ValueError, match=fault):
             BestKnown(floors).merged([floors.plan(TOY.labels(FAR))], ADA)
 
-    @pytest.mark.parametrize(
-        ("finder", "fault"),
-        [
+    def test_who_and_when_have_to_be_said(self):
+        for finder, fault in (
             (("27.11.2026", "Ada", "by hand"), "Invalid isoformat string: '27.11.2026'"),
             (("2026-06-31", "Ada", "by hand"), "day is out of range"),
             (("2026-11-27", " ", "by hand"), "Expected a line that says who, or by what, got ' '"),
             (("2026-11-27", "Ada", ""), "Expected a line that says who, or by what, got ''"),
             (("2026-11-27", "A\nda", "by hand"), "Expected a line that says who"),
             (("2026-11-27", "A\udcffda", "by hand"), "Expected a line that says who"),
-        ],
-    )
-    def test_who_and_when_have_to_be_said(self, finder, fault):
-        with pytest.raises(ValueError, match=fault):
-            Finder(*finder)
+        ):
+            with pytest.raises(ValueError, match=fault):
+                Finder(*finder)
 
 
 class TestFiles:
@@ -169,48 +163,30 @@ class TestFiles:
 
         return changed
 
-    def test_what_is_true_passes(self, changed):
-        changed(lambda content: None)
-
     @pytest.mark.parametrize(
         ("change", "fault"),
         [
             (lambda c: c.update(mission_digest="0" * 16), "that of another mission, '0{16}'"),
             (lambda c: c.update(format="botohe-front-2"), "format"),
-            (
-                lambda c: c.update(area=1.0, plans=[[1e308, 1.0, 0, [0, 0]]]),
-                "Plan 0: expected the objectives",
-            ),
             (lambda c: c.pop("finders"), "finders"),
             (lambda c: c["plans"][0].__setitem__(0, 9.5), "Plan 0: expected the objectives"),
             (lambda c: c["plans"][2].__setitem__(1, 1.9), "Plan 2: expected the objectives"),
-            (
-                lambda c: c["plans"][0].__setitem__(0, 4.14 * (1 + 8e-10)),
-                "Plan 0: expected the obj",
-            ),
-            (
-                lambda c: c["plans"][0][3].reverse(),
-                "with sorted trails",
-            ),
+            (lambda c: c["plans"][0].__setitem__(0, 4.14 * (1 + 8e-10)), "Plan 0: expected the ob"),
+            (lambda c: c["plans"][0][3].reverse(), "with sorted trails"),
             (lambda c: c["plans"].reverse(), "Expected non-dominated plans by descending reward"),
             (lambda c: c["plans"].append(c["plans"][-1]), "each once"),
-            (
-                lambda c: c["plans"][0].__setitem__(3, [0, 9]),
-                "no such node, trail or finder",
-            ),
+            (lambda c: c["plans"][0].__setitem__(3, [0, 9]), "no such node, trail or finder"),
             (lambda c: c["plans"][0].__setitem__(3, [0, -1]), r"plans\[0\]\[3\]\[1\]"),
             (lambda c: c["plans"][0].__setitem__(2, 1), "no such node, trail or finder"),
-            (
-                lambda c: c["trails"][1].__setitem__(1, "x"),
-                "no such node, trail or finder",
-            ),
+            (lambda c: c["trails"][1].__setitem__(1, "x"), "no such node, trail or finder"),
             (lambda c: c["trails"][1].pop(), "expected the trail to end at base 1, got 3"),
             (lambda c: c["trails"].__setitem__(1, []), "trails.1"),
             (lambda c: c["finders"][0].__setitem__(0, "today"), "Invalid isoformat string"),
             (lambda c: c["finders"][0].append("more"), "finders.0"),
         ],
     )
-    def test_what_is_not_is_named(self, changed, change, fault):
+    def test_what_is_not_true_is_named(self, changed, change, fault):
+        changed(lambda content: None)
         with pytest.raises(ValueError, match=fault):
             changed(change)
 
@@ -222,15 +198,12 @@ class TestFiles:
         with pytest.raises(ValueError, match="Expected non-dominated plans"):
             changed(add_worse)
 
-    @pytest.mark.parametrize("content", [b"", b"[1]", b"{", b"\xff\xfe", b'{"format": NaN}'])
-    @pytest.mark.parametrize("name", ["a.front.json", "a.front.json.gz"])
-    def test_damaged_files_are_named(self, tmp_path, name, content):
-        path = tmp_path / name
-        path.write_bytes(content)
-        with pytest.raises(ValueError, match=name):
-            BestKnown.read(path, TOY)
-        with pytest.raises(ValueError, match=r"missing.json: no such file"):
-            BestKnown.read(tmp_path / "missing.json", TOY)
+    def test_damaged_files_are_named(self, tmp_path):
+        """Those changed at random: see tests/test_damaged_files.py."""
+        (tmp_path / "a.front.json.gz").write_bytes(b"{")
+        for name in ("a.front.json.gz", "missing.json: no such file"):
+            with pytest.raises(ValueError, match=name):
+                BestKnown.read(tmp_path / name.partition(":")[0], TOY)
 
     def test_a_front_without_plans_is_empty(self):
         empty = BestKnown(TOY)
