@@ -633,9 +633,9 @@ class TestListings:
         assert re.fullmatch(r"botohe-moo \d+\.\d+\S*\n", done("--version"))
 
 
-def test_a_route_graph_needs_a_base_and_a_danger():
-    """From the file that Nav2 has to a front, and what is left out of it is said."""
-    save_mission(load_mission("art_museum"), "site.geojson")
+def test_options_of_missions():
+    """They are those of a route graph, which says neither what is dangerous nor where to start."""
+    save_mission(load_mission("toy"), "site.geojson")
     content = json.loads(Path("site.geojson").read_text())
     del content["mission"], content["generator"]
     for feature in content["features"]:
@@ -643,17 +643,17 @@ def test_a_route_graph_needs_a_base_and_a_danger():
     last = content["features"][-1]["properties"]
     last["startid"] = last["endid"]
     Path("site.geojson").write_text(json.dumps(content))
-    site = ("solve", "site.geojson", "-a", "greedy", "-n", 50, "--robots", 2)
-    assert "give danger" in refused(*site, "--base", 1)
-    with pytest.warns(UserWarning, match=r"arcs from a node to itself: features\[100\]; .*: 26\."):
-        done(*site, "--base", 1, "--danger", 2, "--out", "out")
+    site = ("solve", "site.geojson", "-a", "greedy", "-n", 50, "--robots", 3, "--base", 2)
+    assert "give danger" in refused(*site)
+    with pytest.warns(UserWarning, match=r"Left out arcs from a node to itself: features\[\d+\]"):
+        done(*site, "--danger", 2, "-m", "reward=3", "--out", "out")
     mission = read_solution("out").mission
-    assert (mission.base, mission.robots, len(mission.nodes)) == (1, 2, 26)
+    assert (mission.base, mission.robots, mission.total_reward) == (2, 3, 9)  # 3 of 4 are left
     text = "image: map.png\nmode: scale\nresolution: 1\norigin: [-1, -1]\nnegate: 1\n"
     Path("map.yaml").write_text(text)
     Image.fromarray(np.zeros((9, 9), np.uint8)).save("map.png")
     with pytest.warns(UserWarning, match="Left out"):
-        done(*site, "--base", 1, "--danger", 2, "--hazard", "map.yaml", "--out", "safe")
+        done(*site, "--danger", 2, "--hazard", "map.yaml", "--out", "safe")
     assert (read_solution("safe").mission.world.graph.survival == 1).all()
 
 

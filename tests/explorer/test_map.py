@@ -15,7 +15,7 @@ from playwright.sync_api import expect
 from botohe_moo import Mission, solve
 from botohe_moo.explorer import explore
 from tests.decide.made import solution_of
-from tests.explorer.conftest import WIDTHS, at_hand, downloaded, shows, toy_plans
+from tests.explorer.conftest import at_hand, downloaded, shows, toy_plans
 from tests.plots.made import write_map
 
 pytestmark = pytest.mark.slow
@@ -168,45 +168,37 @@ def drawn_names(page):
     return page.locator("#map .names text").all_text_contents()
 
 
-class TestNames:
-    @WIDTHS
-    def test_those_without_room_are_counted(self, opened, crowded, viewport):
-        names, path = crowded
-        with opened(path, viewport=viewport) as page:
-            n_left = 60
-            while page.is_enabled("#larger"):
-                assert set(drawn_names(page)) <= set(names)
-                n_hidden = 60 - len(drawn_names(page))
-                said = f"Names of {n_hidden} of 60 nodes have no room on the map: point at "
-                text = page.inner_text("#unnamed")
-                assert text.startswith(said) if n_hidden else text == ""
-                assert n_hidden < n_left or n_hidden == 0
-                n_left = n_hidden
-                page.click("#larger")
-            assert n_left < 10
-
-    @pytest.mark.parametrize("touch", [False, True])
-    def test_pointing_tells_the_name_and_what_the_plan_has(self, opened, crowded, touch):
-        names, path = crowded
-        viewport = {"width": 390, "height": 844} if touch else {"width": 1280, "height": 900}
-        with opened(path, "#plan=0", viewport=viewport, has_touch=touch) as page:
-            shown = drawn_names(page)
-            name = next(n for n in names[51:] if n not in shown)  # that plan 0 reaches
-            node = page.locator("#map .nodes circle").nth(names.index(name) - 1)
-            node.scroll_into_view_if_needed()  # the base, a square, is not counted
-            box = node.bounding_box()
-            at = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-            (page.touchscreen.tap if touch else page.mouse.move)(*at)
-            for plan in (0, 1, 3):
-                page.evaluate("(address) => { location.hash = address; }", f"plan={plan}")
-                shows(page, plan)
-                page.evaluate("document.getElementById('nodes-details').open = true")
-                page.wait_for_timeout(100)
-                rows = page.locator("#nodes tbody tr").all()
-                found = {row.locator("th").inner_text(): row.locator("td").nth(2) for row in rows}
-                reached = found[name].inner_text() if name in found else "0.000"
-                said = f"{name}: reward 1, reached with {reached}"
-                expect(page.locator("#node")).to_have_text(said)
+@pytest.mark.parametrize("touch", [False, True])
+def test_names_without_room_are_counted_and_told_by_pointing(opened, crowded, touch):
+    names, path = crowded
+    viewport = {"width": 390, "height": 844} if touch else {"width": 1280, "height": 900}
+    with opened(path, "#plan=0", viewport=viewport, has_touch=touch) as page:
+        name = next(n for n in names[51:] if n not in drawn_names(page))  # that plan 0 reaches
+        node = page.locator("#map .nodes circle").nth(names.index(name) - 1)
+        node.scroll_into_view_if_needed()  # the base, a square, is not counted
+        box = node.bounding_box()
+        at = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        (page.touchscreen.tap if touch else page.mouse.move)(*at)
+        for plan in (0, 3):
+            page.evaluate("(address) => { location.hash = address; }", f"plan={plan}")
+            shows(page, plan)
+            page.evaluate("document.getElementById('nodes-details').open = true")
+            page.wait_for_timeout(100)
+            rows = page.locator("#nodes tbody tr").all()
+            found = {row.locator("th").inner_text(): row.locator("td").nth(2) for row in rows}
+            reached = found[name].inner_text() if name in found else "0.000"
+            said = f"{name}: reward 1, reached with {reached}"
+            expect(page.locator("#node")).to_have_text(said)
+        n_left = 60
+        while page.is_enabled("#larger"):
+            n_hidden = 60 - len(drawn_names(page))
+            said = f"Names of {n_hidden} of 60 nodes have no room on the map: point at "
+            text = page.inner_text("#unnamed")
+            assert text.startswith(said) if n_hidden else text == ""
+            assert n_hidden < n_left or n_hidden == 0
+            n_left = n_hidden
+            page.click("#larger")
+        assert n_left < 10
 
 
 def test_a_map_of_the_site_lies_at_its_coordinates(opened, tmp_path):
