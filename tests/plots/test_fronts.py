@@ -1,12 +1,9 @@
 """Pictures of fronts, of what plans bring, and of policies."""
 
-from itertools import combinations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.text import Text
 
 from botohe_moo import Event, replan, simulate_policy
 from botohe_moo.bounds import bound_front
@@ -94,20 +91,6 @@ class TestFront:
         assert plan_names(plot_front([[8, 1]], highlight=0)) == ["plan 0"]
         named = plot_front([[8, 1], [4, 2]], highlight={1: "knee $<>$"})
         assert plan_names(named) == ["plan 1: knee $<>$"]
-
-    def test_names_of_highlighted_plans_do_not_overlap(self):
-        reward = np.linspace(0, 10, 200)
-        points = np.column_stack([reward, 2 - reward**2 / 50])
-        rows = [0, 100, 101, 102, 103, 150, 198, 199]
-        ax = plot_front(points, TOY, highlight=dict.fromkeys(rows, "one of those"))
-        ax.figure.draw_without_rendering()
-        boxes = [Text.get_window_extent(t) for t in ax.texts if t.get_fontweight() == "bold"]
-        assert len(boxes) == len(rows)
-        assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
-        whole = ax.figure.bbox
-        assert all(whole.x0 <= b.x0 and b.x1 <= whole.x1 and b.y1 <= whole.y1 for b in boxes)
-        rings = ax.transData.transform(points[rows])
-        assert not any(box.contains(*ring) for box in boxes for ring in rings)
 
     def test_what_a_bound_leaves_open_is_shaded_and_told(self):
         bound = bound_front(TOY)

@@ -167,6 +167,10 @@ class TestPlan:
         reward, survivors = MUSEUM.evaluate([MUSEUM_PLAN])[0]
         objectives = f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
         assert words(ax) == f"{objectives}; numbers: order of visit; staying at 1: R2"
+        ax.figure.draw_without_rendering()
+        boxes = [one.get_window_extent() for one in maps_of(ax)]
+        sheet = ax.figure.bbox
+        assert sum(box.width * box.height for box in boxes) > 0.6 * sheet.width * sheet.height
         first, second = MUSEUM_PLAN.trails[:2]
         assert visits_drawn(MUSEUM, own[0]) == visits_of(first)
         assert visits_drawn(MUSEUM, own[1]) == {1: [1, 3], 20: [2], 0: [4]} == visits_of(second)
