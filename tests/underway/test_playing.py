@@ -102,6 +102,8 @@ def test_it_is_a_mission_of_the_simulation():
     played = [play_mission(toy, plan, price=2, seed=3, number=number) for number in range(5)]
     assert np.mean([one.reward for one in played]) == table["reward"][1]
     assert np.mean([one.survivors for one in played]) == table["survivors"][1]
+    gained = table.loc[1, ["reward", "survivors"]] - table.loc[0, ["reward", "survivors"]]
+    assert table["gain"][1] == pytest.approx(gained["reward"] + 2 * gained["survivors"])
 
 
 def test_what_is_wrong_is_said():

@@ -90,11 +90,10 @@ def bin_edges(largest: float) -> FloatArray:
     >>> bin_edges(13.07).tolist()
     [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0]
     """
-    ticks = MaxNLocator(_MAX_BINS, steps=[1, 2, 5, 10]).tick_values(0.0, largest or 1.0)
-    edges = np.asarray(ticks)
-    if edges[-1] <= largest * (1 + 1e-9):
-        edges = np.append(edges, edges[-1] + edges[1])
-    return edges
+    ticks = MaxNLocator(_MAX_BINS, steps=[1, 2, 5, 10])
+    edges = np.asarray(ticks.tick_values(0.0, largest or 1.0))
+    beyond = edges[-1] > largest * (1 + 1e-9)
+    return edges if beyond else np.append(edges, edges[-1] + edges[1])
 
 
 def bin_codes(distribution: Distribution, edges: FloatArray) -> list[int]:
@@ -123,8 +122,8 @@ def page_data(
     if not n_plans:
         raise ValueError("Expected at least one plan to explore, got none.")
     candidates = Candidates(mission, front.plans)
-    given = [wishes] if isinstance(wishes, str) else wishes
-    choices = [_chosen(candidates, wish) for wish in given]
+    wishes = [wishes] if isinstance(wishes, str) else wishes
+    choices = [_chosen(candidates, wish) for wish in wishes]
     marks = [(kind, row, *map(sentence, texts)) for kind, row, *texts in _marks(front, choices)]
     expected = front.expected
     order = np.lexsort((-expected[:, 1], expected[:, 0]))
@@ -315,8 +314,8 @@ def picture_data(background: Background | None) -> dict[str, Any] | None:
     if background is None:
         return None
     shade = np.round(127 * background.shares).astype(np.uint8)  # half of black: it is to be faint
-    pixels, file = np.stack([np.full_like(shade, 128), shade], axis=2), io.BytesIO()
-    Image.fromarray(pixels, "LA").save(file, "PNG", optimize=True)
+    file, grey = io.BytesIO(), np.full_like(shade, 128)
+    Image.fromarray(np.stack([grey, shade], axis=2), "LA").save(file, "PNG", optimize=True)
     picture = base64.b64encode(file.getvalue()).decode()
     return {"href": f"data:image/png;base64,{picture}", "extent": background.extent}
 
